@@ -95,7 +95,7 @@ class Camera:
 
     def end(self) -> None:
         """End the stream."""
-        self.bus.publish(KEY).put_surely(encode_live_end())
+        self.bus.publish(KEY).put_blocking(encode_live_end())
 
 
 def main() -> int:

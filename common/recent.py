@@ -11,7 +11,7 @@ FRAMES_KEPT = 4  # of a run: the current one, the next one, and those of a detec
 MODELS_KEPT = 16  # of a run
 
 
-def keep(values: dict[K, V], key: K, value: V, size: int) -> V:
+def put_recent(values: dict[K, V], key: K, value: V, size: int) -> V:
     """Put a value last, and drop the first ones above `size`; returns the value."""
     values.pop(key, None)
     values[key] = value

@@ -17,7 +17,7 @@ from common.protocol import keys
 from common.protocol.frames import decode_frame
 from common.protocol.messages import RefineRequest
 from common.protocol.models import decode_model
-from common.recent import FRAMES_KEPT, MODELS_KEPT, keep
+from common.recent import FRAMES_KEPT, MODELS_KEPT, put_recent
 from common.settings import RefineSettings
 from common.transport.bus import Bus
 
@@ -56,7 +56,7 @@ class Memory:
     def put_frame(self, run: str, number: int, payload: bytes) -> None:
         """Keep an encoded frame, and wake the thread that waits for it."""
         with self._changed:
-            keep(self._of(run).frames, number, payload, FRAMES_KEPT)
+            put_recent(self._of(run).frames, number, payload, FRAMES_KEPT)
             self._changed.notify_all()
 
     def forget(self, run: str) -> None:
@@ -74,12 +74,12 @@ class Memory:
             memory = self._of(run)
             memory.settings = request.settings
             if number in memory.observations:
-                return keep(memory.observations, number, memory.observations[number], FRAMES_KEPT)
+                return put_recent(memory.observations, number, memory.observations[number], FRAMES_KEPT)
             self._changed.wait_for(lambda: number in memory.frames, FRAME_DELAY_S)
             payload = memory.frames.get(number)
         if payload is None:
             payload = self._fetch(keys.of_run(run, f"frame/{number}"), f"frame {number} of run {run}")
-        return keep(memory.observations, number, self._observe(decode_frame(payload)), FRAMES_KEPT)
+        return put_recent(memory.observations, number, self._observe(decode_frame(payload)), FRAMES_KEPT)
 
     def observe_ahead(self, run: str) -> tuple[Any, RefineSettings] | None:
         """The observation of a run's newest frame, and the settings of its probable request.
@@ -93,7 +93,8 @@ class Memory:
             number, payload = list(memory.frames.items())[-1]
         if number in memory.observations:
             return None
-        observation = keep(memory.observations, number, self._observe(decode_frame(payload)), FRAMES_KEPT)
+        observation = self._observe(decode_frame(payload))
+        put_recent(memory.observations, number, observation, FRAMES_KEPT)
         return observation, memory.settings
 
     def model(self, request: RefineRequest) -> BodyModel:
@@ -108,7 +109,7 @@ class Memory:
             model = decode_model(self._fetch(keys.of_run(request.run, f"model/{wanted}"), name))
             if model.hash != wanted:
                 raise ProtocolError(f"asked for model {wanted} and got {model.hash}")
-        keep(self._models, wanted, model, 4 * MODELS_KEPT)  # of several runs
+        put_recent(self._models, wanted, model, 4 * MODELS_KEPT)  # of several runs
         if request.poses.shape[1] != len(model.dof_names):
             raise ProtocolError(
                 f"poses have {request.poses.shape[1]} values, the model has {len(model.dof_names)}"
@@ -116,7 +117,7 @@ class Memory:
         return model
 
     def _of(self, run: str) -> RunMemory:
-        return keep(self._runs, run, self._runs.get(run) or RunMemory(), RUNS_KEPT)
+        return put_recent(self._runs, run, self._runs.get(run) or RunMemory(), RUNS_KEPT)
 
     def _fetch(self, key: str, name: str) -> bytes:
         payload = self._bus.fetch(key)

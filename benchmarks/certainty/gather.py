@@ -83,7 +83,7 @@ def gather(
         if isinstance(submitted, Updated):  # nothing was refined
             continue
         updated = tracker.update(submitted)
-        estimate, measurement = report(updated).estimate, submitted.measurement
+        estimate, context = report(updated).estimate, submitted.context
         found = np.flatnonzero(reference.frame == frame.number)
         if estimate.status in UNKNOWN or not len(found):
             continue
@@ -92,7 +92,7 @@ def gather(
             estimate.pose,
             joint_positions(tracker.model, np.stack([estimate.pose, *estimate.hypothesis_pose])),
             estimate.hypothesis_weight,
-            measurement,
+            context,
             tracker.management.residual,
         )
         mine, row = positions(tracker.model.joint_names, reference.names), found[0]

@@ -41,7 +41,7 @@ class Publisher:
         self._publisher = publisher
 
     @property
-    def followed(self) -> bool:
+    def has_subscriber(self) -> bool:
         """Whether there is a subscriber."""
         with mapped("looking for listeners"):
             return bool(self._publisher.matching_status.matching)  # type: ignore[attr-defined]
@@ -51,7 +51,7 @@ class Publisher:
         with mapped(f"publishing on {self._publisher.key_expr}"):
             self._publisher.put(payload)
 
-    def put_surely(self, payload: bytes) -> None:
+    def put_blocking(self, payload: bytes) -> None:
         """Publish a message that waits if the link is overloaded."""
         with mapped(f"publishing on {self._publisher.key_expr}"):
             key, block = self._publisher.key_expr, zenoh.CongestionControl.BLOCK

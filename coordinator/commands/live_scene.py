@@ -8,7 +8,7 @@ from collections.abc import Callable
 from common.errors import ProtocolError
 from common.frame import DepthFrame
 from common.protocol.frames import decode_live, number_of
-from common.recent import keep
+from common.recent import put_recent
 from coordinator.results.live_results import Result, read_result
 from coordinator.sources.camera import DEFAULT_FPS
 from coordinator.sources.frame_recorder import WAITING_FRAMES
@@ -64,7 +64,7 @@ class LiveScene:
 
     def _receive_frame(self, key: str, payload: bytes) -> None:
         try:
-            keep(self._frames, number_of(payload), payload, WAITING_FRAMES)
+            put_recent(self._frames, number_of(payload), payload, WAITING_FRAMES)
         except ProtocolError:
             self.ended = self.ended or (self._decode(key, payload) is None and not self._tracked)
             return

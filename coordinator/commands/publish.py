@@ -36,9 +36,9 @@ def run_publish(
     numbers = select_frames(source.numbers, options.frames)
     with open_session(reached, "subscriber", key, show) as bus:
         publisher = bus.publish(key)
-        if not publisher.followed:
+        if not publisher.has_subscriber:
             show.say(f"waiting for a subscriber of {key}")
-        while not publisher.followed:
+        while not publisher.has_subscriber:
             time.sleep(0.1)
         play(map(source.frame, numbers), options.rate, publisher)
     show.say(f"{len(numbers)} frames were published on {key}")
@@ -72,7 +72,7 @@ def play(frames: Iterable[DepthFrame], rate: float | None, publisher: Publisher)
             publisher.put(encode_live(frame))
             INTERRUPTS.check()
     finally:
-        publisher.put_surely(encode_live_end())
+        publisher.put_blocking(encode_live_end())
 
 
 def paced(frames: Iterable[DepthFrame], rate: float | None) -> Iterator[DepthFrame]:

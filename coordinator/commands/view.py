@@ -15,7 +15,7 @@ from common.body import BodyModel
 from common.errors import BusError, GepfError, InputError, ProtocolError
 from common.protocol.keys import check_stream
 from common.protocol.models import decode_model
-from common.recent import MODELS_KEPT, keep
+from common.recent import MODELS_KEPT, put_recent
 from common.transport.bus import Bus
 from coordinator.commands.console import INTERRUPTS
 from coordinator.commands.finished import find_sequence
@@ -151,7 +151,7 @@ class LiveView:
                 payload = self._bus.fetch(result.body)
                 if payload is None:
                     return None
-                keep(self._bodies, result.body, decode_model(payload), MODELS_KEPT)
+                put_recent(self._bodies, result.body, decode_model(payload), MODELS_KEPT)
             except (BusError, ProtocolError) as error:
                 self._scene.report_malformed(result.body, error)
                 return None

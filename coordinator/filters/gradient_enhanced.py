@@ -4,7 +4,7 @@ Decisions that the paper leaves open:
 - Weights are the likelihoods of the merged hypotheses.
 - A hypothesis has the velocity that led from its ancestor to it.
 - A group of one particle keeps the covariance of its ancestor.
-- Occluded limbs follow the motion model (preset `default`, see `motion.hold`).
+- Occluded limbs follow the motion model (preset `default`, see `motion.fuse_with_prediction`).
 - The reported pose is the most likely hypothesis, given the frame and the motion since the last one.
 """
 
@@ -26,7 +26,7 @@ from coordinator.filters.merging import (
     merge_by_angle,
     merge_by_covariance,
 )
-from coordinator.filters.motion import draw_noise, hold
+from coordinator.filters.motion import draw_noise, fuse_with_prediction
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -99,7 +99,9 @@ def update(
     )
     if roots is not None and proposal.expected is not None:
         found = lower[chosen] @ lower[chosen].transpose(0, 2, 1)
-        poses = hold(model, poses, found, proposal.expected[answered[chosen]], proposal.interval)
+        poses = fuse_with_prediction(
+            model, poses, found, proposal.expected[answered[chosen]], proposal.interval
+        )
     return Hypotheses(
         poses=poses,
         log_weights=log_likelihood,

@@ -49,7 +49,9 @@ def cholesky(covariances: Array) -> Array:
     return roots
 
 
-def hold(model: BodyModel, refined: Array, covariances: Array, expected: Array, interval: float) -> Array:
+def fuse_with_prediction(
+    model: BodyModel, refined: Array, covariances: Array, expected: Array, interval: float
+) -> Array:
     """The most likely poses (M, D) given a frame and the motion prior.
 
     Refinement uses one frame. An occluded limb is determined only by the prior of joint angles, which would

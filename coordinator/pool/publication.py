@@ -10,7 +10,7 @@ from common.frame import SubjectFrame
 from common.protocol import keys
 from common.protocol.frames import encode_frame
 from common.protocol.models import encode_model
-from common.recent import FRAMES_KEPT, MODELS_KEPT, keep
+from common.recent import FRAMES_KEPT, MODELS_KEPT, put_recent
 from common.transport.bus import Bus
 
 
@@ -37,7 +37,7 @@ class Publication:
             number = self._number
         else:
             with self._lock:
-                keep(self._frames, number, self._frames[number], FRAMES_KEPT)
+                put_recent(self._frames, number, self._frames[number], FRAMES_KEPT)
         self.current = number
 
     def put_ahead(self, subject: SubjectFrame) -> None:
@@ -45,14 +45,14 @@ class Publication:
         self._number = max(subject.frame.number, self._number + 1)
         payload = encode_frame(replace(subject, frame=replace(subject.frame, number=self._number)))
         with self._lock:
-            keep(self._frames, self._number, (subject, payload), FRAMES_KEPT)
+            put_recent(self._frames, self._number, (subject, payload), FRAMES_KEPT)
         self._publisher.put(payload)
 
     def offer(self, model: BodyModel) -> None:
         """Keep a model for workers that fetch it."""
         with self._lock:
             known = self._models.get(model.hash)
-            keep(self._models, model.hash, known or encode_model(model), MODELS_KEPT)
+            put_recent(self._models, model.hash, known or encode_model(model), MODELS_KEPT)
 
     def _find_frame(self, key: str) -> bytes | None:
         with self._lock:

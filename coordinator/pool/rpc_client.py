@@ -111,7 +111,7 @@ class RpcClient:
         if now >= self._next_poll:
             self._next_poll = now + TICK_S
             self._poll(now)
-            self._send(self.scheduler.look(now))
+            self._send(self.scheduler.dispatch(now))
             return
         with suppress(Empty):
             self._inbox.get(timeout=min(TICK_S, due - now) if due > now else TICK_S)()

@@ -88,19 +88,19 @@ class Scheduler:
         rounds = max(max(lanes) * share / MAX_PARTICLES, by_deadline * share / DEADLINE_BATCH)
         ranges = split(particles, lanes * max(1, math.ceil(rounds)))
         self.batches = [Batch(start, stop) for start, stop in ranges]
-        return self.look(now)
+        return self.dispatch(now)
 
     def join(self, name: str, lanes: int, now: float) -> list[Request]:
         """A worker has joined, or announced its number of lanes."""
         self.workers.setdefault(name, Worker(name, lanes)).lanes = lanes
-        return self.look(now)
+        return self.dispatch(now)
 
     def leave(self, name: str, now: float) -> list[Request]:
         """A worker has left; its requests are lost."""
         worker = self.workers.pop(name, None)
         for ticket in [] if worker is None else list(worker.in_flight):
-            self._land(self.in_flight[ticket])
-        return self.look(now)
+            self._remove(self.in_flight[ticket])
+        return self.dispatch(now)
 
     def end(self, ticket: int, outcome: Outcome, now: float, reason: str = "") -> list[Request]:
         """A request has ended.
@@ -112,7 +112,7 @@ class Scheduler:
         request, is_wanted = self.in_flight.get(ticket), self.wanted(ticket) is not None
         if request is None:
             return []
-        self._land(request)
+        self._remove(request)
         batch, worker = request.batch, request.worker
         if outcome == "refined":
             self._pace = (now - request.sent_at) / request.load
@@ -129,9 +129,9 @@ class Scheduler:
             worker.rests_until = now + REST_S
             if now >= request.sent_at + REQUEST_TIMEOUT_S and self._answered_at <= request.sent_at:
                 raise SilentWorkers(worker.name)
-        return self.look(now)
+        return self.dispatch(now)
 
-    def look(self, now: float) -> list[Request]:
+    def dispatch(self, now: float) -> list[Request]:
         """Send waiting batches to workers with capacity, the least busy first; if none wait, late ones."""
         waiting = [batch for batch in self.batches if not (batch.done or batch.in_flight)]
         sends: list[Request] = []
@@ -175,7 +175,7 @@ class Scheduler:
             each.in_flight.add(request.ticket)
         return request
 
-    def _land(self, request: Request) -> None:
+    def _remove(self, request: Request) -> None:
         """Remove a request from those in flight."""
         del self.in_flight[request.ticket]
         for each in (request.batch, request.worker):

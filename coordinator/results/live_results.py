@@ -67,7 +67,7 @@ class Outlet(Protocol):
     """A destination of messages."""
 
     @property
-    def followed(self) -> bool:
+    def has_subscriber(self) -> bool:
         """Whether anyone receives the messages."""
         ...
 
@@ -75,7 +75,7 @@ class Outlet(Protocol):
         """Publish a message; it may be dropped."""
         ...
 
-    def put_surely(self, payload: bytes) -> None:
+    def put_blocking(self, payload: bytes) -> None:
         """Publish a message that is not dropped."""
         ...
 
@@ -105,7 +105,7 @@ class LiveResults:
 
     def put(self, estimate: Estimate, model: BodyModel, held: Mapping[str, float]) -> None:
         """Publish the estimate of a frame."""
-        if not self._outlet.followed:
+        if not self._outlet.has_subscriber:
             return
         estimated_at = self._clock()
         angles = angles_of(model, held)
@@ -145,7 +145,7 @@ class LiveResults:
 
     def end(self) -> None:
         """Publish that there are no more messages."""
-        self._outlet.put_surely(self._encode(EndMessage()))
+        self._outlet.put_blocking(self._encode(EndMessage()))
 
 
 def by_name(names: tuple[str, ...], values: NDArray[np.float64]) -> dict[str, Any]:

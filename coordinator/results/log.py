@@ -34,7 +34,7 @@ from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.state import Checkpoint, Start, TrackerState
 
 HEAD = struct.Struct("<II")
-FORM = 10
+FORM = 11
 
 
 class Opening(msgspec.Struct, frozen=True, tag="opening"):

@@ -14,7 +14,7 @@ from common.errors import ProtocolError
 from common.frame import DepthFrame
 from common.protocol.frames import decode_live
 from common.protocol.keys import check_stream
-from common.recent import FRAMES_KEPT, keep
+from common.recent import FRAMES_KEPT, put_recent
 from coordinator.stopwatch import NOTICE_S
 
 SCHEME = "zenoh:"
@@ -113,7 +113,7 @@ class LiveFrames:
     def __iter__(self) -> Iterator[DepthFrame]:
         while (taken := self._take()) is not None:
             self.stream, frame, received = taken
-            keep(self._received, frame.number, received, FRAMES_KEPT)
+            put_recent(self._received, frame.number, received, FRAMES_KEPT)
             yield frame
 
     def received_at(self, number: int) -> float:

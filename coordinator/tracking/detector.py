@@ -28,7 +28,7 @@ from coordinator.bodies.human.measures import REFERENCE_STATURE
 from coordinator.bodies.tracked import Bodies, coarsen, pose_by_name
 from coordinator.scene.planes import Planes
 from coordinator.tracking.certainty.certainty import OFF
-from coordinator.tracking.gating import Gate, gate_pose, is_misplaced, is_no_person
+from coordinator.tracking.gating import Gate, gate_pose, reject_points, reject_position
 from coordinator.tracking.observation import middle_of, observed_points
 from coordinator.tracking.pose_library import PoseLibrary, displaced, library_of
 from coordinator.tracking.refiner import Refiner
@@ -149,12 +149,12 @@ class Detector:
         candidates = yield from self._refine_tracked(subject, start, found.poses, settled)
         gate = gate_pose(candidates.log_likelihood[0], candidates.residual[0], settings)
         if self._bodies.people:
-            gate = gate.against(is_no_person(subject, size[0]))
+            gate = gate.against(reject_points(subject, size[0]))
             if planes.has_floor:
                 joints, names = candidates.joints[0], start.model.joint_names
                 trunk = joints[names.index("head")] - joints[names.index("pelvis")]
                 lowest = float(planes.above(joints).min())
-                gate = gate.against(is_misplaced(float(trunk @ planes.up), lowest))
+                gate = gate.against(reject_position(float(trunk @ planes.up), lowest))
         return Detection(start, candidates, gate)
 
     def redetect(

@@ -16,7 +16,7 @@ UNKNOWN = ("lost", "searching", "absent")
 """Status of frames without a valid pose. The pose is the last known one, a guess while the body is searched
 for, or NaN before the first detection."""
 
-RECORDED = 100  # largest number of hypotheses of an estimate, the most likely ones
+MAX_HYPOTHESES = 100  # largest number of hypotheses of an estimate, the most likely ones
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -51,7 +51,7 @@ def gate_pose(log_likelihood: float, residual: float, settings: RefineSettings) 
     return Gate(normalised)
 
 
-def is_no_person(subject: SubjectFrame, stature: float) -> str:
+def reject_points(subject: SubjectFrame, stature: float) -> str:
     """Why a subject cannot be a person of this stature; empty if it can."""
     low, high = np.percentile(observed_points(subject), [1.0, 99.0], axis=0)
     span = float(np.max(high - low))
@@ -67,7 +67,7 @@ def is_no_person(subject: SubjectFrame, stature: float) -> str:
     )
 
 
-def is_misplaced(rises: float, lowest: float) -> str:
+def reject_position(rises: float, lowest: float) -> str:
     """Why a body cannot be at its place; empty if it can.
 
     Args:

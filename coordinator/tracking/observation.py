@@ -55,7 +55,9 @@ def crop(frame: DepthFrame, window: Window, labels: NDArray[np.uint8] | None, po
     )
 
 
-def see(subject: SubjectFrame, last_time_s: float | None, step: Array | None = None) -> Observation:
+def filter_observation(
+    subject: SubjectFrame, last_time_s: float | None, step: Array | None = None
+) -> Observation:
     """The observation of a frame; with the usual interval if its time is not after the last one.
 
     `step` (D,) is the motion since the last frame by encoders. Intervals are rounded to 0.1 ms, so that

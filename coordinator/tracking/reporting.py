@@ -12,8 +12,8 @@ from common.kinematics import joint_positions
 from coordinator.filters.belief import Belief
 from coordinator.stopwatch import Stopwatch
 from coordinator.tracking.certainty.certainty import FIT, OFF, SUSPECTED, Certainty, unknown_certainty
-from coordinator.tracking.certainty.features import Measurement, measure_features
-from coordinator.tracking.estimate import RECORDED, UNKNOWN, Estimate, Status
+from coordinator.tracking.certainty.features import FrameContext, measure_features
+from coordinator.tracking.estimate import MAX_HYPOTHESES, UNKNOWN, Estimate, Status
 from coordinator.tracking.state import TrackerState
 from coordinator.tracking.track_management import TrackManagement
 
@@ -31,13 +31,13 @@ class Updated:
     belief: Belief | None  # the one in the state
     status: Status | None  # None: it follows from the belief
     answered: int  # particles
-    measurement: Measurement | None  # None if nothing was refined
+    context: FrameContext | None  # None if nothing was refined
     clock: Stopwatch
 
     @property
     def begins(self) -> bool:
         """Whether the body was detected in this frame."""
-        return self.measurement is not None and self.measurement.first
+        return self.context is not None and self.context.first
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,13 +59,15 @@ def report(updated: Updated) -> Tracked:
         )
         pose, poses, weights = start.pose, np.empty((0, len(start.pose))), np.empty(0)
         if belief is not None:
-            pose, poses, weights = belief.reported, belief.poses[:RECORDED], belief.weights[:RECORDED]
+            pose, poses, weights = (
+                belief.reported,
+                belief.poses[:MAX_HYPOTHESES],
+                belief.weights[:MAX_HYPOTHESES],
+            )
             weights = weights / weights.sum()
         joints = joint_positions(model, np.concatenate([pose[None], poses]))
-        if updated.measurement is not None:
-            features = measure_features(
-                model, pose, joints, weights, updated.measurement, management.residual
-            )
+        if updated.context is not None:
+            features = measure_features(model, pose, joints, weights, updated.context, management.residual)
             certainty = FIT.judge(features)
         status = updated.status or judge(management, weights, joints[1:], joints[0], certainty)
     estimate = Estimate(
@@ -95,7 +97,7 @@ def judge(
     `searching`: the body may be anywhere. `lost`: the pose does not explain the frame. `ambiguous`: a joint
     is probably wrong, an equally likely hypothesis has a joint elsewhere, or front and back look alike.
     """
-    if management.seeks:
+    if management.is_lost:
         return "searching"
     if management.unexplained:
         return "lost"
@@ -107,7 +109,7 @@ def judge(
 def is_settled(management: TrackManagement, weights: Array, joints: Array) -> bool:
     """Whether the hypotheses explain the frame and agree, without the certainty of single joints."""
     return not (
-        management.seeks
+        management.is_lost
         or management.unexplained
         or management.ambiguous_facing
         or has_rival(weights, joints, joints[0])

@@ -29,13 +29,13 @@ from coordinator.filters.methods import METHODS, apply_method, pace_iterations
 from coordinator.scene.planes import Planes
 from coordinator.scene.scene import SceneChange
 from coordinator.stopwatch import Stopwatch
-from coordinator.tracking.certainty.features import Measurement
+from coordinator.tracking.certainty.features import FrameContext
 from coordinator.tracking.detector import Candidates, Detection, Detector, Search
-from coordinator.tracking.estimate import RECORDED, Status
+from coordinator.tracking.estimate import MAX_HYPOTHESES, Status
 from coordinator.tracking.gating import LEAST_PIXELS, gate_pose
 from coordinator.tracking.known_motion import KnownMotion
 from coordinator.tracking.loop import Pace
-from coordinator.tracking.observation import distance_of, see
+from coordinator.tracking.observation import distance_of, filter_observation
 from coordinator.tracking.refiner import Pending, Refiner
 from coordinator.tracking.reporting import Updated, is_settled
 from coordinator.tracking.segmenter import PosedBody
@@ -65,10 +65,10 @@ class Submitted:
     settings: RefineSettings
     proposal: Proposal[Any]
     pending: Pending
-    measurement: Measurement
+    context: FrameContext
     detection: Detection | None  # of the body elsewhere, if it was searched for
     clock: Stopwatch
-    longest: float  # interval in seconds that the iterations are paced by
+    longest_interval_s: float  # by which the iterations are paced
 
 
 @dataclass(slots=True, eq=False)
@@ -194,15 +194,15 @@ class TargetTracker:
     @property
     def is_tracked(self) -> bool:
         """Whether the body is found and not lost."""
-        return self.start.found and not self.management.seeks
+        return self.start.found and not self.management.is_lost
 
     @property
-    def searches(self) -> bool:
+    def is_searching(self) -> bool:
         """Whether the first search for the body is under way: until it ends, no frame is needed."""
         return self._belief is None and self._searching is not None and self._searching.found is None
 
     @property
-    def searched(self) -> SubjectFrame | None:
+    def searched_subject(self) -> SubjectFrame | None:
         """Where the body is being searched for."""
         return None if self._searching is None else self._searching.subject
 
@@ -229,7 +229,7 @@ class TargetTracker:
         a pace and does not wait for a search for the body: `search` does that in slices.
         """
         first = self._belief is None
-        expected = self._expected is not None or self.searches
+        expected = self._expected is not None or self.is_searching
         shows = subject is not None or (expected and bool(frame.depth.any()))
         self._resize()
         detection = None if subject is None else self._detect(subject, planes, clock, live=pace is not None)
@@ -242,10 +242,12 @@ class TargetTracker:
         with clock.stage("refine"):
             settings = self._refine_settings
             stretch, past = settings.noise_lateral / settings.noise_depth, self._belief.reported
-            measurement = Measurement(subject, past, proposal.interval, stretch, first)
-            longest = math.inf if pace is None else pace.period_s
-            pending = self._send(proposal, settings, longest)
-        return Submitted(self.model, settings, proposal, pending, measurement, detection, clock, longest)
+            context = FrameContext(subject, past, proposal.interval, stretch, first)
+            longest_interval_s = math.inf if pace is None else pace.period_s
+            pending = self._send(proposal, settings, longest_interval_s)
+        return Submitted(
+            self.model, settings, proposal, pending, context, detection, clock, longest_interval_s
+        )
 
     def send_ahead(self, subject: SubjectFrame | None, clock: Stopwatch) -> None:
         """Send the subject that will be submitted next to the workers, before its turn."""
@@ -255,12 +257,12 @@ class TargetTracker:
 
     def update(self, submitted: Submitted) -> Updated:
         """Wait for the refined particles of the last submitted frame, and update the belief."""
-        frame, clock = submitted.measurement.subject.frame, submitted.clock
+        frame, clock = submitted.context.subject.frame, submitted.clock
         belief, answered = self._refined(submitted)
         self._time_s = frame.time_s
         with clock.stage("measure"):
             self._accept(belief, submitted)
-        return Updated(frame, self.state, self._belief, None, answered, submitted.measurement, clock)
+        return Updated(frame, self.state, self._belief, None, answered, submitted.context, clock)
 
     @property
     def _redetects(self) -> bool:
@@ -284,7 +286,7 @@ class TargetTracker:
                 self._searching = self._begin_search(subject, planes)
             while not live and self.search():
                 pass
-            detection = self._searched(subject)
+            detection = self._finish_search(subject)
             if detection is not None and self._belief is None:
                 self._begin_at(detection, subject)
                 detection = None
@@ -303,21 +305,21 @@ class TargetTracker:
     def _begin_search(self, subject: SubjectFrame, planes: Planes) -> Searching | None:
         """A search for the body in a frame, if one is due."""
         if self._belief is not None:
-            if not (self.management.checks and self._redetects):
+            if not (self.management.check_due and self._redetects):
                 return None
-            lost, last = self.management.seeks, self._belief.reported
+            lost, last = self.management.is_lost, self._belief.reported
             search = self._detector.redetect(subject, self.start, self._refine_settings, last, lost=lost)
         elif len(subject.picked) < self.least_pixels:
             self.nothing_seen()
             return None
-        elif not self.management.searches:
+        elif not self.management.search_due:
             self.management = self.management.not_found(self.management.why)
             return None
         else:
             search = self._detector.detect(subject, self._measure_noise(subject), planes)
         return Searching(search, subject)
 
-    def _searched(self, subject: SubjectFrame) -> Detection | None:
+    def _finish_search(self, subject: SubjectFrame) -> Detection | None:
         """What was detected, as the present frame shows it; None if no search has ended."""
         searching = self._searching
         if searching is None or searching.found is None:
@@ -363,14 +365,14 @@ class TargetTracker:
         step = None
         if self._motion is not None:
             step = self._motion.step(self.model, belief.reported, self._time_s, subject.frame.time_s)
-        observation = see(subject, self._time_s, step)
+        observation = filter_observation(subject, self._time_s, step)
         settings = self._settings.filter
         if most < settings.particles:
             settings = msgspec.structs.replace(settings, particles=int(most))
         return self._method.propose(self.model, belief, observation, settings, self._rng)
 
-    def _send(self, proposal: Proposal[Any], settings: RefineSettings, longest: float) -> Pending:
-        interval = min(proposal.interval, longest)
+    def _send(self, proposal: Proposal[Any], settings: RefineSettings, longest_interval_s: float) -> Pending:
+        interval = min(proposal.interval, longest_interval_s)
         paced = pace_iterations(settings, interval, self._settings.pace_iterations, MAX_ITERATIONS)
         covariance = proposal.asks_covariance(paced)
         return self._refiner.submit(self.model, proposal.poses, paced, covariance=covariance)
@@ -387,20 +389,20 @@ class TargetTracker:
                 refined = replace(refined, poses=natural_angles(model, refined.poses))
                 found = self._method.update(model, proposal, refined, self._settings.filter, self._rng)
             if not isinstance(found, Proposal):
-                from_guess = submitted.measurement.first  # the change since a guess is not motion
+                from_guess = submitted.context.first  # the change since a guess is not motion
                 return found.at_rest() if from_guess else found, answered
             with clock.stage("refine"):
-                proposal, pending = found, self._send(found, submitted.settings, submitted.longest)
+                proposal, pending = found, self._send(found, submitted.settings, submitted.longest_interval_s)
 
     def _accept(self, belief: Belief, submitted: Submitted) -> None:
         """Gate the tracked hypotheses; replace them by a detection that explains the frame better."""
-        subject, detection, redetected = submitted.measurement.subject, submitted.detection, False
+        subject, detection, redetected = submitted.context.subject, submitted.detection, False
         gate = gate_pose(belief.log_weights[0], belief.residual[0], submitted.settings)
         self._belief = belief
         if detection is not None:
             if detection.candidates.log_likelihood[0] > belief.log_weights[0] + SURER_LOG_LIKELIHOOD:
                 joints = joint_positions(self.model, belief.poses[:1])[0]
-                redetected = self.management.seeks or detection.is_elsewhere(joints)
+                redetected = self.management.is_lost or detection.is_elsewhere(joints)
                 self._belief, gate = self._believe(detection.candidates), detection.gate
             joints = joint_positions(self.model, self._belief.poses[:1])[0]
             facing = detection.looks_alike(self.model.joint_names, joints, self._belief.log_weights[0])
@@ -414,8 +416,8 @@ class TargetTracker:
         size, time_s = self._size, subject.frame.time_s
         if size is None or not size.is_due(time_s):
             return
-        joints = joint_positions(self.model, belief.poses[:RECORDED])
-        if is_settled(self.management, belief.weights[:RECORDED], joints):
+        joints = joint_positions(self.model, belief.poses[:MAX_HYPOTHESES])
+        if is_settled(self.management, belief.weights[:MAX_HYPOTHESES], joints):
             stature = self._measure_stature(belief.poses[0], subject)
             if stature is not None:
                 self._size = size.add(stature, time_s)
@@ -439,7 +441,7 @@ class TargetTracker:
         if self._belief is None:
             if not shows:
                 self.nothing_seen()
-            searched = self._searching is not None or self.management.searched
+            searched = self._searching is not None or self.management.frames_searched
             return "searching" if shows and searched else "absent"
         unseen = np.full(len(self._belief.residual), np.nan)
         self._belief = replace(self._belief.at_rest(), residual=unseen)
@@ -448,6 +450,6 @@ class TargetTracker:
 
     def _whereabouts(self) -> Array | None:
         """The pose (D,) around which the next frame but one is segmented; None if it may be anywhere."""
-        if self._belief is None or (self.management.seeks and self._redetects):
+        if self._belief is None or (self.management.is_lost and self._redetects):
             return None
         return self._belief.reported

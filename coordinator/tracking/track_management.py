@@ -19,33 +19,33 @@ FACING_DOUBT = "front and back look alike: it may face the other way"
 class TrackManagement:
     """The recent history of a track; counts are in frames.
 
-    seeks: the body may be anywhere. tracked: since the last detection. unexplained: successive frames that
-    the body does not explain. searched: since the first search for an unknown body. residual, why: of the
-    last frame. pixels: of the body in the last explained frame. ambiguous_facing: in the last search, front
-    and back explained the frame about equally well.
+    is_lost: the body may be anywhere. tracked: since the last detection. unexplained: successive frames that
+    the body does not explain. frames_searched: since the first search for an unknown body. residual, why: of
+    the last frame. pixels: of the body in the last explained frame. ambiguous_facing: in the last search,
+    front and back explained the frame about equally well.
     """
 
-    seeks: bool = False
+    is_lost: bool = False
     tracked: int = 0
     unexplained: int = 0
-    searched: int = 0
+    frames_searched: int = 0
     residual: float = 0.0
     why: str = ""
     pixels: int = 0
     ambiguous_facing: bool = False
 
     @property
-    def searches(self) -> bool:
+    def search_due(self) -> bool:
         """Whether to search for an unknown body in the present frame."""
-        return self.searched % SEARCH_INTERVAL_FRAMES == 0
+        return self.frames_searched % SEARCH_INTERVAL_FRAMES == 0
 
     @property
-    def checks(self) -> bool:
+    def check_due(self) -> bool:
         """Whether to search elsewhere, although the body is tracked."""
         new = self.tracked < CHECK_INTERVAL_FRAMES
         interval = SEARCH_INTERVAL_FRAMES if new else CHECK_INTERVAL_FRAMES
         due = self.tracked % interval == interval - 1
-        return self.seeks or (due and (new or self.residual > 1.0 or self.ambiguous_facing))
+        return self.is_lost or (due and (new or self.residual > 1.0 or self.ambiguous_facing))
 
     @property
     def reason(self) -> str:
@@ -58,15 +58,15 @@ class TrackManagement:
 
     def nothing_seen(self) -> Self:
         """After a frame that does not show the body at its place."""
-        return replace(self, seeks=True, searched=0, why="", ambiguous_facing=False)
+        return replace(self, is_lost=True, frames_searched=0, why="", ambiguous_facing=False)
 
     def not_found(self, why: str) -> Self:
         """After a frame in which an unknown body was not found, or not searched for."""
-        return replace(self, searched=self.searched + 1, why=why)
+        return replace(self, frames_searched=self.frames_searched + 1, why=why)
 
     def updated(self, gate: Gate, pixels: int, *, redetected: bool) -> Self:
         """After a frame that shows the body with so many pixels, tracked or detected elsewhere."""
-        if gate.residual <= (1.0 if self.seeks else LOST_RESIDUAL):
+        if gate.residual <= (1.0 if self.is_lost else LOST_RESIDUAL):
             tracked = 0 if redetected else self.tracked + 1
             facing = self.ambiguous_facing
             return type(self)(
@@ -75,7 +75,7 @@ class TrackManagement:
         unexplained = self.unexplained + 1
         return replace(
             self,
-            seeks=self.seeks or unexplained > PATIENCE_FRAMES,
+            is_lost=self.is_lost or unexplained > PATIENCE_FRAMES,
             tracked=self.tracked + 1,
             unexplained=unexplained,
             residual=gate.residual,

@@ -169,8 +169,8 @@ class Tracker:
         clocks = [Stopwatch() for _ in self._targets]
         with clocks[0].stage("segment"):
             bodies = [target.expected for target in self._targets]
-            rejected = any(target.management.searched > SETTLED_FRAMES for target in self._targets)
-            find = any(target.expected is None and not target.searches for target in self._targets)
+            rejected = any(target.management.frames_searched > SETTLED_FRAMES for target in self._targets)
+            find = any(target.expected is None and not target.is_searching for target in self._targets)
             return self._segmenter.segment(frame, bodies, rejected=rejected, find=find), clocks
 
     def _assign(self, place: int, segmented: Segmented, free: list[SubjectFrame]) -> SubjectFrame | None:
@@ -182,8 +182,8 @@ class Tracker:
         if not target.start.found:
             if not all(each.start.found for each in self._targets[:place]) or not free:
                 return None
-            chosen = free[target.management.searched // SEARCH_INTERVAL_FRAMES % len(free)]
-            if (searched := target.searched) is not None:
+            chosen = free[target.management.frames_searched // SEARCH_INTERVAL_FRAMES % len(free)]
+            if (searched := target.searched_subject) is not None:
                 chosen = min(free, key=lambda each: distance(each, middle_of(searched)))
         elif target.expected is None:
             chosen = min(free, key=lambda each: distance(each, target.last_seen), default=None)

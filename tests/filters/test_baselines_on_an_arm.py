@@ -15,7 +15,7 @@ from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import pose_by_name
 from coordinator.filters.methods import settings_for
 from coordinator.synthesis.scenes import ARM_DOFS, arm
-from coordinator.tracking.estimate import RECORDED
+from coordinator.tracking.estimate import MAX_HYPOTHESES
 from gepf.direct import DirectRefiner
 from tests.support.people import OnePerson, rendered
 
@@ -42,5 +42,5 @@ def test_an_arm_is_followed(method: str, particles: int) -> None:
     poses: NDArray[np.float64] = np.array([estimate.pose for estimate in estimates])
     errors = np.rad2deg(np.abs(poses - arm().poses[:FRAMES, columns]))
     assert errors.mean() < 8.0
-    assert all(0 < len(e.hypothesis_weight) <= min(particles, RECORDED) for e in estimates)
+    assert all(0 < len(e.hypothesis_weight) <= min(particles, MAX_HYPOTHESES) for e in estimates)
     assert tracker.start.noise.depth < 0.01

@@ -14,7 +14,7 @@ from common.refinement import Refined, lower_triangular
 from common.settings import preset
 from coordinator.filters.belief import Observation
 from coordinator.filters.gradient_enhanced import begin, propose, update
-from coordinator.filters.motion import hold
+from coordinator.filters.motion import fuse_with_prediction
 from tests.support.bodies import puppet
 from tests.support.filtering import INTERVAL, NOTHING_SEEN
 
@@ -97,7 +97,7 @@ def test_a_held_pose_is_the_likeliest_given_frame_and_motion(seed: int, interval
         return float(0.5 * (step @ shows @ step + off @ (motion * off) + of_base @ (weak * of_base)))
 
     found = np.linalg.inv(shows + np.diag(weak))[None]
-    step = difference(MODEL, refined, hold(MODEL, refined, found, expected, interval))[0]
+    step = difference(MODEL, refined, fuse_with_prediction(MODEL, refined, found, expected, interval))[0]
     small = 1e-4
     slope = [(cost(step + small * e) - cost(step - small * e)) / (2 * small) for e in np.eye(DOFS)]
     np.testing.assert_allclose(slope, 0.0, atol=1e-3 * np.abs(motion * way).max())
@@ -112,7 +112,7 @@ def test_nothing_is_held_beyond_its_limits() -> None:
     assert bounded.any()
     expected = np.where(bounded, MODEL.limits[:, 1] + 0.3, refined)
     found = np.diag(deviations(MODEL, *WEAK) ** 2)[None]
-    held = hold(MODEL, refined, found, expected, 1.0 / 30.0)
+    held = fuse_with_prediction(MODEL, refined, found, expected, 1.0 / 30.0)
     np.testing.assert_array_equal(held[0, bounded], MODEL.limits[bounded, 1])
 
 
@@ -128,6 +128,6 @@ def test_each_particle_that_was_answered_is_held_about_its_own_way_on() -> None:
     after = Refined(poses, likelihood, np.full(len(poses), 0.01), roots)
     found = update(MODEL, proposal, after, settings, rng)
     order = after.answered[::-1]
-    held = hold(MODEL, poses[order], covariances_of(roots[order]), expected[order], INTERVAL)
+    held = fuse_with_prediction(MODEL, poses[order], covariances_of(roots[order]), expected[order], INTERVAL)
     np.testing.assert_allclose(found.poses, held, atol=1e-12)
     np.testing.assert_allclose(found.velocities, difference(MODEL, np.zeros_like(held), held) / INTERVAL)

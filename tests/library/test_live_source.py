@@ -41,9 +41,9 @@ def camera(where: str, messages: list[bytes], rest: Callable[[], object] = lambd
             for number, message in enumerate(messages):
                 if number:
                     rest()
-                while not publisher.followed and not stop.wait(0.01):
+                while not publisher.has_subscriber and not stop.wait(0.01):
                     pass
-                publisher.put_surely(message)
+                publisher.put_blocking(message)
             stop.wait()
 
     with in_thread(publish):

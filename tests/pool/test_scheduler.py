@@ -39,7 +39,7 @@ def ended(ticket: int, outcome: Outcome = "refined", reason: str = "no") -> Even
 
 def look(scheduler: Scheduler, now: float) -> list[Request]:
     """The clock ticks."""
-    return scheduler.look(now)
+    return scheduler.dispatch(now)
 
 
 def play(table: Table) -> Scheduler:
@@ -258,7 +258,7 @@ def test_any_answer_breaks_the_silence(outcome: Outcome) -> None:
     scheduler = play([(0.0, joined("a"), []), (0.0, started(10), [(0, "a", 0, 10)])])
     scheduler.end(99, outcome, 20.0)
     assert not scheduler.end(0, "nothing", 30.0)
-    assert sent(scheduler.look(32.0)) == [(1, "a", 0, 10)]
+    assert sent(scheduler.dispatch(32.0)) == [(1, "a", 0, 10)]
     assert not scheduler.end(1, "nothing", 42.0)
 
 

@@ -27,7 +27,7 @@ EXAMPLE = Path(__file__).parents[2] / "examples" / "live_results.py"
 class Heard:
     """Keeps what is published."""
 
-    followed = True
+    has_subscriber = True
 
     def __init__(self) -> None:
         self.payloads: list[bytes] = []
@@ -36,7 +36,7 @@ class Heard:
         """A message."""
         self.payloads.append(payload)
 
-    put_surely = put
+    put_blocking = put
 
 
 def estimate(frame: int, turn: float, status: Status = "tracked") -> Estimate:
@@ -139,7 +139,7 @@ def test_the_example_listens(endpoint: str, head_start: float) -> None:
         try:
             publisher = bus.publish("robot/person")
             results, began = LiveResults(publisher), time.monotonic()
-            while not publisher.followed and time.monotonic() < began + 60.0:
+            while not publisher.has_subscriber and time.monotonic() < began + 60.0:
                 time.sleep(0.02)
             results.put(nobody(6), person(), {})
             results.put(estimate(7, 0.0), person(), {})

@@ -94,10 +94,10 @@ def staged(
     def publish(stop: threading.Event) -> None:
         with open_worker([where]) as bus:
             publisher = bus.publish(KEY)
-            while not publisher.followed and not stop.wait(0.01):
+            while not publisher.has_subscriber and not stop.wait(0.01):
                 pass
             for message in messages:
-                publisher.put_surely(message)
+                publisher.put_blocking(message)
                 rest(stop)
 
     with in_thread(publish), at_work(where, worker):

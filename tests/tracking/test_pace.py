@@ -11,7 +11,7 @@ from common.settings import preset
 from coordinator.filters.methods import pace_iterations
 from coordinator.stopwatch import Stopwatch
 from coordinator.tracking.loop import Pace
-from coordinator.tracking.observation import isolate, see
+from coordinator.tracking.observation import filter_observation, isolate
 
 CAMERA = Intrinsics(32, 24, 30.0, 30.0, 16.0, 12.0)
 
@@ -45,9 +45,14 @@ def test_a_sighting_has_the_points_and_the_time_of_its_frame() -> None:
     depth = np.full((24, 32), 2000, dtype=np.uint16)
     subject = isolate(DepthFrame(3, 0.5, depth, 1000.0, CAMERA), 100)
     assert subject is not None
-    sighting = see(subject, 0.4)
+    sighting = filter_observation(subject, 0.4)
     np.testing.assert_allclose(sighting.points[:, 2], 2.0)
     u = CAMERA.cx + CAMERA.fx * sighting.points[:, 0] / 2.0
     np.testing.assert_allclose(u, np.rint(u), atol=1e-9)
     assert sighting.interval == pytest.approx(0.1)
-    assert see(subject, None).interval == see(subject, 0.5).interval == see(subject, 0.9).interval == 1 / 30
+    assert (
+        filter_observation(subject, None).interval
+        == filter_observation(subject, 0.5).interval
+        == filter_observation(subject, 0.9).interval
+        == 1 / 30
+    )

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from common.settings import RefineSettings
-from coordinator.tracking.gating import Gate, gate_pose, is_misplaced, is_no_person
+from coordinator.tracking.gating import Gate, gate_pose, reject_points, reject_position
 from coordinator.tracking.observation import isolate
 from coordinator.tracking.track_management import TrackManagement
 from tests.support.rooms import Room
@@ -18,7 +18,7 @@ def searched(management: TrackManagement, residual: float, frames: int) -> list[
     """Numbers of the frames with a search, of a number of frames with this residual."""
     numbers = []
     for number in range(frames):
-        if management.checks:
+        if management.check_due:
             numbers.append(number)
         management = management.updated(Gate(residual), 1000, redetected=False)
     return numbers
@@ -41,24 +41,24 @@ def test_a_new_track_is_compared_with_a_search_and_later_only_while_in_doubt() -
 def test_a_body_that_is_not_explained_is_looked_for_after_some_frames() -> None:
     """One bad frame changes nothing; several in a row do, and a good one ends the search."""
     management = TrackManagement().updated(Gate(2.0), 1000, redetected=False)
-    assert not management.seeks
+    assert not management.is_lost
     for _ in range(5):
         management = management.updated(Gate(2.0, "why"), 1000, redetected=False)
-    assert management.seeks
+    assert management.is_lost
     assert management.reason == "why"
-    assert not management.updated(Gate(0.5), 1000, redetected=True).seeks
+    assert not management.updated(Gate(0.5), 1000, redetected=True).is_lost
 
 
 def test_an_unknown_body_is_searched_for_at_once_and_then_now_and_then() -> None:
     """A search takes longer than a frame; after an empty frame, the next person is searched at once."""
     management, searches = TrackManagement(), list[int]()
     for number in range(12):
-        if management.searches:
+        if management.search_due:
             searches.append(number)
         management = management.not_found("nothing")
     assert searches[0] == 0
     assert 1 < len(searches) < 6
-    assert management.nothing_seen().searches
+    assert management.nothing_seen().search_due
 
 
 def test_the_noise_of_the_depth_is_no_loss() -> None:
@@ -76,7 +76,7 @@ def test_what_is_no_person_is_said() -> None:
     board = replace(person, depth=np.where(mask, np.uint16(2600), np.uint16(0)))
     far = replace(person, depth_scale=100.0)
     subjects = [isolate(one, 10_000) for one in (person, board, far)]
-    said = [is_no_person(one, 1.75) for one in subjects if one is not None]
+    said = [reject_points(one, 1.75) for one in subjects if one is not None]
     assert said[0] == ""
     assert "one plane" in said[1]
     assert "depth_scale" in said[2]
@@ -88,7 +88,7 @@ def test_what_is_no_person_is_said() -> None:
 )
 def test_a_body_that_cannot_be_there_is_said(rises: float, lowest: float, word: str) -> None:
     """Upside down, below the floor, above it."""
-    said = is_misplaced(rises, lowest)
+    said = reject_position(rises, lowest)
     assert word in said
     assert bool(said) == bool(word)
 

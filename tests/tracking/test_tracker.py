@@ -325,7 +325,7 @@ def test_nobody_is_there_until_somebody_comes() -> None:
         (TrackManagement(), [0.9, 0.1], [0.0, 0.3], 1, "ambiguous"),  # the frame speaks for another one
         (TrackManagement(), [0.5, 0.1, 0.4], [0.0, 0.3, 0.3], 0, "ambiguous"),
         (TrackManagement(unexplained=1), [0.6, 0.4], [0.0, 0.3], 0, "lost"),
-        (TrackManagement(seeks=True, unexplained=3), [1.0], [0.0], 0, "searching"),
+        (TrackManagement(is_lost=True, unexplained=3), [1.0], [0.0], 0, "searching"),
     ],
 )
 def test_one_word_says_how_sure_it_is(

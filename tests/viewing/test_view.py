@@ -87,10 +87,10 @@ def test_live_frames_and_results_are_shown_as_they_come(
         with open_worker([endpoint]) as bus:
             bus.serve(f"gepf/run/r/model/{model.hash}", lambda _: encode_model(model))
             camera, results = bus.publish(KEY), bus.publish(f"{KEY}/results")
-            while not (camera.followed and results.followed) and not stop.wait(0.01):
+            while not (camera.has_subscriber and results.has_subscriber) and not stop.wait(0.01):
                 pass
             for f, frame in enumerate(open_source(recorded[0])):
-                camera.put_surely(encode_live(frame))
+                camera.put_blocking(encode_live(frame))
                 pose = track.pose[f]
                 known = Estimate(
                     f, 0.0, "tracked", pose, track.joint_positions[f], pose[None], np.ones(1), 0.0

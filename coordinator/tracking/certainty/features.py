@@ -27,7 +27,7 @@ CROWDED_M = 0.2  # standard deviation of the weight of a neighbouring joint by d
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Measurement:
+class FrameContext:
     """The data from which the pose of a frame was estimated, apart from the hypotheses."""
 
     subject: SubjectFrame
@@ -62,22 +62,22 @@ def measure_features(
     pose: Array,
     joints: Array,
     weights: Array,
-    measurement: Measurement,
+    context: FrameContext,
     residual: float,
 ) -> Features:
     """The features of a reported pose (D,) with this normalised residual.
 
     `joints` (1 + M, J, 3) are those of the pose and of the hypotheses, which have `weights` (M,).
     """
-    rest, past = rest_of(model), joint_positions(model, measurement.past[None])[0]
+    rest, past = rest_of(model), joint_positions(model, context.past[None])[0]
     joints, hypotheses = joints[0], joints[1:]
     squares = np.sum((hypotheses - joints) ** 2, axis=-1)
     spread = np.sqrt(weights @ squares / weights.sum())
-    speed = np.linalg.norm(joints - past, axis=1) / measurement.interval
+    speed = np.linalg.norm(joints - past, axis=1) / context.interval
     distances = between(joints)
     folding = np.sqrt(np.mean((distances - rest.distances) ** 2, axis=1)).mean()
     return Features(
-        seen=seen_shares(model, pose, measurement.subject, measurement.stretch),
+        seen=seen_shares(model, pose, context.subject, context.stretch),
         residual=np.full(len(joints), residual),
         spread=np.log(spread + SPREAD_FLOOR_M),
         speed=np.log(speed + SPEED_FLOOR_M_S),

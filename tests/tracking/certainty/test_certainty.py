@@ -18,7 +18,7 @@ from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from coordinator.bodies.tracked import name_pose
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.tracking.certainty.certainty import FIT, FLAGGED, Certainty
-from coordinator.tracking.certainty.features import Features, Measurement, measure_features
+from coordinator.tracking.certainty.features import Features, FrameContext, measure_features
 from coordinator.tracking.certainty.surface import regions_of
 from coordinator.tracking.observation import isolate
 from coordinator.tracking.reporting import explain_doubt, judge
@@ -60,9 +60,9 @@ def features_of(values: dict[str, float], subject: SubjectFrame, *others: dict[s
     """Features (J,) of a pose, held for a while, and other hypotheses of the same weight."""
     poses = np.array([pose_of(each) for each in (values, *others)])
     residual = residual_of(body(), poses[0], subject, SETTINGS.refine)
-    measurement = Measurement(subject, poses[0], 1.0 / 30.0, 1.0)
+    context = FrameContext(subject, poses[0], 1.0 / 30.0, 1.0)
     joints = joint_positions(body(), poses[[0, *range(len(poses))]])
-    return measure_features(body(), poses[0], joints, np.ones(len(poses)), measurement, residual)
+    return measure_features(body(), poses[0], joints, np.ones(len(poses)), context, residual)
 
 
 def certainty_of(values: dict[str, float], subject: SubjectFrame, *others: dict[str, float]) -> Certainty:

@@ -16,7 +16,7 @@ from coordinator.synthesis.noise import add_noise
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes import ARM_DOFS, arm
 from coordinator.tracking.certainty.certainty import FIT, FLAGGED, Certainty
-from coordinator.tracking.certainty.features import Measurement, measure_features
+from coordinator.tracking.certainty.features import FrameContext, measure_features
 from coordinator.tracking.observation import isolate
 from coordinator.tracking.sensor_noise import SensorNoise, assume_noise
 from tests.support.residuals import residual_of
@@ -50,9 +50,9 @@ def certainty_of(pose: Array) -> Certainty:
     model, _, subject = scene()
     settings = assume_noise(preset("default").refine, NOISE)
     residual = residual_of(model, pose, subject, settings)
-    measurement = Measurement(subject, pose, 1.0 / 25.0, NOISE.lateral / NOISE.depth)
+    context = FrameContext(subject, pose, 1.0 / 25.0, NOISE.lateral / NOISE.depth)
     joints = joint_positions(model, np.stack([pose, pose]))
-    return FIT.judge(measure_features(model, pose, joints, np.ones(1), measurement, residual))
+    return FIT.judge(measure_features(model, pose, joints, np.ones(1), context, residual))
 
 
 def test_an_arm_that_is_lost_before_the_trunk_is_flagged() -> None:
