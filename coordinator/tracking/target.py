@@ -197,9 +197,18 @@ class TargetTracker:
         return self.start.found and not self.management.is_lost
 
     @property
+    def needs_frame(self) -> bool:
+        """Whether the body needs the next frame now: it is tracked, or lost and no search is under way."""
+        return self.is_tracked or (self._belief is not None and not self._search_runs)
+
+    @property
     def is_searching(self) -> bool:
-        """Whether the first search for the body is under way: until it ends, no frame is needed."""
-        return self._belief is None and self._searching is not None and self._searching.found is None
+        """Whether the first search for the body is under way: until it ends, no candidate is needed."""
+        return self._belief is None and self._search_runs
+
+    @property
+    def _search_runs(self) -> bool:
+        return self._searching is not None and self._searching.found is None
 
     @property
     def searched_subject(self) -> SubjectFrame | None:

@@ -153,14 +153,14 @@ class Tracker:
             self._targets[0].send_ahead(ahead[0].subjects[0], ahead[1][0])
 
     def _search_until_ready(self, live: Live) -> None:
-        """Do slices of the searches for bodies until they end; if a body is tracked, until a frame waits.
+        """Do slices of the searches for bodies until they end; if a body needs it, until a frame waits.
 
         At least one slice is done for each body that is not tracked.
         """
         untracked = [target for target in self._targets if not target.is_tracked]
         for target in untracked:
             target.search()
-        while not (live.is_ready and self._any_is_tracked):
+        while not (live.is_ready and any(target.needs_frame for target in self._targets)):
             if not any(target.search() for target in (*untracked, *self._targets)):
                 break
 
