@@ -1,6 +1,6 @@
 """Proposals for single limbs of a body (preset `default`).
 
-Twenty particles cannot cover 24 dimensions. But limbs move, and are lost, separately. So a share of the
+Twenty particles cannot cover 24 dimensions, but limbs move and are lost one by one. So a share of the
 particles is data-driven: one limb is moved to unexplained observed points. One particle follows the motion
 model exactly. The others get noise with the covariance of their hypothesis. If the prediction explains the
 points, few particles are enough.
@@ -33,7 +33,7 @@ DRAWS = 80  # per limb; twice as many do not explain more points
 
 
 class Limb(NamedTuple):
-    """A branch of the kinematic tree that includes its ends."""
+    """A branch of the kinematic tree up to its last links."""
 
     group: int  # index of the group of degrees of freedom
     dofs: Indices  # (d,)

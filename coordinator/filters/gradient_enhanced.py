@@ -1,7 +1,7 @@
 """The gradient-enhanced particle filter, steps 1 to 7 of section 4.3.
 
 Decisions that the paper leaves open:
-- Weights are the likelihoods of the merged hypotheses.
+- A hypothesis has the likelihood of its most likely particle as weight.
 - A hypothesis has the velocity that led from its ancestor to it.
 - A group of one particle keeps the covariance of its ancestor.
 - Occluded limbs follow the motion model (preset `default`, see `motion.fuse_with_prediction`).
