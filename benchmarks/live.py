@@ -43,7 +43,7 @@ KEY, RESULTS = "camera/depth", "camera/results"
 SEQUENCES = ("skinned/dance", "skinned/turn", "rooms/table", "rooms/second", "real_rooms/ist_um")
 IN_TIME_S, READY_S = 0.067, 5.0
 VISITOR = "skinned/dance"
-FPS, EMPTY, SETTLED, INSIDE = 30.0, 150, 60, 30  # frames without people, of these before it counts; with one
+FPS, EMPTY, SETTLED, INSIDE = 30.0, 400, 250, 30  # frames without people, of these before it counts; with one
 SMALL = Intrinsics(64, 48, 60.0, 60.0, 31.5, 23.5)
 
 
