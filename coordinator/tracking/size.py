@@ -26,7 +26,6 @@ MEAN_STATURE_M = 1.69  # of men and women (ANSUR II)
 LEAST_CHANGE_SHARE = 0.005  # of stature; a smaller change does not justify a new body
 CONTRADICTION_SHARE = 0.03  # of stature; least change by a later window: three times a window's error
 UPRIGHT_SHARE = 0.97  # of the length at rest; a body that is bent more does not show its stature
-OUTLINE_SHARE = 0.992  # visible share of stature: the last pixels are missing (subjects 1 and 2)
 SEARCH_RADIUS_M = 0.3  # around head and ankle, for the end of the body
 AXIS_RADIUS_M = 0.14  # around the body's axis: the width of a head
 HIDDEN_END_M = 0.06  # a body that is too large may exceed the points by this much at a joint
@@ -65,7 +64,8 @@ def measure_stature(model: BodyModel, pose: Array, straight_m: float, subject: S
     """Stature in metres of a person in pose (D,); None if the frame does not show it.
 
     If the person leans or bends slightly, the length is scaled up by the ratio of the head-to-ankle distances
-    of the straight model and the posed model.
+    of the straight model and the posed model. The outermost pixels are missing, so the stature is about 1 %
+    too small; with a correction for that the joints are worse (subjects 1 and 2).
 
     Args:
         model: The tracked body.
@@ -88,7 +88,7 @@ def measure_stature(model: BodyModel, pose: Array, straight_m: float, subject: S
         up = (head - foot) / between
         lengths.append(_find_end(subject, head, up) + between + _find_end(subject, foot, -up))
     length = max((each for each in lengths if np.isfinite(each)), default=None)
-    return None if length is None else length / (OUTLINE_SHARE * upright)
+    return None if length is None else length / upright
 
 
 def head_to_ankle(model: BodyModel) -> float:
