@@ -114,7 +114,7 @@ def check(model: BodyModel) -> None:
     if np.any(
         model.rest_spreads[model.balls[:, None] + np.arange(3)] != model.rest_spreads[model.balls, None]
     ):
-        raise ValueError("the three angles of a ball must have one of rest_spreads")
+        raise ValueError("the three angles of a spherical joint must have the same rest_spreads")
     if len(model.link_dofs) != len(model.link_names) or np.any(model.link_dofs >= count):
         raise ValueError("every link must be moved by a degree of freedom of the model")
     if not np.allclose(np.linalg.norm(model.axes, axis=1), 1.0):

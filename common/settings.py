@@ -8,7 +8,7 @@ import msgspec
 
 from common.errors import InputError
 
-FAR_NOISIER = 2.0
+SOFT_NOISE_RATIO = 2.0
 """Ratio of depth noise to lateral noise above which correspondences are soft."""
 
 
@@ -41,12 +41,12 @@ class RefineSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
         The likelihood is then equally sharp on both sides of the transition from costs to densities.
         """
-        return (self.noise_depth / (FAR_NOISIER * self.likelihood_scale)) ** 2
+        return (self.noise_depth / (SOFT_NOISE_RATIO * self.likelihood_scale)) ** 2
 
     @property
     def is_soft(self) -> bool:
         """Whether likelihoods are densities of the observed points instead of costs."""
-        return self.sensor == "camera" and self.noise_depth > FAR_NOISIER * self.noise_lateral
+        return self.sensor == "camera" and self.noise_depth > SOFT_NOISE_RATIO * self.noise_lateral
 
 
 class FilterSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -1,8 +1,8 @@
 """Kinematics of an articulated body, batched over particles.
 
-`chain` holds forward kinematics (Eq. 1), the axes of relative motion (Eq. 2) and what follows for points of
-the body, `manifold` the steps from pose to pose and the limits of joints, `rotations` what both stand on. The
-functions that take a `BodyModel` are imported from here, compiled kernels from their modules.
+`chain`: forward kinematics (Eq. 1), the axes of relative motion (Eq. 2), and the points of the body.
+`manifold`: steps from pose to pose, and the limits of joints. `rotations`: shared functions of rotations.
+Functions of a `BodyModel` are imported from here, compiled kernels from their modules.
 """
 
 from common.kinematics.chain import (

@@ -102,7 +102,7 @@ def forward_kinematics_each(
 def motion_axes(
     parents: Indices, axes: Array, points: Array, balls: Indices, transforms: Array, w: Array, q: Array
 ) -> None:
-    """Fill w, q (D, 3) with the camera-frame axes of relative motion; a ball's are its parent's."""
+    """Fill w, q (D, 3) with axes of relative motion, camera frame; a spherical joint's are its parent's."""
     carrier = parents.copy()
     for start in balls:
         carrier[start + 1] = parents[start]

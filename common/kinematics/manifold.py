@@ -1,9 +1,10 @@
 """Poses as points of a manifold: steps of relative motion, the step between two poses, limits of joints.
 
-A pose is a vector of joint values; a *step* is a vector of relative motion about axes in the camera
-frame. For single axes the two add. For a ball (three rotations about orthonormal axes through one point, so
-also the root) the step is one rotation vector along the ball's axes as its parent carries them, which has no
-singular pose; the joint values that belong to it are found on the branch nearest to the old.
+A pose is a vector of joint values; a *step* is a vector of relative motion about axes in the camera frame.
+For a single axis the step is added to the joint value. For a spherical joint (three rotations about
+orthonormal axes through one point, so also the root) the step is one rotation vector along the axes as the
+parent link carries them, which has no singular pose. Of the joint values after it, those of the branch
+nearest to the old values are taken.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ def difference(model: BodyModel, origins: Array, poses: Array) -> Array:
 
 @numba.njit(cache=True, nogil=True)
 def apply_step(axes: Array, balls: Indices, step: Array, pose: Array) -> None:
-    """Move pose (D,) in place by step (D,): add it, and turn each ball by its rotation vector."""
+    """Move pose (D,) in place by step (D,): add it; rotate spherical joints by rotation vectors."""
     old, before, turn = pose.copy(), np.empty((3, 3)), np.empty((3, 3))
     pose += step
     for start in balls:
@@ -69,7 +70,7 @@ def apply_step_each(axes: Array, balls: Indices, steps: Array, poses: Array) -> 
 
 @numba.njit(cache=True, nogil=True)
 def ball_vectors_each(axes: Array, balls: Indices, origins: Array, poses: Array, steps: Array) -> None:
-    """Fill in the rotation vectors of all balls in steps (N, D) from origins (N, D) to poses (N, D)."""
+    """Fill in steps (N, D) of all spherical joints, from origins (N, D) to poses (N, D)."""
     for start in balls:
         handed = handedness(axes, start)
         for n in range(len(steps)):
@@ -80,7 +81,7 @@ def ball_vectors_each(axes: Array, balls: Indices, origins: Array, poses: Array,
 
 @numba.njit(cache=True, nogil=True)
 def ball_vector(handed: float, before: Array, after: Array, start: int) -> tuple[float, float, float]:
-    """The rotation vector of the ball at `start` that leads from one pose (D,) to another."""
+    """The rotation vector of the spherical joint at `start` that leads from one pose (D,) to another."""
     i, j, k = start, start + 1, start + 2
     bw, bx, by, bz = quaternion(handed * before[i], handed * before[j], handed * before[k])
     aw, ax, ay, az = quaternion(handed * after[i], handed * after[j], handed * after[k])
@@ -96,7 +97,7 @@ def ball_vector(handed: float, before: Array, after: Array, start: int) -> tuple
 
 
 def natural_angles(model: BodyModel, poses: Array) -> Array:
-    """The same poses (N, D), each ball's angles on the branch that leaves its limits less.
+    """The same poses (N, D), with the angles of spherical joints on the branch that exceeds the limits least.
 
     Rx(a) Ry(b) Rz(c) is also Rx(a + pi) Ry(pi - b) Rz(c + pi). Where both are within the limits, angles stay.
     """
@@ -106,7 +107,7 @@ def natural_angles(model: BodyModel, poses: Array) -> Array:
 
 
 def within_limits(model: BodyModel, poses: Array) -> Array:
-    """Poses (N, D) with single axes clamped to their limits; balls are let be."""
+    """Poses (N, D) with single axes clamped to their limits; spherical joints are unchanged."""
     clamped = contiguous(poses)
     clamp_each(model.single, model.limits, clamped)
     return clamped

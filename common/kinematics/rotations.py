@@ -54,7 +54,7 @@ def unwrap_near(angle: float, reference: float) -> float:
 def euler_angles(rotation: Array, reference: Array | Angles) -> Angles:
     """Angles of Rx Ry Rz nearest to `reference` (3,) among the two branches and full turns."""
     sb = min(1.0, max(-1.0, rotation[0, 2]))
-    if abs(sb) > 1.0 - 1e-12:  # Rx and Rz turn about the same line: keep the third angle
+    if abs(sb) > 1.0 - 1e-12:  # Rx and Rz rotate about the same line: keep the third angle
         both = np.arctan2(rotation[2, 1], rotation[1, 1])
         return (
             unwrap_near(both - np.sign(sb) * reference[2], reference[0]),
@@ -91,7 +91,7 @@ def quaternion(a: float, b: float, c: float) -> tuple[float, float, float, float
 
 @numba.njit(cache=True, nogil=True)
 def handedness(axes: Array, start: int) -> float:
-    """1 where the three axes of (D, 3) from `start` on are right-handed; -1, where angles turn back."""
+    """1 if the three axes of (D, 3) from `start` on are right-handed, -1 if they are left-handed."""
     x, y, z = start, start + 1, start + 2
     volume = (
         (axes[x, 1] * axes[y, 2] - axes[x, 2] * axes[y, 1]) * axes[z, 0]

@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 
 from common.frame import SubjectFrame
-from common.settings import FAR_NOISIER, RefineSettings
+from common.settings import SOFT_NOISE_RATIO, RefineSettings
 from coordinator.scene.flatness import FLAT_SHARE, find_flat
 from coordinator.scene.noise import USUAL_GROWTH
 from coordinator.tracking.observation import observed_points
@@ -42,7 +42,7 @@ class Gate:
 def gate_pose(log_likelihood: float, residual: float, settings: RefineSettings) -> Gate:
     """The gate of a pose with this log likelihood and mean residual (metres), at the camera's noise."""
     misfit = 0.0
-    if settings.noise_depth <= FAR_NOISIER * settings.noise_lateral:
+    if settings.noise_depth <= SOFT_NOISE_RATIO * settings.noise_lateral:
         cost = np.sqrt(max(0.0, -2.0 * log_likelihood)) * settings.likelihood_scale
         misfit = float(cost / np.hypot(MISFIT_M, settings.noise_lateral))
     normalised = max(float(residual) / (RESIDUAL_M + settings.noise_depth), misfit)

@@ -25,7 +25,7 @@ Points = NDArray[np.float32]
 Indices = NDArray[np.int64]
 Numbers = NDArray[np.uint32]
 
-LOOSER, TINY = np.float32(1.0 + 1e-6), np.float32(1e-12)  # so that points as close as the guess are found
+LOOSER, TINY = np.float32(1.0 + 1e-6), np.float32(1e-12)  # enlarge bounds: points at the bound are found
 
 
 @numba.njit(cache=True, nogil=True)

@@ -1,4 +1,4 @@
-"""Draws a square block of pixels of a triangle with vector registers; most triangles fit into one block.
+"""Draws a triangle into a square block of a depth image with vector registers; most triangles fit into one.
 
 It uses LLVM's vector type. Loops over the few rows and pixels would be compiled to unpredictable branches.
 """

@@ -1,4 +1,4 @@
-"""Refine particles by articulated ICP: steps 4a-4d, two or three times, and then step 5.
+"""Refine particles by articulated ICP: iterations of steps 4a to 4d, and then step 5.
 
 ICP converges slowly: successive steps have the same direction and become shorter. So preset `default`
 over-relaxes every iteration but the last: the pose moves twice as far. It tests visibility in every third
@@ -137,7 +137,7 @@ def refine_particle(
     parameters: KernelParameters,
     workspace: Workspace,
 ) -> tuple[float, float]:
-    """Refine pose (D,) in place; returns its log likelihood and mean residual in metres."""
+    """Refine pose (D,) in place; returns its log posterior, see `likelihood`, and mean residual in metres."""
     clamp_to_limits(skeleton.single, skeleton.limits, pose)
     workspace.equations.information[:] = 0.0
     visible, before = workspace.visible, pose.copy()

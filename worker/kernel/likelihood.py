@@ -43,7 +43,7 @@ def evaluate(
     parameters: KernelParameters,
     workspace: Workspace,
 ) -> tuple[float, float]:
-    """Log likelihood of pose (D,), and mean distance of the observed points from the model in metres.
+    """Log posterior of pose (D,), and mean distance of the observed points from the model in metres.
 
     Visible points are computed at this pose.
     """

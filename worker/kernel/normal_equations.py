@@ -8,9 +8,9 @@ w_j x (x - q_j) = w_j x x + v_j for a rotation (Eq. 2), with v_j = q_j x w_j; it
     (J^T J)_jk = twist_j . wrench of the forces w (w_k x x + v_k) at the points x,
     (J^T r)_j = twist_j . wrench of the forces w (x - p~),
 
-over the links that both degrees of freedom, or the one, move; a wrench is torque about the camera, and force.
-It is a sum over products of forces with x, which T M_s T^T and T C_s contain (Featherstone, Rigid Body
-Dynamics Algorithms, section 6.2). So the cost of a step does not depend on the number of points.
+summed over the links that j and k move, or that j moves. A wrench is torque about the camera, and force. It
+is a sum over products of forces with x, which T M_s T^T and T C_s contain (Featherstone, Rigid Body Dynamics
+Algorithms, section 6.2). So the cost of a step does not depend on the number of points.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ from worker.kernel.neighbourhoods import boxes_of, neighbourhoods
 Pixels = NDArray[np.int32]
 
 TILE = 16  # observed points in one search
-NONE = -1  # in place of a row: no occupied pixel in a column
+NONE = -1  # instead of a row, if a column has no occupied pixel
 
 
 @dataclass(frozen=True, slots=True, eq=False)

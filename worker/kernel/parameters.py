@@ -42,9 +42,9 @@ class KernelParameters(NamedTuple):
 
 
 def rest_weight(settings: RefineSettings) -> float:
-    """Weight of a squared joint angle per point (m^2), for its deviation in the prior.
+    """Weight (m^2 per point) of a squared joint angle in the Gaussian prior around the rest pose.
 
-    With soft correspondences it is zero: only the arm was measured with them.
+    It is zero with soft correspondences, with which the prior was not measured.
     """
     if settings.is_soft or not settings.pose_deviation > 0.0:
         return 0.0

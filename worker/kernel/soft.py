@@ -107,8 +107,9 @@ def fill_wrenches(
 ) -> float:
     """p(p_i); fills wrenches (L, 7) with the wrench of the point on each link, times p(p_i).
 
-    A wrench is torque about the camera, force, and the sum of p_k(p_i). The density of a farther sample over
-    the rays is narrower and higher. This pulls a sample away as much as random residuals across pull it near.
+    A row is the torque about the camera, the force, and the sum of p_k(p_i). The density of a sample over the
+    rays is narrower and higher the farther the sample is. The force that follows, away from the camera,
+    balances the mean force of the residuals across the rays, towards the camera.
     """
     depth, focal, stretch = seen.depth, seen.focal, parameters.stretch
     per_focal, per_noise = 1.0 / focal, 1.0 / parameters.noise_depth

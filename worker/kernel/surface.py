@@ -24,7 +24,7 @@ class Skeleton(NamedTuple):
     limits: NDArray[np.float64]  # (D, 2)
     balls: NDArray[np.int64]  # (B,)
     link_dofs: NDArray[np.int64]  # (L,)
-    single: NDArray[np.bool_]  # (D,) which of them are not part of a ball
+    single: NDArray[np.bool_]  # (D,) which of them are not part of a spherical joint
     precisions: NDArray[np.float64]  # (D,) rest_spreads^-2, of the rest prior; 0 of what places the body
 
 

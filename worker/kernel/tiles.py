@@ -25,7 +25,7 @@ FLOATS, INTS = ir.VectorType(FLOAT, TILE), ir.VectorType(INT, TILE)
 def search_lanes(  # type: ignore[no-untyped-def]
     _, points, first, model, start, stop, nearest, index
 ):
-    """Lower the squared distances of one tile by those of the model points start..stop.
+    """Reduce the squared distances of one tile to those of closer model points, from start to stop - 1.
 
     points (3, P) float32, with the tile from `first`; model (M, 3) float32; the results are nearest (P,)
     float32 and index (P,) uint32.

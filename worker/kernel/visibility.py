@@ -48,7 +48,7 @@ def pose_body(pose: Array, skeleton: Skeleton, surface: Surface, workspace: Work
 def pose_vertices(
     some: Numbers, pose: Array, skeleton: Skeleton, surface: Surface, workspace: Workspace
 ) -> None:
-    """`pose_body`, but .posed of some vertices only."""
+    """As `pose_body`, but fill .posed for some vertices only."""
     vertices, links, weights = surface.vertices, surface.skin_links, surface.skin_weights
     of_links, posed = pose_links(pose, skeleton, workspace), workspace.posed
     for m in range(len(some)):

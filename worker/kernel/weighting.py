@@ -1,8 +1,8 @@
 """Weighted sums over correspondences, from which the normal equations follow (steps 4c and 4d).
 
 Each visible vertex has residuals to its observed points, weighted by a robust kernel. A vertex in free space
-also has a residual to the silhouette: no observed point is there that could report it. Surfaces seen at a
-grazing angle have no such residual, as depth cameras do not measure them.
+also has a residual to the silhouette, because no observed point is there. Surfaces seen at a grazing angle
+have no such residual, because depth cameras do not measure them.
 
 A vertex that is skinned to several links contributes to each of them in proportion to its weights: at the
 position to which that link alone would move it, with the residual of the skinned vertex. So J^T r is exact at

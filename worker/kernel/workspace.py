@@ -35,7 +35,7 @@ class Search(NamedTuple):
     groups: Points  # (6, K / TILE) bounding boxes of TILE successive leaves, padded alike
     closest: Numbers  # (P,) their indices; the initial guess of the next search
     squared: Points  # (P,)
-    largest: Points  # (P / TILE,) of a tile's
+    largest: Points  # (P / TILE,) the largest of `squared` in each tile
 
 
 class Equations(NamedTuple):
