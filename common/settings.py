@@ -8,8 +8,8 @@ import msgspec
 
 from common.errors import InputError
 
-SOFT_NOISE_RATIO = 2.0
-"""Ratio of depth noise to lateral noise above which correspondences are soft."""
+SOFT_NOISE_RATIO = 4.0
+"""Ratio of depth noise to lateral noise above which correspondences are soft, which takes about ten times longer."""
 
 
 Descent = Literal["plain", "accelerated"]
