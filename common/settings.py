@@ -9,7 +9,7 @@ import msgspec
 from common.errors import InputError
 
 SOFT_NOISE_RATIO = 4.0
-"""Ratio of depth noise to lateral noise above which correspondences are soft, which takes about ten times longer."""
+"""Ratio of depth noise to lateral noise above which correspondences are soft; they are ten times slower."""
 
 
 Descent = Literal["plain", "accelerated"]
