@@ -51,7 +51,7 @@ def test_spreads_that_mean_nothing_are_refused(model: BodyModel, wrong: float) -
         replace(model, rest_spreads=spreads)
     spreads = model.rest_spreads.copy()
     spreads[model.dof("l_hip_flexion")] = 1.0
-    with pytest.raises(ValueError, match="the three angles of a ball"):
+    with pytest.raises(ValueError, match="the three angles of a spherical joint"):
         replace(model, rest_spreads=spreads)
 
 
