@@ -86,7 +86,7 @@ PRESETS = {
             likelihood_scale=0.004,
             pose_deviation=1.6,
         ),
-        filter=FilterSettings(velocity_time_s=0.1, explore=True),
+        filter=FilterSettings(velocity_time_s=0.05, explore=True),
     ),
     "paper": Settings(preset="paper", measure_person=False, recover=False),
 }
