@@ -30,6 +30,7 @@ import psutil  # type: ignore[import-untyped]
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from benchmarks.costs.service import processor_seconds
 from benchmarks.running import add_data, command_line, keep
 from common.camera import Intrinsics
 from common.frame import DepthFrame
@@ -173,9 +174,9 @@ def enter(data: Path, name: str, entries: int) -> dict[str, Any]:
         time.sleep(READY_S)
         camera = Camera(bus, [replace(room, depth=noisy(empty, rng)) for _ in range(EMPTY)], log)
         camera.show(SETTLED, FPS)
-        before = processor_seconds(run.pid)
+        before = processor_seconds_of_all(run.pid)
         camera.show(EMPTY - SETTLED, FPS)
-        cost, soon = 1e3 * (processor_seconds(run.pid) - before) / (EMPTY - SETTLED), list[float]()
+        cost, soon = 1e3 * (processor_seconds_of_all(run.pid) - before) / (EMPTY - SETTLED), list[float]()
         for k in range(entries):
             shift, first = int(rng.integers(-80, 80)), int(rng.integers(len(visitor) - INSIDE))
             people = [np.roll(f.depth, shift, axis=1) for f in visitor[first : first + INSIDE]]
@@ -197,11 +198,10 @@ def enter(data: Path, name: str, entries: int) -> dict[str, Any]:
     return found
 
 
-def processor_seconds(pid: int) -> float:
+def processor_seconds_of_all(pid: int) -> float:
     """Processor time of a process and its children."""
-    process = psutil.Process(pid)
-    times = [each.cpu_times() for each in (process, *process.children(recursive=True))]
-    return float(sum(each.user + each.system for each in times))
+    children = psutil.Process(pid).children(recursive=True)
+    return sum(processor_seconds(each) for each in (pid, *(child.pid for child in children)))
 
 
 def noisy(depth_m: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.uint16]:

@@ -80,7 +80,7 @@ def choose_count(most: int, near: Flags) -> int:
 def choose_kinds(count: int, rng: np.random.Generator) -> tuple[Flags, Flags]:
     """Which particles (N,) get noise, and which are data-driven; the first is the prediction.
 
-    The fewest particles are not data-driven: then too few points are unexplained.
+    If a frame has only the FEWEST particles, none of them is data-driven.
     """
     data_driven = rng.permutation(count) < (DATA_DRIVEN_SHARE * count if count > FEWEST else 0)
     spread = ~data_driven

@@ -59,7 +59,7 @@ def test_the_stature_is_the_persons_and_not_the_models(scale: float) -> None:
 
 @pytest.mark.parametrize("finer", [2, 3])
 def test_the_stature_is_the_persons_and_not_the_cameras(finer: int) -> None:
-    """A camera with more pixels measures the same, but for 2 cm."""
+    """A camera with more pixels measures the same, but for 1.5 cm."""
     width, height, focal = finer * CAMERA.width, finer * CAMERA.height, finer * CAMERA.fx
     sharp = Intrinsics(width, height, focal, focal, 0.5 * (width - 1), 0.5 * (height - 1))
     measured = stature_in(POSTURE, subject=subject_in(POSTURE, sharp))
