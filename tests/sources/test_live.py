@@ -178,7 +178,7 @@ def test_a_stream_is_tracked_to_its_end(endpoint: str, tmp_path: Path) -> None:
 
 
 def test_a_stream_that_is_too_fast_loses_the_older_frames(endpoint: str, tmp_path: Path) -> None:
-    """With a worker that needs 50 ms a particle, frames every 20 ms are skipped, counted, the last one kept."""
+    """A worker needs 50 ms a particle: of frames every 20 ms most are skipped, counted, the last one kept."""
     messages = [encode_live(image(number)) for number in range(30)] + [encode_live_end()]
     with staged(endpoint, messages, lambda stop: stop.wait(0.02), Finder(0.05)):
         assert track_live(endpoint, tmp_path / "run") == 0
