@@ -10,7 +10,7 @@ from scipy.ndimage import binary_erosion
 
 from coordinator.pictures.shading import Colour, shade_depth
 from coordinator.scene.candidates import Candidate
-from coordinator.scene.scene import ON_PLANE, SceneView
+from coordinator.scene.scene import ON_PLANE, SceneView, mark_pixels
 
 FLOOR: Colour = (70, 150, 90)
 WALL: Colour = (80, 110, 170)
@@ -22,7 +22,8 @@ def draw_scene(view: SceneView, found: Sequence[Candidate]) -> Image.Image:
     picture = np.array(shade_depth(view.depth, view.camera))
     planes = view.planes.coefficients
     for n in range(len(planes)):
-        on = view.marks(planes[n : n + 1]) == ON_PLANE
+        marks = mark_pixels(view.depth, view.background, view.lens, planes[n : n + 1], view.growth)
+        on = marks == ON_PLANE
         picture[on] = picture[on] // 2 + np.array(FLOOR if n == 0 and view.planes.has_floor else WALL) // 2
     for n, candidate in reversed(list(enumerate(found))):
         picture[candidate.mask & ~binary_erosion(candidate.mask)] = OUTLINES[min(n, len(OUTLINES) - 1)]

@@ -16,9 +16,9 @@ from common.camera import Intrinsics, back_project, level_from_camera
 from coordinator.scene.flatness import FLAT_SHARE, LEAST_PART_M2, SAMPLED, find_flat
 from coordinator.scene.planes import Array, extents
 from coordinator.scene.scene import FOREGROUND, PERSON_LENGTH_M, Mask, SceneView
-from coordinator.scene.segmentation import label_parts
+from coordinator.scene.segmentation import LEAST_AREA_M2, label_parts
 
-AREA_M2 = (0.1, 1.6)  # visible area of a person
+MOST_AREA_M2 = 1.6  # visible area of a person
 SAME_SPOT_M = 0.35  # horizontal distance of a further part of a person, with an occluder between
 
 
@@ -63,7 +63,7 @@ class Candidate:
 
 def candidates(view: SceneView, known: Mask | None = None) -> list[Candidate]:
     """Candidates for people, best first; pixels (H, W) of known people are excluded."""
-    free = view.marks() == FOREGROUND
+    free = view.marks == FOREGROUND
     if known is not None:
         free &= ~known
     labels = label_parts(view.depth, free, view.growth)
@@ -75,7 +75,7 @@ def candidates(view: SceneView, known: Mask | None = None) -> list[Candidate]:
     def part(label: int) -> Part:
         return part_of(view, labels[windows[label - 1]] == label, windows[label - 1])
 
-    large = np.flatnonzero((areas >= AREA_M2[0]) & (areas <= AREA_M2[1])).tolist()
+    large = np.flatnonzero((areas >= LEAST_AREA_M2) & (areas <= MOST_AREA_M2)).tolist()
     found = [judge(view, each) for label in large for each in cut(view, part(label))]
     best = sorted((each for each in found if each is not None), key=lambda each: -each.score)
     small = np.flatnonzero(areas >= LEAST_PART_M2).tolist() if best else []
@@ -114,10 +114,10 @@ def cut(view: SceneView, part: Part) -> list[Part]:
     areas = np.bincount(labels.ravel(), (depth**2 / (view.camera.fx * view.camera.fy)).ravel())
     areas[0] = 0.0
     rests = list[Part]()
-    if areas.max() >= AREA_M2[0]:
+    if areas.max() >= LEAST_AREA_M2:
         labels = label_parts(depth, part.mask & ~flat.grow((areas >= LEAST_PART_M2)[labels]), view.growth)
         rests = [part_of(view, labels == label, part.window) for label in range(1, labels.max() + 1)]
-        rests = [rest for rest in rests if area_of(view, rest.points) >= AREA_M2[0]]
+        rests = [rest for rest in rests if area_of(view, rest.points) >= LEAST_AREA_M2]
     if max((rest.height for rest in rests), default=0.0) >= min(1.0, part.height):
         return [one for rest in rests for one in cut(view, rest)]
     return [] if flat.share > FLAT_SHARE else [part]

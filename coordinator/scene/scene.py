@@ -43,6 +43,7 @@ class SceneView:
     depth: (H, W) metres, 0 for pixels without depth or outside the user's scope.
     growth: of the depth's noise.
     background: (H, W) metres, depth without people; 0 if unknown.
+    marks: (H, W) NOT_MEASURED, FOREGROUND, BACKGROUND or ON_PLANE.
     furnished: the frame shows more than one person alone; if not, pixels without depth are empty.
     left_out: (H, W) pixels excluded by the user; they are unknown.
     """
@@ -53,6 +54,7 @@ class SceneView:
     growth: float
     planes: Planes
     background: Depth
+    marks: Marks
     furnished: bool
     left_out: Mask | None = None
 
@@ -61,18 +63,13 @@ class SceneView:
         """fx, fy, cx, cy."""
         return self.camera.fx, self.camera.fy, self.camera.cx, self.camera.cy
 
-    def marks(self, planes: Array | None = None) -> Marks:
-        """NOT_MEASURED, FOREGROUND, BACKGROUND or ON_PLANE of each pixel (H, W); planes (P, 3), all if None.
-
-        Depth beyond the background is foreground: a person may come through a door.
-        """
-        coefficients = self.planes.coefficients if planes is None else planes
-        return mark_pixels(self.depth, self.background, self.lens, coefficients, self.growth)
-
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def mark_pixels(depth: Depth, background: Depth, lens: Lens, planes: Array, growth: float) -> Marks:
-    """Marks (H, W) of a window as in `SceneView.marks`; the lens is that of the window."""
+    """NOT_MEASURED, FOREGROUND, BACKGROUND or ON_PLANE of each pixel (H, W); planes (P, 3).
+
+    Depth beyond the background is foreground: a person may come through a door.
+    """
     fx, fy, cx, cy = lens
     marks = np.empty(depth.shape, dtype=np.uint8)
     for v in range(depth.shape[0]):
@@ -145,13 +142,16 @@ class Scene:
             self._begin(np.zeros_like(depth))
         if depth.any():
             self._look(depth, frame.intrinsics)
+        camera, planes, growth = frame.intrinsics, self._planes, self._growth or USUAL_GROWTH
+        lens = camera.fx, camera.fy, camera.cx, camera.cy
         return SceneView(
             number=frame.number,
             depth=depth,
-            camera=frame.intrinsics,
-            growth=self._growth or USUAL_GROWTH,
-            planes=self._planes,
+            camera=camera,
+            growth=growth,
+            planes=planes,
             background=self._background,
+            marks=mark_pixels(depth, self._background, lens, planes.coefficients, growth),
             furnished=self._furnished,
             left_out=left_out,
         )

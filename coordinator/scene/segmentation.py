@@ -25,7 +25,6 @@ from coordinator.scene.scene import (
     Lens,
     Mask,
     SceneView,
-    mark_pixels,
 )
 
 Labels = NDArray[np.uint8]
@@ -35,6 +34,7 @@ NEAR_M = 0.12  # to a posed surface; foreground within it is the subject, and no
 CELL_M = 0.04  # of the distance field; body and room cannot be distinguished at smaller distances
 REACH_CELLS = 7  # largest distance of the subject from the surface
 REACH_M = CELL_M * REACH_CELLS
+LEAST_AREA_M2 = 0.1  # visible area of a person; no limb shows as much
 STEP_M = 0.03  # largest difference between neighbouring pixels of one surface, without noise
 
 
@@ -130,15 +130,12 @@ def segment_body(
         others: Pixels (H, W) of other people, or possible people; they are unknown for this one.
     """
     window = window_of(view, surface)
-    depth, near = view.depth[slices(window)], distances[slices(window)]
-    fx, fy, cx, cy = view.lens
-    lens = (fx, fy, cx - window[0], cy - window[1])
-    planes, background = view.planes.coefficients, view.background[slices(window)]
-    marks = mark_pixels(depth, background, lens, planes, view.growth)
+    inside = slices(window)
+    depth, near, marks = view.depth[inside], distances[inside], view.marks[inside]
     unclear = (marks != FOREGROUND) & (near <= CELL_M)
     for mask in (view.left_out, others):
         if mask is not None:
-            unclear |= mask[slices(window)]
+            unclear |= mask[inside]
     possible = (marks == FOREGROUND) & (near <= REACH_M) & ~unclear
     parts = label_parts(depth, possible, view.growth)
     chosen = np.zeros(parts.max(initial=0) + 1, dtype=np.bool_)
@@ -188,12 +185,56 @@ def is_missing(view: SceneView, surface: Array, segmentation: Segmentation) -> b
     return bool(np.count_nonzero(labels == EMPTY) >= 0.5 * len(labels))
 
 
-def assign_pixels(distances: Sequence[Depth]) -> list[Mask | None]:
-    """For each body the pixels (H, W) that are nearer to another body; None for a single body."""
-    if len(distances) < 2:
-        return [None] * len(distances)
-    nearest = np.min(distances, axis=0)
+def assign_pixels(distances: Sequence[Depth]) -> list[Mask]:
+    """For each body the pixels (H, W) that are nearer to another body."""
+    nearest = np.min(distances, axis=0) if distances else None
     return [mine > nearest for mine in distances]
+
+
+def mark_apart(view: SceneView, distances: Sequence[Depth]) -> Mask:
+    """Pixels (H, W) of other people and things that touch bodies, from the distances to each body.
+
+    They are foreground that is not near a body, and connected to so much beyond its reach that it is no limb.
+    """
+    apart = np.zeros(view.depth.shape, dtype=np.bool_)
+    if distances:
+        free = view.marks == FOREGROUND
+        least = LEAST_AREA_M2 * view.camera.fx * view.camera.fy
+        grow_apart(view.depth, free, np.min(distances, axis=0), view.growth, least, apart)
+    return apart
+
+
+@numba.njit(cache=True, nogil=True)
+def grow_apart(
+    depth: Depth, free: Mask, distances: Depth, growth: float, least: float, apart: Mask
+) -> None:
+    """Mark pixels (H, W), initially none, as in `mark_apart`; `least` is an area in pixels times z^2."""
+    rows, columns = depth.shape
+    grown = np.empty(rows * columns, dtype=np.int64)
+    for start in range(rows * columns):
+        row, column = start // columns, start % columns
+        if not (NEAR_M < distances[row, column] <= REACH_M and free[row, column]):
+            continue
+        grown[0], count, place, beyond = start, 1, 0, 0.0
+        free[row, column] = False
+        while place < count:
+            row, column = grown[place] // columns, grown[place] % columns
+            place += 1
+            z = depth[row, column]
+            if distances[row, column] > REACH_M:
+                beyond += z * z
+            step = STEP_M + margin_at(z, growth)
+            for k in range(4):
+                r, c = row + (k == 1) - (k == 0), column + (k == 3) - (k == 2)
+                if not (0 <= r < rows and 0 <= c < columns) or not free[r, c]:
+                    continue
+                if distances[r, c] > NEAR_M and abs(depth[r, c] - z) < step:
+                    free[r, c] = False
+                    grown[count] = r * columns + c
+                    count += 1
+        if beyond >= least:
+            for k in range(count):
+                apart[grown[k] // columns, grown[k] % columns] = True
 
 
 def label_parts(depth: Depth, inside: Mask, growth: float) -> NDArray[np.int32]:

@@ -19,6 +19,7 @@ from coordinator.scene.segmentation import (
     NEAR_M,
     assign_pixels,
     is_missing,
+    mark_apart,
     measure_distances,
     segment_body,
     segment_mask,
@@ -102,7 +103,8 @@ class Segmenter:
             return Segmented(whole, (None if bodies[0] is None else subject,), found, view, change)
         surfaces = [body.surface for body in bodies if body is not None]
         distances = [measure_distances(view, surface) for surface in surfaces]
-        others, known = assign_pixels(distances), near_any(view, distances)
+        known, apart = near_any(view, distances), mark_apart(view, distances)
+        others = [each | apart for each in assign_pixels(distances)]
         strangers, theirs = tuple[SubjectFrame, ...](), known.copy()
         if len(surfaces) < len(bodies) and not find:
             theirs[:] = True
@@ -111,8 +113,6 @@ class Segmenter:
             found_masks = [each.mask for each in self._scope.choose(view, possible)]
             found_masks = found_masks[:1] if len(bodies) == 1 else found_masks
             strangers = self._people(frame, view, found_masks, known)
-            for mask in found_masks:
-                others = [mask if other is None else mask | other for other in others]
             for each in () if rejected else possible:
                 theirs |= each.mask
         segmented = [segment_body(view, *each) for each in zip(surfaces, distances, others, strict=True)]
