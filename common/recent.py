@@ -7,7 +7,7 @@ from typing import TypeVar
 K = TypeVar("K")
 V = TypeVar("V")
 
-FRAMES_KEPT = 4  # of a run: the current one, the next one, and those of a detection: all points, and few
+FRAMES_KEPT = 8  # of a run: of each of three people the current and the next one; those of a detection
 MODELS_KEPT = 16  # of a run
 
 

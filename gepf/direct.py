@@ -27,6 +27,8 @@ class DirectRequest:
     settings: RefineSettings
     covariance: bool
 
+    is_ready = True
+
     def result(self) -> Refined:
         """Refine the particles."""
         return refine(self.model, self.observation, self.poses, self.settings, covariance=self.covariance)
@@ -37,24 +39,20 @@ class DirectRefiner:
 
     def __init__(self) -> None:
         self._observe = lru_cache(FRAMES_KEPT)(observe)
-        self._observation: Observation | None = None
 
     def publish(self, subject: SubjectFrame) -> None:
-        """Keep the frame for later calls of `submit`."""
-        self._observation = self._observe(subject)
-
-    def send_ahead(self, subject: SubjectFrame) -> None:
         """Nothing to do without workers."""
 
     def submit(
         self,
+        subject: SubjectFrame,
         model: BodyModel,
         poses: NDArray[np.float64],
         settings: RefineSettings,
         *,
         covariance: bool = False,
+        spare: bool = False,
     ) -> DirectRequest:
-        """Keep poses (N, D), to be refined on the last published frame."""
-        if self._observation is None:
-            raise RuntimeError("publish a frame first")
-        return DirectRequest(model, self._observation, poses, settings, covariance)
+        """Keep poses (N, D), to be refined on a frame."""
+        del spare
+        return DirectRequest(model, self._observe(subject), poses, settings, covariance)

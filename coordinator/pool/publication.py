@@ -18,7 +18,6 @@ class Publication:
     """The published frames and models of one run. Threads of the bus read it."""
 
     def __init__(self, bus: Bus, run: str) -> None:
-        self.current = -1  # number of the frame of the requests
         self._number = -1  # of the last sent frame
         self._lock = threading.Lock()
         # By number, each with its message; the most recently used is last.
@@ -29,24 +28,22 @@ class Publication:
         bus.serve(keys.of_run(run, "present"), lambda _: b"")
         self._publisher = bus.publish(keys.of_run(run, "frame"))
 
-    def put(self, subject: SubjectFrame) -> None:
-        """Make a frame the current one; send it, unless it was sent recently."""
+    def put(self, subject: SubjectFrame) -> int:
+        """Send a frame with its number, or with the next one if that is used; returns the number.
+
+        A frame that was sent recently is not sent again.
+        """
         number = next((n for n, (sent, _) in self._frames.items() if sent is subject), None)
-        if number is None:
-            self.put_ahead(subject)
-            number = self._number
-        else:
+        if number is not None:
             with self._lock:
                 put_recent(self._frames, number, self._frames[number], FRAMES_KEPT)
-        self.current = number
-
-    def put_ahead(self, subject: SubjectFrame) -> None:
-        """Send a frame with its number, or with the next one if that is used."""
+            return number
         self._number = max(subject.frame.number, self._number + 1)
         payload = encode_frame(replace(subject, frame=replace(subject.frame, number=self._number)))
         with self._lock:
             put_recent(self._frames, self._number, (subject, payload), FRAMES_KEPT)
         self._publisher.put(payload)
+        return self._number
 
     def offer(self, model: BodyModel) -> None:
         """Keep a model for workers that fetch it."""

@@ -29,9 +29,16 @@ class Refinement:
     """A refinement in progress, which is sent in batches."""
 
     client: RpcClient
+    number: int
     request: RefineRequest  # for all particles
     due: float = math.inf  # deadline, by the monotonic clock
     parts: dict[int, Refined] = field(default_factory=dict)  # by first particle
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether `result` would return at once."""
+        self.client.catch_up()
+        return self.is_over(time.monotonic())
 
     def result(self) -> Refined:
         """Wait for the particles in the order of submission; NaN if unanswered at the deadline.
@@ -41,26 +48,22 @@ class Refinement:
         not start.
         """
         self.client.finish(self)
-        return self.gather()
-
-    def is_over(self, now: float) -> bool:
-        """Whether all particles are refined, or the deadline is over and there is at least one reply."""
-        refined = sum(len(part.poses) for part in self.parts.values())
-        return refined == len(self.request.poses) or (now >= self.due and refined > 0)
-
-    def gather(self) -> Refined:
-        """The refined particles in their order, and NaN for the others."""
         starts = sorted(self.parts)
         joined = concatenate([self.parts[start] for start in starts])
         places = [np.arange(start, start + len(self.parts[start].poses)) for start in starts]
         count = len(self.request.poses)
         return joined if len(joined.poses) == count else joined.spread(np.concatenate(places), count)
 
+    def is_over(self, now: float) -> bool:
+        """Whether all particles are refined, or the deadline is over and there is at least one reply."""
+        refined = sum(len(part.poses) for part in self.parts.values())
+        return refined == len(self.request.poses) or (now >= self.due and refined > 0)
+
 
 class RpcClient:
-    """Performs one refinement at a time, between the scheduler and the workers.
+    """Performs refinements, between the scheduler and the workers.
 
-    Events from threads of the bus are queued until `begin`, `finish` or `step` handles them. `report` is
+    Events from threads of the bus are queued until the coordinator's thread handles them. `report` is
     called with a message for the user when workers join, leave, or are missing.
     """
 
@@ -75,7 +78,8 @@ class RpcClient:
         self._lanes: dict[str, int] = {}  # by worker, present or not
         self._senders: dict[str, RequestSender] = {}  # by worker
         self._inbox: SimpleQueue[Callable[[], None]] = SimpleQueue()
-        self._refinement: Refinement | None = None  # the last one
+        self._refinements: dict[int, Refinement] = {}  # the unfinished ones by number
+        self._begun = 0  # refinements
         self._next_poll = 0.0
         self._alone_since: float | None = None  # start of the time without a worker
         self._alone_reported = False
@@ -88,22 +92,26 @@ class RpcClient:
         """Number of lanes of all present workers."""
         return sum(worker.lanes for worker in self.scheduler.workers.values())
 
-    def begin(self, request: RefineRequest, due: float) -> Refinement:
-        """Send all batches of a request; an unfinished previous one is cancelled."""
-        self.scheduler.batches = []
-        self._catch_up()
-        self._refinement = Refinement(self, request, due)
-        now = time.monotonic()
-        self._send(self.scheduler.start(len(request.poses), now, by_deadline=due < math.inf))
-        return self._refinement
+    def begin(self, request: RefineRequest, due: float, *, spare: bool) -> Refinement:
+        """Send all batches of a request; if it is spare, after others until it is waited for."""
+        self.catch_up()
+        number, self._begun = self._begun, self._begun + 1
+        self._refinements[number] = refinement = Refinement(self, number, request, due)
+        particles, now = len(request.poses), time.monotonic()
+        by_deadline = due < math.inf
+        self._send(self.scheduler.start(number, particles, now, by_deadline=by_deadline, spare=spare))
+        return refinement
 
     def finish(self, refinement: Refinement) -> None:
-        """Wait until the last refinement is complete, or the deadline is over."""
-        if refinement is not self._refinement:
-            raise RuntimeError("this request was given up when another one was submitted")
-        self._catch_up()  # queued replies are in time
-        while not refinement.is_over(time.monotonic()):
-            self.step(refinement.due)
+        """Wait until a refinement is complete, or its deadline is over; then forget it."""
+        try:
+            self.catch_up()  # queued replies are in time
+            self._send(self.scheduler.hurry(refinement.number, time.monotonic()))
+            while not refinement.is_over(time.monotonic()):
+                self.step(refinement.due)
+        finally:
+            self.scheduler.cancel(refinement.number)
+            self._refinements.pop(refinement.number, None)
 
     def step(self, due: float = math.inf) -> None:
         """Handle the next event, and check clock and workers at intervals."""
@@ -116,7 +124,7 @@ class RpcClient:
         with suppress(Empty):
             self._inbox.get(timeout=min(TICK_S, due - now) if due > now else TICK_S)()
 
-    def _catch_up(self) -> None:
+    def catch_up(self) -> None:
         """Handle all queued events."""
         while not self._inbox.empty():
             self._inbox.get()()
@@ -171,8 +179,8 @@ class RpcClient:
 
     def _send(self, requests: list[Request]) -> None:
         for request in requests:
-            assert self._refinement is not None
-            batch = self._refinement.request.batch(request.batch.start, request.batch.stop)
+            whole = self._refinements[request.batch.refinement].request
+            batch = whole.batch(request.batch.start, request.batch.stop)
             self._senders[request.worker.name].send(
                 encode_request(batch), partial(self._deliver, request.ticket, request.worker.name)
             )
@@ -205,9 +213,10 @@ class RpcClient:
 
     def _receive(self, ticket: int, worker: str, payload: bytes) -> tuple[Outcome, str]:
         """Keep a useful reply, unless it is invalid."""
-        batch, refinement = self.scheduler.wanted(ticket), self._refinement
-        if batch is None or refinement is None:
+        batch = self.scheduler.wanted(ticket)
+        if batch is None:
             return "refined", ""
+        refinement = self._refinements[batch.refinement]
         shape = batch.stop - batch.start, refinement.request.poses.shape[1]
         try:
             part = decode_refined(payload, shape, covariance=refinement.request.covariance)

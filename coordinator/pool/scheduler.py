@@ -34,8 +34,10 @@ Outcome = Literal["refined", "refused", "unavailable", "nothing"]
 
 @dataclass(slots=True, eq=False)
 class Batch:
-    """Particles start to stop - 1."""
+    """Particles start to stop - 1 of a refinement."""
 
+    refinement: int
+    spare: bool  # is sent after others
     start: int
     stop: int
     done: bool = False
@@ -75,20 +77,38 @@ class Scheduler:
     def __init__(self) -> None:
         self.workers: dict[str, Worker] = {}
         self.in_flight: dict[int, Request] = {}  # by ticket, the oldest first
-        self.batches: list[Batch] = []  # empty without a refinement
+        self.batches: list[Batch] = []  # of all unfinished refinements
         self.sent = self.sent_again = self.refused = 0  # requests
         self._pace = math.inf  # seconds per particle and lane, in the last request with a result
         self._answered_at = -math.inf  # by any worker
 
-    def start(self, particles: int, now: float, *, by_deadline: bool = False) -> list[Request]:
-        """Start a refinement of this number of particles; an unfinished previous one is cancelled."""
+    def start(
+        self,
+        refinement: int,
+        particles: int,
+        now: float,
+        *,
+        by_deadline: bool = False,
+        spare: bool = False,
+    ) -> list[Request]:
+        """Start a refinement, which has an unused number, of so many particles; a spare one can wait."""
         workers = sorted(self.workers.values(), key=lambda w: (w.rests_until > now, len(w.in_flight)))
         lanes = [worker.lanes for worker in workers] or [1]
         share = particles / sum(lanes)  # per lane
         rounds = max(max(lanes) * share / MAX_PARTICLES, by_deadline * share / DEADLINE_BATCH)
         ranges = split(particles, lanes * max(1, math.ceil(rounds)))
-        self.batches = [Batch(start, stop) for start, stop in ranges]
+        self.batches += [Batch(refinement, spare, start, stop) for start, stop in ranges]
         return self.dispatch(now)
+
+    def hurry(self, refinement: int, now: float) -> list[Request]:
+        """A spare refinement can wait no longer."""
+        for batch in self.batches:
+            batch.spare &= batch.refinement != refinement
+        return self.dispatch(now)
+
+    def cancel(self, refinement: int) -> None:
+        """Forget a refinement."""
+        self.batches = [batch for batch in self.batches if batch.refinement != refinement]
 
     def join(self, name: str, lanes: int, now: float) -> list[Request]:
         """A worker has joined, or announced its number of lanes."""
@@ -117,13 +137,13 @@ class Scheduler:
         if outcome == "refined":
             self._pace = (now - request.sent_at) / request.load
             batch.done |= is_wanted
-            if all(each.done for each in self.batches):
-                self.batches = []
+            if all(each.done for each in self.batches if each.refinement == batch.refinement):
+                self.cancel(batch.refinement)
         elif outcome == "refused":
             self.refused += 1
             batch.refusals[worker.name] = reason
             if is_wanted and batch.refusals.keys() >= self.workers.keys():
-                self.batches = []
+                self.cancel(batch.refinement)
                 raise ProtocolError("; ".join(dict.fromkeys(batch.refusals.values())))
         else:
             worker.rests_until = now + REST_S
@@ -135,7 +155,7 @@ class Scheduler:
         """Send waiting batches to workers with capacity, the least busy first; if none wait, late ones."""
         waiting = [batch for batch in self.batches if not (batch.done or batch.in_flight)]
         sends: list[Request] = []
-        for batch in waiting:
+        for batch in sorted(waiting, key=lambda batch: batch.spare):
             by_all = batch.refusals.keys() >= self.workers.keys()
             free = [w for w in self._awake(now) if by_all or w.name not in batch.refusals]
             if free:

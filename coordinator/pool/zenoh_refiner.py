@@ -42,7 +42,6 @@ class ZenohRefiner:
         self._report = report
         self._stack = ExitStack()
         self._lost_links: set[str] = set()
-        self._due = math.inf  # deadline of the frame
 
     def __enter__(self) -> Self:
         with ExitStack() as stack:
@@ -120,26 +119,24 @@ class ZenohRefiner:
         return self._bus.publish(key)
 
     def publish(self, subject: SubjectFrame) -> None:
-        """Send a frame to all workers; later calls of `submit` refer to it."""
+        """Send a frame to all workers, so that they have it when its particles are submitted."""
         self._publication.put(subject)
-        if self._pool.deadline is not None:
-            self._due = time.monotonic() + self._pool.deadline
-
-    def send_ahead(self, subject: SubjectFrame) -> None:
-        """Send the frame that will be published next, so that workers already have it."""
-        self._publication.put_ahead(subject)
 
     def submit(
         self,
+        subject: SubjectFrame,
         model: BodyModel,
         poses: NDArray[np.float64],
         settings: RefineSettings,
         *,
         covariance: bool = False,
+        spare: bool = False,
     ) -> Refinement:
-        """Send poses (N, D) to the workers. A previous request whose result was not taken is cancelled."""
+        """Send poses (N, D) to the workers, to be refined on a frame until the deadline, if there is one."""
         if len(poses) == 0:
             raise ValueError("there is nothing to refine")
         self._publication.offer(model)
-        request = RefineRequest(self.run, self._publication.current, model.hash, settings, poses, covariance)
-        return self._client.begin(request, self._due)
+        number, deadline = self._publication.put(subject), self._pool.deadline
+        request = RefineRequest(self.run, number, model.hash, settings, poses, covariance)
+        due = math.inf if deadline is None else time.monotonic() + deadline
+        return self._client.begin(request, due, spare=spare)

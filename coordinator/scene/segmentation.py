@@ -194,7 +194,7 @@ def assign_pixels(distances: Sequence[Depth]) -> list[Mask]:
 def mark_apart(view: SceneView, distances: Sequence[Depth]) -> Mask:
     """Pixels (H, W) of other people and things that touch bodies, from the distances to each body.
 
-    They are foreground that is not near a body, and connected to so much beyond its reach that it is no limb.
+    They are foreground that is not near a body, extends beyond its reach, and is too large for a limb.
     """
     apart = np.zeros(view.depth.shape, dtype=np.bool_)
     if distances:
@@ -205,9 +205,7 @@ def mark_apart(view: SceneView, distances: Sequence[Depth]) -> Mask:
 
 
 @numba.njit(cache=True, nogil=True)
-def grow_apart(
-    depth: Depth, free: Mask, distances: Depth, growth: float, least: float, apart: Mask
-) -> None:
+def grow_apart(depth: Depth, free: Mask, distances: Depth, growth: float, least: float, apart: Mask) -> None:
     """Mark pixels (H, W), initially none, as in `mark_apart`; `least` is an area in pixels times z^2."""
     rows, columns = depth.shape
     grown = np.empty(rows * columns, dtype=np.int64)
@@ -215,14 +213,14 @@ def grow_apart(
         row, column = start // columns, start % columns
         if not (NEAR_M < distances[row, column] <= REACH_M and free[row, column]):
             continue
-        grown[0], count, place, beyond = start, 1, 0, 0.0
+        grown[0], count, place, area, beyond = start, 1, 0, 0.0, False
         free[row, column] = False
         while place < count:
             row, column = grown[place] // columns, grown[place] % columns
             place += 1
             z = depth[row, column]
-            if distances[row, column] > REACH_M:
-                beyond += z * z
+            area += z * z
+            beyond |= distances[row, column] > REACH_M
             step = STEP_M + margin_at(z, growth)
             for k in range(4):
                 r, c = row + (k == 1) - (k == 0), column + (k == 3) - (k == 2)
@@ -232,7 +230,7 @@ def grow_apart(
                     free[r, c] = False
                     grown[count] = r * columns + c
                     count += 1
-        if beyond >= least:
+        if beyond and area >= least:
             for k in range(count):
                 apart[grown[k] // columns, grown[k] % columns] = True
 

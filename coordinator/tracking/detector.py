@@ -5,8 +5,8 @@ iterations, the best distinct ones until they converge, and the best of these wi
 The first two stages use few points and a coarse surface. The third uses all points and the whole surface,
 because a coarse surface does not show the girth.
 
-A search is a generator that yields before every request to the workers. So a caller can do other work between
-requests. Each request publishes the subject that it needs.
+A search is a generator that yields the requests of each stage when they are sent, and needs their results when
+it goes on. So a caller can do other work meanwhile.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from common.body import ROOT_DOFS, BodyModel
 from common.frame import SubjectFrame
 from common.kinematics import joint_positions, natural_angles
+from common.refinement import Refined
 from common.settings import RefineSettings, Settings, preset
 from coordinator.bodies.human.measures import REFERENCE_STATURE
 from coordinator.bodies.tracked import Bodies, coarsen, pose_by_name
@@ -31,7 +32,7 @@ from coordinator.tracking.certainty.certainty import OFF
 from coordinator.tracking.gating import Gate, gate_pose, reject_points, reject_position
 from coordinator.tracking.observation import middle_of, observed_points
 from coordinator.tracking.pose_library import PoseLibrary, displaced, library_of
-from coordinator.tracking.refiner import Refiner
+from coordinator.tracking.refiner import Pending, Refiner
 from coordinator.tracking.sensor_noise import SensorNoise, assume_noise
 from coordinator.tracking.state import Start, detected_start, way_up
 
@@ -48,7 +49,7 @@ FIRST_ITERATIONS, ITERATIONS = 3, 12  # of the first stage, and of the next ones
 FEW_POINTS = 1_000  # on which candidates are refined
 DISTINCT_M = 0.05  # mean distance of the joints; nearer candidates are the same
 FACING_LOG_LIKELIHOOD = 2.0  # least difference that distinguishes front from back
-SLICE_ITERATIONS = 300  # of ICP in one request: about 10 ms on two lanes
+REQUEST_ITERATIONS = 150  # of ICP in one request: about 5 ms on two lanes
 LEAST_LEVEL = 0.3  # cosine of the camera's pitch; below it an image has no upright direction
 
 
@@ -99,8 +100,20 @@ class Detection:
         return bool(np.any(self.candidates.log_likelihood[turned] > log_likelihood - FACING_LOG_LIKELIHOOD))
 
 
-Search = Generator[None, None, Detection]
-"""A detection in slices: yields before every request to the workers, and returns the detection."""
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """The requests of one stage of a search, which are with the workers."""
+
+    requests: tuple[Pending, ...]
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether all results would come at once."""
+        return all(each.is_ready for each in self.requests)
+
+
+Search = Generator[Stage, None, Detection]
+"""A detection: yields each stage when it is sent, and returns the detection."""
 
 
 class Detector:
@@ -188,8 +201,8 @@ class Detector:
         for name, step in zip(ROOT_DOFS[:3], middle_of(now) - middle_of(before), strict=True):
             if name in model.dof_names:
                 poses[:, model.dof(name)] += step
-        self._refiner.publish(now)
-        candidates = ordered([refine(self._refiner, model, poses, iterations(rules, ITERATIONS), 0)])
+        pending = self._refiner.submit(now, model, poses, iterations(rules, ITERATIONS))
+        candidates = ordered([candidates_of(model, pending.result(), 0)])
         if not len(candidates.poses):  # none of them is visible
             return detection
         gate = gate_pose(candidates.log_likelihood[0], candidates.residual[0], rules)
@@ -216,7 +229,7 @@ class Detector:
         sizes: Sequence[tuple[float, float]],
         ways_up: Sequence[float],
         last: Array | None = None,
-    ) -> Generator[None, None, tuple[tuple[float, float], Candidates]]:
+    ) -> Generator[Stage, None, tuple[tuple[float, float], Candidates]]:
         """The poses that explain a frame best, with bodies of these sizes, or of a size between them.
 
         Most candidates have the first of the orientations. Some have the last pose `last` (D,), moved and
@@ -226,16 +239,18 @@ class Detector:
         poses, of = self._match(subject, sizes, ways_up, last)
         few, coarse, full = thin(subject, FEW_POINTS), self._coarse, self._bodies.for_start
         first, then = (iterations(settings, count) for count in (FIRST_ITERATIONS, ITERATIONS))
-        found = yield from self._refine_candidates(few, coarse, sizes, poses, of, first)
+        models = [coarse(*size) for size in sizes]
+        found = yield from self._refine_candidates(few, models, poses, of, first)
         found = found.distinct(names, SURVIVORS)
-        found = yield from self._refine_candidates(few, coarse, sizes, found.poses, found.sizes, then)
+        found = yield from self._refine_candidates(few, models, found.poses, found.sizes, then)
         found = found.distinct(names, FINALISTS)
         if len(sizes) > 1:
             stature = sizes[found.sizes[0]][0]
             sizes = [(stature * step, girth) for step in STATURE_STEPS for girth in GIRTHS]
             poses = np.repeat(found.poses, len(sizes), axis=0)
             of = np.tile(np.arange(len(sizes)), len(found.poses))
-            found = yield from self._refine_candidates(subject, full, sizes, poses, of, then)
+            models = [full(*size) for size in sizes]
+            found = yield from self._refine_candidates(subject, models, poses, of, then)
             found = found.distinct(names, FINALISTS)
         return sizes[found.sizes[0]], found
 
@@ -258,43 +273,35 @@ class Detector:
             matched.append((poses, np.zeros(len(poses), dtype=np.int64)))
         return np.concatenate([poses for poses, _ in matched]), np.concatenate([of for _, of in matched])
 
-    def _refine_candidates(
-        self,
-        subject: SubjectFrame,
-        body: Callable[[float, float], BodyModel],
-        sizes: Sequence[tuple[float, float]],
-        poses: Array,
-        of: Indices,
-        settings: RefineSettings,
-    ) -> Generator[None, None, Candidates]:
-        """Refine poses (N, D) of bodies of sizes (N,)."""
-        parts = list[Candidates]()
-        for size in np.unique(of):
-            model = body(*sizes[size])
-            parts += yield from self._refine_slices(subject, model, poses[of == size], settings, size)
-        return ordered(parts)
-
     def _refine_tracked(
         self, subject: SubjectFrame, start: Start, poses: Array, settings: RefineSettings
-    ) -> Generator[None, None, Candidates]:
+    ) -> Generator[Stage, None, Candidates]:
         """Convert poses (N, D) of the detected body to the tracked body and refine them; held values stay."""
         searched, model = self._bodies.for_start(start.stature, start.girth), start.model
         taken = np.tile(start.pose, (len(poses), 1))
         for j, name in enumerate(model.dof_names):
             if name in searched.dof_names:
                 taken[:, j] = poses[:, searched.dof(name)]
-        return ordered((yield from self._refine_slices(subject, model, taken, settings, 0)))
+        sizes = np.zeros(len(taken), dtype=np.int64)
+        return (yield from self._refine_candidates(subject, [model], taken, sizes, settings))
 
-    def _refine_slices(
-        self, subject: SubjectFrame, model: BodyModel, poses: Array, settings: RefineSettings, size: int
-    ) -> Generator[None, None, list[Candidates]]:
-        """Refine poses (N, D) of one body in requests of bounded duration; yields before each of them."""
-        parts, most = list[Candidates](), max(1, SLICE_ITERATIONS // (settings.icp_iterations + 1))
-        for first in range(0, len(poses), most):
-            yield
-            self._refiner.publish(subject)
-            parts.append(refine(self._refiner, model, poses[first : first + most], settings, size))
-        return parts
+    def _refine_candidates(
+        self,
+        subject: SubjectFrame,
+        models: Sequence[BodyModel],
+        poses: Array,
+        of: Indices,
+        settings: RefineSettings,
+    ) -> Generator[Stage, None, Candidates]:
+        """Refine poses (N, D) of bodies with these indices (N,), in requests of bounded duration."""
+        most, sent = max(1, REQUEST_ITERATIONS // (settings.icp_iterations + 1)), list[tuple[int, Pending]]()
+        for size in np.unique(of).tolist():
+            mine = poses[of == size]
+            for first in range(0, len(mine), most):
+                some = mine[first : first + most]
+                sent.append((size, self._refiner.submit(subject, models[size], some, settings, spare=True)))
+        yield Stage(tuple(pending for _, pending in sent))
+        return ordered([candidates_of(models[size], pending.result(), size) for size, pending in sent])
 
 
 def complete(search: Search) -> Detection:
@@ -315,13 +322,10 @@ def upright_ways(planes: Planes, ways_up: tuple[float, ...]) -> tuple[float, ...
     return tuple(upright + way for way in ways_up)
 
 
-def refine(
-    refiner: Refiner, model: BodyModel, poses: Array, settings: RefineSettings, size: int
-) -> Candidates:
-    """Refine poses (N, D) of one body; their order is kept."""
-    refined = refiner.submit(model, poses, settings).result()
+def candidates_of(model: BodyModel, refined: Refined, size: int) -> Candidates:
+    """Refined poses of one body of this size as candidates, in their order."""
     after = natural_angles(model, refined.poses)
-    sizes = np.full(len(poses), size, dtype=np.int64)
+    sizes = np.full(len(after), size, dtype=np.int64)
     joints = joint_positions(model, after)
     return Candidates(after, sizes, refined.log_likelihood, refined.residual, joints)
 

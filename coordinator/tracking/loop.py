@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Generic, Protocol, Self, TypeVar
 
-import numpy as np
-
-from coordinator.stopwatch import Stopwatch
+from coordinator.filters.exploration import FEWEST
 
 Item = TypeVar("Item")
 
@@ -65,16 +63,9 @@ class Pace:
     """What a live frame has time for."""
 
     period_s: float  # between published frames
-    particles: float = math.inf  # for each person
+    is_late: bool  # a newer frame waits already
 
-    def after(self, clocks: Sequence[Stopwatch], answered: Sequence[int], period_s: float) -> Self:
-        """The pace after a frame with these times and refined particles of each person.
-
-        The next one has as many particles as would have made this one last a period.
-        """
-        refine = sum(clock.seconds.get("refine", 0.0) for clock in clocks)
-        others = sum(sum(clock.seconds.values()) for clock in clocks) - refine
-        if refine == 0.0 or not any(answered):
-            return replace(self, period_s=period_s)
-        affordable = sum(answered) * (period_s - others) / refine
-        return type(self)(period_s, max(1.0, affordable / np.count_nonzero(answered)))
+    @property
+    def most_particles(self) -> float:
+        """Largest number of particles of each person."""
+        return FEWEST if self.is_late else math.inf

@@ -16,6 +16,11 @@ from common.settings import RefineSettings
 class Pending(Protocol):
     """Particles that are being refined."""
 
+    @property
+    def is_ready(self) -> bool:
+        """Whether the result would come at once."""
+        ...
+
     def result(self) -> Refined:
         """Wait for the refined particles, with likelihood and residual, in the order of submission.
 
@@ -25,26 +30,24 @@ class Pending(Protocol):
 
 
 class Refiner(Protocol):
-    """Refines particles on the frame that was published last, one request at a time."""
+    """Refines particles; several requests may be under way."""
 
     def publish(self, subject: SubjectFrame) -> None:
-        """Send a frame to the workers; later calls of `submit` refer to it."""
-        ...
-
-    def send_ahead(self, subject: SubjectFrame) -> None:
-        """Send the frame that will be published next; `submit` still refers to the frame before."""
+        """Send a frame to the workers, so that they have it when its particles are submitted."""
         ...
 
     def submit(
         self,
+        subject: SubjectFrame,
         model: BodyModel,
         poses: NDArray[np.float64],
         settings: RefineSettings,
         *,
         covariance: bool = False,
+        spare: bool = False,
     ) -> Pending:
-        """Start to refine poses (N, D), and to estimate the covariance of each if requested.
+        """Start to refine poses (N, D) on a frame, and to estimate the covariance of each if requested.
 
-        A previous request whose result was not taken is cancelled.
+        With `spare`, other requests come first until the result is waited for.
         """
         ...

@@ -34,11 +34,6 @@ class Updated:
     context: FrameContext | None  # None if nothing was refined
     clock: Stopwatch
 
-    @property
-    def begins(self) -> bool:
-        """Whether the body was detected in this frame."""
-        return self.context is not None and self.context.first
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tracked:

@@ -30,7 +30,7 @@ from coordinator.scene.planes import Planes
 from coordinator.scene.scene import SceneChange
 from coordinator.stopwatch import Stopwatch
 from coordinator.tracking.certainty.features import FrameContext
-from coordinator.tracking.detector import Candidates, Detection, Detector, Search
+from coordinator.tracking.detector import Candidates, Detection, Detector, Search, Stage
 from coordinator.tracking.estimate import MAX_HYPOTHESES, Status
 from coordinator.tracking.gating import LEAST_PIXELS, gate_pose
 from coordinator.tracking.known_motion import KnownMotion
@@ -78,16 +78,20 @@ class Searching:
     search: Search
     subject: SubjectFrame  # in which the body is searched for
     found: Detection | None = None
+    sent: Stage | None = None  # to the workers
 
-    def advance(self) -> bool:
-        """Do the next slice; False if there is none."""
-        if self.found is None:
-            try:
-                next(self.search)
-            except StopIteration as end:
-                self.found = end.value
-            return True
-        return False
+    def advance(self, *, wait: bool) -> bool:
+        """Take the results of a stage and send the next one; False if there is none, or it is not ready.
+
+        With `wait`, they are waited for.
+        """
+        if self.found is not None or not (wait or self.sent is None or self.sent.is_ready):
+            return False
+        try:
+            self.sent = next(self.search)
+        except StopIteration as end:
+            self.found = end.value
+        return True
 
 
 class TargetTracker:
@@ -215,9 +219,12 @@ class TargetTracker:
         """Where the body is being searched for."""
         return None if self._searching is None else self._searching.subject
 
-    def search(self) -> bool:
-        """Do the next slice of a search for the body; False if there is none."""
-        return self._searching is not None and self._searching.advance()
+    def search(self, *, wait: bool = True) -> bool:
+        """Go on with the next stage of a search for the body; False if there is none.
+
+        Without `wait`, only if the workers are ready with the last one.
+        """
+        return self._searching is not None and self._searching.advance(wait=wait)
 
     def prepare(self) -> None:
         """Build what a first detection needs, unless the start is given."""
@@ -247,13 +254,13 @@ class TargetTracker:
             status = self._lose(shows=shows)
             return Updated(frame, self.state, self._belief, status, 0, None, clock)
         with clock.stage("draw"):
-            proposal = self._predict(self._belief, subject, math.inf if pace is None else pace.particles)
+            proposal = self._predict(self._belief, subject, math.inf if pace is None else pace.most_particles)
         with clock.stage("refine"):
             settings = self._refine_settings
             stretch, past = settings.noise_lateral / settings.noise_depth, self._belief.reported
             context = FrameContext(subject, past, proposal.interval, stretch, first)
             longest_interval_s = math.inf if pace is None else pace.period_s
-            pending = self._send(proposal, settings, longest_interval_s)
+            pending = self._send(subject, proposal, settings, longest_interval_s)
         return Submitted(
             self.model, settings, proposal, pending, context, detection, clock, longest_interval_s
         )
@@ -262,7 +269,7 @@ class TargetTracker:
         """Send the subject that will be submitted next to the workers, before its turn."""
         if subject is not None:
             with clock.stage("publish"):
-                self._refiner.send_ahead(subject)
+                self._refiner.publish(subject)
 
     def update(self, submitted: Submitted) -> Updated:
         """Wait for the refined particles of the last submitted frame, and update the belief."""
@@ -380,11 +387,17 @@ class TargetTracker:
             settings = msgspec.structs.replace(settings, particles=int(most))
         return self._method.propose(self.model, belief, observation, settings, self._rng)
 
-    def _send(self, proposal: Proposal[Any], settings: RefineSettings, longest_interval_s: float) -> Pending:
+    def _send(
+        self,
+        subject: SubjectFrame,
+        proposal: Proposal[Any],
+        settings: RefineSettings,
+        longest_interval_s: float,
+    ) -> Pending:
         interval = min(proposal.interval, longest_interval_s)
         paced = pace_iterations(settings, interval, self._settings.pace_iterations, MAX_ITERATIONS)
         covariance = proposal.asks_covariance(paced)
-        return self._refiner.submit(self.model, proposal.poses, paced, covariance=covariance)
+        return self._refiner.submit(subject, self.model, proposal.poses, paced, covariance=covariance)
 
     def _refined(self, submitted: Submitted) -> tuple[Belief, int]:
         """The belief after refinement, and how many particles it is from; layers ask more than once."""
@@ -401,7 +414,10 @@ class TargetTracker:
                 from_guess = submitted.context.first  # the change since a guess is not motion
                 return found.at_rest() if from_guess else found, answered
             with clock.stage("refine"):
-                proposal, pending = found, self._send(found, submitted.settings, submitted.longest_interval_s)
+                proposal = found
+                pending = self._send(
+                    submitted.context.subject, found, submitted.settings, submitted.longest_interval_s
+                )
 
     def _accept(self, belief: Belief, submitted: Submitted) -> None:
         """Gate the tracked hypotheses; replace them by a detection that explains the frame better."""

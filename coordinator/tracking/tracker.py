@@ -27,7 +27,7 @@ from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.reporting import Tracked, Updated, report
 from coordinator.tracking.segmenter import Segmented, Segmenter
 from coordinator.tracking.state import TrackerState
-from coordinator.tracking.target import TargetTracker
+from coordinator.tracking.target import Submitted, TargetTracker
 from coordinator.tracking.track_management import SEARCH_INTERVAL_FRAMES
 
 Array = NDArray[np.float64]
@@ -101,37 +101,31 @@ class Tracker:
 
         The results are those of `track`. If a frame fails, the frame before is still reported. Without
         `look_ahead`, and with `live` frames, each frame is reported at once. The next live frame is segmented
-        ahead only if it is already waiting and a body is tracked. Bodies are searched for between live
-        frames.
+        ahead only if it is already waiting and a body is tracked. Bodies are searched for beside live frames.
         """
-        look_ahead, pace = look_ahead and live is None, None if live is None else Pace(live.period_s)
+        look_ahead = look_ahead and live is None
         upcoming, unreported = Lookahead(map(self._segment, frames)), list[Updated]()
         try:
             for segmented, clocks in upcoming:
-                free, updated = list(segmented.candidates), list[Updated]()
-                for n, target in enumerate(self._targets):
-                    subject = self._assign(n, segmented, free)
-                    target.scene = segmented.change if n == 0 else replace(segmented.change, learned=NOTHING)
-                    submitted = target.submit(
-                        segmented.frame, subject, segmented.view.planes, clocks[n], pace
-                    )
-                    # the workers are busy from here until the update
-                    if unreported:
-                        tracked, unreported = [report(each) for each in unreported], []
-                        yield tracked
-                    reads = look_ahead or (live is not None and live.is_ready and self._any_is_tracked)
-                    self._send_ahead(n + 1, segmented, clocks, upcoming if reads else None)
-                    updated.append(submitted if isinstance(submitted, Updated) else target.update(submitted))
+                pace = None if live is None else Pace(live.period_s, live.is_ready)
+                submitted = self._submit(segmented, clocks, pace)
+                # the workers are busy from here until the update
+                if unreported:
+                    tracked, unreported = [report(each) for each in unreported], []
+                    yield tracked
+                if look_ahead or (live is not None and live.is_ready and self._any_is_tracked):
+                    self._send_ahead(upcoming)
+                pairs = zip(self._targets, submitted, strict=True)
+                updated = [one if isinstance(one, Updated) else target.update(one) for target, one in pairs]
                 unreported = updated
+                if live is not None:
+                    self._search(wait=False)
                 if not look_ahead:
                     tracked, unreported = [report(each) for each in unreported], []
                     yield tracked
-                if live is not None and pace is not None:
-                    if any(each.begins for each in updated):  # it lasts longer than the next one
-                        pace = replace(pace, period_s=live.period_s)
-                    else:
-                        pace = pace.after(clocks, [each.answered for each in updated], live.period_s)
-                    self._search_until_ready(live)
+                while live is not None and not any(each.needs_frame for each in self._targets):
+                    if not self._search(wait=True):
+                        break
         except (Exception, KeyboardInterrupt):
             if unreported:
                 yield [report(each) for each in unreported]
@@ -139,30 +133,29 @@ class Tracker:
         if unreported:
             yield [report(each) for each in unreported]
 
-    def _send_ahead(
-        self,
-        n: int,
-        segmented: Segmented,
-        clocks: list[Stopwatch],
-        upcoming: Lookahead[tuple[Segmented, list[Stopwatch]]] | None,
-    ) -> None:
-        """Send the workers the subject that is next: of the n-th person, or of the next frame."""
-        if n < self.people:
-            self._targets[n].send_ahead(segmented.subjects[n], clocks[n])
-        elif upcoming is not None and (ahead := upcoming.peek()) is not None:
-            self._targets[0].send_ahead(ahead[0].subjects[0], ahead[1][0])
+    def _submit(
+        self, segmented: Segmented, clocks: list[Stopwatch], pace: Pace | None
+    ) -> list[Submitted | Updated]:
+        """Predict the particles of each person, and send them to the workers."""
+        free, submitted = list(segmented.candidates), list[Submitted | Updated]()
+        for n, target in enumerate(self._targets):
+            subject = self._assign(n, segmented, free)
+            target.scene = segmented.change if n == 0 else replace(segmented.change, learned=NOTHING)
+            submitted.append(target.submit(segmented.frame, subject, segmented.view.planes, clocks[n], pace))
+        return submitted
 
-    def _search_until_ready(self, live: Live) -> None:
-        """Do slices of the searches for bodies until they end; if a body needs it, until a frame waits.
+    def _send_ahead(self, upcoming: Lookahead[tuple[Segmented, list[Stopwatch]]]) -> None:
+        """Segment the next frame, and send the workers the person's pixels before their turn."""
+        ahead = upcoming.peek()
+        for target, subject, clock in (
+            () if ahead is None else zip(self._targets, ahead[0].subjects, ahead[1], strict=True)
+        ):
+            target.send_ahead(subject, clock)
 
-        At least one slice is done for each body that is not tracked.
-        """
-        untracked = [target for target in self._targets if not target.is_tracked]
-        for target in untracked:
-            target.search()
-        while not (live.is_ready and any(target.needs_frame for target in self._targets)):
-            if not any(target.search() for target in (*untracked, *self._targets)):
-                break
+    def _search(self, *, wait: bool) -> bool:
+        """Do the next stage of one search, of a person who is not tracked if there is any; False if none."""
+        ordered = sorted(self._targets, key=lambda target: target.is_tracked)
+        return any(target.search(wait=wait) for target in ordered)
 
     def _segment(self, frame: DepthFrame) -> tuple[Segmented, list[Stopwatch]]:
         """A segmented frame, and a stopwatch for each person in it."""
