@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import TypeVar
 
 K = TypeVar("K")
 V = TypeVar("V")
 
-FRAMES_KEPT = 8  # of a run: of each of three people the current and the next one; those of a detection
+FRAMES_KEPT = 8  # of a run: the current and the next ones of some people, and those of a search
 MODELS_KEPT = 16  # of a run
 
 
-def put_recent(values: dict[K, V], key: K, value: V, size: int) -> V:
-    """Put a value last, and drop the first ones above `size`; returns the value."""
+def put_recent(values: dict[K, V], key: K, value: V, size: int, needed: Collection[K] = ()) -> V:
+    """Put a value last, and drop the first ones above `size` that are not needed; returns the value."""
     values.pop(key, None)
     values[key] = value
-    while len(values) > size:
-        del values[next(iter(values))]
+    excess = len(values) - size
+    for old in [each for each in values if each not in needed and each != key][: max(excess, 0)]:
+        del values[old]
     return value

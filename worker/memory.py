@@ -75,7 +75,8 @@ class Memory:
             memory.settings = request.settings
             if number in memory.observations:
                 return put_recent(memory.observations, number, memory.observations[number], FRAMES_KEPT)
-            self._changed.wait_for(lambda: number in memory.frames, FRAME_DELAY_S)
+            frames = memory.frames  # numbers ascend, so an older one does not come any more
+            self._changed.wait_for(lambda: number <= max(frames, default=-1), FRAME_DELAY_S)
             payload = memory.frames.get(number)
         if payload is None:
             payload = self._fetch(keys.of_run(run, f"frame/{number}"), f"frame {number} of run {run}")

@@ -1,7 +1,8 @@
 """The worker's loop: a request's bytes in, refine, the reply's bytes out.
 
 Frames and models are cached only to avoid fetching them again: a result depends only on its request. A
-coordinator has at most two requests at a worker, so several coordinators are served alternately.
+coordinator has at most two requests at a worker, so several coordinators are served alternately. Spare
+requests, those of searches, are served when no other waits.
 """
 
 from __future__ import annotations
@@ -10,9 +11,10 @@ import logging
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
-from queue import Empty, SimpleQueue
+from itertools import count
+from queue import Empty, PriorityQueue
 from typing import Any, Protocol
 
 import numpy as np
@@ -64,6 +66,15 @@ class Kernel:
     prepare: Callable[[Any, RefineSettings], None] | None = None  # for a later request
 
 
+@dataclass(frozen=True, slots=True, order=True)
+class Task:
+    """Something to do; the first in the order of spare and place comes first."""
+
+    spare: bool
+    place: int
+    do: Callable[[], None] = field(compare=False)
+
+
 class Service:
     """One worker on the bus."""
 
@@ -72,7 +83,8 @@ class Service:
         self._name = name
         self._kernel = kernel
         self._memory = Memory(bus, kernel.observe)
-        self._work: SimpleQueue[Callable[[], None]] = SimpleQueue()
+        self._work: PriorityQueue[Task] = PriorityQueue()
+        self._places = count()
         self._asks_at = time.monotonic() + SILENCE_S
         self._stopped = False
         self.abandoned = False  # the link is dead: a new session is needed
@@ -86,7 +98,7 @@ class Service:
         self._bus.announce(keys.of_worker(self._name, "alive"))  # last, as requests follow
         while not (self._stopped or self.abandoned):
             try:
-                self._work.get(timeout=LOOK_S)()
+                self._work.get(timeout=LOOK_S).do()
             except Empty:
                 self.abandoned = self._is_link_dead()
 
@@ -94,10 +106,10 @@ class Service:
         """End `run` after the present request; callable from another thread or a signal handler."""
         self._stopped = True
 
-    def serve(self, request: IncomingRequest) -> None:
+    def serve(self, request: IncomingRequest, asked: RefineRequest) -> None:
         """Reply to a request, or refuse it with the reason."""
         try:
-            payload = self.answer(decode_request(request.payload))
+            payload = self.answer(asked)
         except BusError as error:
             refuse(request, str(error), retryable=True)
         except ProtocolError as error:
@@ -116,28 +128,37 @@ class Service:
         refined = self._kernel.refine(
             model, observation, request.poses, request.settings, covariance=request.covariance
         )
-        self._work.put(partial(self._observe_ahead, request.run))
+        self._put(partial(self._observe_ahead, request.run))
         return encode_refined(refined)
+
+    def _put(self, do: Callable[[], None], *, spare: bool = False) -> None:
+        self._work.put(Task(spare, next(self._places), do))
 
     def _accept(self, request: IncomingRequest) -> None:
         """Queue a request; called on a thread of the bus."""
-        if self._work.qsize() < MOST_WAITING:
-            self._work.put(partial(self._serve_waiting, request))
+        if self._work.qsize() >= MOST_WAITING:
+            with request:
+                log.warning("dropped a request: too many wait")
             return
-        with request:
-            log.warning("dropped a request: too many wait")
+        try:
+            asked = decode_request(request.payload)
+        except ProtocolError as error:
+            with request:
+                refuse(request, str(error))
+        else:
+            self._put(partial(self._serve_waiting, request, asked), spare=asked.spare)
 
-    def _serve_waiting(self, request: IncomingRequest) -> None:
+    def _serve_waiting(self, request: IncomingRequest, asked: RefineRequest) -> None:
         self._asks_at = time.monotonic() + SILENCE_S
         with request:
-            self.serve(request)
+            self.serve(request, asked)
 
     def _keep_frame(self, key: str, payload: bytes) -> None:
         """Keep a published frame, to be observed before its requests; called on a thread of the bus."""
         run = keys.owner_of(key)
         with suppress(ProtocolError):  # its requests report the error
             self._memory.put_frame(run, number_of(payload), payload)
-            self._work.put(partial(self._observe_ahead, run))
+            self._put(partial(self._observe_ahead, run))
 
     def _observe_ahead(self, run: str) -> None:
         with suppress(Exception):  # as above

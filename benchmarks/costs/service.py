@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.costs.scatter_peers import Frame, process_pool, ray_tasks
-from benchmarks.costs.standing import standing
+from benchmarks.costs.standing import Case, standing
 from benchmarks.running import command_line, keep
 from common.body import BodyModel
 from common.camera import Intrinsics
@@ -113,10 +113,9 @@ def pretending_lanes(model: BodyModel, lanes: int, seconds: float) -> Iterator[F
         coming = [subject_of(np.zeros(SHAPE, np.uint16) + 1, next(numbers))]
 
         def frame(depth: NDArray[np.uint16], poses: Array) -> Array:
-            refiner.publish(coming.pop())
-            pending = refiner.submit(model, poses, settings)
+            pending = refiner.submit(coming.pop(), model, poses, settings)
             coming.append(subject_of(depth, next(numbers)))
-            refiner.send_ahead(coming[0])
+            refiner.publish(coming[0])
             return pending.result().poses
 
         yield frame
@@ -130,9 +129,9 @@ def subject_of(depth: NDArray[np.uint16], number: int) -> SubjectFrame:
     return SubjectFrame(DepthFrame(number, 0.0, depth, 1000.0, camera), picked, (0, 0, width, height))
 
 
-def refine_now(refiner: ZenohRefiner, model: BodyModel, poses: Array, settings: RefineSettings) -> Refined:
+def refine_now(refiner: ZenohRefiner, case: Case, poses: Array, settings: RefineSettings) -> Refined:
     """Poses (N, D) after their refinement."""
-    return refiner.submit(model, poses, settings).result()
+    return refiner.submit(case.subject, case.model, poses, settings).result()
 
 
 def two_lanes(rounds: int) -> dict[str, Any]:
@@ -148,8 +147,7 @@ def two_lanes(rounds: int) -> dict[str, Any]:
         for count in (1, 2):
             refiner = stack.enter_context(ZenohRefiner(Pool(workers=count, worker_command=WORKER_COMMAND)))
             refiner.wait_for(count)
-            refiner.publish(case.subject)
-            calls[f"bus {count}"] = partial(refine_now, refiner, case.model, poses, settings)
+            calls[f"bus {count}"] = partial(refine_now, refiner, case, poses, settings)
             alone = Lanes(count)
             calls[f"kernel {count}"] = partial(alone.refine, case.model, case.observation, poses, settings)
         times = {name: float(np.median(spent)) for name, spent in in_turns(calls, rounds).items()}
@@ -170,8 +168,7 @@ def crowd(workers: int, lanes: int) -> dict[str, Any]:
         for k in range(workers):
             stack.callback(start_waiting(endpoint, f"crowd{k}", lanes).kill)
         refiner.wait_for(workers * lanes)
-        refiner.publish(case.subject)
-        call = {"frame": partial(refine_now, refiner, case.model, poses, preset("default").refine)}
+        call = {"frame": partial(refine_now, refiner, case, poses, preset("default").refine)}
         spent = float(np.median(in_turns(call, 15)["frame"]))
     ideal = 1e3 * WAIT * SHARE
     return {
@@ -207,9 +204,8 @@ def start_one(lanes: int) -> tuple[float, float, float]:
         seconds = time.perf_counter() - began
         (pid,) = refiner.local_pids.values()
         used = processor_seconds(pid)
-        refiner.publish(case.subject)
         poses = np.repeat(case.start, 4 * lanes, axis=0)
-        refine_now(refiner, case.model, poses, preset("default").refine)
+        refine_now(refiner, case, poses, preset("default").refine)
         pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
         return seconds, used, pages * os.sysconf("SC_PAGE_SIZE") / 2**20
 

@@ -47,6 +47,7 @@ class RequestMessage(Message, frozen=True, tag="request"):
     settings: RefineSettings
     poses: Array
     covariance: bool = False
+    spare: bool = False
 
 
 class ReplyMessage(Message, frozen=True, tag="reply"):
@@ -76,6 +77,7 @@ class RefineRequest:
     settings: RefineSettings
     poses: NDArray[np.float64]  # (N, D)
     covariance: bool = False  # whether the covariance of each particle is requested
+    spare: bool = False  # whether other requests come first
 
     def batch(self, start: int, stop: int) -> RefineRequest:
         """The request for particles start..stop-1."""
@@ -91,6 +93,7 @@ def encode_request(request: RefineRequest) -> bytes:
         settings=request.settings,
         poses=pack(request.poses),
         covariance=request.covariance,
+        spare=request.spare,
     )
     return encode(message)
 
@@ -102,9 +105,8 @@ def decode_request(payload: bytes) -> RefineRequest:
     check("the number of poses", poses.shape[0], 1, MAX_PARTICLES)
     check("the number of a pose's values", poses.shape[1], 1, MAX_DOFS)
     check_settings(message.settings)
-    return RefineRequest(
-        message.run, message.frame, message.model, message.settings, poses, message.covariance
-    )
+    of, model = (message.run, message.frame), message.model
+    return RefineRequest(*of, model, message.settings, poses, message.covariance, message.spare)
 
 
 @lru_cache(maxsize=64)  # a run's are always the same

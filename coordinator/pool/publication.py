@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Collection
 from dataclasses import replace
 
 from common.body import BodyModel
@@ -28,20 +29,20 @@ class Publication:
         bus.serve(keys.of_run(run, "present"), lambda _: b"")
         self._publisher = bus.publish(keys.of_run(run, "frame"))
 
-    def put(self, subject: SubjectFrame) -> int:
+    def put(self, subject: SubjectFrame, needed: Collection[int] = ()) -> int:
         """Send a frame with its number, or with the next one if that is used; returns the number.
 
-        A frame that was sent recently is not sent again.
+        A frame that was sent recently is not sent again. Recent frames and the `needed` ones are kept.
         """
         number = next((n for n, (sent, _) in self._frames.items() if sent is subject), None)
         if number is not None:
             with self._lock:
-                put_recent(self._frames, number, self._frames[number], FRAMES_KEPT)
+                put_recent(self._frames, number, self._frames[number], FRAMES_KEPT, needed)
             return number
         self._number = max(subject.frame.number, self._number + 1)
         payload = encode_frame(replace(subject, frame=replace(subject.frame, number=self._number)))
         with self._lock:
-            put_recent(self._frames, self._number, (subject, payload), FRAMES_KEPT)
+            put_recent(self._frames, self._number, (subject, payload), FRAMES_KEPT, needed)
         self._publisher.put(payload)
         return self._number
 

@@ -92,13 +92,18 @@ class RpcClient:
         """Number of lanes of all present workers."""
         return sum(worker.lanes for worker in self.scheduler.workers.values())
 
-    def begin(self, request: RefineRequest, due: float, *, spare: bool) -> Refinement:
+    @property
+    def frames(self) -> set[int]:
+        """The frames of all unfinished refinements."""
+        return {each.request.frame for each in self._refinements.values()}
+
+    def begin(self, request: RefineRequest, due: float) -> Refinement:
         """Send all batches of a request; if it is spare, after others until it is waited for."""
         self.catch_up()
         number, self._begun = self._begun, self._begun + 1
         self._refinements[number] = refinement = Refinement(self, number, request, due)
         particles, now = len(request.poses), time.monotonic()
-        by_deadline = due < math.inf
+        by_deadline, spare = due < math.inf, request.spare
         self._send(self.scheduler.start(number, particles, now, by_deadline=by_deadline, spare=spare))
         return refinement
 

@@ -22,6 +22,7 @@ from common.bounds import MAX_PARTICLES
 from common.errors import ProtocolError, SilentWorkers
 
 MAX_IN_FLIGHT = 2  # requests at one worker, so that the next one is there when one ends
+MAX_SPARE = 8  # spare ones, which wait there for their turn
 DEADLINE_BATCH = 10  # particles per lane, with a deadline
 TICK_S = 0.1  # between checks of the clock; no request is late before
 LATE_FACTOR = 3.0  # a request is late after this multiple of the last time per particle
@@ -157,7 +158,8 @@ class Scheduler:
         sends: list[Request] = []
         for batch in sorted(waiting, key=lambda batch: batch.spare):
             by_all = batch.refusals.keys() >= self.workers.keys()
-            free = [w for w in self._awake(now) if by_all or w.name not in batch.refusals]
+            awake = self._awake(now, spare=batch.spare)
+            free = [w for w in awake if by_all or w.name not in batch.refusals]
             if free:
                 sends.append(self._send(batch, min(free, key=lambda w: len(w.in_flight)), now))
         return sends or ([] if waiting else self._send_late_again(now))
@@ -168,9 +170,14 @@ class Scheduler:
         is_wanted = request is not None and not request.batch.done and request.batch in self.batches
         return request.batch if request is not None and is_wanted else None
 
-    def _awake(self, now: float) -> list[Worker]:
-        """Workers without a pause and with capacity for a request."""
-        return [w for w in self.workers.values() if w.rests_until <= now and len(w.in_flight) < MAX_IN_FLIGHT]
+    def _awake(self, now: float, *, spare: bool = False) -> list[Worker]:
+        """Workers without a pause and with capacity for a request of this kind."""
+
+        def load(worker: Worker) -> int:
+            return sum(self.in_flight[ticket].batch.spare == spare for ticket in worker.in_flight)
+
+        most = MAX_SPARE if spare else MAX_IN_FLIGHT
+        return [w for w in self.workers.values() if w.rests_until <= now and load(w) < most]
 
     def _send_late_again(self, now: float) -> list[Request]:
         late = [request.batch for request in self.in_flight.values() if self._is_late(request, now)]

@@ -120,7 +120,7 @@ class ZenohRefiner:
 
     def publish(self, subject: SubjectFrame) -> None:
         """Send a frame to all workers, so that they have it when its particles are submitted."""
-        self._publication.put(subject)
+        self._publication.put(subject, self._client.frames)
 
     def submit(
         self,
@@ -136,7 +136,6 @@ class ZenohRefiner:
         if len(poses) == 0:
             raise ValueError("there is nothing to refine")
         self._publication.offer(model)
-        number, deadline = self._publication.put(subject), self._pool.deadline
-        request = RefineRequest(self.run, number, model.hash, settings, poses, covariance)
-        due = math.inf if deadline is None else time.monotonic() + deadline
-        return self._client.begin(request, due, spare=spare)
+        number, deadline = self._publication.put(subject, self._client.frames), self._pool.deadline
+        request = RefineRequest(self.run, number, model.hash, settings, poses, covariance, spare)
+        return self._client.begin(request, math.inf if deadline is None else time.monotonic() + deadline)

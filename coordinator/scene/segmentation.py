@@ -187,7 +187,7 @@ def is_missing(view: SceneView, surface: Array, segmentation: Segmentation) -> b
 
 def assign_pixels(distances: Sequence[Depth]) -> list[Mask]:
     """For each body the pixels (H, W) that are nearer to another body."""
-    nearest = np.min(distances, axis=0) if distances else None
+    nearest = np.min(distances, axis=0, initial=np.inf)
     return [mine > nearest for mine in distances]
 
 

@@ -83,6 +83,11 @@ class LiveFrames:
         with self._changed:
             return self._period_s
 
+    def wait(self, seconds: float) -> bool:
+        """Wait for the next frame, at most so long; whether it waits, or the stream has ended."""
+        with self._changed:
+            return self._wait(seconds)
+
     def receive(self, payload: bytes) -> None:
         """Receive a message; an older frame that is still waiting is skipped."""
         received = time.monotonic()

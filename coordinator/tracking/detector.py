@@ -1,17 +1,17 @@
 """Detects a body in a frame, in any pose and orientation.
 
 Poses of a library that resemble the observed points are refined in three stages: all of them for a few
-iterations, the best distinct ones until they converge, and the best of these with bodies of several sizes.
-The first two stages use few points and a coarse surface. The third uses all points and the whole surface,
-because a coarse surface does not show the girth.
+iterations, the best distinct ones until they converge, and the best of these with bodies of several statures
+and girths. The first two stages use few points and a coarse surface. The third uses all points and the whole
+surface, because a coarse surface does not show the girth.
 
-A search is a generator that yields the requests of each stage when they are sent, and needs their results when
-it goes on. So a caller can do other work meanwhile.
+A search is a generator that yields the requests of each stage when they are sent, and needs their results
+when it goes on. So a caller can do other work meanwhile.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import cast
@@ -44,7 +44,8 @@ STATURE_STEPS = (0.97, 1.0, 1.03)  # factors of the best of these
 GIRTHS = (0.9, 1.05, 1.2)
 USUAL_GIRTH = GIRTHS[1]
 CANDIDATES, TURNED = 120, 20  # in the first orientation of the image, and in each other
-SURVIVORS, FINALISTS = 32, 6  # distinct candidates after the first stage, and after the next ones
+SURVIVORS, FINALISTS = 32, 6  # distinct candidates after the first stage, and after the second
+SIZED = 2  # finalists that are refined with several sizes
 FIRST_ITERATIONS, ITERATIONS = 3, 12  # of the first stage, and of the next ones
 FEW_POINTS = 1_000  # on which candidates are refined
 DISTINCT_M = 0.05  # mean distance of the joints; nearer candidates are the same
@@ -157,9 +158,9 @@ class Detector:
         ways = upright_ways(planes, self._ways_up)
         size, found = yield from self._search(subject, settings, self._sizes, ways)
         model = self._bodies.for_start(*size)
-        start = detected_start(model, found.poses[0], size, self._bodies, noise)
+        start = detected_start(model, found[0], size, self._bodies, noise)
         settled = iterations(settings, ITERATIONS)
-        candidates = yield from self._refine_tracked(subject, start, found.poses, settled)
+        candidates = yield from self._refine_tracked(subject, start, found, settled)
         gate = gate_pose(candidates.log_likelihood[0], candidates.residual[0], settings)
         if self._bodies.people:
             gate = gate.against(reject_points(subject, size[0]))
@@ -189,7 +190,7 @@ class Detector:
         known = np.array([values.get(name, 0.0) for name in model.dof_names])
         _, found = yield from self._search(subject, settings, [size], ways, known)
         settled = iterations(rules, ITERATIONS)
-        candidates = yield from self._refine_tracked(subject, start, found.poses, settled)
+        candidates = yield from self._refine_tracked(subject, start, found, settled)
         gate = gate_pose(candidates.log_likelihood[0], candidates.residual[0], rules)
         return Detection(start, candidates, gate)
 
@@ -229,30 +230,42 @@ class Detector:
         sizes: Sequence[tuple[float, float]],
         ways_up: Sequence[float],
         last: Array | None = None,
-    ) -> Generator[Stage, None, tuple[tuple[float, float], Candidates]]:
-        """The poses that explain a frame best, with bodies of these sizes, or of a size between them.
+    ) -> Generator[Stage, None, tuple[tuple[float, float], Array]]:
+        """The size and poses (N, D) that explain a frame best, of these sizes or between them.
 
         Most candidates have the first of the orientations. Some have the last pose `last` (D,), moved and
         rotated.
         """
         names = self._bodies.for_start(*sizes[0]).joint_names
         poses, of = self._match(subject, sizes, ways_up, last)
-        few, coarse, full = thin(subject, FEW_POINTS), self._coarse, self._bodies.for_start
+        few, models = thin(subject, FEW_POINTS), [self._coarse(*size) for size in sizes]
         first, then = (iterations(settings, count) for count in (FIRST_ITERATIONS, ITERATIONS))
-        models = [coarse(*size) for size in sizes]
         found = yield from self._refine_candidates(few, models, poses, of, first)
         found = found.distinct(names, SURVIVORS)
         found = yield from self._refine_candidates(few, models, found.poses, found.sizes, then)
         found = found.distinct(names, FINALISTS)
+        size, poses = sizes[found.sizes[0]], found.poses
         if len(sizes) > 1:
-            stature = sizes[found.sizes[0]][0]
-            sizes = [(stature * step, girth) for step in STATURE_STEPS for girth in GIRTHS]
-            poses = np.repeat(found.poses, len(sizes), axis=0)
-            of = np.tile(np.arange(len(sizes)), len(found.poses))
-            models = [full(*size) for size in sizes]
-            found = yield from self._refine_candidates(subject, models, poses, of, then)
-            found = found.distinct(names, FINALISTS)
-        return sizes[found.sizes[0]], found
+            statures = [(size[0] * step, size[1]) for step in STATURE_STEPS]
+            size, best = yield from self._choose_size(subject, statures, poses[:SIZED], then)
+            girths = [(size[0], girth) for girth in GIRTHS]
+            size, best = yield from self._choose_size(subject, girths, best, then)
+            poses = np.concatenate([best, poses])
+        return size, poses
+
+    def _choose_size(
+        self,
+        subject: SubjectFrame,
+        sizes: Sequence[tuple[float, float]],
+        poses: Array,
+        settings: RefineSettings,
+    ) -> Generator[Stage, None, tuple[tuple[float, float], Array]]:
+        """The size that explains a frame best, with the best of poses (N, D), refined: (1, D)."""
+        of = np.tile(np.arange(len(sizes)), len(poses))
+        models = [self._bodies.for_start(*size) for size in sizes]
+        all_poses = np.repeat(poses, len(sizes), axis=0)
+        found = yield from self._refine_candidates(subject, models, all_poses, of, settings)
+        return sizes[found.sizes[0]], found.poses[:1]
 
     def _match(
         self,

@@ -57,6 +57,10 @@ class Live(Protocol):
         """Time in seconds between the last two published frames; infinite if there are not two."""
         ...
 
+    def wait(self, seconds: float) -> bool:
+        """Wait for the next frame, at most so long; whether it waits, or there will be no more."""
+        ...
+
 
 @dataclass(frozen=True, slots=True)
 class Pace:
@@ -68,4 +72,4 @@ class Pace:
     @property
     def most_particles(self) -> float:
         """Largest number of particles of each person."""
-        return FEWEST if self.is_late else math.inf
+        return FEWEST // 2 if self.is_late else math.inf

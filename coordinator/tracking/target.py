@@ -203,15 +203,16 @@ class TargetTracker:
     @property
     def needs_frame(self) -> bool:
         """Whether the body needs the next frame now: it is tracked, or lost and no search is under way."""
-        return self.is_tracked or (self._belief is not None and not self._search_runs)
+        return self.is_tracked or (self._belief is not None and not self.search_runs)
 
     @property
     def is_searching(self) -> bool:
         """Whether the first search for the body is under way: until it ends, no candidate is needed."""
-        return self._belief is None and self._search_runs
+        return self._belief is None and self.search_runs
 
     @property
-    def _search_runs(self) -> bool:
+    def search_runs(self) -> bool:
+        """Whether a search for the body is under way."""
         return self._searching is not None and self._searching.found is None
 
     @property

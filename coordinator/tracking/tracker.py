@@ -32,6 +32,7 @@ from coordinator.tracking.track_management import SEARCH_INTERVAL_FRAMES
 
 Array = NDArray[np.float64]
 
+POLL_S = 0.002  # between looks at the workers while no frame comes
 STEP_M = 0.8  # largest motion of a body between two frames
 
 
@@ -107,8 +108,7 @@ class Tracker:
         upcoming, unreported = Lookahead(map(self._segment, frames)), list[Updated]()
         try:
             for segmented, clocks in upcoming:
-                pace = None if live is None else Pace(live.period_s, live.is_ready)
-                submitted = self._submit(segmented, clocks, pace)
+                submitted = self._submit(segmented, clocks, live)
                 # the workers are busy from here until the update
                 if unreported:
                     tracked, unreported = [report(each) for each in unreported], []
@@ -123,9 +123,8 @@ class Tracker:
                 if not look_ahead:
                     tracked, unreported = [report(each) for each in unreported], []
                     yield tracked
-                while live is not None and not any(each.needs_frame for each in self._targets):
-                    if not self._search(wait=True):
-                        break
+                if live is not None:
+                    self._search_until_ready(live)
         except (Exception, KeyboardInterrupt):
             if unreported:
                 yield [report(each) for each in unreported]
@@ -134,9 +133,10 @@ class Tracker:
             yield [report(each) for each in unreported]
 
     def _submit(
-        self, segmented: Segmented, clocks: list[Stopwatch], pace: Pace | None
+        self, segmented: Segmented, clocks: list[Stopwatch], live: Live | None
     ) -> list[Submitted | Updated]:
         """Predict the particles of each person, and send them to the workers."""
+        pace = None if live is None else Pace(live.period_s, live.is_ready)
         free, submitted = list(segmented.candidates), list[Submitted | Updated]()
         for n, target in enumerate(self._targets):
             subject = self._assign(n, segmented, free)
@@ -151,6 +151,15 @@ class Tracker:
             () if ahead is None else zip(self._targets, ahead[0].subjects, ahead[1], strict=True)
         ):
             target.send_ahead(subject, clock)
+
+    def _search_until_ready(self, live: Live) -> None:
+        """Go on with searches until they end; if a body needs it, until a frame waits."""
+        while any(target.search_runs for target in self._targets):
+            needed = any(target.needs_frame for target in self._targets)
+            if needed and live.is_ready:
+                break
+            if not self._search(wait=not needed):
+                live.wait(POLL_S)
 
     def _search(self, *, wait: bool) -> bool:
         """Do the next stage of one search, of a person who is not tracked if there is any; False if none."""

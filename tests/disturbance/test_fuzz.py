@@ -24,6 +24,7 @@ from common.errors import ProtocolError
 from common.protocol import keys
 from common.protocol.frames import encode_frame
 from common.protocol.messages import (
+    RefineRequest,
     decode_refined,
     decode_refusal,
     decode_request,
@@ -186,12 +187,11 @@ class Liar(Service):
         self._mutator = Mutator(seed, HONEST)
         self._heard = heard
 
-    def serve(self, request: IncomingRequest) -> None:
+    def serve(self, request: IncomingRequest, asked: RefineRequest) -> None:
         """Answer one request."""
         turn = self._heard.total() if self._heard["honest answers"] else 0
         try:
-            content = decode_request(request.payload)
-            honest = self.answer(content)
+            honest = self.answer(asked)
         except ProtocolError as error:  # the frame is over, and others refined it
             request.refuse(encode_refusal(str(error)))
             return
@@ -203,7 +203,7 @@ class Liar(Service):
             request.refuse(self._mutator.mutate(encode_refusal("no")))
         else:
             self._heard["lies"] += 1
-            request.reply(self._nonsense(honest, content.poses.shape))
+            request.reply(self._nonsense(honest, asked.poses.shape))
 
     def _nonsense(self, honest: bytes, asked: tuple[int, ...]) -> bytes:
         """The honest answer, mutated until it is none."""

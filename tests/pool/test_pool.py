@@ -57,13 +57,13 @@ def test_same_bytes_for_any_number_of_workers(endpoint: str, workers: int) -> No
 
 
 def test_frame_may_be_refined_more_than_once(endpoint: str) -> None:
-    """Several calls about one frame see the same frame, with other poses and models."""
+    """Several calls about one frame, also at the same time, see that frame, with other poses and models."""
     other = replace(MODEL, vertices=MODEL.vertices * 2)
     with pool(endpoint) as refiner, serving(endpoint, "w"):
-        refiner.publish(frame(3))
-        one = refiner.submit(MODEL, POSES[:1], SETTINGS).result()
-        two = refiner.submit(other, POSES, SETTINGS).result()
-    assert as_bytes(one) == expected(3, POSES[:1])
+        subject = frame(3)
+        one = refiner.submit(subject, MODEL, POSES[:1], SETTINGS)
+        two = refiner.submit(subject, other, POSES, SETTINGS).result()
+        assert as_bytes(one.result()) == expected(3, POSES[:1])
     assert as_bytes(two) == as_bytes(refine(other, observe(frame(3)), POSES, SETTINGS))
 
 
@@ -95,8 +95,7 @@ def test_frames_of_one_number_are_not_mixed_up(endpoint: str) -> None:
         refiner.wait_for(1)
         for depth in (1, 2, 3):
             again = replace(frame(depth), frame=replace(frame(depth).frame, number=7))
-            refiner.publish(again)
-            assert as_bytes(refiner.submit(MODEL, POSES, SETTINGS).result()) == expected(depth)
+            assert as_bytes(refiner.submit(again, MODEL, POSES, SETTINGS).result()) == expected(depth)
     assert "model" in fetched.get()
     assert fetched.empty()
 
@@ -118,15 +117,14 @@ def test_a_frame_sent_ahead_is_ready_when_its_turn_comes(endpoint: str) -> None:
     kernel = Kernel(telling(observed), refine, prepare=lambda _, settings: prepared.put(settings))
     with pool(endpoint) as refiner, serving(endpoint, "w", kernel):
         refiner.wait_for(1)
-        refiner.publish(frame(1))
-        pending = refiner.submit(MODEL, POSES, SETTINGS)
-        refiner.send_ahead(coming)
+        present = frame(1)
+        pending = refiner.submit(present, MODEL, POSES, SETTINGS)
+        refiner.publish(coming)
         one = pending.result()
         assert [observed.get(timeout=60.0) for _ in range(2)] == [1, 2]
         assert prepared.get(timeout=60.0) == SETTINGS
-        again = refiner.submit(MODEL, POSES, SETTINGS).result()
-        refiner.publish(coming)
-        two = refiner.submit(MODEL, POSES, SETTINGS).result()
+        again = refiner.submit(present, MODEL, POSES, SETTINGS).result()
+        two = refiner.submit(coming, MODEL, POSES, SETTINGS).result()
     assert as_bytes(one) == as_bytes(again) == expected(1)
     assert as_bytes(two) == expected(2)
     assert observed.empty()
@@ -140,16 +138,14 @@ def test_a_frame_that_comes_again_is_not_sent_again(endpoint: str) -> None:
     with pool(endpoint) as refiner:
         with serving(endpoint, "early", Kernel(telling(observed), refine)):
             for subject in (first, other, first):
-                refiner.publish(subject)
-                refiner.submit(MODEL, POSES, SETTINGS).result()
+                refiner.submit(subject, MODEL, POSES, SETTINGS).result()
             assert [observed.get(timeout=60.0) for _ in range(2)] == [1, 2]
             assert observed.empty()
-        refiner.send_ahead(coming)
-        with serving(endpoint, "late", Kernel(telling(observed), refine)):
-            assert as_bytes(refiner.submit(MODEL, POSES, SETTINGS).result()) == expected(1)
         refiner.publish(coming)
+        with serving(endpoint, "late", Kernel(telling(observed), refine)):
+            assert as_bytes(refiner.submit(first, MODEL, POSES, SETTINGS).result()) == expected(1)
         with serving(endpoint, "later"):
-            assert as_bytes(refiner.submit(MODEL, POSES, SETTINGS).result()) == expected(3)
+            assert as_bytes(refiner.submit(coming, MODEL, POSES, SETTINGS).result()) == expected(3)
 
 
 def test_a_frame_sent_ahead_that_makes_no_sense_harms_its_own_turn_alone(endpoint: str) -> None:
@@ -164,14 +160,12 @@ def test_a_frame_sent_ahead_that_makes_no_sense_harms_its_own_turn_alone(endpoin
 
     with pool(endpoint) as refiner, serving(endpoint, "w", Kernel(refuse_the_second, refine)):
         refiner.wait_for(1)
-        refiner.publish(frame(1))
-        pending = refiner.submit(MODEL, POSES, SETTINGS)
-        refiner.send_ahead(coming)
+        pending = refiner.submit(frame(1), MODEL, POSES, SETTINGS)
+        refiner.publish(coming)
         one = pending.result()
         assert [tried.get(timeout=60.0) for _ in range(2)] == [1, 2]
-        refiner.publish(coming)
         with pytest.raises(ProtocolError, match="it hurts"):
-            refiner.submit(MODEL, POSES, SETTINGS).result()
+            refiner.submit(coming, MODEL, POSES, SETTINGS).result()
         three = refined_bytes(refiner, 3)
     assert (as_bytes(one), three) == (expected(1), expected(3))
 
@@ -274,9 +268,8 @@ def test_a_worker_of_another_version_is_named(endpoint: str) -> None:
     other = encode_refusal("cannot read it").replace(b"version" + bytes([PROTOCOL]), b"version\x02")
     with pool(endpoint) as refiner, answering(endpoint, "old", lambda request: request.refuse(other)):
         refiner.wait_for(1)
-        refiner.publish(frame(1))
         with pytest.raises(ProtocolError, match=r"version 2, expected .*install the same version of gepf"):
-            refiner.submit(MODEL, POSES, SETTINGS).result()
+            refiner.submit(frame(1), MODEL, POSES, SETTINGS).result()
         with serving(endpoint, "good"):
             refiner.wait_for(2)
             assert refined_bytes(refiner, 2) == expected(2)
@@ -369,7 +362,7 @@ def test_real_kernel_over_the_bus(endpoint: str) -> None:
         results.add(refined_bytes(refiner, 1))
         with serving(endpoint, "two", kernel):
             refiner.wait_for(2)
-            results.add(as_bytes(refiner.submit(MODEL, POSES, SETTINGS).result()))
+            results.add(refined_bytes(refiner, 1))
         assert refiner.statistics.workers_seen == ("one", "two")
     assert len(results) == 1
 

@@ -190,8 +190,7 @@ def test_outside_worker_serves_until_a_signal(tmp_path: Path) -> None:
     with started("--connect", endpoint, "--name", "outside", "--lanes", "2") as process:
         with ZenohRefiner(Pool(workers=0, listen=endpoint, worker_timeout=60.0)) as refiner:
             refiner.wait_for(1)
-            refiner.publish(frame(1))
-            refined = refiner.submit(MODEL, POSES, SETTINGS).result()
+            refined = refiner.submit(frame(1), MODEL, POSES, SETTINGS).result()
             assert refined.poses.shape == POSES.shape
             assert refiner.statistics.workers_seen == ("outside",)
             process.terminate()
@@ -249,8 +248,7 @@ def test_a_worker_whose_signal_is_swallowed_ends_after_the_request(
         worker = start(serve_without_hearing, endpoint, asked, log=tmp_path / "log")
         try:
             refiner.wait_for(1)
-            refiner.publish(frame(1))
-            pending = refiner.submit(MODEL, POSES, SETTINGS)
+            pending = refiner.submit(frame(1), MODEL, POSES, SETTINGS)
             wait_until(asked.exists, 60.0)
             assert worker.pid is not None
             os.kill(worker.pid, number)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import pairwise
+from itertools import count, groupby, pairwise
 
 import pytest
 from hypothesis import given
@@ -17,9 +17,14 @@ Sent = tuple[int, str, int, int]  # ticket, worker, start and stop
 Table = list[tuple[float, Event, list[Sent]]]
 
 
-def started(particles: int, *, by_deadline: bool = False) -> Event:
+NUMBERS = count()  # of refinements
+
+
+def started(particles: int, *, by_deadline: bool = False, spare: bool = False) -> Event:
     """A refinement begins."""
-    return lambda scheduler, now: scheduler.start(particles, now, by_deadline=by_deadline)
+    return lambda scheduler, now: scheduler.start(
+        next(NUMBERS), particles, now, by_deadline=by_deadline, spare=spare
+    )
 
 
 def joined(worker: str, lanes: int = 1) -> Event:
@@ -61,12 +66,16 @@ def check(scheduler: Scheduler) -> None:
     in_flight = list(scheduler.in_flight.values())
     for worker in scheduler.workers.values():
         assert worker.in_flight == {r.ticket for r in in_flight if r.worker is worker}
-        assert len(worker.in_flight) <= 2
+        kinds = [request.batch.spare for request in in_flight if request.worker is worker]
+        assert kinds.count(False) <= 2
+        assert kinds.count(True) <= 8
     for batch in scheduler.batches:
         assert batch.in_flight == {r.ticket for r in in_flight if r.batch is batch}
     assert all(request.worker.name in scheduler.workers for request in in_flight)
-    assert all(one.stop == other.start for one, other in pairwise(scheduler.batches))
-    assert not scheduler.batches or not all(batch.done for batch in scheduler.batches)
+    for _, mine in groupby(scheduler.batches, lambda batch: batch.refinement):
+        batches = list(mine)
+        assert all(one.stop == other.start for one, other in pairwise(batches))
+        assert not all(batch.done for batch in batches)
 
 
 TWO_IDLE: Table = [(0.0, joined("a"), []), (0.0, joined("b"), [])]
@@ -167,16 +176,46 @@ def test_frozen_worker_gets_no_more() -> None:
 
 
 def test_stale_and_unknown_answers_are_ignored() -> None:
-    """Answers of a job that was given up, second answers and unknown tickets change nothing."""
+    """Answers of a job that was cancelled, second answers and unknown tickets change nothing."""
+
+    def cancel(scheduler: Scheduler, now: float) -> list[Request]:
+        scheduler.cancel(scheduler.batches[0].refinement)
+        return scheduler.dispatch(now)
+
     play(
         [
             *ONE_AT_WORK,
+            (0.1, cancel, []),
             (0.1, started(4), []),
             (0.2, ended(0), [(2, "a", 0, 4)]),
             *((0.2, ended(ticket), []) for ticket in (0, 99)),
             (0.2, ended(99, "refused"), []),
             (0.2, left("nobody"), []),
             (0.3, ended(1, "refused"), []),
+        ]
+    )
+
+
+def test_jobs_are_done_together_and_spare_ones_last() -> None:
+    """A second job waits for capacity, not for the end of the first; a spare one does not take it away."""
+
+    def hurry(scheduler: Scheduler, now: float) -> list[Request]:
+        return scheduler.hurry(scheduler.batches[-1].refinement, now)
+
+    play(
+        [
+            (0.0, joined("a"), []),
+            (0.0, started(3, spare=True), [(0, "a", 0, 3)]),
+            (0.0, started(1), [(1, "a", 0, 1)]),
+            (0.0, started(2), [(2, "a", 0, 2)]),
+            (0.0, started(4), []),
+            (0.1, ended(2), [(3, "a", 0, 4)]),
+            (0.2, ended(0), []),
+            (0.2, left("a"), []),
+            (0.2, started(5, spare=True), []),
+            (0.3, hurry, []),
+            (0.3, joined("b"), [(4, "b", 0, 1), (5, "b", 0, 4)]),
+            (0.4, ended(4), [(6, "b", 0, 5)]),
         ]
     )
 
@@ -227,7 +266,7 @@ def test_what_all_refuse_fails() -> None:
     with pytest.raises(ProtocolError, match="this; that"):
         scheduler.end(2, "refused", 0.2, "that")
     assert not scheduler.end(1, "refused", 0.3, "late")
-    assert sent(scheduler.start(1, 0.3)) == [(3, "a", 0, 1)]
+    assert sent(scheduler.start(-1, 1, 0.3)) == [(3, "a", 0, 1)]
     assert scheduler.refused == 3
 
 
@@ -285,9 +324,9 @@ def test_no_share_is_empty_or_too_large(particles: int, lanes: list[int]) -> Non
     most = particles * max(lanes) / sum(lanes) + 1.0
     assert all(0 < stop - start <= most for start, stop in ranges)
     scheduler = Scheduler()
-    for number, count in enumerate(lanes):
-        scheduler.join(str(number), count, 0.0)
-    scheduler.start(particles, 0.0)
+    for number, each in enumerate(lanes):
+        scheduler.join(str(number), each, 0.0)
+    scheduler.start(0, particles, 0.0)
     assert all(batch.stop - batch.start <= 1024 for batch in scheduler.batches)
 
 
@@ -311,7 +350,7 @@ HISTORY = st.lists(
 def test_any_history_ends_well(particles: int, history: list[tuple[float, Event]], by_deadline: bool) -> None:
     """For any events, each particle is accepted once, and with a good worker the job is completed."""
     scheduler, now = Scheduler(), 0.0
-    scheduler.start(particles, now, by_deadline=by_deadline)
+    scheduler.start(0, particles, now, by_deadline=by_deadline)
     batches = list(scheduler.batches)
     assert [n for batch in batches for n in range(batch.start, batch.stop)] == list(range(particles))
     for pause, event in history:

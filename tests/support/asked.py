@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.body import BodyModel
+from common.frame import SubjectFrame
 from common.refinement import Refined
 from common.settings import RefineSettings
 from coordinator.tracking.refiner import Pending, Refiner
@@ -24,10 +25,13 @@ class Asked:
     poses: NDArray[np.float64]  # (N, D)
     settings: RefineSettings
     covariance: bool
+    subject: SubjectFrame | None = None  # None in a worker, which has an observation
 
     def of(self, refiner: Refiner) -> Pending:
         """The same request to another refiner."""
-        return refiner.submit(self.model, self.poses, self.settings, covariance=self.covariance)
+        assert self.subject is not None
+        of, given = (self.subject, self.model), (self.poses, self.settings)
+        return refiner.submit(*of, *given, covariance=self.covariance)
 
 
 def refining(answer: Callable[[Asked, Any], Refined]) -> Refine:

@@ -18,6 +18,5 @@ def residual_of(
 ) -> float:
     """The normalised residual of a pose (D,) that is not refined."""
     refiner, settings = DirectRefiner(), msgspec.structs.replace(settings, icp_iterations=0)
-    refiner.publish(subject)
-    found = refiner.submit(model, pose[None], settings).result()
+    found = refiner.submit(subject, model, pose[None], settings).result()
     return gate_pose(found.log_likelihood[0], found.residual[0], settings).residual

@@ -38,6 +38,7 @@ class Ready:
     """A result that is ready."""
 
     refined: Refined
+    is_ready = True
 
     def result(self) -> Refined:
         """The particles."""
@@ -54,20 +55,19 @@ class StandIn(ABC):
         """Look at nothing."""
         del subject
 
-    def send_ahead(self, subject: SubjectFrame) -> None:
-        """Ignore it."""
-        del subject
-
     def submit(
         self,
+        subject: SubjectFrame,
         model: BodyModel,
         poses: NDArray[np.float64],
         settings: RefineSettings,
         *,
         covariance: bool = False,
+        spare: bool = False,
     ) -> Pending:
         """The result of `answer`."""
-        return self.answer(Asked(model, poses, settings, covariance))
+        del spare
+        return self.answer(Asked(model, poses, settings, covariance, subject))
 
     def listen(self, key: str, on_message: Callable[[bytes], None]) -> None:
         """Do nothing."""
@@ -96,10 +96,6 @@ class Direct(StandIn):
 
     def __init__(self) -> None:
         self._refiner = DirectRefiner()
-
-    def publish(self, subject: SubjectFrame) -> None:
-        """Later requests are about this frame."""
-        self._refiner.publish(subject)
 
     def answer(self, asked: Asked) -> Pending:
         """By the worker's kernel, when the result is asked for."""
@@ -134,14 +130,13 @@ class StillWorkers(StandIn):
         self.asked = Pool()
         self.before: Callable[[int], object] = lambda _: None  # a frame
 
-    def publish(self, subject: SubjectFrame) -> None:
-        """Fail if it is time to."""
-        self.before(subject.frame.number)
-        if subject.frame.number == self.fail_at and self.failure is not None:
-            raise self.failure
-
     def answer(self, asked: Asked) -> Ready:
-        """The same poses, all equally likely."""
+        """The same poses, all equally likely; or the failure, if it is time."""
+        assert asked.subject is not None
+        number = asked.subject.frame.number
+        self.before(number)
+        if number == self.fail_at and self.failure is not None:
+            raise self.failure
         assert asked.poses.shape[1] == len(asked.model.dof_names)
         assert asked.settings.noise_depth >= asked.settings.noise_lateral
         return Ready(unmoved(asked.poses, covariance=asked.covariance))

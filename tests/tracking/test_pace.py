@@ -9,8 +9,6 @@ from common.camera import Intrinsics
 from common.frame import DepthFrame
 from common.settings import preset
 from coordinator.filters.methods import pace_iterations
-from coordinator.stopwatch import Stopwatch
-from coordinator.tracking.loop import Pace
 from coordinator.tracking.observation import filter_observation, isolate
 
 CAMERA = Intrinsics(32, 24, 30.0, 30.0, 16.0, 12.0)
@@ -24,19 +22,6 @@ def test_iterations_go_with_the_time_between_frames(interval: float, factor: int
     for each, times in ((preset("default"), factor), (preset("paper"), 1)):
         paced = pace_iterations(each.refine, interval, each.pace_iterations, 100)
         assert paced.icp_iterations == times * each.refine.icp_iterations
-
-
-@pytest.mark.parametrize(("period_s", "people", "particles"), [(0.05, 1, 40), (0.02, 1, 10), (0.02, 2, 5)])
-def test_a_live_frame_has_the_particles_that_it_has_time_for(
-    period_s: float, people: int, particles: int
-) -> None:
-    """Of a frame that took 30 ms with 20 particles, 20 ms of it for them; at least one for each person."""
-    clocks = [Stopwatch() for _ in range(people)]
-    for clock in clocks:
-        clock.seconds.update({"refine": 0.02 / people, "report": 0.01 / people})
-    answered = [20 // people] * people
-    assert Pace(period_s).after(clocks, answered, period_s).particles == pytest.approx(particles)
-    assert Pace(period_s).after(clocks, answered, 0.001).particles == 1.0
 
 
 def test_a_sighting_has_the_points_and_the_time_of_its_frame() -> None:

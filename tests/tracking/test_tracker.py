@@ -173,6 +173,7 @@ class WatchedRequest:
 
     pending: Pending
     events: list[str]
+    is_ready = True
 
     def result(self) -> Refined:
         """As ever; the workers are idle then."""
@@ -187,21 +188,16 @@ class Watched(Direct):
     def __init__(self, fails_at: int | None = None) -> None:
         super().__init__()
         self.events: list[str] = []
-        self._fails_at, self._frame = fails_at, -1
+        self._fails_at = fails_at
 
     def publish(self, subject: SubjectFrame) -> None:
-        """Another frame is begun."""
-        self._frame = subject.frame.number
-        self.events.append(f"begin {self._frame}")
-        super().publish(subject)
-
-    def send_ahead(self, subject: SubjectFrame) -> None:
-        """The next frame is with the workers."""
-        self.events.append(f"ahead {subject.frame.number}")
+        """The workers get a frame."""
+        self.events.append(f"sent {subject.frame.number}")
 
     def answer(self, asked: Asked) -> WatchedRequest:
         """The workers get busy."""
-        if self._frame == self._fails_at:
+        assert asked.subject is not None
+        if asked.subject.frame.number == self._fails_at:
             raise RuntimeError("the workers are gone")
         self.events.append("busy")
         return WatchedRequest(super().answer(asked), self.events)
@@ -216,9 +212,9 @@ def test_a_frame_is_told_while_the_workers_are_busy_with_the_next() -> None:
         refiner.events.append(f"told {estimate.frame}")
         states.append(state)
     assert refiner.events == [
-        *("begin 0", "busy", "ahead 1", "idle"),
-        *("begin 1", "busy", "told 0", "idle"),
-        *("told 1", "ahead 3", "begin 3", "busy", "told 2", "idle", "told 3"),
+        *("sent 0", "busy", "sent 1", "idle"),
+        *("sent 1", "busy", "told 0", "idle"),
+        *("told 1", "sent 3", "sent 3", "busy", "told 2", "idle", "told 3"),
     ]
     one_by_one = tracker(FOLLOWING)
     for frame, state in zip(frames, states, strict=True):
@@ -232,6 +228,10 @@ class Waiting:
     """Live frames of which the next one always waits."""
 
     is_ready, period_s = True, 1 / 30
+
+    def wait(self, _: float) -> bool:
+        """It is there already."""
+        return True
 
 
 def test_a_live_frame_does_not_wait_for_a_search() -> None:

@@ -73,9 +73,8 @@ def pool(endpoint: str, **options: Any) -> ZenohRefiner:
 
 
 def refined_bytes(refiner: ZenohRefiner, number: int, poses: NDArray[np.float64] = POSES) -> bytes:
-    """Publish a frame and have poses refined on it."""
-    refiner.publish(frame(number))
-    return as_bytes(refiner.submit(MODEL, poses, SETTINGS).result())
+    """Have poses refined on a frame."""
+    return as_bytes(refiner.submit(frame(number), MODEL, poses, SETTINGS).result())
 
 
 REQUEST = RefineRequest("ghost", 1, MODEL.hash, SETTINGS, POSES)
