@@ -17,6 +17,7 @@ class Lookahead(Generic[Item]):
 
     def __init__(self, items: Iterable[Item]) -> None:
         self._items = iter(items)
+        self.waited = False  # whether the last item was made before its turn
         self._peeked = False
         self._next: Item | None = None  # None at the end
         self._error: Exception | None = None
@@ -25,6 +26,7 @@ class Lookahead(Generic[Item]):
         return self
 
     def __next__(self) -> Item:
+        self.waited = self._peeked
         item = self.peek()
         self._peeked = False
         if self._error is not None:
@@ -32,6 +34,11 @@ class Lookahead(Generic[Item]):
         if item is None:
             raise StopIteration
         return item
+
+    @property
+    def is_ahead(self) -> bool:
+        """Whether the next item is made already."""
+        return self._peeked
 
     def peek(self) -> Item | None:
         """The next item; None at the end, or if it fails, which raises the error when its turn comes."""
@@ -67,7 +74,7 @@ class Pace:
     """What a live frame has time for."""
 
     period_s: float  # between published frames
-    is_late: bool  # a newer frame waits already
+    is_late: bool  # it had to wait, or a newer one waits already
 
     @property
     def most_particles(self) -> float:

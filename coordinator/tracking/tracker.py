@@ -101,14 +101,16 @@ class Tracker:
         """Track frames; each frame is reported while the workers refine the next one.
 
         The results are those of `track`. If a frame fails, the frame before is still reported. Without
-        `look_ahead`, and with `live` frames, each frame is reported at once. The next live frame is segmented
-        ahead only if it is already waiting and a body is tracked. Bodies are searched for beside live frames.
+        `look_ahead`, each frame is reported at once. The same holds for `live` frames, unless the next one
+        already waits and a body is tracked. Bodies are searched for beside live frames.
         """
         look_ahead = look_ahead and live is None
         upcoming, unreported = Lookahead(map(self._segment, frames)), list[Updated]()
         try:
             for segmented, clocks in upcoming:
-                submitted = self._submit(segmented, clocks, live)
+                late = live is not None and (upcoming.waited or live.is_ready)
+                pace = None if live is None else Pace(live.period_s, late)
+                submitted = self._submit(segmented, clocks, pace)
                 # the workers are busy from here until the update
                 if unreported:
                     tracked, unreported = [report(each) for each in unreported], []
@@ -120,9 +122,10 @@ class Tracker:
                 unreported = updated
                 if live is not None:
                     self._search(wait=False)
-                if not look_ahead:
-                    tracked, unreported = [report(each) for each in unreported], []
-                    yield tracked
+                if upcoming.is_ahead:
+                    continue
+                tracked, unreported = [report(each) for each in unreported], []
+                yield tracked
                 if live is not None:
                     self._search_until_ready(live)
         except (Exception, KeyboardInterrupt):
@@ -133,10 +136,9 @@ class Tracker:
             yield [report(each) for each in unreported]
 
     def _submit(
-        self, segmented: Segmented, clocks: list[Stopwatch], live: Live | None
+        self, segmented: Segmented, clocks: list[Stopwatch], pace: Pace | None
     ) -> list[Submitted | Updated]:
         """Predict the particles of each person, and send them to the workers."""
-        pace = None if live is None else Pace(live.period_s, live.is_ready)
         free, submitted = list(segmented.candidates), list[Submitted | Updated]()
         for n, target in enumerate(self._targets):
             subject = self._assign(n, segmented, free)
