@@ -1,7 +1,8 @@
 """Live input as a camera sends it: python -m benchmarks.live [--entries N | --minutes M].
 
 A camera of its own publishes recorded frames at their rate, and a listener notes when each result comes. By
-default each sequence is shown once; a frame is known if its result is tracked or ambiguous. With --entries
+default each sequence is shown once; a frame is known if its result is tracked or ambiguous; errors of known
+frames are compared with those of a recorded run. With --entries
 each room of --only is shown without people, which costs processor time, and then with N people who appear in
 it, each in another pose, at another place, and to a tracker that starts again. With --minutes the first
 sequence is shown for so long, through a router and two workers, while the camera stalls, restarts,
@@ -37,6 +38,7 @@ from common.frame import DepthFrame
 from common.protocol.frames import encode_live, encode_live_end
 from common.transport.bus import Bus
 from common.transport.opening import open_worker
+from coordinator.results.track import read_track
 from coordinator.sources import open_source
 from coordinator.sources.picture_folders import read_depth
 
@@ -144,21 +146,45 @@ def show(data: Path, name: str) -> dict[str, Any]:
         camera.end()
         code = run.wait(60.0)
         bus.close()
+        start("track", str(data / name), "--out", f"{folder}/recorded", *given[4:], "--no-pictures").wait()
+        person = Path("person1" if people > 1 else "")
+        errors = errors_of(Path(folder, "run", person), Path(folder, "recorded", person), data / name)
     answers = log.answers()
     late = [1e3 * delay for _, delay, _ in answers if delay < np.inf]
     first = next((k for k, (_, _, known) in enumerate(answers) if known), len(frames))
-    known = [delay <= IN_TIME_S for _, delay, known in answers[first:] if known]
     result = {
         "sequence": name,
         "frames": len(frames),
         "answered": len(late),
         "first_known_s": sum(answers[first][:2]) - answers[0][0] if first < len(frames) else None,
-        "known_in_time_percent": 100.0 * sum(known) / max(1, len(frames) - first),
+        "known_in_time_percent": share(answers[first:], IN_TIME_S),
+        "within_100_ms_percent": share(answers[first:], 0.1),
+        "errors_cm": errors,
         "median_ms": float(np.median(late)) if late else None,
         "exit": code,
     }
     print(result, flush=True)
     return result
+
+
+def share(answers: Sequence[tuple[float, float, bool]], seconds: float) -> float:
+    """Percentage of the frames that are known within a time."""
+    return 100.0 * sum(known and delay <= seconds for _, delay, known in answers) / max(1, len(answers))
+
+
+def errors_of(live: Path, recorded: Path, sequence: Path) -> list[float] | None:
+    """Mean error (cm) of all joints in the frames that are known live: live, and recorded."""
+    if not (sequence / "truth.npz").exists():
+        return None
+    truth, runs = np.load(sequence / "truth.npz"), [read_track(live), read_track(recorded)]
+    known = np.isin(runs[0].status, ["tracked", "ambiguous"])
+    errors = []
+    for run in runs:
+        places = np.searchsorted(run.frame, runs[0].frame[known])
+        names = [list(run.joint_names).index(name) for name in truth["joint_names"]]
+        mine, theirs = run.joint_positions[places][:, names], truth["joint_positions"][run.frame[places]]
+        errors.append(100.0 * float(np.linalg.norm(mine - theirs, axis=-1).mean()))
+    return errors
 
 
 def enter(data: Path, name: str, entries: int) -> dict[str, Any]:

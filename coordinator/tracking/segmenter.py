@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.body import BodyModel
-from common.camera import Intrinsics
 from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import pose_vertices
 from coordinator.scene.candidates import candidates
@@ -148,11 +147,3 @@ def near_any(view: SceneView, distances: Sequence[Depth]) -> Mask:
     for each in distances:
         near |= each <= NEAR_M
     return near
-
-
-def prepare() -> None:
-    """Load compiled code before the first frame of a room; it takes some seconds, once in a process."""
-    camera = Intrinsics(80, 60, 60.0, 60.0, 39.5, 29.5)
-    depth = np.full((camera.height, camera.width), 4000, dtype=np.uint16)
-    depth[10:40, 30:45] = 2500 + 5 * (np.arange(15) - 7) ** 2  # something before the wall
-    Segmenter(1).segment(DepthFrame(0, 0.0, depth, 1000.0, camera), [None])

@@ -19,10 +19,10 @@ from coordinator.bodies.tracked import Bodies
 from coordinator.scene.scene import NOTHING, SETTLED_FRAMES
 from coordinator.scene.scope import Scope
 from coordinator.stopwatch import Stopwatch
-from coordinator.tracking import segmenter
 from coordinator.tracking.known_motion import KnownMotion
 from coordinator.tracking.loop import Live, Lookahead, Pace
 from coordinator.tracking.observation import middle_of
+from coordinator.tracking.preparation import rehearse
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.reporting import Tracked, Updated, report
 from coordinator.tracking.segmenter import Segmented, Segmenter
@@ -63,6 +63,7 @@ class Tracker:
         states: Sequence[TrackerState] | None = None,
     ) -> None:
         past: Sequence[TrackerState | None] = states or [None] * people
+        self._settings, self._bodies = settings, bodies
         self._segmenter = Segmenter(settings.points, scope)
         if states:
             self._segmenter.recall(states[0].checkpoint.scene)
@@ -87,8 +88,8 @@ class Tracker:
 
     def prepare(self) -> None:
         """Load and build in advance what the first frames need."""
-        segmenter.prepare()
         self._targets[0].prepare()
+        rehearse(self._settings, self._bodies)
 
     def track(self, frame: DepthFrame) -> list[Tracked]:
         """Track the next frame."""

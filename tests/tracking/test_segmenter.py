@@ -9,7 +9,7 @@ from common.frame import HIDDEN, SUBJECT
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
 from coordinator.scene.scope import Scope
-from coordinator.tracking.segmenter import PosedBody, Segmenter, prepare
+from coordinator.tracking.segmenter import PosedBody, Segmenter
 from tests.support.people import CAMERA, STANDING, frame_of, rendered
 from tests.support.rooms import TABLE, Room, along
 
@@ -35,16 +35,6 @@ def test_a_room_without_people_has_no_candidates() -> None:
     assert Segmenter(300).segment(Room(noise=0.001).see(None).frame, [None]).candidates == ()
     near = Scope(far=0.5)
     assert Segmenter(300, near).segment(Room().see(PERSON).frame, [None]).candidates == ()
-
-
-def test_preparing_leaves_nothing_behind() -> None:
-    """Loading ahead does not change the result."""
-    frame = Room(noise=0.001).see(PERSON).frame
-    (before,) = Segmenter(300).segment(frame, [None]).candidates
-    prepare()
-    (after,) = Segmenter(300).segment(frame, [None]).candidates
-    np.testing.assert_array_equal(after.frame.depth, before.frame.depth)
-    np.testing.assert_array_equal(after.picked, before.picked)
 
 
 @pytest.mark.parametrize("measured", ["head alone", "one frame of holes"])

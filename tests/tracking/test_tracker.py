@@ -275,6 +275,14 @@ def test_a_recorder_that_fails_raises_where_it_was_called() -> None:
     assert {Path(entry.path).name for entry in caught.traceback} == {"test_tracker.py"}
 
 
+def test_preparing_leaves_nothing_behind() -> None:
+    """Loading ahead does not change the result."""
+    plain, prepared = tracker(), tracker()
+    prepared.prepare()
+    for frame in shown("standing").frames[:2]:
+        np.testing.assert_array_equal(prepared.track(frame).pose, plain.track(frame).pose)
+
+
 def test_an_empty_frame_shows_nobody_and_it_goes_on() -> None:
     """Where nothing is seen the pose stays, without a residual; with the next picture tracking resumes."""
     frames, joints = shown("standing")
