@@ -300,7 +300,7 @@ class TargetTracker:
             if self._belief is None and self._given:
                 self._begin_at_start(subject)
             elif self._searching is None:
-                self._searching = self._begin_search(subject, planes)
+                self._searching = self._begin_search(subject, planes, live=live)
             while not live and self.search():
                 pass
             detection = self._finish_search(subject)
@@ -319,8 +319,8 @@ class TargetTracker:
     def _measure_noise(self, subject: SubjectFrame) -> SensorNoise:
         return measure_noise(subject.frame) if self._settings.measure_noise else NO_NOISE
 
-    def _begin_search(self, subject: SubjectFrame, planes: Planes) -> Searching | None:
-        """A search for the body in a frame, if one is due."""
+    def _begin_search(self, subject: SubjectFrame, planes: Planes, *, live: bool) -> Searching | None:
+        """A search for the body in a frame, if one is due; live the first search is always due."""
         if self._belief is not None:
             if not (self.management.check_due and self._redetects):
                 return None
@@ -329,7 +329,7 @@ class TargetTracker:
         elif len(subject.picked) < self.least_pixels:
             self.nothing_seen()
             return None
-        elif not self.management.search_due:
+        elif not (live or self.management.search_due):
             self.management = self.management.not_found(self.management.why)
             return None
         else:
