@@ -1,0 +1,57 @@
+"""How many particles the frames of recordings use: python -m benchmarks.particles RECORDING [...].
+
+Each recording is tracked at 30 and 10 frames a second; the picture shows the particles over time.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from benchmarks.running import command_line, keep, measured
+from benchmarks.tracking import bodies_of, follow, prepare
+from common.settings import preset
+from coordinator.sources import open_source
+from coordinator.tracking.tracker import Tracker
+from gepf.direct import DirectRefiner
+
+RATES = (1, 3)  # every n-th frame of 30 a second
+
+
+def main() -> int:
+    """Track, print the mean number of each row, draw."""
+    parser = command_line("particles", __doc__)
+    parser.add_argument("recordings", nargs="+", type=Path, metavar="RECORDING")
+    parser.add_argument("--picture", type=Path, default=Path("docs/particles.png"), metavar="FILE")
+    return measured(measure, parser.parse_args())
+
+
+def measure(chosen: argparse.Namespace) -> int:
+    """Exit code 0."""
+    prepare()
+    used: dict[str, list[int]] = {}
+    figure = Figure((10.0, 2.2 * len(chosen.recordings)), layout="constrained")
+    rows = figure.subplots(len(chosen.recordings), 1, squeeze=False)[:, 0]
+    for row, path in zip(rows, chosen.recordings, strict=True):
+        for every in RATES:
+            tracker = Tracker(DirectRefiner(), preset("default"), bodies_of("default"))
+            found, _ = follow(tracker, list(open_source(path))[::every])
+            count = [each.estimate.particles_answered for each in found]
+            name = f"{path.stem.removesuffix('_depth')}, {30 // every} frames/s"
+            used[name] = count
+            print(f"{name}: {np.mean(count):.1f} particles")
+            row.step(every / 30.0 * np.arange(len(count)), count, label=name, where="mid")
+        row.set(ylabel="particles", ylim=(0.0, 22.0))
+        row.legend(loc="lower right")
+    rows[-1].set_xlabel("seconds")
+    figure.savefig(chosen.picture, dpi=90)
+    keep(used, chosen.out)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
