@@ -247,9 +247,9 @@ class Detector:
         size, poses = sizes[found.sizes[0]], found.poses
         if len(sizes) > 1:
             statures = [(size[0] * step, size[1]) for step in STATURE_STEPS]
-            size, best = yield from self._choose_size(subject, statures, poses[:SIZED], then)
+            size, _ = yield from self._choose_size(subject, statures, poses[:SIZED], then)
             girths = [(size[0], girth) for girth in GIRTHS]
-            size, best = yield from self._choose_size(subject, girths, best, then)
+            size, best = yield from self._choose_size(subject, girths, poses[:SIZED], then)
             poses = np.concatenate([best, poses])
         return size, poses
 
