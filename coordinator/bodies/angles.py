@@ -188,15 +188,15 @@ class Angles:
         A swing by s equals a swing by 360 degrees - s in the opposite direction, and angles can differ by
         full turns.
         """
-        near, reference = angles.copy(), np.broadcast_to(reference, angles.shape)
-        for b, joint in enumerate(self.spherical):
-            swing, twist = slice(3 * b, 3 * b + 2), 3 * b + 2
-            near[:, swing] = nearest_swing(angles[:, swing], reference[:, swing], limb=not joint.upward)
-            free = joint.dofs[0].name in ROOT_DOFS
-            near[:, twist] = nearest_turn(angles[:, twist], reference[:, twist], np.inf if free else FARTHEST)
-        first = 3 * len(self.spherical)
-        near[:, first:] = nearest_turn(angles[:, first:], reference[:, first:])
-        return near
+        reference, first = np.broadcast_to(reference, angles.shape), 3 * len(self.spherical)
+        shape = len(angles), len(self.spherical), 3
+        here, there = (each[:, :first].reshape(shape) for each in (angles, reference))
+        limb = np.array([not joint.upward for joint in self.spherical], dtype=np.bool_)
+        free = np.array([joint.dofs[0].name in ROOT_DOFS for joint in self.spherical], dtype=np.bool_)
+        swing = nearest_swing(here[..., :2], there[..., :2], limb)
+        twist = nearest_turn(here[..., 2], there[..., 2], np.where(free, np.inf, FARTHEST))
+        turned = np.concatenate([swing, twist[..., None]], axis=-1).reshape(len(angles), first)
+        return np.concatenate([turned, nearest_turn(angles[:, first:], reference[:, first:])], axis=1)
 
     @property
     def levers(self) -> dict[int, int]:
@@ -247,8 +247,9 @@ class Angles:
             for k, dof in enumerate(chains[j]):
                 axes[j, k] = np.asarray(dof.axis) * (MIRROR if joint.mirrored else 1.0)
                 values[:, j, k] = self._value(dof.name, poses)
+        turns = quaternions(values[..., None] * axes)
         for k in range(longest):
-            total = compose(total, quaternions(values[:, :, k, None] * axes[:, k]))
+            total = compose(total, turns[:, :, k])
         return compose(total, quaternions(np.array([hanging(joint) for joint in joints]).reshape(-1, 3)))
 
     def _value(self, dof: str, poses: Array) -> Array:

@@ -43,7 +43,8 @@ def compose(one: Array, other: Array) -> Array:
     """Products (..., 4) of quaternions: the rotation `other`, followed by `one`."""
     a, b = one[..., :3], other[..., :3]
     real = one[..., 3] * other[..., 3] - np.sum(a * b, axis=-1)
-    imaginary = one[..., 3:] * b + other[..., 3:] * a + np.cross(a, b)
+    across = a[..., [1, 2, 0]] * b[..., [2, 0, 1]] - a[..., [2, 0, 1]] * b[..., [1, 2, 0]]
+    imaginary = one[..., 3:] * b + other[..., 3:] * a + across
     return np.concatenate([imaginary, real[..., None]], axis=-1)
 
 
@@ -61,26 +62,25 @@ def swing_twist(turned: Array) -> tuple[Array, Array]:
     return across * (sign * scale)[..., None], twist
 
 
-def nearest_swing(swings: Array, reference: Array, limb: bool = False) -> Array:
-    """The swings (N, 2), or the equivalent opposite ones, whichever are nearer to `reference`.
+def nearest_swing(swings: Array, reference: Array, limb: bool | NDArray[np.bool_] = False) -> Array:
+    """The swings (..., 2), or the equivalent opposite ones, whichever are nearer to `reference`.
 
     For a jump by more than `BEHIND`, directions that are impossible for limbs, backward or inward, are not
-    chosen.
+    chosen. `limb` says which swings (...) are those of limbs.
     """
-    angle = np.linalg.norm(swings, axis=-1, keepdims=True)
-    other = swings * (1.0 - tau / np.maximum(angle, 1e-9))
+    angle = np.hypot(swings[..., 0], swings[..., 1])
+    other = swings * (1.0 - tau / np.maximum(angle, 1e-9))[..., None]
     reach = tau - angle
-    far, other_far = (np.linalg.norm(s - reference, axis=-1, keepdims=True) for s in (swings, other))
+    far, other_far = (np.hypot(*np.moveaxis(s - reference, -1, 0)) for s in (swings, other))
     wound = (reach <= FARTHEST) & (other_far < far)
-    if limb:
-        behind, other_behind = (np.min(s, axis=-1, keepdims=True) < -BEHIND for s in (swings, other))
-        forced = (wound & (behind | ~other_behind)) | (behind & ~other_behind & (reach <= OVERHEAD))
-        wound = np.where(np.where(wound, other_far, far) > BEHIND, forced, wound)
-    return np.where(wound, other, swings)
+    behind, other_behind = (np.minimum(s[..., 0], s[..., 1]) < -BEHIND for s in (swings, other))
+    forced = (wound & (behind | ~other_behind)) | (behind & ~other_behind & (reach <= OVERHEAD))
+    wound = np.where(limb & (np.where(wound, other_far, far) > BEHIND), forced, wound)
+    return np.where(wound[..., None], other, swings)
 
 
-def nearest_turn(angles: Array, reference: Array, farthest: float = np.inf) -> Array:
-    """Angles (N,) shifted by full turns towards `reference`, within +-`farthest`."""
+def nearest_turn(angles: Array, reference: Array, farthest: float | Array = np.inf) -> Array:
+    """Angles (...) shifted by full turns towards `reference`, within +-`farthest`."""
     near = angles + tau * np.round((reference - angles) / tau)
     near = np.where(near > farthest, near - tau, near)
     return np.where(near < -farthest, near + tau, near)

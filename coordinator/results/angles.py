@@ -11,8 +11,8 @@ Here `variance` is the variance of an angle beyond `ANGLE_MISFIT`, so a visible 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -132,16 +132,17 @@ def hypotheses_near(track: Track, angles: Angles, about: Array) -> Array:
 
 def deviations_from_joints(track: Track, angles: Angles) -> Array:
     """Deviations (F, A) of angles, radians, from those of the joints that they move; 0 if unknown."""
+    shown = shown_by(angles.names, track.joint_names)
     off = np.zeros((len(track.frame), len(angles.names)))
-    for angle, (end, pivot) in shown_by(angles.names, track.joint_names).items():
-        bone = track.joint_positions[:, end] - track.joint_positions[:, pivot]
-        length = np.linalg.norm(bone, axis=-1)
-        deviation = np.nan_to_num(track.joint_deviation[:, end])
-        np.divide(deviation, length, out=off[:, angle], where=length > 0.0)
+    ends, pivots = np.array(list(shown.values()), dtype=np.intp).reshape(-1, 2).T
+    length = np.linalg.norm(track.joint_positions[:, ends] - track.joint_positions[:, pivots], axis=-1)
+    deviation = np.nan_to_num(track.joint_deviation[:, ends])
+    off[:, list(shown)] = np.divide(deviation, length, out=np.zeros_like(length), where=length > 0.0)
     return off
 
 
-def shown_by(angles: Sequence[str], joints: Sequence[str]) -> dict[int, tuple[int, int]]:
+@cache
+def shown_by(angles: tuple[str, ...], joints: tuple[str, ...]) -> dict[int, tuple[int, int]]:
     """For angles that follow from joint positions: the moved joint, and the joint at the centre."""
     found: dict[int, tuple[int, int]] = {}
     for a, name in enumerate(angles):

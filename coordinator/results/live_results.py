@@ -150,10 +150,9 @@ class LiveResults:
 
 def by_name(names: tuple[str, ...], values: NDArray[np.float64]) -> dict[str, Any]:
     """Values (N,) or points (N, 3) by name; None if unknown."""
-    return {
-        name: value.tolist() if np.isfinite(value).all() else None
-        for name, value in zip(names, values, strict=True)
-    }
+    known = np.isfinite(values if values.ndim == 1 else values.sum(axis=1))
+    listed = zip(names, values.tolist(), known, strict=True)
+    return {name: value if is_known else None for name, value, is_known in listed}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
