@@ -72,23 +72,21 @@ def mark_pixels(depth: Depth, background: Depth, lens: Lens, planes: Array, grow
     """
     fx, fy, cx, cy = lens
     marks = np.empty(depth.shape, dtype=np.uint8)
+    x = (np.arange(depth.shape[1]) - cx) / fx
+    nearest = np.empty(depth.shape[1])  # plane in each direction, as 1 / z
     for v in range(depth.shape[0]):
         y = (v - cy) / fy
+        nearest[:] = -np.inf
+        for p in range(len(planes)):
+            for u in range(depth.shape[1]):
+                nearest[u] = max(nearest[u], planes[p, 0] * x[u] + planes[p, 1] * y + planes[p, 2])
         for u in range(depth.shape[1]):
-            z = depth[v, u]
-            if not z > 0.0:
-                marks[v, u] = NOT_MEASURED
-                continue
-            x, margin = (u - cx) / fx, margin_at(z, growth)
-            inverse = 1.0 / z
-            highest = inverse - margin * inverse * inverse
-            mark = FOREGROUND
-            for p in range(len(planes)):
-                if planes[p, 0] * x + planes[p, 1] * y + planes[p, 2] > highest:
-                    mark = ON_PLANE
-            if mark == FOREGROUND and abs(z - background[v, u]) < margin:
-                mark = BACKGROUND
-            marks[v, u] = mark
+            z = np.float64(depth[v, u])
+            margin = margin_at(z, growth)
+            on_plane = nearest[u] * z * z > z - margin
+            known = abs(z - background[v, u]) < margin
+            mark = ON_PLANE if on_plane else (BACKGROUND if known else FOREGROUND)
+            marks[v, u] = mark if z > 0.0 else NOT_MEASURED
     return marks
 
 

@@ -209,12 +209,12 @@ def grow_apart(depth: Depth, free: Mask, distances: Depth, growth: float, least:
     """Mark pixels (H, W), initially none, as in `mark_apart`; `least` is an area in pixels times z^2."""
     rows, columns = depth.shape
     grown = np.empty(rows * columns, dtype=np.int64)
+    nearby, unused = distances.ravel(), free.ravel()
     for start in range(rows * columns):
-        row, column = start // columns, start % columns
-        if not (NEAR_M < distances[row, column] <= REACH_M and free[row, column]):
+        if not unused[start] or nearby[start] <= NEAR_M or nearby[start] > REACH_M:
             continue
         grown[0], count, place, area, beyond = start, 1, 0, 0.0, False
-        free[row, column] = False
+        unused[start] = False
         while place < count:
             row, column = grown[place] // columns, grown[place] % columns
             place += 1
