@@ -56,7 +56,7 @@ def find_flat(depth: NDArray[np.floating], mask: Mask, camera: Intrinsics, growt
     some = averaged[:: 1 + len(averaged) // SAMPLED]
     planes = draw_planes(some)
     near = count_points(planes, some)[:, 0]
-    plane = refit(planes[near.argmax()], some)
+    plane = refit(planes[[near.argmax()]], some)[0]
     flat, on = np.zeros_like(mask), np.zeros_like(mask)
     flat[mask], on[mask] = lie_on(plane, averaged), lie_on(plane, rays)
     return Flat(flat, float(near.max()) / len(some), on, size)

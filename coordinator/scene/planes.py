@@ -90,7 +90,7 @@ def find_planes(rays: Array, approximate_up: Array) -> Planes:
     drawn = drawn[count_points(drawn, rays)[:, 2] <= MOST_BEYOND * len(rays)]
     while len(drawn):
         likeliest = drawn[np.argsort(-support(drawn, rest), kind="stable")[:REFINED_PLANES]]
-        refined = np.array([refit(refit(each, rest), rest) for each in likeliest])
+        refined = refit(refit(likeliest, rest), rest)
         score = support(refined, rest)
         score[count_points(refined, rays)[:, 2] > MOST_BEYOND * len(rays)] = 0
         if score.max() < LEAST_POINTS:
@@ -141,52 +141,60 @@ def draw_planes(rays: Array) -> Array:
 @numba.njit(cache=True, nogil=True)
 def count_points(planes: Array, rays: Array) -> NDArray[np.int64]:
     """Numbers of rays (N, 4): within half the margin of each plane (M, 3), within it, beyond twice of it."""
-    counts = np.zeros((len(planes), 3), dtype=np.int64)
+    counts = np.empty((len(planes), 3), dtype=np.int64)
+    x, y, inverse, margin = rays.T.copy()
     for m in range(len(planes)):
         a, b, c = planes[m]
+        near, within, beyond = 0, 0, 0
         for n in range(len(rays)):
-            off = (rays[n, 2] - a * rays[n, 0] - b * rays[n, 1] - c) / rays[n, 3]
-            counts[m, 0] += abs(off) < 0.5
-            counts[m, 1] += abs(off) < 1.0
-            counts[m, 2] += off < -2.0
+            off = (inverse[n] - a * x[n] - b * y[n] - c) / margin[n]
+            near += abs(off) < 0.5
+            within += abs(off) < 1.0
+            beyond += off < -2.0
+        counts[m] = near, within, beyond
     return counts
 
 
 def follow_planes(planes: Planes, rays: Array) -> Planes:
     """Update the planes in the next frame of a camera that is fixed or moves slowly."""
-    return replace(planes, coefficients=np.array([refit(each, rays) for each in planes.coefficients]))
+    return replace(planes, coefficients=refit(planes.coefficients, rays))
 
 
-def refit(plane: Array, rays: Array) -> Array:
-    """Fit a plane (3,) by least squares to the rays (N, 4) within the margin, then within half of it."""
+def refit(planes: Array, rays: Array) -> Array:
+    """Fit planes (M, 3) by least squares to the rays (N, 4) within the margin, then within half of it.
+
+    A plane with few rays stays as it is.
+    """
+    planes = planes.copy()
     for margins in (1.0, 0.5):
-        moments = np.zeros((3, 4))
-        if add_moments(plane, rays, margins, moments) < LEAST_POINTS:
-            return plane
-        least = np.finfo(float).eps * np.trace(moments[:, :3])  # for collinear points
-        plane = np.linalg.solve(moments[:, :3] + least * np.eye(3), moments[:, 3])
-    return plane
+        moments, counts = sum_moments(planes, rays, margins)
+        enough = counts >= LEAST_POINTS
+        products, sums = moments[enough, :, :3], moments[enough, :, 3:]
+        least = np.finfo(float).eps * np.trace(products, axis1=1, axis2=2)  # for collinear points
+        planes[enough] = np.linalg.solve(products + least[:, None, None] * np.eye(3), sums)[..., 0]
+    return planes
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def add_moments(plane: Array, rays: Array, within: float, moments: Array) -> int:
-    """Add x x^T and x / z of x = (x/z, y/z, 1) to moments (3, 4), for the rays (N, 4) that are on a plane.
+def sum_moments(planes: Array, rays: Array, within: float) -> tuple[Array, NDArray[np.int64]]:
+    """Sums (M, 3, 4) of x x^T and x / z of x = (x/z, y/z, 1) over the rays (N, 4) that are on each plane (M, 3).
 
-    A ray is on it within the given multiple of its margin. Returns the number of these rays.
+    A ray is on a plane within the given multiple of its margin. Also returns the numbers (M,) of these rays.
     """
-    count = 0
+    moments, counts = np.zeros((len(planes), 3, 4)), np.zeros(len(planes), dtype=np.int64)
     x = np.ones(3)
-    for n in range(len(rays)):
-        inverse, margin = rays[n, 2], rays[n, 3]
-        x[0], x[1] = rays[n, 0], rays[n, 1]
-        if abs(plane[0] * x[0] + plane[1] * x[1] + plane[2] - inverse) < within * margin:
-            count += 1
-            weight = 1.0 / (margin * margin)
-            for i in range(3):
-                for j in range(3):
-                    moments[i, j] += weight * x[i] * x[j]
-                moments[i, 3] += weight * x[i] * inverse
-    return count
+    for m in range(len(planes)):
+        for n in range(len(rays)):
+            inverse, margin = rays[n, 2], rays[n, 3]
+            x[0], x[1] = rays[n, 0], rays[n, 1]
+            if abs(planes[m, 0] * x[0] + planes[m, 1] * x[1] + planes[m, 2] - inverse) < within * margin:
+                counts[m] += 1
+                weight = 1.0 / (margin * margin)
+                for i in range(3):
+                    for j in range(3):
+                        moments[m, i, j] += weight * x[i] * x[j]
+                    moments[m, i, 3] += weight * x[i] * inverse
+    return moments, counts
 
 
 def lie_on(plane: Array, rays: Array) -> NDArray[np.bool_]:
