@@ -177,7 +177,7 @@ def refit(planes: Array, rays: Array) -> Array:
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def sum_moments(planes: Array, rays: Array, within: float) -> tuple[Array, NDArray[np.int64]]:
-    """Sums (M, 3, 4) of x x^T and x / z of x = (x/z, y/z, 1) over the rays (N, 4) that are on each plane (M, 3).
+    """Sums (M, 3, 4) of x x^T and x / z of x = (x/z, y/z, 1) over the rays (N, 4) on each plane (M, 3).
 
     A ray is on a plane within the given multiple of its margin. Also returns the numbers (M,) of these rays.
     """
