@@ -1,8 +1,8 @@
 """The worker's loop: a request's bytes in, refine, the reply's bytes out.
 
-Frames and models are cached only to avoid fetching them again: a result depends only on its request. A
-coordinator has at most two requests at a worker, so several coordinators are served alternately. Spare
-requests, those of searches, are served when no other waits.
+Frames and models are cached only to avoid fetching them again: a result depends only on its request. Each
+coordinator has only a few requests at a worker, so several coordinators are served alternately. Spare
+requests, those of searches, come after others, but do not wait for ever.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
+from heapq import heapify
 from itertools import count
 from queue import Empty, PriorityQueue
 from typing import Any, Protocol
@@ -32,7 +33,7 @@ from common.transport.bus import Bus
 from common.transport.channels import IncomingRequest
 from worker.memory import Memory
 
-MOST_WAITING = 64  # requests; further ones end without an answer and are sent to other workers
+SPARE_DELAY_S = 0.1  # a spare request comes after others that arrive so much later
 LOOK_S = 0.2  # between checks for the end, if no signal interrupts the wait for a request
 SILENCE_S = 10.0  # without a request before the coordinator is checked
 
@@ -68,10 +69,11 @@ class Kernel:
 
 @dataclass(frozen=True, slots=True, order=True)
 class Task:
-    """Something to do; the first in the order of spare and place comes first."""
+    """Something to do for a run; the one with the earliest time comes first."""
 
-    spare: bool
+    time_s: float
     place: int
+    run: str = field(compare=False)
     do: Callable[[], None] = field(compare=False)
 
 
@@ -128,25 +130,22 @@ class Service:
         refined = self._kernel.refine(
             model, observation, request.poses, request.settings, covariance=request.covariance
         )
-        self._put(partial(self._observe_ahead, request.run))
+        self._put(request.run, partial(self._observe_ahead, request.run))
         return encode_refined(refined)
 
-    def _put(self, do: Callable[[], None], *, spare: bool = False) -> None:
-        self._work.put(Task(spare, next(self._places), do))
+    def _put(self, run: str, do: Callable[[], None], delay_s: float = 0.0) -> None:
+        self._work.put(Task(time.monotonic() + delay_s, next(self._places), run, do))
 
     def _accept(self, request: IncomingRequest) -> None:
         """Queue a request; called on a thread of the bus."""
-        if self._work.qsize() >= MOST_WAITING:
-            with request:
-                log.warning("dropped a request: too many wait")
-            return
         try:
             asked = decode_request(request.payload)
         except ProtocolError as error:
             with request:
                 refuse(request, str(error))
         else:
-            self._put(partial(self._serve_waiting, request, asked), spare=asked.spare)
+            serve = partial(self._serve_waiting, request, asked)
+            self._put(asked.run, serve, SPARE_DELAY_S if asked.spare else 0.0)
 
     def _serve_waiting(self, request: IncomingRequest, asked: RefineRequest) -> None:
         self._asks_at = time.monotonic() + SILENCE_S
@@ -158,7 +157,7 @@ class Service:
         run = keys.owner_of(key)
         with suppress(ProtocolError):  # its requests report the error
             self._memory.put_frame(run, number_of(payload), payload)
-            self._put(partial(self._observe_ahead, run))
+            self._put(run, partial(self._observe_ahead, run))
 
     def _observe_ahead(self, run: str) -> None:
         with suppress(Exception):  # as above
@@ -167,9 +166,14 @@ class Service:
                 self._kernel.prepare(*ahead)
 
     def _notice_run(self, key: str, alive: bool) -> None:
-        """Drop a run when its coordinator has left; called on a thread of the bus."""
+        """Drop a run and its requests when its coordinator has left; called on a thread of the bus."""
         if not alive:
-            self._memory.forget(keys.owner_of(key))
+            run = keys.owner_of(key)
+            self._memory.forget(run)
+            with self._work.mutex:
+                waiting = self._work.queue
+                self._work.queue = [task for task in waiting if task.run != run]
+                heapify(self._work.queue)
 
     def _is_link_dead(self) -> bool:
         """Whether the link leads to a coordinator, but no run there answers.
