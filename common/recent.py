@@ -13,10 +13,9 @@ MODELS_KEPT = 16  # of a run
 
 
 def put_recent(values: dict[K, V], key: K, value: V, size: int, needed: Collection[K] = ()) -> V:
-    """Put a value last, and drop the first ones above `size` that are not needed; returns the value."""
+    """Put a value last, and keep the last `size` ones besides those that are needed; returns the value."""
     values.pop(key, None)
     values[key] = value
-    excess = len(values) - size
-    for old in [each for each in values if each not in needed and each != key][: max(excess, 0)]:
+    for old in [each for each in values if each not in needed][:-size]:
         del values[old]
     return value
