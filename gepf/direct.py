@@ -17,21 +17,35 @@ from worker.kernel.icp import refine
 from worker.kernel.observation import Observation, observe
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(slots=True, eq=False)
 class DirectRequest:
-    """Particles that are refined when their result is requested."""
+    """Particles that are refined when their result, or whether it is ready, is first requested."""
 
     model: BodyModel
     observation: Observation
     poses: NDArray[np.float64]  # (N, D)
     settings: RefineSettings
     covariance: bool
+    refined: Refined | None = None
 
-    is_ready = True
+    @property
+    def is_ready(self) -> bool:
+        """Whether the particles are refined; if they are not, they are now, one request at a time."""
+        if self.refined is not None:
+            return True
+        self.result()
+        return False
 
     def result(self) -> Refined:
-        """Refine the particles."""
-        return refine(self.model, self.observation, self.poses, self.settings, covariance=self.covariance)
+        """Refine the particles, unless that is done."""
+        if self.refined is None:
+            self.refined = refine(
+                self.model, self.observation, self.poses, self.settings, covariance=self.covariance
+            )
+        return self.refined
+
+    def cancel(self) -> None:
+        """Nothing is under way."""
 
 
 class DirectRefiner:

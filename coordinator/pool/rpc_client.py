@@ -26,7 +26,7 @@ from coordinator.stopwatch import NOTICE_S
 
 @dataclass(slots=True, eq=False)
 class Refinement:
-    """A refinement in progress, which is sent in batches."""
+    """A refinement in progress, which is sent in batches; ends with `result` or `cancel`."""
 
     client: RpcClient
     number: int
@@ -53,6 +53,10 @@ class Refinement:
         places = [np.arange(start, start + len(self.parts[start].poses)) for start in starts]
         count = len(self.request.poses)
         return joined if len(joined.poses) == count else joined.spread(np.concatenate(places), count)
+
+    def cancel(self) -> None:
+        """Forget it: its result is not needed."""
+        self.client.forget(self)
 
     def is_over(self, now: float) -> bool:
         """Whether all particles are refined, or the deadline is over and there is at least one reply."""
@@ -98,7 +102,7 @@ class RpcClient:
         return {each.request.frame for each in self._refinements.values()}
 
     def begin(self, request: RefineRequest, due: float) -> Refinement:
-        """Send all batches of a request; if it is spare, after others until it is waited for."""
+        """Send all batches of a request; if it is spare, after others."""
         self.catch_up()
         number, self._begun = self._begun, self._begun + 1
         self._refinements[number] = refinement = Refinement(self, number, request, due)
@@ -111,30 +115,40 @@ class RpcClient:
         """Wait until a refinement is complete, or its deadline is over; then forget it."""
         try:
             self.catch_up()  # queued replies are in time
-            self._send(self.scheduler.hurry(refinement.number, time.monotonic()))
             while not refinement.is_over(time.monotonic()):
                 self.step(refinement.due)
         finally:
-            self.scheduler.cancel(refinement.number)
-            self._refinements.pop(refinement.number, None)
+            self.forget(refinement)
+
+    def forget(self, refinement: Refinement) -> None:
+        """Send nothing more of a refinement, and ignore its answers."""
+        self.scheduler.cancel(refinement.number)
+        self._refinements.pop(refinement.number, None)
 
     def step(self, due: float = math.inf) -> None:
-        """Handle the next event, and check clock and workers at intervals."""
+        """Handle the next event, or check clock and workers if it is time."""
         now = time.monotonic()
         if now >= self._next_poll:
-            self._next_poll = now + TICK_S
             self._poll(now)
-            self._send(self.scheduler.dispatch(now))
             return
         with suppress(Empty):
             self._inbox.get(timeout=min(TICK_S, due - now) if due > now else TICK_S)()
 
     def catch_up(self) -> None:
-        """Handle all queued events."""
+        """Handle all queued events, and check clock and workers if it is time."""
         while not self._inbox.empty():
             self._inbox.get()()
+        now = time.monotonic()
+        if now >= self._next_poll:
+            self._poll(now)
 
     def _poll(self, now: float) -> None:
+        """Check the workers, and send what is due."""
+        self._next_poll = now + TICK_S
+        self._check(now)
+        self._send(self.scheduler.dispatch(now))
+
+    def _check(self, now: float) -> None:
         """Check the local worker; report once that there is no worker; raise NoWorkers after the timeout."""
         line = self._local.look_after(now, present=self._local.name in self._senders)
         if line is not None:

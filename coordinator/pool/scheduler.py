@@ -22,7 +22,7 @@ from common.bounds import MAX_PARTICLES
 from common.errors import ProtocolError, SilentWorkers
 
 MAX_IN_FLIGHT = 2  # requests at one worker, so that the next one is there when one ends
-MAX_SPARE = 8  # spare ones, which wait there for their turn
+MAX_SPARE = 8  # with spare ones, which wait there for their turn
 DEADLINE_BATCH = 10  # particles per lane, with a deadline
 TICK_S = 0.1  # between checks of the clock; no request is late before
 LATE_FACTOR = 3.0  # a request is late after this multiple of the last time per particle
@@ -38,7 +38,7 @@ class Batch:
     """Particles start to stop - 1 of a refinement."""
 
     refinement: int
-    spare: bool  # is sent after others
+    spare: bool  # comes after others
     start: int
     stop: int
     done: bool = False
@@ -80,7 +80,8 @@ class Scheduler:
         self.in_flight: dict[int, Request] = {}  # by ticket, the oldest first
         self.batches: list[Batch] = []  # of all unfinished refinements
         self.sent = self.sent_again = self.refused = 0  # requests
-        self._pace = math.inf  # seconds per particle and lane, in the last request with a result
+        # seconds per particle and lane, in the last request with a result; of spare ones with their wait
+        self._pace = {False: math.inf, True: math.inf}
         self._answered_at = -math.inf  # by any worker
 
     def start(
@@ -99,12 +100,6 @@ class Scheduler:
         rounds = max(max(lanes) * share / MAX_PARTICLES, by_deadline * share / DEADLINE_BATCH)
         ranges = split(particles, lanes * max(1, math.ceil(rounds)))
         self.batches += [Batch(refinement, spare, start, stop) for start, stop in ranges]
-        return self.dispatch(now)
-
-    def hurry(self, refinement: int, now: float) -> list[Request]:
-        """A spare refinement can wait no longer."""
-        for batch in self.batches:
-            batch.spare &= batch.refinement != refinement
         return self.dispatch(now)
 
     def cancel(self, refinement: int) -> None:
@@ -136,7 +131,7 @@ class Scheduler:
         self._remove(request)
         batch, worker = request.batch, request.worker
         if outcome == "refined":
-            self._pace = (now - request.sent_at) / request.load
+            self._pace[batch.spare] = (now - request.sent_at) / request.load
             batch.done |= is_wanted
             if all(each.done for each in self.batches if each.refinement == batch.refinement):
                 self.cancel(batch.refinement)
@@ -153,16 +148,20 @@ class Scheduler:
         return self.dispatch(now)
 
     def dispatch(self, now: float) -> list[Request]:
-        """Send waiting batches to workers with capacity, the least busy first; if none wait, late ones."""
+        """Send waiting batches to workers with capacity, the least busy first; then late ones again.
+
+        A spare batch delays no other.
+        """
         waiting = [batch for batch in self.batches if not (batch.done or batch.in_flight)]
         sends: list[Request] = []
         for batch in sorted(waiting, key=lambda batch: batch.spare):
             by_all = batch.refusals.keys() >= self.workers.keys()
-            awake = self._awake(now, spare=batch.spare)
-            free = [w for w in awake if by_all or w.name not in batch.refusals]
+            most = MAX_SPARE if batch.spare else MAX_IN_FLIGHT
+            able = [w for w in self._awake(now) if self._count(w, batch) < most]
+            free = [w for w in able if by_all or w.name not in batch.refusals]
             if free:
                 sends.append(self._send(batch, min(free, key=lambda w: len(w.in_flight)), now))
-        return sends or ([] if waiting else self._send_late_again(now))
+        return sends or self._send_late_again(waiting, now)
 
     def wanted(self, ticket: int) -> Batch | None:
         """The batch of a ticket, if its result is still needed."""
@@ -170,27 +169,26 @@ class Scheduler:
         is_wanted = request is not None and not request.batch.done and request.batch in self.batches
         return request.batch if request is not None and is_wanted else None
 
-    def _awake(self, now: float, *, spare: bool = False) -> list[Worker]:
-        """Workers without a pause and with capacity for a request of this kind."""
+    def _awake(self, now: float) -> list[Worker]:
+        return [worker for worker in self.workers.values() if worker.rests_until <= now]
 
-        def load(worker: Worker) -> int:
-            return sum(self.in_flight[ticket].batch.spare == spare for ticket in worker.in_flight)
+    def _count(self, worker: Worker, batch: Batch) -> int:
+        """Number of requests at a worker that this batch does not precede."""
+        return sum(self.in_flight[ticket].batch.spare <= batch.spare for ticket in worker.in_flight)
 
-        most = MAX_SPARE if spare else MAX_IN_FLIGHT
-        return [w for w in self.workers.values() if w.rests_until <= now and load(w) < most]
-
-    def _send_late_again(self, now: float) -> list[Request]:
+    def _send_late_again(self, waiting: Sequence[Batch], now: float) -> list[Request]:
+        """Send late batches to workers that would begin them at once, unless others wait."""
         late = [request.batch for request in self.in_flight.values() if self._is_late(request, now)]
         sends: list[Request] = []
-        for idle in [worker for worker in self._awake(now) if not worker.in_flight]:
-            again = (batch for batch in late if len(batch.in_flight) == 1 and idle.name not in batch.refusals)
-            batch = next(again, None)
-            if batch is not None:
-                sends.append(self._send(batch, idle, now))
+        for batch in sorted(late, key=lambda batch: batch.spare):
+            idle = [w for w in self._awake(now) if not self._count(w, batch) and w.name not in batch.refusals]
+            others = any(each.spare <= batch.spare for each in waiting)
+            if idle and len(batch.in_flight) == 1 and not others:
+                sends.append(self._send(batch, idle[0], now))
         return sends
 
     def _is_late(self, request: Request, now: float) -> bool:
-        usual = LATE_FACTOR * self._pace * request.load
+        usual = LATE_FACTOR * self._pace[request.batch.spare] * request.load
         return self.wanted(request.ticket) is not None and now >= request.sent_at + max(TICK_S, usual)
 
     def _send(self, batch: Batch, worker: Worker, now: float) -> Request:

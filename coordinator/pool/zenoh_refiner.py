@@ -132,10 +132,14 @@ class ZenohRefiner:
         covariance: bool = False,
         spare: bool = False,
     ) -> Refinement:
-        """Send poses (N, D) to the workers, to be refined on a frame until the deadline, if there is one."""
+        """Send poses (N, D) to the workers, to be refined on a frame.
+
+        If there is a deadline, they are refined until then; spare ones, which wait for their turn, always.
+        """
         if len(poses) == 0:
             raise ValueError("there is nothing to refine")
         self._publication.offer(model)
-        number, deadline = self._publication.put(subject, self._client.frames), self._pool.deadline
+        number = self._publication.put(subject, self._client.frames)
+        deadline = None if spare else self._pool.deadline
         request = RefineRequest(self.run, number, model.hash, settings, poses, covariance, spare)
         return self._client.begin(request, math.inf if deadline is None else time.monotonic() + deadline)

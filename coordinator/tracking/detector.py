@@ -1,12 +1,12 @@
 """Detects a body in a frame, in any pose and orientation.
 
-Poses of a library that resemble the observed points are refined in three stages: all of them for a few
-iterations, the best distinct ones until they converge, and the best of these with bodies of several statures
-and girths. The first two stages use few points and a coarse surface. The third uses all points and the whole
-surface, because a coarse surface does not show the girth.
+Poses of a library that resemble the observed points are refined in stages: all of them for a few iterations,
+the best distinct ones until they converge, the best of these with bodies of several statures and then of
+several girths, and the remaining ones as the tracked body. The first two stages use few points and a coarse
+surface. The others use all points and the whole surface, because a coarse surface does not show the girth.
 
 A search is a generator that yields the requests of each stage when they are sent, and needs their results
-when it goes on. So a caller can do other work meanwhile.
+when it goes on. So a caller can do other work meanwhile. A search that is dropped cancels its requests.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from __future__ import annotations
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import cast
 
 import msgspec
 import numpy as np
@@ -313,17 +312,12 @@ class Detector:
             for first in range(0, len(mine), most):
                 some = mine[first : first + most]
                 sent.append((size, self._refiner.submit(subject, models[size], some, settings, spare=True)))
-        yield Stage(tuple(pending for _, pending in sent))
-        return ordered([candidates_of(models[size], pending.result(), size) for size, pending in sent])
-
-
-def complete(search: Search) -> Detection:
-    """Run a search to its end."""
-    while True:
         try:
-            next(search)
-        except StopIteration as end:
-            return cast("Detection", end.value)
+            yield Stage(tuple(pending for _, pending in sent))
+            return ordered([candidates_of(models[size], pending.result(), size) for size, pending in sent])
+        finally:
+            for _, pending in sent:
+                pending.cancel()
 
 
 def upright_ways(planes: Planes, ways_up: tuple[float, ...]) -> tuple[float, ...]:

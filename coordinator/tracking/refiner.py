@@ -18,7 +18,7 @@ class Pending(Protocol):
 
     @property
     def is_ready(self) -> bool:
-        """Whether the result would come at once."""
+        """Whether the result would come at once. Without workers, each inquiry does one request."""
         ...
 
     def result(self) -> Refined:
@@ -26,6 +26,10 @@ class Pending(Protocol):
 
         With a deadline some of them may be missing, but not all.
         """
+        ...
+
+    def cancel(self) -> None:
+        """Give up the result; after `result`, this changes nothing."""
         ...
 
 
@@ -48,6 +52,6 @@ class Refiner(Protocol):
     ) -> Pending:
         """Start to refine poses (N, D) on a frame, and to estimate the covariance of each if requested.
 
-        With `spare`, other requests come first until the result is waited for.
+        With `spare`, other requests come first, and no deadline applies.
         """
         ...

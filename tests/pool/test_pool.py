@@ -131,21 +131,25 @@ def test_a_frame_sent_ahead_is_ready_when_its_turn_comes(endpoint: str) -> None:
 
 
 def test_a_frame_that_comes_again_is_not_sent_again(endpoint: str) -> None:
-    """A worker observes it once; a late one still gets it, though another frame was sent ahead since."""
-    first, other, coming = frame(1), frame(2), frame(3)
+    """A worker observes it once, also after many others that are in work; a late worker still gets it."""
+    first, coming = frame(1), frame(99)
     observed = SimpleQueue[int]()
 
     with pool(endpoint) as refiner:
+        pending = [refiner.submit(frame(number), MODEL, POSES, SETTINGS) for number in range(2, 11)]
+        for subject in (first, coming):
+            refiner.publish(subject)
+        pending.append(refiner.submit(first, MODEL, POSES, SETTINGS))
         with serving(endpoint, "early", Kernel(telling(observed), refine)):
-            for subject in (first, other, first):
-                refiner.submit(subject, MODEL, POSES, SETTINGS).result()
-            assert [observed.get(timeout=60.0) for _ in range(2)] == [1, 2]
+            for each in pending:
+                each.result()
+            refiner.submit(first, MODEL, POSES, SETTINGS).result()
+            assert {observed.get(timeout=60.0) for _ in range(10)} == {*range(2, 12)}
             assert observed.empty()
-        refiner.publish(coming)
         with serving(endpoint, "late", Kernel(telling(observed), refine)):
             assert as_bytes(refiner.submit(first, MODEL, POSES, SETTINGS).result()) == expected(1)
         with serving(endpoint, "later"):
-            assert as_bytes(refiner.submit(coming, MODEL, POSES, SETTINGS).result()) == expected(3)
+            assert as_bytes(refiner.submit(coming, MODEL, POSES, SETTINGS).result()) == expected(99)
 
 
 def test_a_frame_sent_ahead_that_makes_no_sense_harms_its_own_turn_alone(endpoint: str) -> None:
@@ -180,7 +184,10 @@ def test_run_outlasts_a_time_in_which_it_is_not_found(endpoint: str) -> None:
         serving(endpoint, "two", through=lambda bus: WatchedBus(bus, in_vain, SimpleQueue())),
     ):
         refiner.wait_for(2)
-        assert refined_bytes(refiner, 1) == expected(1)
+        pending = refiner.submit(frame(1), MODEL, POSES, SETTINGS)
+        while not pending.is_ready:  # it goes on without being waited for
+            time.sleep(0.001)
+        assert as_bytes(pending.result()) == expected(1)
         assert refiner.statistics.counts["batches_sent_again"] >= 6
     assert sum("is not available" in line for line in said) == 1
 
@@ -190,9 +197,65 @@ def test_work_goes_on_after_nobody_came(endpoint: str) -> None:
     with ZenohRefiner(Pool(workers=0, listen=endpoint, worker_timeout=0.2)) as refiner:
         with pytest.raises(NoWorkers, match="gepf-worker --connect unixsock"):
             refined_bytes(refiner, 1)
+        refiner.submit(frame(1), MODEL, POSES, SETTINGS).cancel()
         with serving(endpoint, "w"):
             time.sleep(0.2)  # for its coming to be waiting to be handled
             assert refined_bytes(refiner, 2, POSES[:7]) == expected(2, POSES[:7])
+        assert refiner.statistics.counts["batches_sent"] == 1
+
+
+def test_a_search_goes_on_while_others_always_wait(endpoint: str) -> None:
+    """A worker that has always another request serves a spare one, too, and wholly, despite a deadline."""
+
+    def slow(*given: Any, **options: Any) -> Refined:
+        time.sleep(0.01)
+        return refine(*given, **options)
+
+    with pool(endpoint, deadline=1e-3) as refiner, serving(endpoint, "w", Kernel(observe, slow)):
+        refiner.wait_for(1)
+        before = refiner.submit(frame(1), MODEL, POSES, SETTINGS)
+        spare = refiner.submit(frame(1), MODEL, POSES, SETTINGS, spare=True)
+        for number in range(2, 300):
+            after = refiner.submit(frame(number), MODEL, POSES[:1], SETTINGS)
+            before.result()
+            before = after
+            if spare.is_ready:
+                break
+        assert spare.is_ready
+        assert as_bytes(spare.result()) == expected(1)
+
+
+def test_the_search_of_a_coordinator_that_has_left_delays_no_other(endpoint: str) -> None:
+    """However many of its requests wait at a worker: they are not served, and no other request is lost."""
+    held, released, left = threading.Event(), threading.Event(), threading.Event()
+    buses, fetched = list[Bus](), SimpleQueue[str]()
+
+    def hold(*given: Any, **options: Any) -> Refined:
+        held.set()
+        assert released.wait(60.0)
+        return refine(*given, **options)
+
+    def watched(bus: Bus) -> WatchedBus:
+        buses.append(bus)
+        return WatchedBus(bus, iter(()), fetched)
+
+    with pool(endpoint) as refiner, serving(endpoint, "w", Kernel(observe, hold), watched):
+        refiner.wait_for(1)
+        buses[0].watch(keys.of_run("ghost", "alive"), lambda _, there: None if there else left.set())
+        first = refiner.submit(frame(1), MODEL, POSES, SETTINGS)
+        assert held.wait(60.0)
+        with open_worker([endpoint]) as bus:
+            bus.announce(keys.of_run("ghost", "alive"))
+            ghost = Client(bus, "w")
+            for _ in range(100):
+                ghost.sender.send(encode_request(replace(REQUEST, spare=True)), lambda *_: None)
+        assert left.wait(60.0)
+        second = refiner.submit(frame(2), MODEL, POSES, SETTINGS)
+        released.set()
+        assert [as_bytes(each.result()) for each in (first, second)] == [expected(1), expected(2)]
+        refined_bytes(refiner, 3)
+        assert refiner.statistics.counts["batches_sent"] == 3
+        assert "ghost" not in "".join(fetched.get() for _ in range(fetched.qsize()))
 
 
 @pytest.mark.parametrize(("lanes", "says"), [(1, "the local worker is not ready yet"), (0, "no worker is")])

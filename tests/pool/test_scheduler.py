@@ -198,10 +198,6 @@ def test_stale_and_unknown_answers_are_ignored() -> None:
 
 def test_jobs_are_done_together_and_spare_ones_last() -> None:
     """A second job waits for capacity, not for the end of the first; a spare one does not take it away."""
-
-    def hurry(scheduler: Scheduler, now: float) -> list[Request]:
-        return scheduler.hurry(scheduler.batches[-1].refinement, now)
-
     play(
         [
             (0.0, joined("a"), []),
@@ -213,9 +209,25 @@ def test_jobs_are_done_together_and_spare_ones_last() -> None:
             (0.2, ended(0), []),
             (0.2, left("a"), []),
             (0.2, started(5, spare=True), []),
-            (0.3, hurry, []),
-            (0.3, joined("b"), [(4, "b", 0, 1), (5, "b", 0, 4)]),
-            (0.4, ended(4), [(6, "b", 0, 5)]),
+            (0.3, joined("b"), [(4, "b", 0, 1), (5, "b", 0, 4), (6, "b", 0, 5)]),
+        ]
+    )
+
+
+def test_a_late_request_is_sent_again_in_spite_of_spare_ones() -> None:
+    """Although there are spare ones at the other worker, and more of them wait."""
+    spare = [(2 + n, "ab"[n % 2], 10 * n, 10 * n + 10) for n in range(16)]
+    play(
+        [
+            *TWO_IDLE,
+            (0.0, started(2), [(0, "a", 0, 1), (1, "b", 1, 2)]),
+            *((0.1, ended(ticket), []) for ticket in (0, 1)),
+            (0.2, started(200, by_deadline=True, spare=True), spare),
+            (0.2, started(2), [(18, "a", 0, 1), (19, "b", 1, 2)]),
+            (0.3, ended(19), []),
+            (0.45, ended(3), [(20, "b", 160, 170)]),
+            (0.49, look, []),
+            (0.51, look, [(21, "b", 0, 1)]),
         ]
     )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 from pathlib import Path
+from typing import cast
 
 import msgspec
 import numpy as np
@@ -18,7 +19,7 @@ from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from coordinator.bodies.tracked import Bodies, OneBody, name_pose
 from coordinator.bodies.urdf import read_urdf
 from coordinator.scene.planes import Planes
-from coordinator.tracking.detector import Candidates, Detection, Detector, complete
+from coordinator.tracking.detector import Candidates, Detection, Detector, Search
 from coordinator.tracking.gating import Gate
 from coordinator.tracking.pose_library import draw_any
 from coordinator.tracking.sensor_noise import NO_NOISE
@@ -54,6 +55,15 @@ FRONT, BACK = 0.0, np.pi  # of the root's turn
 def people() -> Bodies:
     """People of any size."""
     return Bodies(person_of_size, DEFAULT_ACTIVE, DEFAULT_ACTIVE)
+
+
+def complete(search: Search) -> Detection:
+    """Run a search to its end."""
+    while True:
+        try:
+            next(search)
+        except StopIteration as end:
+            return cast("Detection", end.value)
 
 
 def detect(bodies: Bodies, model: BodyModel, pose: Array) -> tuple[Detection, BodyModel]:
