@@ -169,11 +169,11 @@ class Service:
         """Drop a run and its requests when its coordinator has left; called on a thread of the bus."""
         if not alive:
             run = keys.owner_of(key)
-            self._memory.forget(run)
             with self._work.mutex:
                 waiting = self._work.queue
                 self._work.queue = [task for task in waiting if task.run != run]
                 heapify(self._work.queue)
+            self._memory.forget(run)
 
     def _is_link_dead(self) -> bool:
         """Whether the link leads to a coordinator, but no run there answers.

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
-from typing import cast
+from typing import Any, cast
 
 import pytest
 
+from common.protocol import keys
 from common.protocol.frames import encode_frame
+from common.protocol.messages import encode_request
+from common.refinement import Refined
 from common.transport.bus import Bus
 from common.transport.opening import open_router, open_worker
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
-from tests.support.processes.instant_worker import KERNEL
+from tests.support.processes.instant_worker import observe, refine
 from tests.support.processes.programs import wait_until
 from tests.support.processes.serving import (
     MODEL,
@@ -47,7 +51,7 @@ def test_memory_is_bounded_and_freed() -> None:
 
 
 @contextmanager
-def worker(connect: list[str], kernel: Kernel = KERNEL) -> Iterator[Service]:
+def worker(connect: list[str], kernel: Kernel) -> Iterator[Service]:
     """A worker in a thread."""
     with open_worker(connect) as bus, running(Service(bus, "w", kernel)) as service:
         yield service
@@ -55,7 +59,17 @@ def worker(connect: list[str], kernel: Kernel = KERNEL) -> Iterator[Service]:
 
 @pytest.mark.parametrize("through", ["a router", "links of its own"])
 def test_one_worker_serves_two_runs_and_forgets_who_is_gone(endpoint: str, through: str) -> None:
-    """Each has its own frames of one number, and its own bytes; when one ends, the other goes on."""
+    """Each has its own frames of one number, and its own bytes; when one ends, the other goes on.
+
+    However many requests of a search wait then, they are not served, and those of the other are not lost.
+    """
+    released = threading.Event()
+    released.set()
+
+    def hold(*given: Any, **options: Any) -> Refined:
+        assert released.wait(60.0)
+        return refine(*given, **options)
+
     own = [endpoint, f"{endpoint}-2"]
     connect = [endpoint] if through == "a router" else own
     options = [
@@ -68,13 +82,23 @@ def test_one_worker_serves_two_runs_and_forgets_who_is_gone(endpoint: str, throu
         if through == "a router":
             stack.enter_context(open_router([endpoint]))
         one, two = (stack.enter_context(ZenohRefiner(each)) for each in options)
-        service = stack.enter_context(worker(connect))
+        service = stack.enter_context(worker(connect, Kernel(observe, hold)))
         for number in range(4):
             shown = frame(10 + number)
             again = replace(shown, frame=replace(shown.frame, number=number))
             assert refined_bytes(one, number) == expected(number)
             assert as_bytes(two.submit(again, MODEL, POSES, SETTINGS).result()) == expected(10 + number)
         assert len(service._memory) == 2
+        released.clear()
+        held = two.submit(frame(98), MODEL, POSES, SETTINGS)
+        sender = one._bus.request_sender(keys.of_worker("w", "refine"), 60.0)
+        for _ in range(100):
+            sender.send(encode_request(replace(REQUEST, run=one.run, spare=True)), lambda *_: None)
+        waits = [two.submit(frame(99), MODEL, POSES, SETTINGS, spare=spare) for spare in (False, True)]
         one.__exit__(None, None, None)
         wait_until(lambda: len(service._memory) == 1)
-        assert refined_bytes(two, 99) == expected(99)
+        released.set()
+        results = [as_bytes(each.result()) for each in (held, *waits)]
+        assert results == [expected(98), expected(99), expected(99)]
+        assert len(service._memory) == 1
+        assert two.statistics.counts["batches_sent_again"] == 0

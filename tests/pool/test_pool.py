@@ -39,8 +39,6 @@ from tests.support.processes.serving import (
     refined_bytes,
     serving,
 )
-from worker.kernel.icp import refine as real_refine
-from worker.kernel.observation import observe as real_observe
 from worker.service import Kernel
 
 
@@ -225,39 +223,6 @@ def test_a_search_goes_on_while_others_always_wait(endpoint: str) -> None:
         assert as_bytes(spare.result()) == expected(1)
 
 
-def test_the_search_of_a_coordinator_that_has_left_delays_no_other(endpoint: str) -> None:
-    """However many of its requests wait at a worker: they are not served, and no other request is lost."""
-    held, released, left = threading.Event(), threading.Event(), threading.Event()
-    buses, fetched = list[Bus](), SimpleQueue[str]()
-
-    def hold(*given: Any, **options: Any) -> Refined:
-        held.set()
-        assert released.wait(60.0)
-        return refine(*given, **options)
-
-    def watched(bus: Bus) -> WatchedBus:
-        buses.append(bus)
-        return WatchedBus(bus, iter(()), fetched)
-
-    with pool(endpoint) as refiner, serving(endpoint, "w", Kernel(observe, hold), watched):
-        refiner.wait_for(1)
-        buses[0].watch(keys.of_run("ghost", "alive"), lambda _, there: None if there else left.set())
-        first = refiner.submit(frame(1), MODEL, POSES, SETTINGS)
-        assert held.wait(60.0)
-        with open_worker([endpoint]) as bus:
-            bus.announce(keys.of_run("ghost", "alive"))
-            ghost = Client(bus, "w")
-            for _ in range(100):
-                ghost.sender.send(encode_request(replace(REQUEST, spare=True)), lambda *_: None)
-        assert left.wait(60.0)
-        second = refiner.submit(frame(2), MODEL, POSES, SETTINGS)
-        released.set()
-        assert [as_bytes(each.result()) for each in (first, second)] == [expected(1), expected(2)]
-        refined_bytes(refiner, 3)
-        assert refiner.statistics.counts["batches_sent"] == 3
-        assert "ghost" not in "".join(fetched.get() for _ in range(fetched.qsize()))
-
-
 @pytest.mark.parametrize(("lanes", "says"), [(1, "the local worker is not ready yet"), (0, "no worker is")])
 def test_runs_that_share_a_pool_say_once_that_it_is_not_ready(
     endpoint: str, lanes: int, says: str, monkeypatch: pytest.MonkeyPatch
@@ -273,20 +238,6 @@ def test_runs_that_share_a_pool_say_once_that_it_is_not_ready(
     assert said[0] == "no answer at tcp/router:7447 yet; retrying"
     assert said[1].startswith(says)
     assert len(said) == 2
-
-
-def test_kernel_that_fails_ends_the_run_with_its_reason(endpoint: str) -> None:
-    """If no worker can refine, the error says why, and the workers continue."""
-
-    def fail(*_: object, **__: object) -> Refined:
-        raise ZeroDivisionError("no mass")
-
-    with pool(endpoint) as refiner:
-        why = pytest.raises(ProtocolError, match="could not refine: ZeroDivisionError: no mass")
-        with serving(endpoint, "w", Kernel(observe, fail)), why:
-            refined_bytes(refiner, 1, POSES[:1])
-        with serving(endpoint, "good"):
-            assert refined_bytes(refiner, 2) == expected(2)
 
 
 @contextmanager
@@ -415,19 +366,6 @@ def test_unknown_frame_and_other_degrees_of_freedom_get_a_reason(endpoint: str) 
         kind, answer = client.ask(encode_request(replace(request, poses=POSES[:, :5])))
         assert kind == "refusal"
         assert decode_refusal(answer).reason == "poses have 5 values, the model has 6"
-
-
-def test_real_kernel_over_the_bus(endpoint: str) -> None:
-    """The real kernel gives the same bytes by itself, with one worker, and with two in other batches."""
-    kernel = Kernel(real_observe, real_refine)
-    results = {as_bytes(real_refine(MODEL, real_observe(frame(1)), POSES, SETTINGS))}
-    with pool(endpoint) as refiner, serving(endpoint, "one", kernel):
-        results.add(refined_bytes(refiner, 1))
-        with serving(endpoint, "two", kernel):
-            refiner.wait_for(2)
-            results.add(refined_bytes(refiner, 1))
-        assert refiner.statistics.workers_seen == ("one", "two")
-    assert len(results) == 1
 
 
 def test_endpoint_that_cannot_be_opened() -> None:
