@@ -83,10 +83,10 @@ class LiveFrames:
         with self._changed:
             return self._period_s
 
-    def wait(self, seconds: float) -> bool:
-        """Wait for the next frame, at most so long; whether it waits, or the stream has ended."""
+    def wait(self, seconds: float) -> None:
+        """Wait for the next frame or the end of the stream, at most so long."""
         with self._changed:
-            return self._wait(seconds)
+            self._wait(seconds)
 
     def receive(self, payload: bytes) -> None:
         """Receive a message; an older frame that is still waiting is skipped."""

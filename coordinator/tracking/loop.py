@@ -64,8 +64,8 @@ class Live(Protocol):
         """Time in seconds between the last two published frames; infinite if there are not two."""
         ...
 
-    def wait(self, seconds: float) -> bool:
-        """Wait for the next frame, at most so long; whether it waits, or there will be no more."""
+    def wait(self, seconds: float) -> None:
+        """Wait for the next frame, at most so long."""
         ...
 
 

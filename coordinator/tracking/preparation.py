@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +35,9 @@ class Unmoved:
         """The poses."""
         return self.refined
 
+    def cancel(self) -> None:
+        """There is nothing to give up."""
+
 
 class NoRefiner:
     """A refiner that leaves particles as they are."""
@@ -62,13 +65,15 @@ class NoRefiner:
 
 
 def rehearse(settings: Settings, bodies: Bodies) -> None:
-    """Segment and track two frames of a small scene, without workers."""
+    """Segment and track two frames of a small scene, as a whole and around a body, without workers."""
     depth = np.full((CAMERA.height, CAMERA.width), 4000, dtype=np.uint16)
     depth[10:40, 30:45] = 1e3 * DISTANCE_M + 5 * (np.arange(15) - 7) ** 2  # something before the wall
-    Segmenter(1).segment(DepthFrame(0, 0.0, depth, 1000.0, CAMERA), [None])
     start = {"root_tz": DISTANCE_M} if "root_tz" in bodies.dof_names else {}
     target = TargetTracker(NoRefiner(), settings, bodies, start=start)
-    for number in range(2):
-        shown = DepthFrame(number, number / 30.0, np.where(depth < 4000, depth, 0), 1000.0, CAMERA)
+    segmenter = Segmenter(1)
+    for number, body in enumerate((None, target.expected)):
+        room = DepthFrame(number, number / 30.0, depth, 1000.0, CAMERA)
+        segmenter.segment(room, [body])
+        shown = replace(room, depth=np.where(depth < 4000, depth, 0))
         updated = target.submit(shown, isolate(shown, 100), Planes(), Stopwatch())
         report(updated if isinstance(updated, Updated) else target.update(updated))

@@ -50,7 +50,7 @@ from coordinator.tracking.state import (
     load_generator,
     no_start,
 )
-from coordinator.tracking.track_management import GIVEN, TrackManagement
+from coordinator.tracking.track_management import GIVEN, SEARCH_INTERVAL_FRAMES, TrackManagement
 
 Array = NDArray[np.float64]
 
@@ -227,6 +227,10 @@ class TargetTracker:
         """
         return self._searching is not None and self._searching.advance(wait=wait)
 
+    def end_search(self) -> None:
+        """Give up the search that is under way, if there is one."""
+        self._searching = None
+
     def prepare(self) -> None:
         """Build what a first detection needs, unless the start is given."""
         if not self._given:
@@ -243,10 +247,10 @@ class TargetTracker:
         """Predict particles for the next frame and send them to the workers.
 
         `update` must follow. If there is nothing to refine, the frame is updated at once. A live frame has
-        a pace and does not wait for a search for the body: `search` does that in slices.
+        a pace and does not wait for a search for the body: it begins one, or takes the result of one.
         """
         first = self._belief is None
-        expected = self._expected is not None or self.is_searching
+        expected = self._expected is not None or (first and self._searching is not None)
         shows = subject is not None or (expected and bool(frame.depth.any()))
         self._resize()
         detection = None if subject is None else self._detect(subject, planes, clock, live=pace is not None)
@@ -255,7 +259,7 @@ class TargetTracker:
             status = self._lose(shows=shows)
             return Updated(frame, self.state, self._belief, status, 0, None, clock)
         with clock.stage("draw"):
-            proposal = self._predict(self._belief, subject, math.inf if pace is None else pace.most_particles)
+            proposal = self._predict(self._belief, subject, pace)
         with clock.stage("refine"):
             settings = self._refine_settings
             stretch, past = settings.noise_lateral / settings.noise_depth, self._belief.reported
@@ -300,12 +304,12 @@ class TargetTracker:
             if self._belief is None and self._given:
                 self._begin_at_start(subject)
             elif self._searching is None:
-                self._searching = self._begin_search(subject, planes, live=live)
+                self._searching = self._begin_search(subject, planes)
             while not live and self.search():
                 pass
             detection = self._finish_search(subject)
             if detection is not None and self._belief is None:
-                self._begin_at(detection, subject)
+                self._begin_at(detection, subject, SEARCH_INTERVAL_FRAMES if live else 1)
                 detection = None
         with clock.stage("publish"):
             self._refiner.publish(subject)
@@ -319,8 +323,8 @@ class TargetTracker:
     def _measure_noise(self, subject: SubjectFrame) -> SensorNoise:
         return measure_noise(subject.frame) if self._settings.measure_noise else NO_NOISE
 
-    def _begin_search(self, subject: SubjectFrame, planes: Planes, *, live: bool) -> Searching | None:
-        """A search for the body in a frame, if one is due; live the first search is always due."""
+    def _begin_search(self, subject: SubjectFrame, planes: Planes) -> Searching | None:
+        """A search for the body in a frame, if one is due."""
         if self._belief is not None:
             if not (self.management.check_due and self._redetects):
                 return None
@@ -329,7 +333,7 @@ class TargetTracker:
         elif len(subject.picked) < self.least_pixels:
             self.nothing_seen()
             return None
-        elif not (live or self.management.search_due):
+        elif not self.management.search_due:
             self.management = self.management.not_found(self.management.why)
             return None
         else:
@@ -349,10 +353,10 @@ class TargetTracker:
         # a body that has moved a lot since is not wrong, and may be found again
         return moved if self._belief is not None else replace(moved, gate=found.gate)
 
-    def _begin_at(self, detection: Detection, subject: SubjectFrame) -> None:
-        """Begin at a detection if it passes gating."""
+    def _begin_at(self, detection: Detection, subject: SubjectFrame, frames: int) -> None:
+        """Begin at a detection if it passes gating; else the search counts as so many frames."""
         if not detection.gate.passes:
-            self.management = self.management.not_found(detection.gate.why)
+            self.management = self.management.not_found(detection.gate.why, frames)
             return
         self.start, self.management = detection.start, TrackManagement(why=detection.gate.why)
         self._belief = self._believe(detection.candidates)
@@ -377,15 +381,16 @@ class TargetTracker:
             covariances=np.repeat(begun.covariances, len(candidates.poses), axis=0),
         )
 
-    def _predict(self, belief: Belief, subject: SubjectFrame, most: float) -> Proposal[Any]:
-        """Particles for the next frame, at most so many."""
+    def _predict(self, belief: Belief, subject: SubjectFrame, pace: Pace | None) -> Proposal[Any]:
+        """Particles for the next frame; fewer if it is late, unless the method needs all of them."""
         step = None
         if self._motion is not None:
             step = self._motion.step(self.model, belief.reported, self._time_s, subject.frame.time_s)
         observation = filter_observation(subject, self._time_s, step)
         settings = self._settings.filter
-        if most < settings.particles:
-            settings = msgspec.structs.replace(settings, particles=int(most))
+        if pace is not None and self._method.descends:
+            fewer = int(min(settings.particles, pace.most_particles))
+            settings = msgspec.structs.replace(settings, particles=fewer)
         return self._method.propose(self.model, belief, observation, settings, self._rng)
 
     def _send(

@@ -20,9 +20,9 @@ class TrackManagement:
     """The recent history of a track; counts are in frames.
 
     is_lost: the body may be anywhere. tracked: since the last detection. unexplained: successive frames that
-    the body does not explain. frames_searched: since the first search for an unknown body. residual, why: of
-    the last frame. pixels: of the body in the last explained frame. ambiguous_facing: in the last search,
-    front and back explained the frame about equally well.
+    the body does not explain. frames_searched: since the first search for an unknown body; a live search
+    counts as the frames of its interval. residual, why: of the last frame. pixels: of the body in the last
+    explained frame. ambiguous_facing: in the last search, front and back explained the frame equally well.
     """
 
     is_lost: bool = False
@@ -60,9 +60,9 @@ class TrackManagement:
         """After a frame that does not show the body at its place."""
         return replace(self, is_lost=True, frames_searched=0, why="", ambiguous_facing=False)
 
-    def not_found(self, why: str) -> Self:
-        """After a frame in which an unknown body was not found, or not searched for."""
-        return replace(self, frames_searched=self.frames_searched + 1, why=why)
+    def not_found(self, why: str, frames: int = 1) -> Self:
+        """After so many frames in which an unknown body was not found, or not searched for."""
+        return replace(self, frames_searched=self.frames_searched + frames, why=why)
 
     def updated(self, gate: Gate, pixels: int, *, redetected: bool) -> Self:
         """After a frame that shows the body with so many pixels, tracked or detected elsewhere."""

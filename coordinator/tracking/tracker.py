@@ -118,11 +118,10 @@ class Tracker:
                     yield tracked
                 if look_ahead or (live is not None and live.is_ready and self._any_is_tracked):
                     self._send_ahead(upcoming)
+                    self._search(wait=False)
                 pairs = zip(self._targets, submitted, strict=True)
                 updated = [one if isinstance(one, Updated) else target.update(one) for target, one in pairs]
                 unreported = updated
-                if live is not None:
-                    self._search(wait=False)
                 if upcoming.is_ahead:
                     continue
                 tracked, unreported = [report(each) for each in unreported], []
@@ -133,6 +132,9 @@ class Tracker:
             if unreported:
                 yield [report(each) for each in unreported]
             raise
+        finally:
+            for target in self._targets:
+                target.end_search()
         if unreported:
             yield [report(each) for each in unreported]
 
@@ -159,10 +161,10 @@ class Tracker:
         """Go on with searches until they end; if a body needs it, until a frame waits."""
         while any(target.search_runs for target in self._targets):
             needed = any(target.needs_frame for target in self._targets)
-            if needed and live.is_ready:
-                break
             if not self._search(wait=not needed):
                 live.wait(POLL_S)
+            if needed and live.is_ready:
+                break
 
     def _search(self, *, wait: bool) -> bool:
         """Do the next stage of one search, of a person who is not tracked if there is any; False if none."""

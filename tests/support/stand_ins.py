@@ -6,7 +6,6 @@ import json
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Self
@@ -18,7 +17,6 @@ from numpy.typing import NDArray
 from common.body import BodyModel
 from common.camera import Intrinsics
 from common.frame import SubjectFrame
-from common.refinement import Refined
 from common.settings import RefineSettings
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
@@ -26,23 +24,12 @@ from coordinator.cli import main
 from coordinator.commands.progress import Show
 from coordinator.pool.options import Pool, PoolStatistics
 from coordinator.results.live_results import Outlet
+from coordinator.tracking.preparation import Unmoved
 from coordinator.tracking.refiner import Pending
 from gepf.direct import DirectRefiner
 from tests.support.asked import Asked, unmoved
 from tests.support.people import rendered
 from tests.support.recordings import write_open3d
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Ready:
-    """A result that is ready."""
-
-    refined: Refined
-    is_ready = True
-
-    def result(self) -> Refined:
-        """The particles."""
-        return self.refined
 
 
 class StandIn(ABC):
@@ -130,7 +117,7 @@ class StillWorkers(StandIn):
         self.asked = Pool()
         self.before: Callable[[int], object] = lambda _: None  # a frame
 
-    def answer(self, asked: Asked) -> Ready:
+    def answer(self, asked: Asked) -> Unmoved:
         """The same poses, all equally likely; or the failure, if it is time."""
         assert asked.subject is not None
         number = asked.subject.frame.number
@@ -139,7 +126,7 @@ class StillWorkers(StandIn):
             raise self.failure
         assert asked.poses.shape[1] == len(asked.model.dof_names)
         assert asked.settings.noise_depth >= asked.settings.noise_lateral
-        return Ready(unmoved(asked.poses, covariance=asked.covariance))
+        return Unmoved(unmoved(asked.poses, covariance=asked.covariance))
 
     def track(self, sequence: Path, out: Path, *options: str) -> int:
         """The exit code of `gepf track` by these, without pictures."""

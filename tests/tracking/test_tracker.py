@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from errno import ENOSPC
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -21,20 +24,27 @@ from common.settings import Settings
 from coordinator.bodies.human.shape_space import person_of_size
 from coordinator.bodies.human.template import DEFAULT_ACTIVE
 from coordinator.bodies.tracked import Bodies, name_pose
+from coordinator.scene.planes import Planes
 from coordinator.scene.scope import Scope
+from coordinator.stopwatch import Stopwatch
 from coordinator.tracking.certainty.certainty import Certainty
+from coordinator.tracking.detector import Detector
 from coordinator.tracking.estimate import UNKNOWN, Estimate
+from coordinator.tracking.loop import Pace
 from coordinator.tracking.observation import isolate
 from coordinator.tracking.refiner import Pending
 from coordinator.tracking.reporting import judge
 from coordinator.tracking.segmenter import Segmenter
+from coordinator.tracking.sensor_noise import NO_NOISE
 from coordinator.tracking.state import TrackerState
+from coordinator.tracking.target import TargetTracker
 from coordinator.tracking.track_management import TrackManagement
 from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
 from tests.support.asked import Asked
 from tests.support.people import (
     CAMERA,
+    FRAMES,
     SETTINGS,
     STANDING,
     OnePerson,
@@ -42,10 +52,12 @@ from tests.support.people import (
     frame_of,
     known,
     shown,
+    subject_of,
     tracker,
 )
 from tests.support.rooms import in_a_room
-from tests.support.stand_ins import Direct
+from tests.support.stand_ins import Direct, StillWorkers
+from worker.kernel.icp import refine
 
 Array = NDArray[np.float64]
 
@@ -154,19 +166,6 @@ def test_an_estimate_is_whole() -> None:
     assert {"segment", "publish", "draw", "refine", "merge"} <= estimate.stage_seconds.keys()
 
 
-def test_the_same_seed_gives_the_same_estimates() -> None:
-    """Byte by byte, and another seed gives other ones."""
-    frames, _ = shown("standing")
-
-    def poses(settings: Settings) -> list[bytes]:
-        followed = tracker(settings)
-        return [followed.track(frame).hypothesis_pose.tobytes() for frame in frames]
-
-    once = poses(SETTINGS)
-    assert poses(SETTINGS) == once
-    assert poses(msgspec.structs.replace(SETTINGS, seed=1)) != once
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class WatchedRequest:
     """A request whose result is marked."""
@@ -180,6 +179,10 @@ class WatchedRequest:
         refined = self.pending.result()
         self.events.append("idle")
         return refined
+
+    def cancel(self) -> None:
+        """It is given up."""
+        self.events.append("given up")
 
 
 class Watched(Direct):
@@ -229,20 +232,62 @@ class Waiting:
 
     is_ready, period_s = True, 1 / 30
 
-    def wait(self, _: float) -> bool:
+    def wait(self, _: float) -> None:
         """It is there already."""
-        return True
 
 
-def test_a_live_frame_does_not_wait_for_a_search() -> None:
-    """The body that was searched for in the first frame is tracked in the others, where it is by then."""
-    posture = shown("standing")
-    live = Tracker(DirectRefiner(), SETTINGS, people()).follow(posture.frames, live=Waiting())
-    first, *others = [tracked[0].estimate for tracked in live]
+def test_a_live_frame_does_not_wait_for_a_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The body that was searched for in the first frame is tracked in the others, where it is by then.
+
+    A later search checks it. Without workers, a frame waits for one of its requests at most.
+    """
+    requests, posture = list[int](), shown("standing")
+
+    def count(*given: Any, **options: Any) -> Refined:
+        requests.append(0)
+        return refine(*given, **options)
+
+    monkeypatch.setattr("gepf.direct.refine", count)
+    places = [min(n, FRAMES - 1) for n in range(8)]
+    frames = [replace(posture.frames[k], number=n, time_s=n / 30) for n, k in enumerate(places)]
+    live = Tracker(DirectRefiner(), SETTINGS, people()).follow(frames, live=Waiting())
+    (first, _), *others = [(tracked[0].estimate, len(requests)) for tracked in live]
     assert first.status == "searching"
-    for each, joints in zip(others, posture.joints[1:], strict=True):
+    for (each, _), place in zip(others, places[1:], strict=True):
         assert each.status == "tracked"
-        assert apart(each, joints).mean() < 0.04
+        assert apart(each, posture.joints[place]).mean() < 0.04
+    assert max(np.diff([done for _, done in others])) == 2
+
+
+def test_a_live_search_that_fails_counts_as_in_a_recording() -> None:
+    """What is no person is given up after as many searches, also if frames meanwhile show nobody else."""
+    blob = np.zeros((CAMERA.height, CAMERA.width))
+    blob[100:140, 150:190] = 2.5
+    frame = frame_of(0, blob)
+    recorded, live = (TargetTracker(StillWorkers(), SETTINGS, people()) for _ in range(2))
+    before, meanwhile, after = subject_of(frame, 2000), None, subject_of(frame, 2000)
+    for _ in range(3):
+        for _ in range(4):
+            recorded.submit(frame, before, Planes(), Stopwatch())
+        live.submit(frame, before, Planes(), Stopwatch(), Pace(1 / 30, is_late=True))
+        while live.search():
+            pass
+        for subject in (meanwhile, after):
+            live.submit(frame, subject, Planes(), Stopwatch(), Pace(1 / 30, is_late=True))
+        assert live.management == recorded.management
+
+
+def test_a_search_that_ends_early_leaves_nothing_behind() -> None:
+    """Its requests are cancelled; after an error, the next frame begins another one."""
+    frame, refiner = shown("standing").frames[0], Watched()
+    search = Detector(people(), refiner, SETTINGS).detect(subject_of(frame, 2000), NO_NOISE, Planes())
+    next(search)
+    search.close()
+    assert refiner.events.count("given up") == refiner.events.count("busy") > 0
+    fresh = OnePerson(Watched(fails_at=0), SETTINGS, people())
+    for _ in range(2):
+        with pytest.raises(RuntimeError, match="the workers are gone"):
+            fresh.track(frame)
 
 
 @pytest.mark.parametrize("fault", ["the workers are gone", "frame 2 is torn"])
@@ -275,12 +320,22 @@ def test_a_recorder_that_fails_raises_where_it_was_called() -> None:
     assert {Path(entry.path).name for entry in caught.traceback} == {"test_tracker.py"}
 
 
-def test_preparing_leaves_nothing_behind() -> None:
-    """Loading ahead does not change the result."""
-    plain, prepared = tracker(), tracker()
-    prepared.prepare()
-    for frame in shown("standing").frames[:2]:
-        np.testing.assert_array_equal(prepared.track(frame).pose, plain.track(frame).pose)
+def test_nothing_is_loaded_while_a_frame_waits_for_it() -> None:
+    """After preparation, no compiled function of the coordinator is new to a frame in a room."""
+    script = """
+import gc
+from numba.core.dispatcher import Dispatcher
+from coordinator.tracking.preparation import NoRefiner, rehearse
+from coordinator.tracking.tracker import Tracker
+from tests.support.people import SETTINGS, STANDING, known, shown
+from tests.support.rooms import in_a_room
+frames = [in_a_room(frame) for frame in shown("standing").frames]
+rehearse(SETTINGS, known())
+new = [each for each in gc.get_objects() if isinstance(each, Dispatcher) and not each.signatures]
+list(Tracker(NoRefiner(), SETTINGS, known(), start=STANDING).follow(frames))
+print([each.__name__ for each in new if each.signatures])
+"""
+    assert subprocess.check_output([sys.executable, "-c", script], text=True) == "[]\n"
 
 
 def test_an_empty_frame_shows_nobody_and_it_goes_on() -> None:

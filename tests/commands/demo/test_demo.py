@@ -23,9 +23,10 @@ from coordinator.commands.demo import (
 from coordinator.commands.progress import Show
 from coordinator.pool.options import Pool
 from coordinator.synthesis.scenes import ARM_DOFS
+from coordinator.tracking.preparation import Unmoved
 from tests.support.asked import Asked, unmoved
 from tests.support.processes.programs import INSTANT
-from tests.support.stand_ins import Ready, StandIn
+from tests.support.stand_ins import StandIn
 
 FRAMES = 4
 
@@ -33,13 +34,13 @@ FRAMES = 4
 class StillRefiner(StandIn):
     """Leaves every particle where it is; the first is the likeliest."""
 
-    def answer(self, asked: Asked) -> Ready:
+    def answer(self, asked: Asked) -> Unmoved:
         """No descent."""
         assert asked.settings.noise_depth == pytest.approx(0.15, rel=0.05)  # as measured
         assert asked.model.dof_names[-1] == "r_elbow_flexion"
         likelihood = -np.arange(len(asked.poses), dtype=np.float64)
         still = unmoved(asked.poses.copy(), covariance=asked.covariance)
-        return Ready(replace(still, log_likelihood=likelihood))
+        return Unmoved(replace(still, log_likelihood=likelihood))
 
 
 @contextmanager
