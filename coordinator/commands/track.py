@@ -111,10 +111,10 @@ def record(
 def track_frames(
     given: RecordedInput | LiveInput, recorder: Recorder, rate: FrameRate, show: Show, connect: Connect
 ) -> bool:
-    """Track the frames; each is recorded while the workers refine the next one, or at once if it is live.
+    """Track the frames; each is recorded while the workers refine the next one, live only if that waits.
 
-    Each stream of live input has a new tracker. Returns False if all workers
-    stopped answering after some frames of a recording.
+    Each stream of live input has a new tracker. Returns False if all workers stopped answering after some
+    frames of a recording.
     """
     job, before, goes_on = given.job, recorder.frames, False
     with connect(job.pool, show) as workers, show.steps("frame", keep=True) as advance:

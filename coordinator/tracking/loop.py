@@ -17,7 +17,7 @@ class Lookahead(Generic[Item]):
 
     def __init__(self, items: Iterable[Item]) -> None:
         self._items = iter(items)
-        self.waited = False  # whether the last item was made before its turn
+        self.was_ahead = False  # whether the last item was made before its turn
         self._peeked = False
         self._next: Item | None = None  # None at the end
         self._error: Exception | None = None
@@ -26,7 +26,7 @@ class Lookahead(Generic[Item]):
         return self
 
     def __next__(self) -> Item:
-        self.waited = self._peeked
+        self.was_ahead = self._peeked
         item = self.peek()
         self._peeked = False
         if self._error is not None:

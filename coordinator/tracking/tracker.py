@@ -109,7 +109,7 @@ class Tracker:
         upcoming, unreported = Lookahead(map(self._segment, frames)), list[Updated]()
         try:
             for segmented, clocks in upcoming:
-                late = live is not None and (upcoming.waited or live.is_ready)
+                late = live is not None and (upcoming.was_ahead or live.is_ready)
                 pace = None if live is None else Pace(live.period_s, late)
                 submitted = self._submit(segmented, clocks, pace)
                 # the workers are busy from here until the update
