@@ -175,7 +175,8 @@ class Tracker(FrameLoop):
         """Track the frames of a source: the estimates of `track`, but faster with workers.
 
         Each estimate is yielded while the workers refine the next frame; with live input, at once unless that
-        waits. Then the newest frame is next, and tracking starts again with each new stream. Raises the errors of `track`.
+        waits. Then the newest frame is next, and tracking starts again with each new stream.
+        Raises the errors of `track`.
         """
         for (estimate,) in self._follow(frames):
             yield estimate

@@ -19,7 +19,6 @@ from common.frame import SubjectFrame
 from common.protocol import keys
 from common.protocol.messages import decode_refusal, encode_refusal, encode_request
 from common.protocol.wire import PROTOCOL
-from common.refinement import Refined
 from common.settings import RefineSettings
 from common.transport.bus import Bus
 from common.transport.channels import IncomingRequest
@@ -202,19 +201,15 @@ def test_work_goes_on_after_nobody_came(endpoint: str) -> None:
         assert refiner.statistics.counts["batches_sent"] == 1
 
 
-def test_a_search_goes_on_while_others_always_wait(endpoint: str) -> None:
+def test_a_search_goes_on_while_others_always_wait(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """A worker that has always another request serves a spare one, too, and wholly, despite a deadline."""
-
-    def slow(*given: Any, **options: Any) -> Refined:
-        time.sleep(0.01)
-        return refine(*given, **options)
-
-    with pool(endpoint, deadline=1e-3) as refiner, serving(endpoint, "w", Kernel(observe, slow)):
+    monkeypatch.setenv("SECONDS_PER_PARTICLE", "0.001")
+    with pool(endpoint, deadline=1e-3) as refiner, serving(endpoint, "w"):
         refiner.wait_for(1)
         before = refiner.submit(frame(1), MODEL, POSES, SETTINGS)
         spare = refiner.submit(frame(1), MODEL, POSES, SETTINGS, spare=True)
         for number in range(2, 300):
-            after = refiner.submit(frame(number), MODEL, POSES[:1], SETTINGS)
+            after = refiner.submit(frame(number), MODEL, POSES, SETTINGS)
             before.result()
             before = after
             if spare.is_ready:
