@@ -245,9 +245,7 @@ def test_a_live_frame_does_not_wait_for_a_search(monkeypatch: pytest.MonkeyPatch
 
 def test_a_live_search_that_fails_counts_as_in_a_recording() -> None:
     """What is no person is given up after as many searches, also if frames meanwhile show nobody else."""
-    blob = np.zeros((CAMERA.height, CAMERA.width))
-    blob[100:140, 150:190] = 2.5
-    frame = frame_of(0, blob)
+    frame = frame_of(0, np.pad(np.full((40, 40), 2.5), ((100, 100), (150, 130))))
     recorded, live = (TargetTracker(StillWorkers(), SETTINGS, people()) for _ in range(2))
     before, *later = subject_of(frame, 2000), None, subject_of(frame, 2000)
     for _ in range(3):
