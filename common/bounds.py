@@ -7,6 +7,7 @@ from common.settings import RefineSettings
 
 MAX_BYTES = 64 * 2**20  # of a message
 MAX_PIXELS = 2**23  # of a frame
+MAX_CAMERAS = 16  # of a rig
 MAX_DOFS = 128  # of a body
 MAX_PARTICLES = 1024  # of a request
 MAX_ITERATIONS = 100  # of ICP

@@ -1,8 +1,11 @@
-"""A depth image from a source, and its crop that is sent to the workers."""
+"""A depth image from a source, and its crop that is sent to the workers; of one camera, or of a rig.
+
+The poses of bodies are in the frame of the rig. That of a single camera is the camera's own.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +15,10 @@ from common.camera import Intrinsics
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DepthFrame:
-    """A depth image with its camera and time.
+    """A depth image with its camera and time, and those of the other cameras of a rig.
 
-    depth: uint16 (H, W), `depth_scale` units per metre, 0 for no depth.
+    depth: uint16 (H, W), `depth_scale` units per metre, 0 for no depth. others: the images of other cameras
+    that are nearest in time, each with its own time; a camera may be missing. T_rig_camera: (4, 4).
     """
 
     number: int
@@ -22,6 +26,31 @@ class DepthFrame:
     depth: NDArray[np.uint16]  # (H, W)
     depth_scale: float
     intrinsics: Intrinsics
+    camera: str = ""  # its name in the rig
+    T_rig_camera: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
+    others: tuple[DepthFrame, ...] = ()
+
+    @property
+    def views(self) -> tuple[DepthFrame, ...]:
+        """The images of all cameras."""
+        return (self, *self.others)
+
+    @property
+    def T_camera_rig(self) -> NDArray[np.float64]:
+        """The inverse (4, 4) of T_rig_camera."""
+        rotation, inverse = self.T_rig_camera[:3, :3], np.eye(4)
+        inverse[:3, :3], inverse[:3, 3] = rotation.T, -rotation.T @ self.T_rig_camera[:3, 3]
+        return inverse
+
+    def to_rig(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Points (..., 3) of the camera's frame in the rig's frame."""
+        moved: NDArray[np.float64] = points @ self.T_rig_camera[:3, :3].T + self.T_rig_camera[:3, 3]
+        return moved
+
+    def to_camera(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Points (..., 3) of the rig's frame in the camera's frame."""
+        moved: NDArray[np.float64] = (points - self.T_rig_camera[:3, 3]) @ self.T_rig_camera[:3, :3]
+        return moved
 
     def metres(self) -> NDArray[np.float32]:
         """Depth (H, W) in metres, 0 for no depth."""
@@ -41,15 +70,24 @@ class SubjectFrame:
     picked: flat indices (P,) into the cropped depth, ascending: the pixels that become observed points. view:
     (left, top, right, bottom) of the camera's whole image in pixels of the crop, half-open. Pixels outside
     are unknown; pixels inside it but outside the crop are empty. kinds: labels (H, W) of the crop, uint8;
-    None if all pixels but the subject's are empty.
+    None if all pixels but the subject's are empty. delay_s: from the time of the frame until the time of this
+    image, seconds. others: the crops of the rig's other cameras; this one is that of the camera with the
+    largest part of the subject.
     """
 
     frame: DepthFrame
     picked: NDArray[np.uint32]  # (P,)
     view: tuple[int, int, int, int]
     kinds: NDArray[np.uint8] | None = None  # (H, W)
+    delay_s: float = 0.0
+    others: tuple[SubjectFrame, ...] = ()
+
+    @property
+    def views(self) -> tuple[SubjectFrame, ...]:
+        """The crops of all cameras."""
+        return (self, *self.others)
 
     @property
     def pixels(self) -> int:
-        """Number of pixels of the subject."""
-        return int(np.count_nonzero(self.frame.depth))
+        """Number of pixels of the subject in all images."""
+        return sum(int(np.count_nonzero(each.frame.depth)) for each in self.views)

@@ -26,6 +26,7 @@ class DirectRequest:
     poses: NDArray[np.float64]  # (N, D)
     settings: RefineSettings
     covariance: bool
+    velocity: NDArray[np.float64] | None  # (D,)
     refined: Refined | None = None
 
     @property
@@ -40,7 +41,12 @@ class DirectRequest:
         """Refine the particles, unless that is done."""
         if self.refined is None:
             self.refined = refine(
-                self.model, self.observation, self.poses, self.settings, covariance=self.covariance
+                self.model,
+                self.observation,
+                self.poses,
+                self.settings,
+                covariance=self.covariance,
+                velocity=self.velocity,
             )
         return self.refined
 
@@ -66,7 +72,8 @@ class DirectRefiner:
         *,
         covariance: bool = False,
         spare: bool = False,
+        velocity: NDArray[np.float64] | None = None,
     ) -> DirectRequest:
         """Keep poses (N, D), to be refined on a frame."""
         del spare
-        return DirectRequest(model, self._observe(subject), poses, settings, covariance)
+        return DirectRequest(model, self._observe(subject), poses, settings, covariance, velocity)

@@ -98,7 +98,7 @@ class FrameLoop(Closing):
     def _save(self, estimates: Iterable[Estimate], place: int, folder: Path) -> Path:
         """Write one person's estimates as the folder of a run."""
         state = self._tracker.states[place]
-        start, up = state.start, floor_up(self._tracker.states[0].checkpoint.scene)
+        start, up = state.start, floor_up(self._tracker.states[0].checkpoint.scenes)
         track = assemble(start.model, list(estimates), held=start.held, up=up)
         save_run(folder, track, TrackedBody(start.model, start.held), self._settings)
         return folder

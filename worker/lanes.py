@@ -11,7 +11,7 @@ from common.body import BodyModel
 from common.refinement import Refined
 from common.settings import RefineSettings
 from worker.kernel.icp import pack_batch, refine_some, refined
-from worker.kernel.observation import Observation, pack_observation
+from worker.kernel.observation import Observation, pack_views
 
 
 class Lanes:
@@ -25,7 +25,7 @@ class Lanes:
 
     def prepare(self, observation: Observation, settings: RefineSettings) -> None:
         """Precompute what requests about an observation with these settings need."""
-        pack_observation(observation, settings)
+        pack_views(observation, settings)
 
     def refine(
         self,
@@ -35,12 +35,13 @@ class Lanes:
         settings: RefineSettings,
         *,
         covariance: bool = False,
+        velocity: NDArray[np.float64] | None = None,
     ) -> Refined:
         """Refine poses (N, D); arguments, results and errors are those of `worker.kernel.icp.refine`.
 
         Exceptions and interrupts of a lane are raised when all lanes have returned.
         """
-        batch = pack_batch(model, observation, poses, settings, covariance=covariance)
+        batch = pack_batch(model, observation, poses, settings, covariance=covariance, velocity=velocity)
         particles = iter(range(len(poses)))  # gives each index to one lane
         lanes = min(self.count, len(poses))
         others = [self._threads.submit(refine_some, batch, particles) for _ in range(1, lanes)]

@@ -41,7 +41,7 @@ log = logging.getLogger(__name__)
 
 
 class Refine(Protocol):
-    """Refines poses (N, D), with their covariances if requested."""
+    """Refines poses (N, D) of a moving body, with their covariances if requested."""
 
     def __call__(
         self,
@@ -52,6 +52,7 @@ class Refine(Protocol):
         /,
         *,
         covariance: bool = False,
+        velocity: NDArray[np.float64] | None = None,
     ) -> Refined:
         """The refined poses in the same order."""
         ...
@@ -128,7 +129,12 @@ class Service:
         """
         model, observation = self._memory.model(request), self._memory.observation(request)
         refined = self._kernel.refine(
-            model, observation, request.poses, request.settings, covariance=request.covariance
+            model,
+            observation,
+            request.poses,
+            request.settings,
+            covariance=request.covariance,
+            velocity=request.velocity,
         )
         self._put(request.run, partial(self._observe_ahead, request.run))
         return encode_refined(refined)

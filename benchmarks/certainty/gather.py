@@ -20,6 +20,7 @@ from coordinator.results.evaluation import positions
 from coordinator.stopwatch import Stopwatch
 from coordinator.synthesis.sequence import PERSON, synthesise
 from coordinator.tracking.certainty.features import Features, measure_features
+from coordinator.tracking.certainty.surface import seen_shares
 from coordinator.tracking.estimate import UNKNOWN
 from coordinator.tracking.reporting import Updated, report
 from coordinator.tracking.segmenter import Segmenter
@@ -79,7 +80,7 @@ def gather(
     for frame in frames[::every]:
         segmented = segmenter.segment(frame, [tracker.expected])
         (subject,) = segmented.candidates[:1] or segmented.subjects
-        submitted = tracker.submit(frame, subject, segmented.view.planes, Stopwatch())
+        submitted = tracker.submit(frame, subject, segmented.planes(subject), Stopwatch())
         if isinstance(submitted, Updated):  # nothing was refined
             continue
         updated = tracker.update(submitted)
@@ -94,6 +95,7 @@ def gather(
             estimate.hypothesis_weight,
             context,
             tracker.management.residual,
+            seen_shares(tracker.model, estimate.pose, context.subject, context.stretch),
         )
         mine, row = positions(tracker.model.joint_names, reference.names), found[0]
         apart = estimate.joint_positions[mine] - reference.joints[row]

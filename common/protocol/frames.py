@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Annotated, ClassVar
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
-from common.bounds import LARGEST, MAX_PIXELS, SMALLEST
+from common.bounds import LARGEST, MAX_CAMERAS, MAX_PIXELS, SMALLEST
 from common.camera import Intrinsics
 from common.errors import ProtocolError
 from common.frame import SUBJECT, UNMEASURED, DepthFrame, SubjectFrame
@@ -24,7 +26,21 @@ from common.protocol.wire import (
     unpack,
 )
 
+ROUNDED = 1e-3  # error of a rotation matrix of a few digits
 Pixel = Annotated[int, msgspec.Meta(gt=-(2**31), lt=2**31)]
+
+
+class ViewMessage(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One of the views of a SubjectFrame."""
+
+    depth_scale: float
+    intrinsics: Intrinsics
+    depth: Array
+    picked: Array
+    view: tuple[Pixel, Pixel, Pixel, Pixel]
+    kinds: Array | None
+    T_rig_camera: Array
+    delay_s: float
 
 
 class FrameMessage(Message, frozen=True, tag="frame"):
@@ -32,12 +48,7 @@ class FrameMessage(Message, frozen=True, tag="frame"):
 
     number: Natural
     time_s: float
-    depth_scale: float
-    intrinsics: Intrinsics
-    depth: Array
-    picked: Array
-    view: tuple[Pixel, Pixel, Pixel, Pixel]
-    kinds: Array | None
+    views: Annotated[tuple[ViewMessage, ...], msgspec.Meta(min_length=1, max_length=MAX_CAMERAS)]
 
 
 class Numbered(msgspec.Struct, frozen=True):
@@ -70,24 +81,38 @@ class LiveEndMessage(Message, frozen=True, kw_only=True, tag="live-end"):
 
 def encode_frame(subject: SubjectFrame) -> bytes:
     """A frame for the workers."""
+    number, time_s = subject.frame.number, subject.frame.time_s
+    return encode(FrameMessage(number=number, time_s=time_s, views=tuple(map(view_message, subject.views))))
+
+
+def view_message(subject: SubjectFrame) -> ViewMessage:
+    """One view of a frame."""
     frame = subject.frame
-    message = FrameMessage(
-        number=frame.number,
-        time_s=frame.time_s,
+    return ViewMessage(
         depth_scale=frame.depth_scale,
         intrinsics=frame.intrinsics,
         depth=pack(frame.depth),
         picked=pack(subject.picked),
         view=subject.view,
         kinds=None if subject.kinds is None else pack(subject.kinds),
+        T_rig_camera=pack(frame.T_rig_camera),
+        delay_s=subject.delay_s,
     )
-    return encode(message)
 
 
 def decode_frame(payload: bytes) -> SubjectFrame:
     """A frame, or ProtocolError."""
     message = decode(payload, FrameMessage)
-    frame = depth_frame(message)
+    first, *others = (decode_view(message, view) for view in message.views)
+    return replace(first, others=tuple(others))
+
+
+def decode_view(frame_message: FrameMessage, message: ViewMessage) -> SubjectFrame:
+    """One view of a frame, or ProtocolError."""
+    frame = depth_frame(frame_message.number, frame_message.time_s, message)
+    placed = unpack("T_rig_camera", message.T_rig_camera, "<f8", (4, 4), {}, -LARGEST, LARGEST)
+    check_rigid(placed)
+    check("the delay", message.delay_s, -LARGEST, LARGEST)
     picked = unpack("picked", message.picked, "<u4", ("P",), {}, 0, frame.depth.size - 1)
     if np.any(picked[1:] <= picked[:-1]):
         raise ProtocolError("picked must be in ascending order")
@@ -101,7 +126,16 @@ def decode_frame(payload: bytes) -> SubjectFrame:
         kinds = unpack("kinds", message.kinds, "|u1", frame.depth.shape, {}, 0, UNMEASURED)
         if not np.array_equal(kinds == SUBJECT, frame.depth > 0):
             raise ProtocolError("kinds and depth disagree about the subject's pixels")
-    return SubjectFrame(frame, picked, message.view, kinds)
+    frame = replace(frame, T_rig_camera=placed)
+    return SubjectFrame(frame, picked, message.view, kinds, message.delay_s)
+
+
+def check_rigid(placed: NDArray[np.float64]) -> None:
+    """ProtocolError unless a matrix (4, 4) is a rotation and a translation."""
+    turn = placed[:3, :3]
+    off = np.abs(turn @ turn.T - np.eye(3)).max() + np.abs(placed[3] - [0.0, 0.0, 0.0, 1.0]).max()
+    if off > ROUNDED or np.linalg.det(turn) < 0.0:
+        raise ProtocolError("T_rig_camera is not a rotation and a translation")
 
 
 def number_of(payload: bytes) -> int:
@@ -132,10 +166,12 @@ def encode_live_end() -> bytes:
 def decode_live(payload: bytes) -> DepthFrame | None:
     """A whole depth image, None at the end of the stream, or ProtocolError."""
     message = decode(payload, LiveFrameMessage, LiveEndMessage)
-    return depth_frame(message) if isinstance(message, LiveFrameMessage) else None
+    if not isinstance(message, LiveFrameMessage):
+        return None
+    return depth_frame(message.number, message.time_s, message)
 
 
-def depth_frame(message: FrameMessage | LiveFrameMessage) -> DepthFrame:
+def depth_frame(number: int, time_s: float, message: ViewMessage | LiveFrameMessage) -> DepthFrame:
     """The depth image in a message, or ProtocolError."""
     camera = message.intrinsics
     if camera.width < 1 or camera.height < 1 or camera.width * camera.height > MAX_PIXELS:
@@ -145,7 +181,7 @@ def depth_frame(message: FrameMessage | LiveFrameMessage) -> DepthFrame:
     check("the depth scale", message.depth_scale, SMALLEST, LARGEST)
     check("the focal lengths", np.array([camera.fx, camera.fy]), SMALLEST, LARGEST)
     check("the camera's centre", np.array([camera.cx, camera.cy]), -LARGEST, LARGEST)
-    if not math.isfinite(message.time_s):
+    if not math.isfinite(time_s):
         raise ProtocolError("the frame's time must be finite")
     depth = unpack("depth", message.depth, "<u2", (camera.height, camera.width), {})
-    return DepthFrame(message.number, message.time_s, depth, message.depth_scale, camera)
+    return DepthFrame(number, time_s, depth, message.depth_scale, camera)

@@ -48,6 +48,7 @@ class RequestMessage(Message, frozen=True, tag="request"):
     poses: Array
     covariance: bool = False
     spare: bool = False
+    velocity: Array | None = None
 
 
 class ReplyMessage(Message, frozen=True, tag="reply"):
@@ -78,6 +79,7 @@ class RefineRequest:
     poses: NDArray[np.float64]  # (N, D)
     covariance: bool = False  # whether the covariance of each particle is requested
     spare: bool = False  # whether other requests come first
+    velocity: NDArray[np.float64] | None = None  # (D,) per second, for cameras with another time; None: zero
 
     def batch(self, start: int, stop: int) -> RefineRequest:
         """The request for particles start..stop-1."""
@@ -94,6 +96,7 @@ def encode_request(request: RefineRequest) -> bytes:
         poses=pack(request.poses),
         covariance=request.covariance,
         spare=request.spare,
+        velocity=None if request.velocity is None else pack(request.velocity),
     )
     return encode(message)
 
@@ -105,8 +108,11 @@ def decode_request(payload: bytes) -> RefineRequest:
     check("the number of poses", poses.shape[0], 1, MAX_PARTICLES)
     check("the number of a pose's values", poses.shape[1], 1, MAX_DOFS)
     check_settings(message.settings)
+    velocity = None
+    if message.velocity is not None:
+        velocity = unpack("velocity", message.velocity, "<f8", poses.shape[1:], {}, -LARGEST, LARGEST)
     of, model = (message.run, message.frame), message.model
-    return RefineRequest(*of, model, message.settings, poses, message.covariance, message.spare)
+    return RefineRequest(*of, model, message.settings, poses, message.covariance, message.spare, velocity)
 
 
 @lru_cache(maxsize=64)  # a run's are always the same

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from common.bounds import MAX_BYTES
 from common.errors import ProtocolError, VersionError
 
-PROTOCOL = 13  # version of messages and kernel, which coordinator and workers share
+PROTOCOL = 14  # version of messages and kernel, which coordinator and workers share
 LIVE = 1  # version of the messages of cameras, which other programs also write: docs/live.md
 
 DType = Literal["|u1", "<u2", "<u4", "<i8", "<f4", "<f8"]

@@ -34,6 +34,12 @@ class Belief:
         """Normalised weights (M,)."""
         return normalise(self.log_weights)
 
+    @property
+    def velocity(self) -> Array:
+        """Relative motion (D,) per second of the reported pose."""
+        moving: Array = self.velocities[np.argmin(np.abs(self.poses - self.reported).sum(axis=1))]
+        return moving
+
     def at_rest(self) -> Self:
         """The same poses with zero velocity."""
         return replace(self, velocities=np.zeros_like(self.velocities))

@@ -131,6 +131,7 @@ class ZenohRefiner:
         *,
         covariance: bool = False,
         spare: bool = False,
+        velocity: NDArray[np.float64] | None = None,
     ) -> Refinement:
         """Send poses (N, D) to the workers, to be refined on a frame.
 
@@ -141,5 +142,5 @@ class ZenohRefiner:
         self._publication.offer(model)
         number = self._publication.put(subject, self._client.frames)
         deadline = None if spare else self._pool.deadline
-        request = RefineRequest(self.run, number, model.hash, settings, poses, covariance, spare)
+        request = RefineRequest(self.run, number, model.hash, settings, poses, covariance, spare, velocity)
         return self._client.begin(request, math.inf if deadline is None else time.monotonic() + deadline)

@@ -27,14 +27,13 @@ from coordinator.pool.options import PoolStatistics
 from coordinator.results.angles import with_angles
 from coordinator.results.configuration import RunConfiguration
 from coordinator.results.track import Track
-from coordinator.scene.planes import Planes
-from coordinator.scene.scene import Scene, SceneChange
+from coordinator.scene.scene import Scene, SceneChanges
 from coordinator.tracking.certainty.certainty import Certainty, unknown_certainty
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.state import Checkpoint, Start, TrackerState
 
 HEAD = struct.Struct("<II")
-FORM = 11
+FORM = 12
 
 
 class Opening(msgspec.Struct, frozen=True, tag="opening"):
@@ -143,7 +142,7 @@ def read_log(path: Path) -> Recorded | None:
     openings: list[Opening] = []
     last: Entry | None = None
     starts: list[Start | None] = []
-    scenes: list[Scene] = []
+    scenes: list[dict[str, Scene]] = []
     estimates: list[list[Estimate]] = []  # of each person
     end = 0
     with path.open("rb") as file:
@@ -154,24 +153,26 @@ def read_log(path: Path) -> Recorded | None:
                 continue
             starts = [new or old for new, old in zip_longest(record.starts, starts)]
             if last is None:
-                scenes, estimates = [Scene() for _ in starts], [[] for _ in starts]
+                scenes, estimates = [{} for _ in starts], [[] for _ in starts]
             last = record
             for p, checkpoint in enumerate(record.checkpoints):
-                scenes[p].recall(checkpoint.scene)
+                for camera, change in checkpoint.scenes.items():
+                    scenes[p].setdefault(camera, Scene()).recall(change)
                 estimates[p].append(record.estimates[p])
     if last is None:
         return None
     people = []
     for p, start in enumerate(starts):
         assert start is not None  # it is recorded with the first frame
-        state = TrackerState(start, replace(last.checkpoints[p], scene=scenes[p].all()))
+        whole = {camera: scene.all() for camera, scene in scenes[p].items()}
+        state = TrackerState(start, replace(last.checkpoints[p], scenes=whole))
         people.append(RecordedPerson(estimates[p], state))
     return Recorded(openings[-1].configuration, people, last.statistics, last.seconds, len(openings) - 1, end)
 
 
-def floor_up(scene: SceneChange) -> NDArray[np.float64] | None:
-    """Up direction (3,) from the floor of the last frame; None without a floor."""
-    return Planes(scene.planes, scene.has_floor).up if scene.has_floor else None
+def floor_up(scenes: SceneChanges) -> NDArray[np.float64] | None:
+    """Up direction (3,) from the floor of the first camera that sees one; None without a floor."""
+    return next((scene.up for scene in scenes.values() if scene.has_floor), None)
 
 
 def assemble(
@@ -214,8 +215,19 @@ def assemble(
         angle_deviation=np.empty((len(estimates), 0)),
         particles_answered=answered if timed else None,
         up=up,
+        **seen_by_cameras(estimates, joints),
     )
     return with_angles(track, angles_of(model, held, up))
+
+
+def seen_by_cameras(estimates: Sequence[Estimate], joints: int) -> dict[str, Any]:
+    """What each camera of a rig saw, as fields of a track; none for a single camera, which has no name."""
+    cameras = tuple(sorted({name for each in estimates for name in each.seen_by if name}))
+    if not cameras:
+        return {}
+    unseen = np.zeros(joints)
+    shares = [[each.seen_by.get(name, unseen) for name in cameras] for each in estimates]
+    return {"camera_names": cameras, "joint_seen_by": np.array(shares)}
 
 
 def certainty_of(model: BodyModel, estimate: Estimate) -> Certainty:

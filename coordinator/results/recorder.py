@@ -161,7 +161,7 @@ class Recorder:
                 person.estimates,
                 held=start.held,
                 timed=configuration.get("deadline_ms") is not None,
-                up=floor_up(person.state.checkpoint.scene) if said is None else np.array(said),
+                up=floor_up(person.state.checkpoint.scenes) if said is None else np.array(said),
             )
             own = {} if len(recorded.people) == 1 else {PERSON: number}
             summary = {**facts, **summarise(recorded, person), **own}

@@ -42,6 +42,8 @@ TRACK_LAYOUT = {
     "angle_deviation": "numbers (F, A)",
     "particles_answered": "?whole numbers (F)",
     "up": "?numbers (3)",
+    "camera_names": "?names (C)",
+    "joint_seen_by": "?numbers (F, C, J)",
 }
 
 
@@ -49,7 +51,8 @@ TRACK_LAYOUT = {
 class Track:
     """The content of `track.npz`, see `TRACK_LAYOUT`: F frames, D degrees of freedom, J joints, A angles.
 
-    Metres and radians, camera frame. Frames have up to M hypotheses; missing ones are NaN.
+    Metres and radians, in the frame of the camera or rig. Frames have up to M hypotheses; missing
+    ones are NaN.
     """
 
     frame: NDArray[np.int64]
@@ -69,6 +72,8 @@ class Track:
     angle_deviation: Array  # one standard deviation; NaN where unknown
     particles_answered: NDArray[np.int64] | None = None  # before the deadline; None without one
     up: Array | None = None  # unit vector away from the ground; None if unknown
+    camera_names: tuple[str, ...] | None = None  # of a rig
+    joint_seen_by: Array | None = None  # visible share of its surface for each camera of a rig
 
     @property
     def unknown(self) -> NDArray[np.bool_]:

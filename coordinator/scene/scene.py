@@ -112,6 +112,18 @@ class SceneChange:
     furnished: bool = False
     size: tuple[int, int] = (0, 0)  # rows and columns of the background; none at the start
     learned: Learned = NOTHING
+    T_rig_camera: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))  # of the frame
+
+    @property
+    def up(self) -> Array | None:
+        """Unit vector (3,) away from the floor in the rig's frame; None without a floor."""
+        planes = Planes(self.planes, self.has_floor)
+        up: Array = self.T_rig_camera[:3, :3] @ planes.up
+        return up if self.has_floor else None
+
+
+SceneChanges = dict[str, SceneChange]
+"""The changes of the scenes of all cameras, by their names."""
 
 
 class Scene:
@@ -127,6 +139,7 @@ class Scene:
     """
 
     def __init__(self, background: Depth | None = None, up: Array | None = None) -> None:
+        self._placed = np.eye(4)
         self._no_planes = Planes() if up is None else Planes(approximate_up=up)
         self._background: Depth
         self._nearer: Marks
@@ -135,7 +148,7 @@ class Scene:
 
     def see(self, frame: DepthFrame, left_out: Mask | None = None) -> SceneView:
         """A frame with the known scene; `left_out` (H, W) are excluded pixels."""
-        depth = frame.metres()
+        depth, self._placed = frame.metres(), frame.T_rig_camera
         if self._background.shape != depth.shape:
             self._begin(np.zeros_like(depth))
         if depth.any():
@@ -179,6 +192,7 @@ class Scene:
         if self._background.shape != change.size:
             self._begin(np.zeros(change.size, np.float32))
         self._seen, self._furnished, self._growth = change.seen, change.furnished, change.growth
+        self._placed = change.T_rig_camera
         self._planes = Planes(change.planes, change.has_floor, self._no_planes.approximate_up)
         self._background.ravel()[change.learned.pixels] = change.learned.depth
         self._nearer.ravel()[change.learned.pixels] = change.learned.nearer
@@ -215,6 +229,7 @@ class Scene:
             self._furnished,
             self._background.shape,
             Learned(pixels, self._background.ravel()[pixels], self._nearer.ravel()[pixels]),
+            self._placed,
         )
 
 

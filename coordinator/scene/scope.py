@@ -25,7 +25,7 @@ class Scope:
     region: left, top, right and bottom in pixels, half-open; None for the whole image.
     person: One of WAYS, or a pixel of the person, column and row.
     background: depth (H, W) in metres, 0 if unknown; None to learn all of it.
-    up: Unit vector (3,) away from the ground, camera frame, if the recording or the user gives it.
+    up: Unit vector (3,) away from the ground, rig's frame, if the recording or the user gives it.
     """
 
     near: float | None = None
@@ -73,6 +73,11 @@ class Scope:
         }
         possible = [each for each in found if self.person != "moving" or moved(each) > MOVED_SHARE]
         return sorted(possible, key=order[self.person])
+
+    def of_another(self) -> Scope:
+        """The scope of another camera of the rig, of which the user gives no pixels."""
+        person = self.person if isinstance(self.person, str) else "best"
+        return replace(self, region=None, person=person, background=None)
 
     def describe(self) -> dict[str, object]:
         """All fields by name as JSON values; the background as a hash."""

@@ -11,6 +11,7 @@ from coordinator.sources.arrays import ArraySource, read_npy, read_npz
 from coordinator.sources.camera import AS_RECORDED, CameraOptions
 from coordinator.sources.picture_folders import holds_pictures, is_tum, read_pictures
 from coordinator.sources.point_clouds import SUFFIXES, read_clouds
+from coordinator.sources.rig import read_rig
 from coordinator.sources.ros_bag import is_bag, read_ros_bag
 from coordinator.sources.source import Source
 from coordinator.sources.utd_mhad import read_utd_mhad
@@ -51,6 +52,7 @@ FORMATS = (
     Format("point clouds (.ply or .pcd)", holds_clouds, read_clouds),
     Format("Azure Kinect or Orbbec .mkv", has_suffix(".mkv"), open_azure_kinect),
     Format("numpy .npz (depth, intrinsics)", has_suffix(".npz"), read_npz),
+    Format("rig of several cameras .json", has_suffix(".json"), read_rig),
     Format("numpy .npy", has_suffix(".npy"), read_npy),
     Format("UTD-MHAD .mat", has_suffix(".mat"), read_utd_mhad),
 )

@@ -1,9 +1,9 @@
-"""A recorded depth sequence of any format."""
+"""A recorded depth sequence of any format, of one camera or of a rig."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +16,7 @@ from coordinator.files import START_FILE, TRUTH_FILE
 from coordinator.sources.camera import DEFAULT_FPS
 
 UNITS_PER_METRE = 5000.0  # for metres: steps of 0.2 mm
+ROUNDING_S = 1e-4  # of times in files
 FARTHEST_M = np.iinfo(np.uint16).max / UNITS_PER_METRE
 
 
@@ -32,8 +33,12 @@ class Source:
         depth_scale: Units of this depth per metre.
         fps: Frames per second.
         times: Times of the frames, seconds, ascending; None for number over `fps`.
-        gravity: Direction of gravity (3,), unit vector, camera frame; None if unknown.
+        gravity: Direction of gravity (3,), unit vector, frame of the camera or rig; None if unknown.
         folder: Folder that may hold ground truth and a start pose.
+        camera: Name of the camera in its rig; empty for a camera alone.
+        T_rig_camera: (4, 4), metres.
+        offset_s: Added to the camera's time it gives the rig's.
+        others: The other cameras of the rig. There is a frame for each frame of this one.
     """
 
     name: str
@@ -45,6 +50,10 @@ class Source:
     times: Sequence[float] | None = None
     gravity: NDArray[np.float64] | None = None
     folder: Path | None = None
+    camera: str = ""
+    T_rig_camera: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
+    offset_s: float = 0.0
+    others: tuple[Source, ...] = ()
 
     @property
     def truth(self) -> Path | None:
@@ -57,8 +66,26 @@ class Source:
         return self._beside(START_FILE)
 
     def frame(self, number: int) -> DepthFrame:
-        """Read one frame; 0 for pixels without depth. Raises InputError if it is damaged."""
-        place, camera, scale = self.numbers.index(number), self.intrinsics, self.depth_scale
+        """Read one frame; 0 for pixels without depth. Raises InputError if it is damaged.
+
+        It has the nearest frame in time of each other camera, unless another frame of this camera is nearer
+        to that one.
+        """
+        frame = self._image(self.numbers.index(number))
+        near = [(other, other.nearest(frame.time_s, 0.5 / self.fps)) for other in self.others]
+        others = tuple(other._image(place) for other, place in near if place is not None)
+        return replace(frame, others=others)
+
+    def nearest(self, time_s: float, within_s: float) -> int | None:
+        """The place of the frame nearest to a time of the rig; None if none is near enough."""
+        times = np.array(self.numbers) / self.fps if self.times is None else np.array(self.times)
+        apart = np.abs(times + self.offset_s - time_s)
+        place = int(np.argmin(apart))
+        return place if apart[place] <= within_s + ROUNDING_S else None
+
+    def _image(self, place: int) -> DepthFrame:
+        """The frame of this camera alone at a place in `numbers`."""
+        number, camera, scale = self.numbers[place], self.intrinsics, self.depth_scale
         depth = self.read(place)
         if depth.shape != (camera.height, camera.width):
             raise InputError(
@@ -68,7 +95,8 @@ class Source:
         if depth.dtype.kind == "f":
             depth, scale = to_units(depth.astype(np.float64) / scale), UNITS_PER_METRE
         time_s = number / self.fps if self.times is None else self.times[place]
-        return DepthFrame(number, time_s, depth.astype(np.uint16, copy=False), scale, camera)
+        units, time_s = depth.astype(np.uint16, copy=False), time_s + self.offset_s
+        return DepthFrame(number, time_s, units, scale, camera, self.camera, self.T_rig_camera)
 
     def __len__(self) -> int:
         return len(self.numbers)

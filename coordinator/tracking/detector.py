@@ -29,7 +29,7 @@ from coordinator.bodies.tracked import Bodies, coarsen, pose_by_name
 from coordinator.scene.planes import Planes
 from coordinator.tracking.certainty.certainty import OFF
 from coordinator.tracking.gating import Gate, gate_pose, reject_points, reject_position
-from coordinator.tracking.observation import middle_of, observed_points
+from coordinator.tracking.observation import camera_points, middle_of
 from coordinator.tracking.pose_library import PoseLibrary, displaced, library_of
 from coordinator.tracking.refiner import Pending, Refiner
 from coordinator.tracking.sensor_noise import SensorNoise, assume_noise
@@ -164,7 +164,7 @@ class Detector:
         if self._bodies.people:
             gate = gate.against(reject_points(subject, size[0]))
             if planes.has_floor:
-                joints, names = candidates.joints[0], start.model.joint_names
+                joints, names = subject.frame.to_camera(candidates.joints[0]), start.model.joint_names
                 trunk = joints[names.index("head")] - joints[names.index("pelvis")]
                 lowest = float(planes.above(joints).min())
                 gate = gate.against(reject_position(float(trunk @ planes.up), lowest))
@@ -177,8 +177,10 @@ class Detector:
 
         For a person who is not lost and has the same orientation as at the start, only that one is searched.
         """
-        ways = (start.way_up, *(way for way in self._ways_up if way != start.way_up))
-        if not lost and self._bodies.people and way_up(start.model, last) == start.way_up:
+        turn = subject.frame.T_camera_rig[:3, :3]
+        first = way_up(start.model, start.pose, turn)
+        ways = (first, *(way for way in self._ways_up if way != first))
+        if not lost and self._bodies.people and way_up(start.model, last, turn) == first:
             ways = ways[:1]
         settings = msgspec.structs.replace(
             self._refine, noise_depth=rules.noise_depth, noise_lateral=rules.noise_lateral
@@ -274,14 +276,14 @@ class Detector:
         last: Array | None,
     ) -> tuple[Array, Indices]:
         """Candidates (N, D) from the library, in all orientations, and the last pose; their sizes (N,)."""
-        points = observed_points(subject)
+        points, placed = camera_points(subject), subject.frame.T_rig_camera
         scales = [stature / self._usual[0] if self._bodies.people else 1.0 for stature, _ in sizes]
         matched = [
-            self._library.match(points, scales, way, CANDIDATES if n == 0 else TURNED)
+            self._library.match(points, scales, way, CANDIDATES if n == 0 else TURNED, placed)
             for n, way in enumerate(ways_up)
         ]
         if last is not None:
-            poses = displaced(self._bodies.for_start(*sizes[0]), last, points, self._library.cell_m)
+            poses = displaced(self._bodies.for_start(*sizes[0]), last, points, self._library.cell_m, placed)
             matched.append((poses, np.zeros(len(poses), dtype=np.int64)))
         return np.concatenate([poses for poses, _ in matched]), np.concatenate([of for _, of in matched])
 
@@ -357,7 +359,9 @@ def iterations(settings: RefineSettings, count: int) -> RefineSettings:
 
 def thin(subject: SubjectFrame, points: int) -> SubjectFrame:
     """The frame with at most this number of its points, evenly distributed."""
-    return replace(subject, picked=subject.picked[:: -(-len(subject.picked) // points)].copy())
+    every = -(-sum(len(each.picked) for each in subject.views) // points)
+    first, *others = (replace(each, picked=each.picked[::every].copy(), others=()) for each in subject.views)
+    return replace(first, others=tuple(others))
 
 
 def faces_away(names: tuple[str, ...], joints: Array, body: Array) -> NDArray[np.bool_]:

@@ -2,56 +2,94 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from common.frame import SUBJECT, DepthFrame, SubjectFrame
 from coordinator.filters.belief import USUAL_INTERVAL, Observation
-from coordinator.scene.segmentation import Segmentation, Window
+from coordinator.scene.segmentation import Labels, Window, slices
 
 Array = NDArray[np.float64]
+Cut = tuple[DepthFrame, Window, Labels | None]
+"""An image, its window that shows a subject, and the labels of the window's pixels; None: all that have depth
+are the subject, and the others are empty."""
+
 POINTS = 300  # observed points for the filter
 DIGITS = 4  # decimals of an interval in seconds
 
 
 def isolate(frame: DepthFrame, points: int) -> SubjectFrame | None:
-    """Crop a frame that shows only the subject to the pixels with depth; None if there are none.
+    """Crop a frame that shows only the subject to the pixels with depth; None if there are none."""
+    return subject_of(frame, [cut for view in frame.views for cut in outline(view)], points)
 
-    At most `points` pixels are picked, evenly distributed.
-    """
-    rows, columns = (np.flatnonzero(frame.depth.any(axis=axis)) for axis in (1, 0))
+
+def outline(view: DepthFrame) -> list[Cut]:
+    """The window of all pixels with depth of an image, if there are any."""
+    rows, columns = (np.flatnonzero(view.depth.any(axis=axis)) for axis in (1, 0))
     if not len(rows):
-        return None
-    return crop(frame, (int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1), None, points)
+        return []
+    return [(view, (int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1), None)]
 
 
-def subject_of(frame: DepthFrame, segmentation: Segmentation, points: int) -> SubjectFrame | None:
-    """The crop of a segmented frame with the labels of its pixels; None without a subject."""
-    if not (segmentation.labels == SUBJECT).any():
-        return None
-    return crop(frame, segmentation.window, segmentation.labels, points)
+def subject_of(frame: DepthFrame, views: Sequence[Cut], points: int) -> SubjectFrame | None:
+    """The crops of segmented images of a frame, of those that show the subject; None if there are none.
+
+    At most `points` pixels are picked, evenly distributed: in each image in proportion to the area that it
+    shows of the subject.
+    """
+    depths = [depth_in(*each) for each in views]
+    areas = [area_of(view, depth) for (view, _, _), depth in zip(views, depths, strict=True)]
+    total = sum(areas)
+    found = [
+        crop(frame, *views[n], depths[n], most=round(points * areas[n] / total))
+        for n in sorted(range(len(views)), key=lambda n: -areas[n])
+        if areas[n] > 0.0
+    ]
+    return replace(found[0], others=tuple(found[1:])) if found else None
 
 
-def crop(frame: DepthFrame, window: Window, labels: NDArray[np.uint8] | None, points: int) -> SubjectFrame:
-    """A window of a frame with only the subject's depth; with all depth if there are no labels (H, W)."""
+def depth_in(view: DepthFrame, window: Window, labels: Labels | None) -> NDArray[np.uint16]:
+    """The subject's depth in a window of an image; with all depth if there are no labels."""
+    depth = view.depth[slices(window)]
+    return np.ascontiguousarray(depth if labels is None else np.where(labels == SUBJECT, depth, np.uint16(0)))
+
+
+def area_of(view: DepthFrame, depth: NDArray[np.uint16]) -> float:
+    """The area in square metres, across the line of sight, of the pixels with depth (H, W)."""
+    squares = float(np.sum(depth[depth > 0].astype(np.float64) ** 2)) / view.depth_scale**2
+    return squares / (view.intrinsics.fx * view.intrinsics.fy)
+
+
+def crop(
+    frame: DepthFrame,
+    view: DepthFrame,
+    window: Window,
+    labels: Labels | None,
+    depth: NDArray[np.uint16],
+    *,
+    most: int,
+) -> SubjectFrame:
+    """The crop of one image of a frame to a window, with its depth and labels (H, W)."""
     left, top, right, bottom = window
-    camera = frame.intrinsics
-    depth = np.ascontiguousarray(frame.depth[top:bottom, left:right])
-    if labels is not None:
-        depth = np.where(labels == SUBJECT, depth, np.uint16(0))
+    camera = view.intrinsics
     measured = np.flatnonzero(depth).astype(np.uint32)
-    picked = min(len(measured), points)
+    picked = min(len(measured), most)
     return SubjectFrame(
-        frame=DepthFrame(
-            frame.number,
-            frame.time_s,
-            depth,
-            frame.depth_scale,
-            camera.crop(left, top, right - left, bottom - top),
+        frame=replace(
+            view,
+            number=frame.number,
+            time_s=frame.time_s,
+            depth=depth,
+            intrinsics=camera.crop(left, top, right - left, bottom - top),
+            others=(),
         ),
         picked=measured[np.arange(picked) * len(measured) // max(1, picked)],
         view=(-left, -top, camera.width - left, camera.height - top),
         kinds=labels,
+        delay_s=view.time_s - frame.time_s,
     )
 
 
@@ -67,26 +105,33 @@ def filter_observation(
     return Observation(some_points(subject), since if since > 0.0 else USUAL_INTERVAL, step)
 
 
-def observed_points(subject: SubjectFrame, most: int | None = None) -> Array:
-    """The observed points (P, 3), camera frame, metres; if `most` is given, about so many of them."""
+def camera_points(subject: SubjectFrame, every: int = 1) -> Array:
+    """The observed points (P, 3) of one camera, in its own frame, metres; every n-th of them."""
     frame, camera = subject.frame, subject.frame.intrinsics
-    picked = subject.picked if most is None else subject.picked[:: max(1, len(subject.picked) // most)]
+    picked = subject.picked[::every]
     rows, columns = np.divmod(picked, np.uint32(frame.depth.shape[1]))
     z = frame.depth.ravel()[picked] / frame.depth_scale
     return np.stack([(columns - camera.cx) / camera.fx * z, (rows - camera.cy) / camera.fy * z, z], axis=1)
 
 
+def observed_points(subject: SubjectFrame, most: int | None = None) -> Array:
+    """The observed points (P, 3) of all cameras, metres; if `most` is given, about so many of them."""
+    every = 1 if most is None else max(1, sum(len(each.picked) for each in subject.views) // most)
+    return np.concatenate([each.frame.to_rig(camera_points(each, every)) for each in subject.views])
+
+
 def some_points(subject: SubjectFrame) -> Array:
-    """About POINTS of the observed points (P, 3), camera frame, metres."""
+    """About POINTS of the observed points (P, 3), metres."""
     return observed_points(subject, POINTS)
 
 
 def middle_of(subject: SubjectFrame) -> Array:
-    """Median (3,) of some of the observed points, camera frame, metres."""
+    """Median (3,) of some of the observed points, metres."""
     middle: Array = np.median(some_points(subject), axis=0)
     return middle
 
 
 def distance_of(subject: SubjectFrame) -> float:
-    """Median depth of some of the observed points, metres; 0 if there are none."""
-    return float(middle_of(subject)[2]) if len(subject.picked) else 0.0
+    """Median depth of some of the observed points in the camera that shows most, metres; 0 without any."""
+    points = camera_points(subject, max(1, len(subject.picked) // POINTS))
+    return float(np.median(points[:, 2])) if len(points) else 0.0

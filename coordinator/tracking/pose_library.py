@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 POSES = 3_000
+NOT_MOVED = np.eye(4)  # T_rig_camera of a single camera
 SEED = 20  # of the library, independent of the run's seed
 PERSON_CELL_M = 0.06  # side of a cell of the descriptor, for a person of reference stature
 DESCRIBED_VERTICES = 1_700  # of the surface; enough to fill the cells of a descriptor
@@ -83,7 +84,7 @@ class PoseLibrary:
     cell_m: float
 
     def match(
-        self, points: Array, scales: Sequence[float], roll: float, count: int
+        self, points: Array, scales: Sequence[float], roll: float, count: int, placed: Array = NOT_MOVED
     ) -> tuple[Array, NDArray[np.int64]]:
         """The poses most similar to the observed points, moved to their position.
 
@@ -92,9 +93,10 @@ class PoseLibrary:
             scales: Possible scales of the body relative to the library.
             roll: Rotation of the image before the comparison, radians.
             count: Number of poses to return, each at its best scale.
+            placed: T_rig_camera (4, 4).
 
         Returns:
-            Poses (count, D) in the camera frame, the most similar first, and the index of each pose's scale.
+            Poses (count, D) in the rig's frame, the most similar first, and the index of each pose's scale.
         """
         turn = look_straight(points.mean(axis=0), roll)
         seen = np.ascontiguousarray(points @ turn.T)
@@ -109,7 +111,8 @@ class PoseLibrary:
         chosen = np.argsort(best, kind="stable")[:count]
         scale_of = scale_of[chosen]
         places = (middles[scale_of] - self.middles[chosen]) * np.take(scales, scale_of)[:, None]
-        return turned_to(self.poses[chosen], places @ turn, turn.T), scale_of
+        of_rig = places @ turn @ placed[:3, :3].T + placed[:3, 3]
+        return turned_to(self.poses[chosen], of_rig, placed[:3, :3] @ turn.T), scale_of
 
 
 @lru_cache(maxsize=4)
@@ -147,9 +150,15 @@ def turned_to(poses: Array, places: Array, turn: Array) -> Array:
     return moved
 
 
-def displaced(model: BodyModel, pose: Array, points: Array, cell_m: float) -> Array:
-    """A pose (D,) moved to the observed points (P, 3), in four rotations about the vertical axis (4, D)."""
-    turn = look_straight(points.mean(axis=0), 0.0)
+def displaced(
+    model: BodyModel, pose: Array, points: Array, cell_m: float, placed: Array = NOT_MOVED
+) -> Array:
+    """A pose (D,) moved to the observed points (P, 3), in four rotations about the vertical axis (4, D).
+
+    The points are in the frame of the camera, poses in that of the rig; `placed` is T_rig_camera (4, 4).
+    """
+    turn = look_straight(points.mean(axis=0), 0.0) @ placed[:3, :3].T
+    points = points @ placed[:3, :3].T + placed[:3, 3]
     poses = np.tile(pose, (4, 1))
     for n, each in enumerate(poses):
         quarter = euler_matrix(np.array([0.0, 0.5 * np.pi * n, 0.0]))

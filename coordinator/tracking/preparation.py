@@ -55,9 +55,10 @@ class NoRefiner:
         *,
         covariance: bool = False,
         spare: bool = False,
+        velocity: NDArray[np.float64] | None = None,
     ) -> Unmoved:
         """The same poses (N, D), with a covariance of 1 cm and 0.01 rad."""
-        del subject, model, settings, spare
+        del subject, model, settings, spare, velocity
         count, dofs = poses.shape
         roots = np.zeros((count, triangle_size(dofs)), np.float32)
         roots[:, np.cumsum(np.arange(1, dofs + 1)) - 1] = 0.01

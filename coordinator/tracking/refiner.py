@@ -49,9 +49,15 @@ class Refiner(Protocol):
         *,
         covariance: bool = False,
         spare: bool = False,
+        velocity: NDArray[np.float64] | None = None,
     ) -> Pending:
         """Start to refine poses (N, D) on a frame, and to estimate the covariance of each if requested.
 
+<<<<<<< HEAD
         With `spare`, other requests come first, and no deadline applies.
+=======
+        With `spare`, other requests come first until the result is waited for. `velocity` (D,) is the motion
+        per second, for images of other cameras that were taken before or after the frame; None: none.
+>>>>>>> 3883b81 (Several cameras in the wire format, the kernel, segmentation, detection and certainty; rig.json as a source)
         """
         ...

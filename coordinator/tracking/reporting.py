@@ -13,6 +13,7 @@ from coordinator.filters.belief import Belief
 from coordinator.stopwatch import Stopwatch
 from coordinator.tracking.certainty.certainty import FIT, OFF, SUSPECTED, Certainty, unknown_certainty
 from coordinator.tracking.certainty.features import FrameContext, measure_features
+from coordinator.tracking.certainty.surface import seen_shares
 from coordinator.tracking.estimate import MAX_HYPOTHESES, UNKNOWN, Estimate, Status
 from coordinator.tracking.state import TrackerState
 from coordinator.tracking.track_management import TrackManagement
@@ -61,9 +62,14 @@ def report(updated: Updated) -> Tracked:
             )
             weights = weights / weights.sum()
         joints = joint_positions(model, np.concatenate([pose[None], poses]))
+        seen = dict[str, Array]()
         if updated.context is not None:
-            features = measure_features(model, pose, joints, weights, updated.context, management.residual)
+            context = updated.context
+            seen_by = seen_shares(model, pose, context.subject, context.stretch)
+            features = measure_features(model, pose, joints, weights, context, management.residual, seen_by)
             certainty = FIT.judge(features)
+            cameras = [each.frame.camera for each in context.subject.views]
+            seen = dict(zip(cameras, seen_by, strict=True))
         status = updated.status or judge(management, weights, joints[1:], joints[0], certainty)
     estimate = Estimate(
         frame=updated.frame.number,
@@ -77,6 +83,7 @@ def report(updated: Updated) -> Tracked:
         particles_answered=updated.answered,
         why=management.reason or explain_doubt(model.joint_names, certainty),
         stage_seconds=updated.clock.seconds,
+        seen_by=seen,
         certainty=unknown_certainty(len(joints[0])) if status in UNKNOWN else certainty,
     )
     return Tracked(estimate, updated.state)

@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.body import BodyModel
+from common.camera import back_project
 from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import pose_vertices
 from coordinator.scene.candidates import candidates
-from coordinator.scene.scene import Depth, Mask, Scene, SceneChange, SceneView
+from coordinator.scene.planes import Planes
+from coordinator.scene.scene import Depth, Mask, Scene, SceneChange, SceneChanges, SceneView
 from coordinator.scene.scope import Scope
 from coordinator.scene.segmentation import (
     NEAR_M,
@@ -23,9 +25,11 @@ from coordinator.scene.segmentation import (
     segment_body,
     segment_mask,
 )
-from coordinator.tracking.observation import isolate, subject_of
+from coordinator.tracking.observation import Cut, depth_in, outline, subject_of
 
 Array = NDArray[np.float64]
+
+SAME_PERSON_M = 0.5  # between the middles of one person in two images, which show different sides
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,9 +41,24 @@ class PosedBody:
 
     @property
     def surface(self) -> Array:
-        """Vertices (V, 3) in the camera frame, metres."""
+        """Vertices (V, 3), metres."""
         vertices: Array = pose_vertices(self.model, self.pose[None])[0]
         return vertices
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SegmentedView:
+    """The segmented image of one camera.
+
+    frame: within the user's scope. bodies: what shows each body, if anything does. people: what shows each
+    person who is not tracked.
+    """
+
+    frame: DepthFrame
+    view: SceneView
+    change: SceneChange
+    bodies: tuple[Cut | None, ...]
+    people: tuple[Cut, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,37 +67,48 @@ class Segmented:
 
     subjects: one per body; None if nothing of the body is visible, or if it may be anywhere.
     candidates: people who are not tracked, the most likely first; empty unless a body may be anywhere.
-    change: what the frame changed in the known scene.
     """
 
     frame: DepthFrame
     subjects: tuple[SubjectFrame | None, ...]
     candidates: tuple[SubjectFrame, ...]
-    view: SceneView
-    change: SceneChange
+    views: tuple[SegmentedView, ...]
 
     def pixels(self, place: int) -> int:
         """Number of pixels that show the body at this place in the list."""
         subject = self.subjects[place]
         return 0 if subject is None else subject.pixels
 
+    @property
+    def changes(self) -> SceneChanges:
+        """What the frame changed in the known scene of each camera."""
+        return {each.frame.camera: each.change for each in self.views}
+
+    def planes(self, subject: SubjectFrame | None) -> Planes:
+        """The planes that the camera with the largest part of a subject sees."""
+        camera = None if subject is None else subject.frame.camera
+        return next((each.view.planes for each in self.views if each.frame.camera == camera), Planes())
+
 
 class Segmenter:
-    """Segments the frames of one camera, in their order.
+    """Segments frames in their order. Each camera has its own scene.
 
     Args:
         points: Largest number of observed points of a body.
-        scope: Which part of the scene counts, and which person is meant.
+        scope: Which part of the scene counts, and which person is meant. Region, pixel of a person and
+            background are those of the first camera.
     """
 
     def __init__(self, points: int, scope: Scope | None = None) -> None:
         self._points = points
         self._scope = scope or Scope()
-        self._scene = Scene(self._scope.background, self._scope.up)
+        self._scenes = dict[str, Scene]()
 
-    def recall(self, change: SceneChange) -> None:
+    def recall(self, changes: SceneChanges) -> None:
         """Restore what was known after a frame; the changes of the frames before it come first."""
-        self._scene.recall(change)
+        for camera, change in changes.items():
+            up = None if self._scope.up is None else change.T_rig_camera[:3, :3].T @ self._scope.up
+            self._scenes.setdefault(camera, Scene(up=up)).recall(change)
 
     def segment(
         self,
@@ -93,52 +123,109 @@ class Segmenter:
         Other people are not learned as the room, unless they have been `rejected` for a while. Without
         `find`, they are not searched for, and nothing is learned while a body may be anywhere.
         """
-        whole = frame
-        frame, left_out = self._scope.limit(frame)
-        view = self._scene.see(frame, left_out)
+        surfaces = [None if body is None else body.surface for body in bodies]
+        views = tuple(
+            self._segment_view(frame, view, surfaces, rejected=rejected, find=find) for view in frame.views
+        )
+        seen = [[each.bodies[n] for each in views] for n in range(len(bodies))]
+        subjects = [subject_of(frame, [cut for cut in cuts if cut], self._points) for cuts in seen]
+        people = self._join_people(frame, [each.people for each in views])
+        return Segmented(frame, tuple(subjects), people, views)
+
+    def find_candidates(self, segmented: Segmented, tracked: Sequence[PosedBody]) -> tuple[SubjectFrame, ...]:
+        """People in a segmented frame, apart from those who are tracked; the most likely first."""
+        found, surfaces = list[Sequence[Cut]](), [body.surface for body in tracked]
+        for each in segmented.views:
+            frame, view = each.frame, each.view
+            if not view.furnished and len(segmented.subjects) == 1:
+                found.append(outline(frame))
+                continue
+            known = near_any(view, [measure_distances(view, frame.to_camera(one)) for one in surfaces])
+            scope = self._scope_of(segmented.frame, frame)
+            masks = [one.mask for one in scope.choose(view, candidates(view, known))]
+            found.append(cut_masks(frame, view, masks, known))
+        return self._join_people(segmented.frame, found)
+
+    def _segment_view(
+        self,
+        whole: DepthFrame,
+        frame: DepthFrame,
+        bodies: Sequence[Array | None],
+        *,
+        rejected: bool,
+        find: bool,
+    ) -> SegmentedView:
+        """Segment one image of a frame, with the surfaces (V, 3) of bodies."""
+        scope = self._scope_of(whole, frame)
+        if frame.camera not in self._scenes:
+            up = None if scope.up is None else frame.T_camera_rig[:3, :3] @ scope.up
+            self._scenes[frame.camera] = Scene(scope.background, up)
+        scene = self._scenes[frame.camera]
+        frame, left_out = scope.limit(frame)
+        view = scene.see(frame, left_out)
         if not view.furnished and len(bodies) == 1:
-            subject, change = isolate(frame, self._points), self._scene.learn(view)
-            found = () if bodies[0] is not None or subject is None else (subject,)
-            return Segmented(whole, (None if bodies[0] is None else subject,), found, view, change)
-        surfaces = [body.surface for body in bodies if body is not None]
+            found, change = tuple(outline(frame)), scene.learn(view)
+            if bodies[0] is None:
+                return SegmentedView(frame, view, change, (None,), found)
+            return SegmentedView(frame, view, change, (found[0] if found else None,), ())
+        surfaces = [frame.to_camera(body) for body in bodies if body is not None]
         distances = [measure_distances(view, surface) for surface in surfaces]
         known, apart = near_any(view, distances), mark_apart(view, distances)
         others = [each | apart for each in assign_pixels(distances)]
-        strangers, theirs = tuple[SubjectFrame, ...](), known.copy()
+        strangers, theirs = tuple[Cut, ...](), known.copy()
         if len(surfaces) < len(bodies) and not find:
             theirs[:] = True
         elif len(surfaces) < len(bodies):
             possible = candidates(view, known)
-            found_masks = [each.mask for each in self._scope.choose(view, possible)]
+            found_masks = [each.mask for each in scope.choose(view, possible)]
             found_masks = found_masks[:1] if len(bodies) == 1 else found_masks
-            strangers = self._people(frame, view, found_masks, known)
+            strangers = cut_masks(frame, view, found_masks, known)
             for each in () if rejected else possible:
                 theirs |= each.mask
         segmented = [segment_body(view, *each) for each in zip(surfaces, distances, others, strict=True)]
         if any(is_missing(view, *each) for each in zip(surfaces, segmented, strict=True)):
             theirs[:] = True  # a body may be anywhere, so no pixel is learned as the room
-        change = self._scene.learn(view, theirs)
-        own = (subject_of(frame, each, self._points) for each in segmented)
-        subjects = tuple(None if body is None else next(own) for body in bodies)
-        return Segmented(whole, subjects, strangers, view, change)
+        change = scene.learn(view, theirs)
+        own = ((frame, each.window, each.labels) for each in segmented)
+        return SegmentedView(
+            frame, view, change, tuple(None if body is None else next(own) for body in bodies), strangers
+        )
 
-    def find_candidates(self, segmented: Segmented, tracked: Sequence[PosedBody]) -> tuple[SubjectFrame, ...]:
-        """People in a segmented frame, apart from those who are tracked; the most likely first."""
-        frame, _ = self._scope.limit(segmented.frame)
-        view = segmented.view
-        if not view.furnished and len(segmented.subjects) == 1:
-            subject = isolate(frame, self._points)
-            return () if subject is None else (subject,)
-        known = near_any(view, [measure_distances(view, body.surface) for body in tracked])
-        found = self._scope.choose(view, candidates(view, known))
-        return self._people(frame, view, [each.mask for each in found], known)
+    def _scope_of(self, frame: DepthFrame, view: DepthFrame) -> Scope:
+        """The scope of one image of a frame."""
+        return self._scope if view is frame else self._scope.of_another()
 
-    def _people(
-        self, frame: DepthFrame, view: SceneView, masks: Sequence[Mask], known: Mask
-    ) -> tuple[SubjectFrame, ...]:
-        """People by masks (H, W) of their pixels; `known` are the pixels of those who are tracked."""
-        found = (subject_of(frame, segment_mask(view, mask, known), self._points) for mask in masks)
+    def _join_people(self, frame: DepthFrame, seen: Sequence[Sequence[Cut]]) -> tuple[SubjectFrame, ...]:
+        """People by what shows them in each image; those at the same place are one person."""
+        people = list[list[Cut]]()
+        for cuts in seen:
+            for cut in cuts:
+                alone = [each for each in people if all(view is not cut[0] for view, _, _ in each)]
+                near = (each for each in alone if apart_m(each[0], cut) < SAME_PERSON_M)
+                joined = min(near, key=lambda each: apart_m(each[0], cut), default=None)
+                if joined is None:
+                    people.append([cut])
+                else:
+                    joined.append(cut)
+        found = (subject_of(frame, cuts, self._points) for cuts in people)
         return tuple(subject for subject in found if subject is not None)
+
+
+def cut_masks(frame: DepthFrame, view: SceneView, masks: Sequence[Mask], known: Mask) -> tuple[Cut, ...]:
+    """What shows people, by masks (H, W) of their pixels; `known` are the pixels of those who are tracked."""
+    found = (segment_mask(view, mask, known) for mask in masks)
+    return tuple((frame, each.window, each.labels) for each in found)
+
+
+def apart_m(one: Cut, other: Cut) -> float:
+    """Distance in metres between the middles of what two images show."""
+    middles = []
+    for view, window, labels in (one, other):
+        left, top, right, bottom = window
+        camera = view.intrinsics.crop(left, top, right - left, bottom - top)
+        depth = depth_in(view, window, labels) / view.depth_scale
+        middles.append(view.to_rig(np.median(back_project(depth, camera)[depth > 0.0], axis=0)))
+    return float(np.linalg.norm(middles[0] - middles[1]))
 
 
 def near_any(view: SceneView, distances: Sequence[Depth]) -> Mask:

@@ -73,7 +73,8 @@ def measure_stature(model: BodyModel, pose: Array, straight_m: float, subject: S
         straight_m: Distance from head to ankle of this body standing straight.
         subject: The person's pixels.
     """
-    joints = dict(zip(model.joint_names, joint_positions(model, pose[None])[0], strict=True))
+    places = subject.frame.to_camera(joint_positions(model, pose[None])[0])
+    joints = dict(zip(model.joint_names, places, strict=True))
     head, feet = joints["head"], (joints["left_ankle"], joints["right_ankle"])
     upright = max(float(np.linalg.norm(head - foot)) for foot in feet) / straight_m
     raised = any(

@@ -17,7 +17,7 @@ from common.kinematics import joint_positions
 from coordinator.bodies.human.measures import REFERENCE_STATURE
 from coordinator.bodies.tracked import Bodies, pose_by_name, scaled
 from coordinator.files import read_numbers
-from coordinator.scene.scene import SceneChange
+from coordinator.scene.scene import SceneChanges
 from coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise
 from coordinator.tracking.size import SizeEstimate
 from coordinator.tracking.track_management import TrackManagement
@@ -58,7 +58,7 @@ class Start:
     @property
     def way_up(self) -> float:
         """The rotation of the image that makes the body upright: a multiple of pi / 2, radians."""
-        return way_up(self.model, self.pose) if self.found else 0.0
+        return way_up(self.model, self.pose, np.eye(3)) if self.found else 0.0
 
 
 def no_start(bodies: Bodies) -> Start:
@@ -83,12 +83,16 @@ def detected_start(
     return Start(model, tracked, *size, values, noise)
 
 
-def way_up(model: BodyModel, pose: Array) -> float:
-    """The rotation of the image that makes a pose (D,) upright: a multiple of pi / 2, radians."""
+def way_up(model: BodyModel, pose: Array, turn: Array) -> float:
+    """The rotation of an image that makes a pose (D,) upright: a multiple of pi / 2, radians.
+
+    `turn` (3, 3) leads from the rig to the camera.
+    """
     if not {"head", "pelvis"} <= set(model.joint_names):
         return 0.0
     joints = joint_positions(model, pose[None])[0]
-    across, down, _ = joints[model.joint_names.index("head")] - joints[model.joint_names.index("pelvis")]
+    rises = joints[model.joint_names.index("head")] - joints[model.joint_names.index("pelvis")]
+    across, down, _ = turn @ rises
     quarter = 0.5 * np.pi
     return round(float(-np.arctan2(across, -down)) / quarter) % 4 * quarter
 
@@ -115,7 +119,7 @@ class Checkpoint:
     expected: NDArray[np.float64] | None  # pose (D,) around which the next frame is segmented
     time_s: float | None  # of the last frame that showed the body
     generator: str  # state of the random generator as JSON, which allows integers of any size
-    scene: SceneChange  # change of the scene by the frame; the whole scene in a resumed run
+    scenes: SceneChanges  # changes by the frame; the whole scenes in a resumed run
     management: TrackManagement = field(default_factory=TrackManagement)
     size: SizeEstimate | None = None  # of the person; None if it is not estimated
 

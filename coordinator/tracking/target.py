@@ -27,7 +27,7 @@ from coordinator.filters.belief import Belief, Proposal
 from coordinator.filters.gradient_enhanced import Hypotheses
 from coordinator.filters.methods import METHODS, apply_method, pace_iterations
 from coordinator.scene.planes import Planes
-from coordinator.scene.scene import SceneChange
+from coordinator.scene.scene import SceneChanges
 from coordinator.stopwatch import Stopwatch
 from coordinator.tracking.certainty.features import FrameContext
 from coordinator.tracking.detector import Candidates, Detection, Detector, Search, Stage
@@ -132,13 +132,13 @@ class TargetTracker:
         self._distance = 0.0  # of the subject in the present frame, metres
         self._size: SizeEstimate | None = None  # None if the size is not estimated
         self._searching: Searching | None = None
-        self.scene = SceneChange()  # what the last submitted frame changed in the scene
+        self.scenes = SceneChanges()  # what the last submitted frame changed in the scenes
         if state is not None:
             self._resume(state)
 
     def _resume(self, state: TrackerState) -> None:
         past = state.checkpoint
-        self.start, self.scene, self.management = state.start, past.scene, past.management
+        self.start, self.scenes, self.management = state.start, past.scenes, past.management
         self._expected, self._time_s, self._size = past.expected, past.time_s, past.size
         self._rng = load_generator(past.generator)
         if past.belief:
@@ -159,7 +159,7 @@ class TargetTracker:
             self._expected,
             self._time_s,
             json.dumps(self._rng.bit_generator.state),
-            self.scene,
+            self.scenes,
             self.management,
             self._size,
         )
@@ -403,7 +403,9 @@ class TargetTracker:
         interval = min(proposal.interval, longest_interval_s)
         paced = pace_iterations(settings, interval, self._settings.pace_iterations, MAX_ITERATIONS)
         covariance = proposal.asks_covariance(paced)
-        return self._refiner.submit(subject, self.model, proposal.poses, paced, covariance=covariance)
+        return self._refiner.submit(
+            subject, self.model, proposal.poses, paced, covariance=covariance, velocity=proposal.past.velocity
+        )
 
     def _refined(self, submitted: Submitted) -> tuple[Belief, int]:
         """The belief after refinement, and how many particles it is from; layers ask more than once."""

@@ -66,7 +66,7 @@ class Tracker:
         self._settings, self._bodies = settings, bodies
         self._segmenter = Segmenter(settings.points, scope)
         if states:
-            self._segmenter.recall(states[0].checkpoint.scene)
+            self._segmenter.recall(states[0].checkpoint.scenes)
         self._targets = tuple(
             TargetTracker(refiner, settings, bodies, start=start, motion=motion, state=state)
             for state in past
@@ -145,8 +145,11 @@ class Tracker:
         free, submitted = list(segmented.candidates), list[Submitted | Updated]()
         for n, target in enumerate(self._targets):
             subject = self._assign(n, segmented, free)
-            target.scene = segmented.change if n == 0 else replace(segmented.change, learned=NOTHING)
-            submitted.append(target.submit(segmented.frame, subject, segmented.view.planes, clocks[n], pace))
+            target.scenes = segmented.changes
+            if n > 0:
+                target.scenes = {name: replace(s, learned=NOTHING) for name, s in target.scenes.items()}
+            planes = segmented.planes(subject)
+            submitted.append(target.submit(segmented.frame, subject, planes, clocks[n], pace))
         return submitted
 
     def _send_ahead(self, upcoming: Lookahead[tuple[Segmented, list[Stopwatch]]]) -> None:

@@ -40,7 +40,7 @@ def minimise(
 ) -> None:
     """Move pose (D,) in place to the minimum of Eq. 3 for `points` points by damped Gauss-Newton (Eq. 4).
 
-    equations.sums hold the correspondences; transforms (D + 1, 3, 4) are T_camera_rest at the given pose, and
+    equations.sums hold the correspondences; transforms (D + 1, 3, 4) are T_rig_rest at the given pose, and
     after that those of the last step.
     """
     damping = parameters.damping + parameters.steps.damping_share * points

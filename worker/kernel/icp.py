@@ -26,13 +26,13 @@ from common.settings import RefineSettings
 from worker.kernel.correspondence import find_correspondences
 from worker.kernel.gauss_newton import fill_covariance_root, minimise, over_relax
 from worker.kernel.likelihood import evaluate
-from worker.kernel.observation import Observation, PackedObservation, pack_observation
+from worker.kernel.observation import Observation, PackedViews, pack_views, view_of
 from worker.kernel.parameters import KernelParameters, pack_parameters
 from worker.kernel.soft import fisher_scoring_step
 from worker.kernel.surface import Skeleton, Surface, pack_model
 from worker.kernel.visibility import pose_body, pose_vertices, visible_vertices
 from worker.kernel.weighting import accumulate_correspondences
-from worker.kernel.workspace import Workspace, make_workspace
+from worker.kernel.workspace import Workspaces, make_workspaces, workspace_of
 
 Array = NDArray[np.float64]
 
@@ -42,7 +42,8 @@ class Batch(NamedTuple):
 
     skeleton: Skeleton
     surface: Surface
-    observed: PackedObservation
+    views: PackedViews
+    velocity: Array  # (D,) relative motion per second
     parameters: KernelParameters
     poses: Array  # (N, D) refined in place
     log_likelihood: Array  # (N,)
@@ -57,15 +58,17 @@ def refine(
     settings: RefineSettings,
     *,
     covariance: bool = False,
+    velocity: NDArray[np.float64] | None = None,
 ) -> Refined:
     """Refine particles, one after another.
 
     Args:
         model: The body of all particles.
-        observation: The frame's observed points, camera frame, metres.
+        observation: The frame's observed points, of each camera in its own frame, metres.
         poses: Particles (N, D) before refinement, metres and radians.
         settings: Settings of the refinement.
         covariance: Whether to estimate the covariance of each refined pose.
+        velocity: Relative motion (D,) per second, for cameras with another time than the frame; None: none.
 
     Returns:
         Poses (N, D), log likelihoods (N,) and mean residuals (N,) in metres, in the order of the particles.
@@ -73,7 +76,7 @@ def refine(
     Raises:
         ProtocolError: The request is too large to be refined in reasonable time.
     """
-    batch = pack_batch(model, observation, poses, settings, covariance=covariance)
+    batch = pack_batch(model, observation, poses, settings, covariance=covariance, velocity=velocity)
     refine_some(batch, iter(range(len(poses))))
     return refined(batch)
 
@@ -85,13 +88,15 @@ def pack_batch(
     settings: RefineSettings,
     *,
     covariance: bool = False,
+    velocity: NDArray[np.float64] | None = None,
 ) -> Batch:
     """Pack the particles of a request; arguments and errors are those of `refine`."""
-    check_work(settings, len(poses), observation.count, len(model.vertices))
+    check_work(settings, len(poses) * len(observation.views), observation.total, len(model.vertices))
     count, dofs = poses.shape
     return Batch(
         *pack_model(model),
-        pack_observation(observation, settings),
+        pack_views(observation, settings),
+        np.zeros(dofs) if velocity is None else np.array(velocity, dtype=np.float64),
         pack_parameters(settings),
         np.array(poses, dtype=np.float64, order="C"),  # kernels are compiled for one layout
         np.empty(count),
@@ -102,9 +107,9 @@ def pack_batch(
 
 def refine_some(batch: Batch, particles: Iterator[int]) -> None:
     """Refine particles of a batch in place until the iterator is exhausted; lanes may share the iterator."""
-    workspace = make_workspace(batch.skeleton, batch.surface, batch.observed)
+    workspaces = make_workspaces(batch.skeleton, batch.surface, batch.views, batch.velocity)
     for n in particles:
-        refine_one(n, batch, workspace)
+        refine_one(n, batch, workspaces)
 
 
 def refined(batch: Batch) -> Refined:
@@ -114,18 +119,18 @@ def refined(batch: Batch) -> Refined:
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def refine_one(n: int, batch: Batch, workspace: Workspace) -> None:
+def refine_one(n: int, batch: Batch, workspaces: Workspaces) -> None:
     """Refine particle n of a batch. If it diverges, its pose stays and its likelihood becomes zero."""
     before, pose, parameters = batch.poses[n].copy(), batch.poses[n], batch.parameters
     log_likelihood, residual = refine_particle(
-        pose, batch.skeleton, batch.surface, batch.observed, parameters, workspace
+        pose, batch.skeleton, batch.surface, batch.views, parameters, workspaces
     )
     if not (is_valid(pose) and log_likelihood < np.inf and not np.isnan(residual)):
         pose[:], log_likelihood, residual = before, -np.inf, np.inf
     batch.log_likelihood[n], batch.residual[n] = log_likelihood, residual
     if batch.covariance_roots.shape[1] > 0:
-        scale = parameters.posterior_scale / batch.observed.count
-        fill_covariance_root(batch.skeleton, scale, workspace.equations, batch.covariance_roots[n])
+        scale = parameters.posterior_scale / batch.views.total
+        fill_covariance_root(batch.skeleton, scale, workspaces.shared.equations, batch.covariance_roots[n])
 
 
 @numba.njit(cache=True, nogil=True)
@@ -133,36 +138,65 @@ def refine_particle(
     pose: Array,
     skeleton: Skeleton,
     surface: Surface,
-    observed: PackedObservation,
+    views: PackedViews,
     parameters: KernelParameters,
-    workspace: Workspace,
+    workspaces: Workspaces,
 ) -> tuple[float, float]:
     """Refine pose (D,) in place; returns its log posterior, see `likelihood`, and mean residual in metres."""
     clamp_to_limits(skeleton.single, skeleton.limits, pose)
-    workspace.equations.information[:] = 0.0
-    visible, before = workspace.visible, pose.copy()
+    equations, of_rig, steps = workspaces.shared.equations, workspaces.shared.of_rig, parameters.steps
+    equations.information[:] = 0.0
+    before = pose.copy()
     for k in range(parameters.icp_iterations):
-        if k % parameters.steps.visibility_interval == 0:
-            pose_body(pose, skeleton, surface, workspace)  # 4a
-            visible = visible_vertices(surface, workspace)  # 4b
-        else:
-            pose_vertices(visible, pose, skeleton, surface, workspace)
-        if len(visible) == 0:
+        visible = 0
+        for v in range(len(views.extents)):
+            renew = k % steps.visibility_interval == 0
+            visible += correspond(v, renew, pose, skeleton, surface, views, parameters, workspaces)
+        if visible == 0:
             break
-        find_correspondences(visible, surface, observed, workspace)  # 4c
-        accumulate_correspondences(visible, skeleton, surface, observed, parameters, workspace)
         before[:] = pose
-        minimise(skeleton, pose, workspace.transforms, observed.count, parameters, workspace.equations)  # 4d
-        if parameters.steps.over_relaxed and k < parameters.icp_iterations - 1:
+        minimise(skeleton, pose, of_rig, views.total, parameters, equations)  # 4d
+        if steps.over_relaxed and k < parameters.icp_iterations - 1:
             over_relax(skeleton, before, pose)
         if not is_valid(pose):
             return -np.inf, np.inf
     if parameters.soft:
         for _ in range(parameters.icp_iterations):
-            fisher_scoring_step(pose, skeleton, surface, observed, parameters, workspace)
+            fisher_scoring_step(pose, skeleton, surface, views, parameters, workspaces)
             if not is_valid(pose):
                 return -np.inf, np.inf
-    return evaluate(pose, skeleton, surface, observed, parameters, workspace)  # 5
+    return evaluate(pose, skeleton, surface, views, parameters, workspaces)  # 5
+
+
+@numba.njit(cache=True, nogil=True)
+def correspond(
+    v: int,
+    renew: bool,
+    pose: Array,
+    skeleton: Skeleton,
+    surface: Surface,
+    views: PackedViews,
+    parameters: KernelParameters,
+    workspaces: Workspaces,
+) -> int:
+    """Sum the correspondences of one camera in pose (D,); returns the number of its visible vertices.
+
+    Which vertices are visible is computed again if it is to `renew`.
+    """
+    observed, workspace = view_of(views, v), workspace_of(workspaces, views, v)
+    visible = workspace.visible[: workspaces.counts[v]]
+    if renew:
+        pose_body(pose, skeleton, surface, workspace)  # 4a
+        visible = visible_vertices(surface, workspace)  # 4b
+        workspaces.counts[v] = len(visible)
+    else:
+        pose_vertices(visible, pose, skeleton, surface, workspace)
+    if len(visible) == 0 or observed.count == 0:
+        workspace.sums[:] = 0.0
+        return len(visible)
+    find_correspondences(visible, surface, observed, workspace)  # 4c
+    accumulate_correspondences(visible, skeleton, surface, observed, parameters, workspace)
+    return len(visible)
 
 
 @numba.njit(cache=True, nogil=True)

@@ -4,7 +4,8 @@ The paper says only "calculated from the residual error". Here the log posterior
 
     -1/2 (mean over observed points of rho(d_i) + mean over visible model points of rho(f_v) + prior) / T
 
-with the prior of the refinement (see `priors`). d_i is the distance of an observed point from its closest
+with the prior of the refinement (see `priors`). With several cameras, each has such means, weighted with its
+share of the observed points. d_i is the distance of an observed point from its closest
 visible model point. f_v is the distance of a model point in empty space from the silhouette. Both are in
 units of the lateral noise. rho is the squared distance or a robust kernel. With soft correspondences, the
 mean log density of the points replaces both means. The mean is used instead of the sum because errors of
@@ -21,46 +22,57 @@ from numpy.typing import NDArray
 
 from common.compiling import numba
 from worker.kernel.correspondence import find_correspondences
-from worker.kernel.observation import PackedObservation
+from worker.kernel.observation import PackedObservation, PackedViews, view_of
 from worker.kernel.parameters import KernelParameters
 from worker.kernel.priors import prior_cost
 from worker.kernel.soft import mean_log_density
 from worker.kernel.surface import Skeleton, Surface
 from worker.kernel.visibility import pose_body, visible_vertices
 from worker.kernel.weighting import robust_cost, vertices_in_free_space
-from worker.kernel.workspace import Search, Workspace
+from worker.kernel.workspace import Search, Workspace, Workspaces, workspace_of
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.uint32]  # of vertices
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def evaluate(
     pose: Array,
     skeleton: Skeleton,
     surface: Surface,
-    observed: PackedObservation,
+    views: PackedViews,
     parameters: KernelParameters,
-    workspace: Workspace,
+    workspaces: Workspaces,
 ) -> tuple[float, float]:
     """Log posterior of pose (D,), and mean distance of the observed points from the model in metres.
 
     Visible points are computed at this pose.
     """
-    pose_body(pose, skeleton, surface, workspace)
-    visible = visible_vertices(surface, workspace)
-    if len(visible) == 0 or observed.count == 0:
+    cost, density, residual, explained = prior_cost(skeleton, pose, parameters.rest_weight), 0.0, 0.0, 0
+    for v in range(len(views.extents)):
+        observed, workspace = view_of(views, v), workspace_of(workspaces, views, v)
+        if observed.count == 0:
+            continue
+        share = observed.count / views.total
+        pose_body(pose, skeleton, surface, workspace)
+        visible = visible_vertices(surface, workspace)
+        if len(visible) == 0:  # as if the body were far from all points
+            cost += share * (parameters.outlier_squared if parameters.outlier_squared > 0.0 else np.inf)
+            continue
+        explained += observed.count
+        find_correspondences(visible, surface, observed, workspace)
+        residual += share * mean_distance(observed, parameters, workspace.search)
+        if parameters.soft:
+            density += share * mean_log_density(surface, observed, parameters, workspace)
+        else:
+            cost += share * mean_cost(observed, parameters, workspace.search)
+            if parameters.free_space:
+                cost += share * mean_free_space_cost(
+                    visible, skeleton, surface, observed, parameters, workspace
+                )
+    if explained == 0:
         return -np.inf, np.inf
-    find_correspondences(visible, surface, observed, workspace)
-    residual = mean_distance(observed, parameters, workspace.search)
-    cost = prior_cost(skeleton, pose, parameters.rest_weight)
-    if parameters.soft:
-        density = mean_log_density(surface, observed, parameters, workspace)
-        return parameters.independent_points * density - 0.5 * cost * parameters.posterior_scale, residual
-    cost += mean_cost(observed, parameters, workspace.search)
-    if parameters.free_space:
-        cost += mean_free_space_cost(visible, skeleton, surface, observed, parameters, workspace)
-    return -0.5 * cost * parameters.posterior_scale, residual
+    return parameters.independent_points * density - 0.5 * cost * parameters.posterior_scale, residual
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")

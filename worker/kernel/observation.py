@@ -5,7 +5,7 @@ They are computed once per frame and shared by all its particles.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -38,10 +38,23 @@ class Observation:
     nearest: NDArray[np.int32]  # (2, H, W)
     camera: Intrinsics
     view: NDArray[np.int64]  # (4,) left, top, right, bottom of the whole image
+    T_camera_rig: NDArray[np.float64] = field(default_factory=lambda: np.eye(4)[:3])  # (3, 4)
+    delay_s: float = 0.0  # after the time of the frame
+    others: tuple[Observation, ...] = ()  # of other cameras
+
+    @property
+    def views(self) -> tuple[Observation, ...]:
+        """The observations of all cameras."""
+        return (self, *self.others)
+
+    @property
+    def total(self) -> int:
+        """Number of points of all cameras."""
+        return sum(each.count for each in self.views)
 
 
 class PackedObservation(NamedTuple):
-    """An observation for the kernel, with depth scaled so that noise is isotropic."""
+    """An observation of one camera for the kernel, with depth scaled so that noise is isotropic."""
 
     points: NDArray[np.float32]  # (3, tiles * TILE) metres, z times `stretch`
     tiles: NDArray[np.float32]  # (6, tiles) bounding boxes
@@ -54,10 +67,33 @@ class PackedObservation(NamedTuple):
     cx: float
     cy: float
     stretch: float  # ratio of lateral to depth noise
+    T_camera_rig: NDArray[np.float64]  # (3, 4)
+    delay_s: float
+
+
+class PackedViews(NamedTuple):
+    """The packed observations of all cameras, one after another in flat arrays; see `view_of`."""
+
+    points: NDArray[np.float32]
+    tiles: NDArray[np.float32]
+    empty: NDArray[np.bool_]
+    nearest: NDArray[np.int32]
+    extents: NDArray[np.int64]  # (C, 6) first padded point, their number, points, first pixel, rows, columns
+    seen: NDArray[np.int64]  # (C, 4)
+    lenses: NDArray[np.float64]  # (C, 5) fx, fy, cx, cy, delay
+    T_camera_rig: NDArray[np.float64]  # (C, 3, 4)
+    stretch: float
+    total: int  # points of all cameras that are not padding
 
 
 def observe(subject: SubjectFrame) -> Observation:
     """Observed points of the picked pixels of a frame; ValueError if a pixel is outside."""
+    first, *others = map(observe_view, subject.views)
+    return replace(first, others=tuple(others))
+
+
+def observe_view(subject: SubjectFrame) -> Observation:
+    """The observed points of one camera."""
     depth, camera, picked = subject.frame.metres(), subject.frame.intrinsics, subject.picked
     if len(picked) and picked.max() >= depth.size:
         raise ValueError("picked pixels lie outside of the depth image")
@@ -73,15 +109,70 @@ def observe(subject: SubjectFrame) -> Observation:
         nearest=nearest_occupied_pixels(~empty),
         camera=camera,
         view=np.array(subject.view, dtype=np.int64),
+        T_camera_rig=subject.frame.T_camera_rig[:3],
+        delay_s=subject.delay_s,
     )
 
 
 def pack_observation(observation: Observation, settings: RefineSettings) -> PackedObservation:
-    """Pack an observation in the metric of the noise; the last ones are cached."""
+    """Pack the observation of one camera in the metric of the noise."""
     return stretch(observation, settings.noise_lateral / settings.noise_depth)
 
 
+def pack_views(observation: Observation, settings: RefineSettings) -> PackedViews:
+    """Pack the observations of all cameras in the metric of the noise; the last ones are cached."""
+    return join_views(observation, settings.noise_lateral / settings.noise_depth)
+
+
 @lru_cache(maxsize=2)
+def join_views(observation: Observation, ratio: float) -> PackedViews:
+    """Pack the observations of all cameras with depth multiplied by a ratio."""
+    views = [stretch(each, ratio) for each in observation.views]
+    padded = [each.points.shape[1] for each in views]
+    pixels = [each.empty.size for each in views]
+    starts = [np.cumsum(sizes) - sizes for sizes in (padded, pixels)]
+    extents = [
+        (starts[0][v], padded[v], each.count, starts[1][v], *each.empty.shape) for v, each in enumerate(views)
+    ]
+    return PackedViews(
+        points=np.concatenate([each.points.ravel() for each in views]),
+        tiles=np.concatenate([each.tiles.ravel() for each in views]),
+        empty=np.concatenate([each.empty.ravel() for each in views]),
+        nearest=np.concatenate([each.nearest.ravel() for each in views]),
+        extents=np.array(extents, dtype=np.int64),
+        seen=np.stack([each.seen for each in views]),
+        lenses=np.array([(each.fx, each.fy, each.cx, each.cy, each.delay_s) for each in views]),
+        T_camera_rig=np.stack([each.T_camera_rig for each in views]),
+        stretch=ratio,
+        total=observation.total,
+    )
+
+
+@numba.njit(cache=True, nogil=True)
+def view_of(views: PackedViews, v: int) -> PackedObservation:
+    """The observation of one camera."""
+    extents, lens = views.extents[v], views.lenses[v]
+    place, padded, count, pixel, rows, columns = (
+        extents[0], extents[1], extents[2], extents[3], extents[4], extents[5],
+    )  # fmt: skip
+    tiles, first, area = padded // TILE, 6 * (place // TILE), rows * columns
+    return PackedObservation(
+        views.points[3 * place : 3 * (place + padded)].reshape(3, padded),
+        views.tiles[first : first + 6 * tiles].reshape(6, tiles),
+        count,
+        views.empty[pixel : pixel + area].reshape(rows, columns),
+        views.nearest[2 * pixel : 2 * (pixel + area)].reshape(2, rows, columns),
+        views.seen[v],
+        lens[0],
+        lens[1],
+        lens[2],
+        lens[3],
+        views.stretch,
+        views.T_camera_rig[v],
+        lens[4],
+    )
+
+
 def stretch(observation: Observation, ratio: float) -> PackedObservation:
     """Pack an observation with depth multiplied by a ratio."""
     points = np.ascontiguousarray(observation.points.T)
@@ -99,6 +190,8 @@ def stretch(observation: Observation, ratio: float) -> PackedObservation:
         camera.cx,
         camera.cy,
         ratio,
+        np.ascontiguousarray(observation.T_camera_rig, dtype=np.float64),
+        observation.delay_s,
     )
 
 

@@ -25,12 +25,12 @@ from numpy.typing import NDArray
 from common.compiling import numba
 from worker.kernel.gauss_newton import take_step
 from worker.kernel.normal_equations import power, twists_of
-from worker.kernel.observation import PackedObservation
+from worker.kernel.observation import PackedObservation, PackedViews, view_of
 from worker.kernel.parameters import KernelParameters
 from worker.kernel.priors import add_prior
 from worker.kernel.surface import Skeleton, Surface
 from worker.kernel.visibility import PIXEL_M, DepthImage, draw, pose_body
-from worker.kernel.workspace import Workspace
+from worker.kernel.workspace import Workspace, Workspaces, workspace_of
 
 Array = NDArray[np.float64]
 
@@ -45,18 +45,23 @@ def fisher_scoring_step(
     pose: Array,
     skeleton: Skeleton,
     surface: Surface,
-    observed: PackedObservation,
+    views: PackedViews,
     parameters: KernelParameters,
-    workspace: Workspace,
+    workspaces: Workspaces,
 ) -> None:
     """Move pose (D,) in place by one step. Damping is a prior on the step, as wide as the longest step."""
-    fill_soft_equations(pose, skeleton, surface, observed, parameters, workspace)
+    equations = workspaces.shared.equations
+    equations.gram[:], equations.gradient[:] = 0.0, 0.0
+    for v in range(len(views.extents)):
+        observed, workspace = view_of(views, v), workspace_of(workspaces, views, v)
+        add_soft_equations(pose, skeleton, surface, observed, parameters, workspace)
+    add_prior(skeleton, pose, parameters.rest_weight, views.total, equations.gram, equations.gradient)
     damping = (parameters.noise_lateral / LONGEST_STEP) ** 2
-    take_step(skeleton, pose, damping, LONGEST_STEP, workspace.equations)
+    take_step(skeleton, pose, damping, LONGEST_STEP, equations)
 
 
 @numba.njit(cache=True, nogil=True)
-def fill_soft_equations(
+def add_soft_equations(
     pose: Array,
     skeleton: Skeleton,
     surface: Surface,
@@ -64,17 +69,17 @@ def fill_soft_equations(
     parameters: KernelParameters,
     workspace: Workspace,
 ) -> None:
-    """Fill workspace.equations: information, and minus the gradient of the log posterior, in units of s^2.
+    """Add to workspace.equations: information, and minus the gradient of the log posterior, in units of s^2.
 
-    Over all observed points, with the samples that are visible in pose (D,).
+    Over all points observed by a camera, with the samples that are visible in pose (D,).
     """
     gram, gradient, wrenches = workspace.equations.gram, workspace.equations.gradient, workspace.wrenches
     score = np.empty(len(pose))
     pose_body(pose, skeleton, surface, workspace)
-    twists = twists_of(skeleton, workspace.transforms)
+    twists = twists_of(skeleton, workspace.of_rig)
+    turn_twists(workspace.T_camera_rig, twists)
     seen = draw(surface.triangles, True, workspace)
     scale = 1.0 / parameters.noise_lateral**2
-    gram[:], gradient[:] = 0.0, 0.0
     for i in range(observed.count):
         density = fill_wrenches(i, seen, surface, observed, parameters, wrenches)
         for link in range(len(wrenches)):
@@ -93,7 +98,18 @@ def fill_soft_equations(
                         gram[k, j] += scale * score[k] * score[j]
                         k = skeleton.parents[k]
                     j = skeleton.parents[j]
-    add_prior(skeleton, pose, parameters.rest_weight, observed.count, gram, gradient)
+
+
+@numba.njit(cache=True, nogil=True)
+def turn_twists(T_camera_rig: Array, twists: Array) -> None:
+    """Convert twists (D, 6) about the rig's origin to twists about the camera, in place."""
+    turn, (x, y, z) = T_camera_rig[:, :3], (T_camera_rig[0, 3], T_camera_rig[1, 3], T_camera_rig[2, 3])
+    for j in range(len(twists)):
+        w, u = turn @ twists[j, :3], turn @ twists[j, 3:]
+        twists[j, :3] = w
+        twists[j, 3] = u[0] + y * w[2] - z * w[1]
+        twists[j, 4] = u[1] + z * w[0] - x * w[2]
+        twists[j, 5] = u[2] + x * w[1] - y * w[0]
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from common.bounds import MOST_PIXELS
 from common.compiling import numba
 from common.kinematics.chain import blend_vertex, blend_vertices, forward_kinematics
+from common.kinematics.manifold import apply_step
 from worker.kernel.drawing import SIDE, draw_block
 from worker.kernel.surface import Skeleton, Surface
 from worker.kernel.workspace import LARGEST_SIDE_PX, Workspace
@@ -39,7 +40,7 @@ class DepthImage(NamedTuple):
 
 @numba.njit(cache=True, nogil=True)
 def pose_body(pose: Array, skeleton: Skeleton, surface: Surface, workspace: Workspace) -> None:
-    """Fill workspace.transforms and .posed with the body in pose (D,) (4a)."""
+    """Fill workspace.transforms, .of_rig and .posed with the body in pose (D,) (4a)."""
     vertices, links, weights = surface.vertices, surface.skin_links, surface.skin_weights
     blend_vertices(vertices, links, weights, pose_links(pose, skeleton, workspace), workspace.posed)
 
@@ -57,10 +58,31 @@ def pose_vertices(
 
 @numba.njit(cache=True, nogil=True)
 def pose_links(pose: Array, skeleton: Skeleton, workspace: Workspace) -> Array:
-    """Fill workspace.transforms with the body in pose (D,); returns those of the links (L, 3, 4)."""
-    transforms = workspace.transforms
-    forward_kinematics(skeleton.kinds, skeleton.parents, skeleton.axes, skeleton.points, pose, transforms)
+    """Fill workspace.transforms and .of_rig with the body in pose (D,).
+
+    Returns the transforms of the links (L, 3, 4) into the camera's frame, at its time.
+    """
+    of_rig, transforms, then = workspace.of_rig, workspace.transforms, pose.copy()
+    kinds, parents, axes, points = skeleton.kinds, skeleton.parents, skeleton.axes, skeleton.points
+    forward_kinematics(kinds, parents, axes, points, pose, of_rig)
+    if np.any(workspace.step != 0.0):
+        apply_step(axes, skeleton.balls, workspace.step, then)
+        forward_kinematics(kinds, parents, axes, points, then, transforms)
+        change_frame(workspace.T_camera_rig, transforms, transforms)
+    else:
+        change_frame(workspace.T_camera_rig, of_rig, transforms)
     return transforms[skeleton.link_dofs]  # -1, of links that nothing moves, is the last
+
+
+@numba.njit(cache=True, nogil=True)
+def change_frame(T_camera_rig: Array, of_rig: Array, of_camera: Array) -> None:
+    """Fill of_camera (N, 3, 4) with T_camera_rig (3, 4) times of_rig (N, 3, 4); both may be the same."""
+    t = T_camera_rig
+    for n in range(len(of_rig)):
+        for b in range(4):
+            x, y, z = of_rig[n, 0, b], of_rig[n, 1, b], of_rig[n, 2, b]
+            for a in range(3):
+                of_camera[n, a, b] = t[a, 0] * x + t[a, 1] * y + t[a, 2] * z + (t[a, 3] if b == 3 else 0.0)
 
 
 @numba.njit(cache=True, nogil=True)

@@ -54,7 +54,7 @@ def accumulate_correspondences(
     parameters: KernelParameters,
     workspace: Workspace,
 ) -> None:
-    """Sum all weighted correspondences into workspace.equations."""
+    """Sum all weighted correspondences of a camera into workspace.sums."""
     fill_targets(len(visible), observed, parameters, workspace.search, workspace.targets)
     if parameters.free_space:
         add_free_space(visible, skeleton, surface, observed, parameters, workspace)
@@ -179,14 +179,14 @@ def is_measurable(
 
 @numba.njit(cache=True, nogil=True)
 def sum_by_link(visible: Numbers, skeleton: Skeleton, surface: Surface, workspace: Workspace) -> None:
-    """Sum M and C of each link (see `normal_equations`) over the visible vertices into equations.sums.
+    """Sum M and C of each link (see `normal_equations`) over the visible vertices into workspace.sums.
 
     The target is shifted with the vertex to the position to which the link alone moves it. So the residual
-    stays that of the skinned vertex: with T the link's transform now, and e the weighted residual,
-    C_s = sum X e^T + M_s T^T.
+    stays that of the skinned vertex: with T the link's transform in the rig now, and e the weighted residual
+    in the rig's frame, C_s = sum X e^T + M_s T^T.
     """
     vertices, links, weights = surface.vertices, surface.skin_links, surface.skin_weights
-    posed, targets, sums = workspace.posed, workspace.targets, workspace.equations.sums
+    posed, targets, sums = workspace.posed, workspace.targets, workspace.sums
     sums[:] = 0.0
     for m in range(len(visible)):
         w, v = targets[m, 3], visible[m]
@@ -205,9 +205,13 @@ def sum_by_link(visible: Numbers, skeleton: Skeleton, surface: Surface, workspac
                     add_scaled(sums, first + 1, share * y, row)
                     add_scaled(sums, first + 2, share * z, row)
                     add_scaled(sums, first + 3, share, row)
+    turn = workspace.T_camera_rig
     for link in range(len(sums)):
-        t = workspace.transforms[skeleton.link_dofs[link]]
+        t = workspace.of_rig[skeleton.link_dofs[link]]
         for a in range(4):
+            ex, ey, ez = sums[link, a, 4], sums[link, a, 5], sums[link, a, 6]
             for b in range(3):
+                total = turn[0, b] * ex + turn[1, b] * ey + turn[2, b] * ez
                 for c in range(4):
-                    sums[link, a, 4 + b] += sums[link, a, c] * t[b, c]
+                    total += sums[link, a, c] * t[b, c]
+                sums[link, a, 4 + b] = total

@@ -2,6 +2,9 @@
 
 Only the closest points of one particle pass to the next, as the initial guess of its first search, which
 does not change the result. Everything else is written before it is read.
+
+Cameras have their own closest points, visible vertices and sums; all else holds the camera that was computed
+last.
 """
 
 from __future__ import annotations
@@ -11,8 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from common.compiling import numba
 from worker.kernel.drawing import SIDE
-from worker.kernel.observation import TILE, PackedObservation
+from worker.kernel.observation import TILE, PackedObservation, PackedViews
 from worker.kernel.surface import Skeleton, Surface
 
 Array = NDArray[np.float64]
@@ -41,16 +45,20 @@ class Search(NamedTuple):
 class Equations(NamedTuple):
     """The sums over correspondences, and Eq. 4."""
 
-    sums: Array  # (L, 4, 8) M, C and zeros of each link, side by side; see `normal_equations`
+    sums: Array  # (C, L, 4, 8) M, C and zeros of each link, side by side; see `normal_equations`
+    turns: Array  # (C, 3, 3) rotations of the rig into the cameras
     gram: Array  # (D, D)
     gradient: Array  # (D,)
     information: Array  # (D, D) gram of the last step, before damping and limits
 
 
 class Workspace(NamedTuple):
-    """Arrays for the refinement of a particle."""
+    """Arrays for the refinement of a particle, for one camera."""
 
     transforms: Array  # (D + 1, 3, 4) T_camera_rest, the last for links that nothing moves
+    of_rig: Array  # (D + 1, 3, 4) T_rig_rest, alike, at the time of the frame
+    T_camera_rig: Array  # (3, 4)
+    step: Array  # (D,) motion from the time of the frame to that of the camera
     posed: Array  # (V, 3) metres, camera frame
     image: Array  # (V, 2) pixels of the depth image
     front: NDArray[np.bool_]  # (V,) part of a triangle that faces the camera
@@ -61,15 +69,91 @@ class Workspace(NamedTuple):
     free: Numbers  # (V,) indices of the visible vertices in free space
     offsets: Array  # (V, 2) of these, see `vertices_in_free_space`
     search: Search
+    sums: Array  # (L, 4, 8) of this camera, part of the equations
     equations: Equations
     wrenches: Array  # (L, 7) of one point, see `fill_wrenches`
 
 
+class Workspaces(NamedTuple):
+    """The workspaces of all cameras; see `workspace_of`."""
+
+    shared: Workspace  # what one camera leaves to the next
+    counts: Indices  # (C,) number of visible vertices
+    visible: Numbers  # (C, V)
+    last_counts: Indices  # (C, 1) of the search
+    last_visible: Numbers  # (C, V)
+    closest: Numbers  # (P,) of all cameras, one after another
+    steps: Array  # (C, D)
+
+
+def make_workspaces(
+    skeleton: Skeleton, surface: Surface, views: PackedViews, velocity: Array | None = None
+) -> Workspaces:
+    """Allocate workspaces for particles of one body, all with the velocity (D,), and the views of a frame."""
+    cameras, vertices = len(views.extents), len(surface.vertices)
+    moving = np.zeros(len(skeleton.parents)) if velocity is None else velocity
+    return Workspaces(
+        shared=allocate(skeleton, surface, int(views.extents[:, 1].max()), views.T_camera_rig),
+        counts=np.zeros(cameras, np.int64),
+        visible=np.empty((cameras, vertices), np.uint32),
+        last_counts=np.zeros((cameras, 1), np.int64),
+        last_visible=np.empty((cameras, vertices), np.uint32),
+        closest=np.empty(int(views.extents[:, 1].sum()), np.uint32),
+        steps=np.outer(views.lenses[:, 4], moving),
+    )
+
+
+@numba.njit(cache=True, nogil=True)
+def workspace_of(workspaces: Workspaces, views: PackedViews, v: int) -> Workspace:
+    """The workspace of one camera."""
+    shared, place, count = workspaces.shared, views.extents[v, 0], views.extents[v, 1]
+    search = shared.search
+    return Workspace(
+        shared.transforms,
+        shared.of_rig,
+        views.T_camera_rig[v],
+        workspaces.steps[v],
+        shared.posed,
+        shared.image,
+        shared.front,
+        workspaces.visible[v],
+        shared.depth,
+        shared.seen_triangles,
+        shared.targets,
+        shared.free,
+        shared.offsets,
+        Search(
+            search.model,
+            workspaces.last_counts[v],
+            workspaces.last_visible[v],
+            search.remapped,
+            search.starts,
+            search.leaves,
+            search.groups,
+            workspaces.closest[place : place + count],
+            search.squared[:count],
+            search.largest[: count // TILE],
+        ),
+        shared.equations.sums[v],
+        shared.equations,
+        shared.wrenches,
+    )
+
+
 def make_workspace(skeleton: Skeleton, surface: Surface, observed: PackedObservation) -> Workspace:
-    """Allocate a workspace for particles of one body and one observation."""
+    """Allocate a workspace for particles of one body and one camera."""
+    return allocate(skeleton, surface, observed.points.shape[1], observed.T_camera_rig[None])
+
+
+def allocate(skeleton: Skeleton, surface: Surface, points: int, T_camera_rig: Array) -> Workspace:
+    """Allocate a workspace for up to so many points of each camera; T_camera_rig (C, 3, 4)."""
     dofs, links, vertices = len(skeleton.parents), len(skeleton.link_dofs), len(surface.vertices)
+    sums = np.empty((len(T_camera_rig), links, 4, 8))
     return Workspace(
         transforms=np.tile(np.eye(4)[:3], (dofs + 1, 1, 1)),
+        of_rig=np.tile(np.eye(4)[:3], (dofs + 1, 1, 1)),
+        T_camera_rig=np.ascontiguousarray(T_camera_rig[0]),
+        step=np.zeros(dofs),
         posed=np.empty((vertices, 3)),
         image=np.empty((vertices, 2)),
         front=np.empty(vertices, np.bool_),
@@ -79,9 +163,11 @@ def make_workspace(skeleton: Skeleton, surface: Surface, observed: PackedObserva
         targets=np.empty((vertices, 4)),
         free=np.empty(vertices, np.uint32),
         offsets=np.empty((vertices, 2)),
-        search=make_search(vertices, surface.leaves[-1] + 1, observed.points.shape[1]),
+        search=make_search(vertices, surface.leaves[-1] + 1, points),
+        sums=sums[0],
         equations=Equations(
-            sums=np.empty((links, 4, 8)),
+            sums=sums,
+            turns=np.ascontiguousarray(T_camera_rig[:, :, :3]),
             gram=np.empty((dofs, dofs)),
             gradient=np.empty(dofs),
             information=np.empty((dofs, dofs)),

@@ -23,7 +23,7 @@ MOST_LOG_ODDS = 10.0  # beyond which nothing was measured
 class Certainty:
     """The certainty of each joint (J,) in a frame; NaN if the pose is unknown."""
 
-    seen: Array  # visible share of the surface around the joint that faces the camera
+    seen: Array  # visible share of the surface around the joint that faces the camera that sees it best
     off_probability: Array  # probability of an error above 15 cm
     deviation: Array  # expected distance from the true joint, one standard deviation, metres
 

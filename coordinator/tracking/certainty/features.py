@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from common.body import ROOT_DOFS, ROTATION, BodyModel
 from common.frame import SubjectFrame
 from common.kinematics import joint_positions
-from coordinator.tracking.certainty.surface import seen_shares
 
 Array = NDArray[np.float64]
 
@@ -40,7 +39,7 @@ class FrameContext:
 class Features(NamedTuple):
     """Features of each joint (J,). Features of the whole body are the same for all joints."""
 
-    seen: Array  # visible share of the surface around it that faces the camera
+    seen: Array  # visible share of the surface around it that faces the camera that sees it best
     residual: Array  # normalised residual of the body
     spread: Array  # logarithm of the root mean square distance of the hypotheses, metres
     speed: Array  # logarithm, metres per second
@@ -64,8 +63,9 @@ def measure_features(
     weights: Array,
     context: FrameContext,
     residual: float,
+    seen_by: Array,
 ) -> Features:
-    """The features of a reported pose (D,) with this normalised residual.
+    """The features of a reported pose (D,) with this normalised residual, and with shares `seen_by` (C, J).
 
     `joints` (1 + M, J, 3) are those of the pose and of the hypotheses, which have `weights` (M,).
     """
@@ -75,16 +75,17 @@ def measure_features(
     spread = np.sqrt(weights @ squares / weights.sum())
     speed = np.linalg.norm(joints - past, axis=1) / context.interval
     distances = between(joints)
+    ahead = context.subject.frame.to_camera(joints)[:, 2]
     folding = np.sqrt(np.mean((distances - rest.distances) ** 2, axis=1)).mean()
     return Features(
-        seen=seen_shares(model, pose, context.subject, context.stretch),
+        seen=seen_by.max(axis=0),
         residual=np.full(len(joints), residual),
         spread=np.log(spread + SPREAD_FLOOR_M),
         speed=np.log(speed + SPEED_FLOOR_M_S),
         bend=rest.bends @ pose**2,
         folding=np.full(len(joints), folding),
         crowding=count_near(distances) - count_near(rest.distances),
-        protrusion=np.abs(joints[:, 2] - joints[:, 2].mean()),
+        protrusion=np.abs(ahead - ahead.mean()),
     )
 
 

@@ -21,24 +21,26 @@ ASIDE_M = 0.03  # radius across the line of sight in which measured depth is sea
 
 
 def seen_shares(model: BodyModel, pose: Array, subject: SubjectFrame, stretch: float) -> Array:
-    """Visible share (J,) of the surface around each joint of pose (D,) that faces the camera.
+    """Visible share (C, J) of the surface around each joint of pose (D,) that faces each camera.
 
     A triangle is visible if the subject's depth was measured at its position. `stretch`, the ratio of lateral
     to depth noise, scales differences of depth.
     """
-    camera, regions = subject.frame.intrinsics, regions_of(model)
-    areas = np.zeros((2, regions.shape[1]))
-    add_areas(
-        pose_vertices(model, pose[None])[0],
-        model.triangles,
-        regions,
-        np.array(subject.frame.depth, order="C"),  # a kernel is compiled for one memory layout
-        subject.frame.depth_scale,
-        (camera.fx, camera.fy, camera.cx, camera.cy),
-        stretch,
-        areas,
-    )
-    shares: Array = areas[1] / np.maximum(areas[0], np.finfo(float).tiny)
+    vertices, regions = pose_vertices(model, pose[None])[0], regions_of(model)
+    areas = np.zeros((len(subject.views), 2, regions.shape[1]))
+    for each, seen in zip(subject.views, areas, strict=True):
+        frame, camera = each.frame, each.frame.intrinsics
+        add_areas(
+            np.ascontiguousarray(frame.to_camera(vertices)),
+            model.triangles,
+            regions,
+            np.array(frame.depth, order="C"),  # a kernel is compiled for one memory layout
+            frame.depth_scale,
+            (camera.fx, camera.fy, camera.cx, camera.cy),
+            stretch,
+            seen,
+        )
+    shares: Array = areas[:, 1] / np.maximum(areas[:, 0], np.finfo(float).tiny)
     return shares
 
 

@@ -1,0 +1,103 @@
+"""A rig: several cameras with known poses, listed in a JSON file with the sequence of each."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import combinations
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import numpy as np
+from msgspec import Meta
+from numpy.typing import NDArray
+
+from common.bounds import LARGEST, MAX_CAMERAS
+from common.errors import InputError
+from coordinator.files import write_json
+from coordinator.sources.camera import AS_RECORDED, CameraOptions
+from coordinator.sources.source import Source
+
+Row = Annotated[list[float], Meta(min_length=4, max_length=4)]
+Matrix = Annotated[list[Row], Meta(min_length=4, max_length=4)]
+ROUNDED = 1e-3  # error of a rotation that is written with a few digits
+EXAMPLE = '{"cameras": {"front": {"sequence": "front/", "T_rig_camera": [[1, 0, 0, 0], ...]}, ...}}'
+
+
+class RigCamera(msgspec.Struct, frozen=True):
+    """A camera of a rig file."""
+
+    sequence: str  # a path, relative to the file, or zenoh:KEY
+    T_rig_camera: Matrix  # metres
+    time_offset_s: float = 0.0  # added to the camera's time it gives the rig's
+
+    @property
+    def placed(self) -> NDArray[np.float64]:
+        """T_rig_camera (4, 4), with an exact rotation."""
+        matrix = np.array(self.T_rig_camera)
+        left, _, right = np.linalg.svd(matrix[:3, :3])
+        if np.abs(left @ right - matrix[:3, :3]).max() > 1e-12:
+            matrix[:3, :3] = left @ right
+        return matrix
+
+
+class RigFile(msgspec.Struct, frozen=True):
+    """A rig file. Other entries, such as deviations, are not read."""
+
+    cameras: dict[str, RigCamera]
+
+
+def read_rig_file(path: Path) -> RigFile:
+    """Read the cameras of a rig; InputError if there are none, or one of them makes no sense."""
+    try:
+        rig = msgspec.json.decode(path.read_bytes(), type=RigFile)
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror}; change its permissions") from error
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
+        raise InputError(f"{path}: {error}; write {EXAMPLE}") from error
+    if not 1 <= len(rig.cameras) <= MAX_CAMERAS:
+        raise InputError(f"{path} lists {len(rig.cameras)} cameras; give 1 to {MAX_CAMERAS}")
+    for name, camera in rig.cameras.items():
+        matrix = np.array(camera.T_rig_camera)
+        turn, rest = matrix[:3, :3], matrix[3] - [0.0, 0.0, 0.0, 1.0]
+        rigid = np.abs(turn @ turn.T - np.eye(3)).max() + np.abs(rest).max() < ROUNDED
+        if not (name and rigid and np.linalg.det(turn) > 0.0 and np.abs(matrix).max() < LARGEST):
+            raise InputError(
+                f"{path}: T_rig_camera of '{name}' is not a rotation and a translation in metres; "
+                "give 4 rows of 4 numbers, the last 0 0 0 1"
+            )
+        if abs(camera.time_offset_s) > LARGEST:
+            raise InputError(f"{path}: time_offset_s of '{name}' is not in seconds; correct it")
+    for (one, first), (other, second) in combinations(rig.cameras.items(), 2):
+        if sequence_of(path, first) == sequence_of(path, second):
+            raise InputError(f"{path} lists {first.sequence} twice, as '{one}' and '{other}'; remove one")
+    return rig
+
+
+def sequence_of(path: Path, camera: RigCamera) -> str:
+    """The sequence of a camera of the file at `path`: an absolute path, or zenoh:KEY."""
+    live = camera.sequence.startswith("zenoh:")
+    return camera.sequence if live else str((path.parent / camera.sequence).resolve())
+
+
+def read_rig(path: Path, options: CameraOptions) -> Source:
+    """Open the recordings of a rig as one source: frames of the first camera, with those of the others."""
+    from coordinator.sources import open_source
+
+    if options != AS_RECORDED:
+        raise InputError(
+            f"--intrinsics and --depth-scale are of one camera, {path} lists several; leave them out"
+        )
+    cameras = []
+    for name, camera in read_rig_file(path).cameras.items():
+        source, placed = open_source(sequence_of(path, camera)), camera.placed
+        gravity = None if source.gravity is None else placed[:3, :3] @ source.gravity
+        cameras.append(
+            replace(source, camera=name, T_rig_camera=placed, offset_s=camera.time_offset_s, gravity=gravity)
+        )
+    return replace(cameras[0], name=path.stem, others=tuple(cameras[1:]))
+
+
+def write_rig(path: Path, cameras: dict[str, RigCamera], facts: dict[str, object]) -> None:
+    """Write a rig file, with further facts about its calibration."""
+    write_json(path, {"cameras": msgspec.to_builtins(cameras), **facts})
