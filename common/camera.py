@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+NOT_MOVED = np.eye(4)  # T_rig_camera of a camera alone
 STRAIGHT_DOWN = 0.1  # sine of the angle between the line of sight and the vertical
 
 
@@ -24,6 +25,19 @@ class Intrinsics(msgspec.Struct, frozen=True):
     def crop(self, left: int, top: int, width: int, height: int) -> Intrinsics:
         """Intrinsics of the window that starts at column `left` and row `top`."""
         return Intrinsics(width, height, self.fx, self.fy, self.cx - left, self.cy - top)
+
+
+def moved(points: Array, transform: Array) -> Array:
+    """Points (..., 3) after a rigid transform (4, 4)."""
+    after: Array = points @ transform[:3, :3].T + transform[:3, 3]
+    return after
+
+
+def inverse(transform: Array) -> Array:
+    """The inverse (4, 4) of a rigid transform (4, 4)."""
+    turn, back = transform[:3, :3], np.eye(4)
+    back[:3, :3], back[:3, 3] = turn.T, -turn.T @ transform[:3, 3]
+    return back
 
 
 def project(points: NDArray[np.floating], camera: Intrinsics) -> NDArray[np.float64]:

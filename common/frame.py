@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from common.camera import Intrinsics
+from common.camera import NOT_MOVED, Intrinsics, inverse, moved
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,7 +27,7 @@ class DepthFrame:
     depth_scale: float
     intrinsics: Intrinsics
     camera: str = ""  # its name in the rig
-    T_rig_camera: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
+    T_rig_camera: NDArray[np.float64] = field(default_factory=NOT_MOVED.copy)
     others: tuple[DepthFrame, ...] = ()
 
     @property
@@ -36,21 +36,17 @@ class DepthFrame:
         return (self, *self.others)
 
     @property
-    def T_camera_rig(self) -> NDArray[np.float64]:
+    def T_camera_rig(self) -> NDArray[np.float64]:  # noqa: N802 as T_rig_camera
         """The inverse (4, 4) of T_rig_camera."""
-        rotation, inverse = self.T_rig_camera[:3, :3], np.eye(4)
-        inverse[:3, :3], inverse[:3, 3] = rotation.T, -rotation.T @ self.T_rig_camera[:3, 3]
-        return inverse
+        return inverse(self.T_rig_camera)
 
     def to_rig(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Points (..., 3) of the camera's frame in the rig's frame."""
-        moved: NDArray[np.float64] = points @ self.T_rig_camera[:3, :3].T + self.T_rig_camera[:3, 3]
-        return moved
+        return moved(points, self.T_rig_camera)
 
     def to_camera(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Points (..., 3) of the rig's frame in the camera's frame."""
-        moved: NDArray[np.float64] = (points - self.T_rig_camera[:3, 3]) @ self.T_rig_camera[:3, :3]
-        return moved
+        return moved(points, self.T_camera_rig)
 
     def metres(self) -> NDArray[np.float32]:
         """Depth (H, W) in metres, 0 for no depth."""

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import msgspec
 
+from common.camera import NOT_MOVED
 from common.errors import InputError
 from coordinator.commands.finished import camera_in, find_sequence, own_truth
 from coordinator.results.configuration import digest_frame
@@ -29,13 +30,17 @@ def run_evaluate(runs: Sequence[Path], truth: Path | None, *, as_csv: bool) -> N
     if len(runs) > 1 and not as_csv:
         raise InputError("several runs are printed as a table; add --csv")
     tracks = {run: read_track(run) for run in runs}
-    truths = {run: truth or own_truth(run, find_sequence(run)) for run in tracks}
+    sources = {run: find_sequence(run) for run in tracks}
+    truths = {run: truth or own_truth(run, sources[run]) for run in tracks}
     found = dict[Path, Evaluation]()
     for run, of_run in truths.items():
         if of_run is not None:
             check_truth_of(run, of_run)
             refuse_another_sequence(run, of_run)
-            found[run] = evaluate(tracks[run], read_truth(of_run))
+            source, placed = sources[run], NOT_MOVED
+            if source is not None and source.truth is not None and source.truth.samefile(of_run):
+                placed = source.T_rig_camera
+            found[run] = evaluate(tracks[run], read_truth(of_run, placed))
         elif any(truths.values()):
             logger.warning("left out: the sequence of %s has no truth for this body, or was moved", run)
     if not found:

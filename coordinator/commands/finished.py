@@ -32,7 +32,8 @@ def run_pictures(options: PicturesOptions, show: Show) -> None:
     numbers = range(int(track.frame[0]), int(track.frame[-1]) + 1)
     colours = ColourFolder(Path(folder), source.intrinsics, numbers) if folder else None
     truth = own_truth(run, source)
-    files = draw_pictures(source, run, show, read_truth(truth) if truth else None, colours)
+    known = read_truth(truth, source.T_rig_camera) if truth else None
+    files = draw_pictures(source, run, show, known, colours)
     show.say(f"{len(files)} pictures are in {run}: {', '.join(file.name for file in files)}")
 
 

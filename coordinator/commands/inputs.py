@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from common.camera import NOT_MOVED
 from common.errors import InputError
 from common.frame import DepthFrame
 from common.protocol.keys import check_stream
@@ -53,7 +54,8 @@ class Input:
         up = None
         if job.settings.rotate_deg is not None:
             turn = np.radians(job.settings.rotate_deg)
-            up = np.array([-np.sin(turn), -np.cos(turn), 0.0])
+            placed = NOT_MOVED if source is None else source.T_rig_camera
+            up = placed[:3, :3] @ np.array([-np.sin(turn), -np.cos(turn), 0.0])
         if source is not None and source.gravity is not None:
             up = -source.gravity
         background = None if job.background is None else read_background(job.background, source)
@@ -110,7 +112,8 @@ class RecordedInput(Input):
         if job.joint_states is not None:
             job.joint_states.check_names(self.bodies.dof_names)
         # with several people, the sequence's truth does not say whose it is
-        self.truth = read_truth(source.truth) if source.truth and job.people == 1 else None
+        own = source.truth if job.people == 1 else None
+        self.truth = None if own is None else read_truth(own, source.T_rig_camera)
         self.colours = ColourFolder(job.colour, source.intrinsics, numbers) if job.colour else None
         first = source.frame(numbers[0])
         self.configuration = run_configuration(job.sequence, first, numbers, self.asked(), job.given)

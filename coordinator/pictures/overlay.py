@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from common.body import BodyModel
-from common.camera import Intrinsics, project
+from common.camera import NOT_MOVED, Intrinsics, moved, project
 from common.kinematics import joint_positions
 from coordinator.pictures.plots import STATUS
 from coordinator.pictures.shading import BACKGROUND, Colour, draw_body
@@ -25,7 +25,7 @@ SKELETON_COLOUR: Colour = (255, 255, 255)
 OTHERS_COLOUR: Colour = (92, 214, 255)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class View:
     """A window of a camera's image, in pixels of that image, and the size in which it is drawn."""
 
@@ -35,6 +35,7 @@ class View:
     scale: float  # pixels of the picture per pixel of the image
     width: int  # of the picture
     height: int
+    placed: Array = field(default_factory=NOT_MOVED.copy)  # T_camera_rig
 
     @property
     def intrinsics(self) -> Intrinsics:
@@ -51,15 +52,15 @@ class View:
         return image.resize((self.width, self.height), Image.Resampling.BILINEAR, box)
 
 
-def view_around(track: Track, camera: Intrinsics, width: int, height: int) -> View:
+def view_around(track: Track, camera: Intrinsics, width: int, height: int, placed: Array = NOT_MOVED) -> View:
     """The view that shows all joints of all frames, and fits into width x height pixels.
 
     Its picture, which is `FINER` times smaller, has an even size, as films need.
 
-    Frames without a known pose are ignored, unless there are no others.
+    Frames without a known pose are ignored, unless there are no others. `placed` is T_camera_rig (4, 4).
     """
     kept = ~track.unknown
-    points = track.joint_positions[kept if kept.any() else ...].reshape(-1, 3)
+    points = moved(track.joint_positions[kept if kept.any() else ...].reshape(-1, 3), placed)
     points = points[np.all(np.isfinite(points), axis=1) & (points[:, 2] > MARGIN_M)]
     size = np.array([camera.width, camera.height])
     low, high = np.zeros(2), size
@@ -70,7 +71,7 @@ def view_around(track: Track, camera: Intrinsics, width: int, height: int) -> Vi
     scale = float(np.min((width, height) / (high - low)))
     even = 2 * FINER
     columns, rows = np.maximum(scale * (high - low) // even * even, even).astype(int).tolist()
-    return View(camera, float(low[0]), float(low[1]), scale, columns, rows)
+    return View(camera, float(low[0]), float(low[1]), scale, columns, rows, placed)
 
 
 TRUNK = (("pelvis", "neck"), ("neck", "head"))
@@ -99,15 +100,15 @@ def paint(image: Image.Image, view: View, model: BodyModel, track: Track, f: int
     """
     picture, camera, status = view.cut(image), view.intrinsics, str(track.status[f])
     if track.placed[f] and status != "absent":
-        picture = draw_body(picture, model, track.pose[f], camera, opacity=0.5)
+        picture = draw_body(picture, model, track.pose[f], camera, 0.5, view.placed)
         draw, width = ImageDraw.Draw(picture, "RGBA"), max(FINER, picture.height // 160)
         weights = track.hypothesis_weight[f]
         order = np.argsort(weights)[: np.isfinite(weights).sum()]  # the most likely are drawn last
-        skeletons = project_joints(model, track.hypothesis_pose[f, order], camera)
+        skeletons = project_joints(model, track.hypothesis_pose[f, order], camera, view.placed)
         strengths = np.sqrt(weights[order] / weights[order].max(initial=np.finfo(float).tiny))
         for pixels, strength in zip(skeletons, strengths, strict=True):
             draw_skeleton(draw, model, pixels, (*OTHERS_COLOUR, round(255 * strength)), width // 2)
-        (pixels,) = project_joints(model, track.pose[f][None], camera)
+        (pixels,) = project_joints(model, track.pose[f][None], camera, view.placed)
         hollow = track.joint_off_probability[f] > FLAGGED
         draw_skeleton(draw, model, pixels, (0, 0, 0), width + 2, hollow)
         draw_skeleton(draw, model, pixels, SKELETON_COLOUR, width, hollow)
@@ -116,9 +117,9 @@ def paint(image: Image.Image, view: View, model: BodyModel, track: Track, f: int
     return picture
 
 
-def project_joints(model: BodyModel, poses: Array, camera: Intrinsics) -> Array:
+def project_joints(model: BodyModel, poses: Array, camera: Intrinsics, placed: Array = NOT_MOVED) -> Array:
     """Pixels (N, J, 2) of the joints in poses (N, D); limited to the surroundings of the picture."""
-    joints = joint_positions(model, poses)
+    joints = moved(joint_positions(model, poses), placed)
     joints[..., 2] = np.maximum(joints[..., 2], MARGIN_M)
     size = np.array([camera.width, camera.height])
     pixels: Array = np.clip(project(joints, camera), -size, 2 * size)

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 from PIL import Image
 
+from common.body import BodyModel
+from common.camera import inverse
 from common.errors import InputError
+from common.frame import DepthFrame
 from coordinator.files import ERRORS_FILE, FILM_FILE, HYPOTHESES_FILE, SHEET_FILE, write_atomically
 from coordinator.pictures.film import spread, tile, write_film
-from coordinator.pictures.overlay import FINER, paint, view_around
+from coordinator.pictures.overlay import FINER, View, paint, view_around
 from coordinator.pictures.plots import draw_errors, draw_hypotheses
 from coordinator.pictures.shading import shade_depth
 from coordinator.results.evaluation import Truth
@@ -40,12 +43,17 @@ def draw_run(
     A run in which no body was found has only the first two.
 
     `body` is the tracked body with the degrees of freedom of the track. With `colours`, film and sheet are
-    drawn over these images. `advance` is called with the number of steps done and their total.
+    drawn over these images. The cameras of a rig are side by side. `advance` is called with the number of
+    steps done and their total.
     """
     filmed = spread(len(track.frame), FILM_FRAMES)
     on_sheet = {filmed[i] for i in spread(len(filmed), SHEET_FRAMES)}
     steps = len(filmed) + 1
-    view = view_around(track, source.intrinsics, FINER * LARGEST_PX, FINER * LARGEST_PX)
+    largest = FINER * LARGEST_PX
+    views = {
+        each.camera: view_around(track, each.intrinsics, largest, largest, inverse(each.T_rig_camera))
+        for each in source.views
+    }
     kept: list[Image.Image] = []
 
     def paint_all() -> Iterator[Image.Image]:
@@ -53,19 +61,13 @@ def draw_run(
             advance(done, steps)
             number = int(track.frame[f])
             image = colours.frame(number) if colours else None
-            picture = paint(
-                image or shade_depth(source.frame(number).metres(), source.intrinsics),
-                view,
-                body.model,
-                track,
-                f,
-            )
+            picture = paint_views(source.frame(number), views, body.model, track, f, image)
             if f in on_sheet:
                 kept.append(picture)
             yield picture
 
     files = [out / FILM_FILE, out / SHEET_FILE]
-    write_film(paint_all(), (view.width // FINER, view.height // FINER), track.time_s[filmed], files[0])
+    write_film(paint_all(), size_of(views), track.time_s[filmed], files[0])
     write_atomically(files[1], lambda opened: tile(kept).save(opened, "PNG"))
     advance(steps - 1, steps)
     if track.placed.any():
@@ -79,3 +81,32 @@ def draw_run(
                 logger.warning("there is no picture of the errors: %s", error)
     advance(steps, steps)
     return files
+
+
+def size_of(views: Mapping[str, View]) -> tuple[int, int]:
+    """Width and height of a picture of all cameras."""
+    each = views.values()
+    return sum(view.width // FINER for view in each), max(view.height // FINER for view in each)
+
+
+def paint_views(
+    frame: DepthFrame,
+    views: Mapping[str, View],
+    model: BodyModel,
+    track: Track,
+    f: int,
+    first: Image.Image | None,
+) -> Image.Image:
+    """The pictures of all cameras side by side; black for a camera without a frame.
+
+    The first camera's image may be given, as one in colour.
+    """
+    picture, left, images = Image.new("RGB", size_of(views)), 0, {each.camera: each for each in frame.views}
+    for camera, view in views.items():
+        image, seen = first if left == 0 else None, images.get(camera)
+        if image is None and seen is not None:
+            image = shade_depth(seen.metres(), seen.intrinsics)
+        if image is not None:
+            picture.paste(paint(image, view, model, track, f), (left, 0))
+        left += view.width // FINER
+    return picture

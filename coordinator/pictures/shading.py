@@ -9,7 +9,7 @@ from PIL import Image, ImageDraw
 from scipy.ndimage import gaussian_filter
 
 from common.body import BodyModel
-from common.camera import Intrinsics, project
+from common.camera import NOT_MOVED, Intrinsics, moved, project
 from common.kinematics import pose_vertices
 
 Colour = tuple[int, int, int]
@@ -34,14 +34,19 @@ def shade_depth(depth_m: NDArray[np.float32], camera: Intrinsics) -> Image.Image
 
 
 def draw_body(
-    picture: Image.Image, model: BodyModel, pose: NDArray[np.float64], camera: Intrinsics, opacity: float
+    picture: Image.Image,
+    model: BodyModel,
+    pose: NDArray[np.float64],
+    camera: Intrinsics,
+    opacity: float,
+    placed: NDArray[np.float64] = NOT_MOVED,
 ) -> Image.Image:
     """The picture with the body's surface in a pose (D,) over it, and lines around nearer parts.
 
     Triangles that face the camera are drawn from far to near. An edge is drawn as a line if the neighbouring
-    triangle faces away.
+    triangle faces away. `placed` (4, 4) leads from the frame of the pose to the camera.
     """
-    corners = pose_vertices(model, pose[None])[0][model.triangles]  # (T, 3, 3)
+    corners = moved(pose_vertices(model, pose[None])[0], placed)[model.triangles]  # (T, 3, 3)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     facing = (np.sum(normals * corners[:, 0], axis=1) < 0.0) & np.all(corners[..., 2] > 0.0, axis=1)
     triangles, corners, normals = model.triangles[facing], corners[facing], normals[facing]

@@ -57,6 +57,12 @@ def digest_frame(frame: DepthFrame) -> str:
     return digest(camera.encode() + frame.depth.tobytes())
 
 
+def digest_rig(frame: DepthFrame) -> str:
+    """A hash of the frames of all cameras of a rig, and their poses."""
+    views = [(view.camera, view.T_rig_camera.tolist(), digest_frame(view)) for view in frame.views]
+    return digest(repr(views).encode())
+
+
 def digest(content: bytes) -> str:
     """A short hash of the content."""
     return hashlib.sha256(content).hexdigest()[:12]
@@ -91,6 +97,8 @@ def run_configuration(
         "first_frame": digest_frame(first),
         "frame_range": f"{numbers[0]}:{numbers[-1] + 1}",
     }
+    if first.camera:
+        recording["rig"] = digest_rig(first)
     if given != AS_RECORDED:
         recording[GIVEN] = {
             "lens": given.intrinsics and list(given.intrinsics),

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.body import ROOT_DOFS
+from common.camera import NOT_MOVED, moved
 from common.errors import InputError
 from coordinator.bodies.from_joints import angles_from_joints
 from coordinator.files import read_arrays
@@ -43,14 +44,17 @@ TRUTH_LAYOUT = {
 }
 
 
-def read_truth(path: Path) -> Truth:
-    """Read a truth file; without `frame`, its rows are the frames from 0. InputError if it is not one."""
+def read_truth(path: Path, placed: NDArray[np.float64] = NOT_MOVED) -> Truth:
+    """Read a truth file; without `frame`, its rows are the frames from 0. InputError if it is not one.
+
+    Joints are moved by the transform `placed` (4, 4), as from the camera of the file into the rig.
+    """
     arrays = read_arrays(path, TRUTH_LAYOUT)
     if "dof_names" in arrays and "pose" not in arrays:
         raise InputError(f"{path} has no 'pose', but dof_names; give both or neither")
     names = ("joint_names", "dof_names", "slides")
     joint_names, dof_names, slides = (tuple(arrays.get(name, np.empty(0)).tolist()) for name in names)
-    joints = arrays["joint_positions"]
+    joints = moved(arrays["joint_positions"].astype(np.float64), placed)
     pose = arrays["pose"] if dof_names else np.empty((len(joints), 0))
     for values in (joints, pose):
         values[~np.isfinite(values)] = np.nan

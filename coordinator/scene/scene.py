@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from common.camera import Intrinsics
+from common.camera import NOT_MOVED, Intrinsics
 from common.compiling import numba
 from common.frame import DepthFrame
 from coordinator.scene.noise import USUAL_GROWTH, fit_noise, margin_at
@@ -112,7 +112,7 @@ class SceneChange:
     furnished: bool = False
     size: tuple[int, int] = (0, 0)  # rows and columns of the background; none at the start
     learned: Learned = NOTHING
-    T_rig_camera: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))  # of the frame
+    T_rig_camera: NDArray[np.float64] = field(default_factory=NOT_MOVED.copy)  # of the frame
 
     @property
     def up(self) -> Array | None:
@@ -139,7 +139,7 @@ class Scene:
     """
 
     def __init__(self, background: Depth | None = None, up: Array | None = None) -> None:
-        self._placed = np.eye(4)
+        self._placed = NOT_MOVED
         self._no_planes = Planes() if up is None else Planes(approximate_up=up)
         self._background: Depth
         self._nearer: Marks

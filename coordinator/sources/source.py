@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from common.camera import Intrinsics
+from common.camera import NOT_MOVED, Intrinsics
 from common.errors import InputError
 from common.frame import DepthFrame
 from coordinator.files import START_FILE, TRUTH_FILE
@@ -51,9 +51,14 @@ class Source:
     gravity: NDArray[np.float64] | None = None
     folder: Path | None = None
     camera: str = ""
-    T_rig_camera: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
+    T_rig_camera: NDArray[np.float64] = field(default_factory=NOT_MOVED.copy)
     offset_s: float = 0.0
     others: tuple[Source, ...] = ()
+
+    @property
+    def views(self) -> tuple[Source, ...]:
+        """The sequences of all cameras."""
+        return (self, *self.others)
 
     @property
     def truth(self) -> Path | None:
@@ -77,10 +82,10 @@ class Source:
         return replace(frame, others=others)
 
     def nearest(self, time_s: float, within_s: float) -> int | None:
-        """The place of the frame nearest to a time of the rig; None if none is near enough."""
+        """The place of the frame nearest to a time of the rig, or the later of two; None if it is far off."""
         times = np.array(self.numbers) / self.fps if self.times is None else np.array(self.times)
         apart = np.abs(times + self.offset_s - time_s)
-        place = int(np.argmin(apart))
+        place = int(np.flatnonzero(apart <= apart.min() + ROUNDING_S)[-1])
         return place if apart[place] <= within_s + ROUNDING_S else None
 
     def _image(self, place: int) -> DepthFrame:

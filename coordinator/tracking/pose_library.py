@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.body import ROTATION, BodyModel
+from common.camera import NOT_MOVED, moved
 from common.compiling import numba
 from common.kinematics import link_transforms, pose_vertices
 from common.kinematics.rotations import euler_angles, euler_matrix
@@ -23,7 +24,6 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 POSES = 3_000
-NOT_MOVED = np.eye(4)  # T_rig_camera of a single camera
 SEED = 20  # of the library, independent of the run's seed
 PERSON_CELL_M = 0.06  # side of a cell of the descriptor, for a person of reference stature
 DESCRIBED_VERTICES = 1_700  # of the surface; enough to fill the cells of a descriptor
@@ -111,8 +111,7 @@ class PoseLibrary:
         chosen = np.argsort(best, kind="stable")[:count]
         scale_of = scale_of[chosen]
         places = (middles[scale_of] - self.middles[chosen]) * np.take(scales, scale_of)[:, None]
-        of_rig = places @ turn @ placed[:3, :3].T + placed[:3, 3]
-        return turned_to(self.poses[chosen], of_rig, placed[:3, :3] @ turn.T), scale_of
+        return turned_to(self.poses[chosen], moved(places @ turn, placed), placed[:3, :3] @ turn.T), scale_of
 
 
 @lru_cache(maxsize=4)
@@ -143,11 +142,11 @@ def look_straight(at: Array, roll: float) -> Array:
 
 def turned_to(poses: Array, places: Array, turn: Array) -> Array:
     """Poses (N, D), rotated by (3, 3) and with the root at positions (N, 3)."""
-    moved = poses.copy()
-    moved[:, :3] = places
-    for pose in moved:
+    after = poses.copy()
+    after[:, :3] = places
+    for pose in after:
         pose[3:6] = euler_angles(turn @ euler_matrix(pose[3:6]), pose[3:6])
-    return moved
+    return after
 
 
 def displaced(
@@ -158,7 +157,7 @@ def displaced(
     The points are in the frame of the camera, poses in that of the rig; `placed` is T_rig_camera (4, 4).
     """
     turn = look_straight(points.mean(axis=0), 0.0) @ placed[:3, :3].T
-    points = points @ placed[:3, :3].T + placed[:3, 3]
+    points = moved(points, placed)
     poses = np.tile(pose, (4, 1))
     for n, each in enumerate(poses):
         quarter = euler_matrix(np.array([0.0, 0.5 * np.pi * n, 0.0]))

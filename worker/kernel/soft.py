@@ -103,7 +103,8 @@ def add_soft_equations(
 @numba.njit(cache=True, nogil=True)
 def turn_twists(T_camera_rig: Array, twists: Array) -> None:
     """Convert twists (D, 6) about the rig's origin to twists about the camera, in place."""
-    turn, (x, y, z) = T_camera_rig[:, :3], (T_camera_rig[0, 3], T_camera_rig[1, 3], T_camera_rig[2, 3])
+    turn = np.ascontiguousarray(T_camera_rig[:, :3])
+    x, y, z = T_camera_rig[0, 3], T_camera_rig[1, 3], T_camera_rig[2, 3]
     for j in range(len(twists)):
         w, u = turn @ twists[j, :3], turn @ twists[j, 3:]
         twists[j, :3] = w
