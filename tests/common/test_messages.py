@@ -120,6 +120,7 @@ BESIDE_ALL = SubjectFrame(  # a crop that lies outside of the image and has no p
         (FRAME, encode_frame, decode_frame),
         (replace(FRAME, kinds=KINDS_OF_PIXELS), encode_frame, decode_frame),
         (BESIDE_ALL, encode_frame, decode_frame),
+        (replace(FRAME, others=(replace(BESIDE_ALL, delay_s=-0.01),)), encode_frame, decode_frame),
         (tiny_model(), encode_model, decode_model),
         (tiny_request(), encode_request, decode_request),
         (replace(tiny_request(), covariance=True), encode_request, decode_request),

@@ -42,9 +42,9 @@ def work_slowly(endpoint: str, name: str) -> None:
     from worker.connection import Identity
     from worker.service import Kernel
 
-    def refine(*asked: Any, covariance: bool = False) -> Any:
+    def refine(*asked: Any, **how: Any) -> Any:
         time.sleep(BUSY)
-        refined = KERNEL.refine(*asked, covariance=covariance)
+        refined = KERNEL.refine(*asked, **how)
         sys.stderr.write(f"{DONE}\n")
         return refined
 

@@ -168,13 +168,12 @@ def test_the_viewer_s_eye_stands_upright() -> None:
 def test_up_comes_from_the_floor_that_a_pitched_camera_sees() -> None:
     """Within half a degree, with a person, noise and 30 degrees of pitch."""
     room = Room(pitch=PITCH, noise=0.0015)
-    change = Segmenter(1000).segment(room.see((0.0, 2.4)).frame, [None]).change
-    up = floor_up(change)
+    up = floor_up(Segmenter(1000).segment(room.see((0.0, 2.4)).frame, [None]).changes)
     assert up is not None
     assert up @ (room.tilt.T @ np.array([0.0, -1.0, 0.0])) > np.cos(np.radians(0.5))
     frame = room.see(None).frame
     nothing = dataclasses.replace(frame, depth=np.zeros_like(frame.depth))
-    assert floor_up(Segmenter(1000).segment(nothing, [None]).change) is None
+    assert floor_up(Segmenter(1000).segment(nothing, [None]).changes) is None
 
 
 def test_a_camera_on_its_side_finds_its_floor_where_gravity_is_known() -> None:

@@ -67,8 +67,8 @@ def state(number: int) -> TrackerState:
     """The tracker's state after a frame; its arrays hold values that are hard to encode."""
     belief = {"poses": np.array([[0.1, np.nan, -np.inf, 5e-324]]), "reported": np.array([number / 3.0])}
     generator = f'{{"state": {2**127 + number}}}'
-    scene = SceneChange(seen=number)
-    return TrackerState(START, Checkpoint(belief, np.array([0.5]), number / 3.0, generator, scene))
+    scenes = {"front": SceneChange(seen=number)}
+    return TrackerState(START, Checkpoint(belief, np.array([0.5]), number / 3.0, generator, scenes))
 
 
 def append(recorder: Recorder, *estimates: Estimate) -> None:

@@ -44,7 +44,9 @@ def refining(answer: Callable[[Asked, Any], Refined]) -> Refine:
         settings: RefineSettings,
         *,
         covariance: bool = False,
+        velocity: NDArray[np.float64] | None = None,
     ) -> Refined:
+        del velocity
         return answer(Asked(model, poses, settings, covariance), seen)
 
     return refine

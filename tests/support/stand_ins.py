@@ -51,9 +51,10 @@ class StandIn(ABC):
         *,
         covariance: bool = False,
         spare: bool = False,
+        velocity: NDArray[np.float64] | None = None,
     ) -> Pending:
         """The result of `answer`."""
-        del spare
+        del spare, velocity
         return self.answer(Asked(model, poses, settings, covariance, subject))
 
     def listen(self, key: str, on_message: Callable[[bytes], None]) -> None:

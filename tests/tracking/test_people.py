@@ -56,9 +56,10 @@ def test_people_are_resumed_bit_for_bit(stop: int) -> None:
         states.append([each.state for each in results])
     folded = Scene()
     for each in states[:stop]:
-        folded.recall(each[0].checkpoint.scene)
+        folded.recall(each[0].checkpoint.scenes[""])
     past = [
-        replace(state, checkpoint=replace(state.checkpoint, scene=folded.all())) for state in states[stop - 1]
+        replace(state, checkpoint=replace(state.checkpoint, scenes={"": folded.all()}))
+        for state in states[stop - 1]
     ]
     resumed = tracker(2, past)
     for number in range(stop, 5):

@@ -27,7 +27,7 @@ def test_a_person_is_found_whose_body_is_not_known() -> None:
     assert np.all(subject.kinds.ravel()[subject.picked] == SUBJECT)
     assert np.any(subject.kinds == HIDDEN)
     assert np.sum(subject.kinds == SUBJECT) / truth.sum() > 0.9
-    assert segmented.change.furnished
+    assert segmented.changes[""].furnished
 
 
 def test_a_room_without_people_has_no_candidates() -> None:

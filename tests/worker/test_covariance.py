@@ -30,14 +30,14 @@ from tests.support.kernel.posterior import (
 from worker.kernel.correspondence import find_correspondences
 from worker.kernel.gauss_newton import fill_covariance_root, minimise
 from worker.kernel.icp import refine
-from worker.kernel.observation import observe, pack_observation
+from worker.kernel.observation import observe, pack_observation, pack_views
 from worker.kernel.parameters import pack_parameters
 from worker.kernel.priors import LIMIT_WEIGHT_M2
 from worker.kernel.soft import fisher_scoring_step
 from worker.kernel.surface import Surface, pack_model
 from worker.kernel.visibility import DepthImage, draw, pose_body, visible_vertices
 from worker.kernel.weighting import accumulate_correspondences
-from worker.kernel.workspace import make_workspace
+from worker.kernel.workspace import make_workspace, make_workspaces
 from worker.lanes import Lanes
 
 Array = NDArray[np.float64]
@@ -59,13 +59,16 @@ def kernel_covariance(of: PosteriorCase, pose: Array) -> tuple[Array, Array]:
     visible = visible_vertices(surface, workspace)
     if parameters.soft:
         exact = soft_information(of, pose, (draw(surface.triangles, True, workspace), surface))
-        fisher_scoring_step(moved, skeleton, surface, packed, parameters, workspace)
+        views = pack_views(observe(of.subject), of.settings)
+        workspaces = make_workspaces(skeleton, surface, views)
+        fisher_scoring_step(moved, skeleton, surface, views, parameters, workspaces)
+        workspace = workspaces.shared
     else:
         exact = hard_information(of, pose)
         find_correspondences(visible, surface, packed, workspace)
         accumulate_correspondences(visible, skeleton, surface, packed, parameters, workspace)
         once = parameters._replace(steps=parameters.steps._replace(gauss_newton_iterations=1))
-        minimise(skeleton, moved, workspace.transforms, packed.count, once, workspace.equations)
+        minimise(skeleton, moved, workspace.of_rig, packed.count, once, workspace.equations)
     triangle = np.empty(triangle_size(len(pose)), np.float32)
     fill_covariance_root(skeleton, parameters.posterior_scale / packed.count, workspace.equations, triangle)
     root = lower_triangular(triangle[None], len(pose))[0]

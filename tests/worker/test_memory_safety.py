@@ -20,10 +20,10 @@ from tests.support.kernel import plain_path
 from tests.support.kernel.kernel_cases import TRUTH, near
 from worker.kernel.gauss_newton import fill_covariance_root
 from worker.kernel.icp import refine, refine_particle
-from worker.kernel.observation import observe, pack_observation
+from worker.kernel.observation import observe, pack_views
 from worker.kernel.parameters import pack_parameters
 from worker.kernel.surface import pack_model
-from worker.kernel.workspace import Workspace, make_workspace
+from worker.kernel.workspace import Workspaces, make_workspaces
 
 ROOT = Path(__file__).parents[2]
 GUARD = 64  # entries on each side of an array
@@ -77,15 +77,15 @@ def guarded(array: NDArray[Any], guards: list[NDArray[np.uint8]]) -> NDArray[Any
     return inner
 
 
-def guarded_workspace(workspace: Workspace, guards: list[NDArray[np.uint8]]) -> Workspace:
-    """The same workspace with a guard on both sides of each of its arrays."""
+def guarded_workspaces(workspaces: Workspaces, guards: list[NDArray[np.uint8]]) -> Workspaces:
+    """The same workspaces with a guard on both sides of each of their arrays."""
 
     def each(value: Any) -> Any:
         if isinstance(value, np.ndarray):
             return guarded(value, guards)
         return type(value)(*map(each, value))
 
-    made: Workspace = each(workspace)
+    made: Workspaces = each(workspaces)
     return made
 
 
@@ -95,9 +95,9 @@ def test_nothing_is_written_beside_an_array(name: str, frame: str) -> None:
     """For any crop and pose: guards around all written arrays are unchanged."""
     settings, model = SETTINGS[name], puppet()
     skeleton, surface = pack_model(model)
-    observed = pack_observation(observe(cropped(frame, kinds=name != "paper")), settings)
+    views = pack_views(observe(cropped(frame, kinds=name != "paper")), settings)
     guards: list[NDArray[np.uint8]] = []
-    workspace = guarded_workspace(make_workspace(skeleton, surface, observed), guards)
+    workspaces = guarded_workspaces(make_workspaces(skeleton, surface, views), guards)
     dofs = len(model.dof_names)
     pose = guarded(np.zeros(dofs), guards)
     root = guarded(np.zeros(dofs * (dofs + 1) // 2, np.float32), guards)
@@ -106,8 +106,9 @@ def test_nothing_is_written_beside_an_array(name: str, frame: str) -> None:
         pose[:] = near()
         for dof, by in moved.items():
             pose[dof] += by
-        refine_particle(pose, skeleton, surface, observed, parameters, workspace)
-        fill_covariance_root(skeleton, parameters.posterior_scale / observed.count, workspace.equations, root)
+        refine_particle(pose, skeleton, surface, views, parameters, workspaces)
+        equations = workspaces.shared.equations
+        fill_covariance_root(skeleton, parameters.posterior_scale / views.total, equations, root)
         assert all(np.all(guard == 0xA5) for guard in guards)
 
 

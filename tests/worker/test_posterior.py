@@ -26,7 +26,7 @@ from worker.kernel.normal_equations import fill_normal_equations
 from worker.kernel.observation import observe, pack_observation
 from worker.kernel.parameters import pack_parameters
 from worker.kernel.priors import add_prior
-from worker.kernel.soft import fill_soft_equations
+from worker.kernel.soft import add_soft_equations
 from worker.kernel.surface import pack_model
 from worker.kernel.visibility import draw, pose_body, visible_vertices
 from worker.kernel.weighting import accumulate_correspondences
@@ -44,7 +44,9 @@ def kernel_slope(of: PosteriorCase, pose: Array) -> tuple[Array, Held]:
     workspace = make_workspace(skeleton, surface, packed)
     equations = workspace.equations
     if parameters.soft:
-        fill_soft_equations(pose, skeleton, surface, packed, parameters, workspace)
+        equations.gram[:], equations.gradient[:] = 0.0, 0.0
+        add_soft_equations(pose, skeleton, surface, packed, parameters, workspace)
+        add_prior(skeleton, pose, parameters.rest_weight, packed.count, equations.gram, equations.gradient)
         held = hold(
             of.model, pose, of.subject, of.settings, (draw(surface.triangles, True, workspace), surface)
         )
@@ -53,7 +55,7 @@ def kernel_slope(of: PosteriorCase, pose: Array) -> tuple[Array, Held]:
     visible = visible_vertices(surface, workspace)
     find_correspondences(visible, surface, packed, workspace)
     accumulate_correspondences(visible, skeleton, surface, packed, parameters, workspace)
-    fill_normal_equations(skeleton, workspace.transforms, parameters.stretch, equations)
+    fill_normal_equations(skeleton, workspace.of_rig, parameters.stretch, equations)
     add_prior(skeleton, pose, parameters.rest_weight, packed.count, equations.gram, equations.gradient)
     held = hold(of.model, pose, of.subject, of.settings)
     return -parameters.posterior_scale / packed.count * equations.gradient, held

@@ -67,9 +67,17 @@ def layout(model: BodyModel) -> Indices:
 
 def dirty(workspace: Workspace) -> Workspace:
     """A workspace with values of earlier use."""
-    for value in workspace[1:]:  # the first, transforms, ends in what stays
+    stay = (
+        workspace.transforms,
+        workspace.of_rig,
+        workspace.T_camera_rig,
+        workspace.step,
+        workspace.equations.turns,
+    )
+    for value in workspace:
         for array in value if isinstance(value, tuple) else (value,):
-            array.fill(7)
+            if not any(array is each for each in stay):  # transforms end in what stays
+                array.fill(7)
     workspace.search.last_count.fill(0)
     return workspace
 

@@ -19,7 +19,7 @@ from coordinator.bodies.tracked import name_pose
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.tracking.certainty.certainty import FIT, FLAGGED, Certainty
 from coordinator.tracking.certainty.features import Features, FrameContext, measure_features
-from coordinator.tracking.certainty.surface import regions_of
+from coordinator.tracking.certainty.surface import regions_of, seen_shares
 from coordinator.tracking.observation import isolate
 from coordinator.tracking.reporting import explain_doubt, judge
 from coordinator.tracking.track_management import TrackManagement
@@ -62,7 +62,8 @@ def features_of(values: dict[str, float], subject: SubjectFrame, *others: dict[s
     residual = residual_of(body(), poses[0], subject, SETTINGS.refine)
     context = FrameContext(subject, poses[0], 1.0 / 30.0, 1.0)
     joints = joint_positions(body(), poses[[0, *range(len(poses))]])
-    return measure_features(body(), poses[0], joints, np.ones(len(poses)), context, residual)
+    seen_by = seen_shares(body(), poses[0], subject, context.stretch)
+    return measure_features(body(), poses[0], joints, np.ones(len(poses)), context, residual, seen_by)
 
 
 def certainty_of(values: dict[str, float], subject: SubjectFrame, *others: dict[str, float]) -> Certainty:

@@ -17,6 +17,7 @@ from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes import ARM_DOFS, arm
 from coordinator.tracking.certainty.certainty import FIT, FLAGGED, Certainty
 from coordinator.tracking.certainty.features import FrameContext, measure_features
+from coordinator.tracking.certainty.surface import seen_shares
 from coordinator.tracking.observation import isolate
 from coordinator.tracking.sensor_noise import SensorNoise, assume_noise
 from tests.support.residuals import residual_of
@@ -52,7 +53,8 @@ def certainty_of(pose: Array) -> Certainty:
     residual = residual_of(model, pose, subject, settings)
     context = FrameContext(subject, pose, 1.0 / 25.0, NOISE.lateral / NOISE.depth)
     joints = joint_positions(model, np.stack([pose, pose]))
-    return FIT.judge(measure_features(model, pose, joints, np.ones(1), context, residual))
+    seen_by = seen_shares(model, pose, subject, context.stretch)
+    return FIT.judge(measure_features(model, pose, joints, np.ones(1), context, residual, seen_by))
 
 
 def test_an_arm_that_is_lost_before_the_trunk_is_flagged() -> None:

@@ -1,0 +1,82 @@
+"""A rig as a source: its file, and which frames belong together."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from common.errors import InputError
+from coordinator.sources import open_source
+from tests.support.recordings import write_open3d
+
+IDENTITY = np.eye(4).tolist()
+
+
+def write(folder: Path, offsets: dict[str, float], frames: int = 5) -> Path:
+    """A rig of cameras with these time offsets, each with frames whose depth is 1000 + number."""
+    for name in offsets:
+        depth = np.full((frames, 6, 8), 1000, np.uint16) + np.arange(frames, dtype=np.uint16)[:, None, None]
+        write_open3d(folder / name, depth)
+    cameras = {
+        name: {"sequence": name, "T_rig_camera": IDENTITY, "time_offset_s": offset}
+        for name, offset in offsets.items()
+    }
+    (folder / "rig.json").write_text(json.dumps({"cameras": cameras}))
+    return folder / "rig.json"
+
+
+@pytest.mark.parametrize(
+    ("offset", "expected"),
+    [(0.0, [0, 1, 2, 3, 4]), (0.05, [None, 0, 1, 2, 3]), (-0.03, [1, 2, 3, 4, None]), (10.0, [None] * 5)],
+)
+def test_frames_that_are_nearest_in_time_belong_together(
+    tmp_path: Path, offset: float, expected: list[int | None]
+) -> None:
+    """There is one for each of the first camera, at its time; a camera without a near one is missing."""
+    source = open_source(write(tmp_path, {"a": 0.25, "b": 0.25 + offset}))
+    assert len(source) == 5
+    found = []
+    for number, frame in enumerate(source):
+        assert frame.time_s == pytest.approx(0.25 + number / 30.0)
+        found.append(int(frame.others[0].depth[0, 0]) - 1000 if frame.others else None)
+        for other in frame.others:
+            assert abs(other.time_s - frame.time_s) < 0.5 / 30.0 + 1e-3
+    assert found == expected
+
+
+def change(**fields: object) -> Callable[[dict[str, Any]], object]:
+    """Replaces fields of camera b."""
+    return lambda rig: rig["cameras"]["b"].update(fields)
+
+
+@pytest.mark.parametrize(
+    ("damage", "said"),
+    [
+        (lambda rig: rig.pop("cameras"), "cameras"),
+        (lambda rig: rig["cameras"].clear(), "0 cameras"),
+        (change(sequence="a"), "twice, as 'a' and 'b'"),
+        (change(sequence="nothing"), "no such file or folder"),
+        (change(T_rig_camera=(2.0 * np.eye(4)).tolist()), "T_rig_camera of 'b' is not a rotation"),
+        (
+            change(T_rig_camera=np.diag([1.0, 1.0, -1.0, 1.0]).tolist()),
+            "T_rig_camera of 'b' is not a rotation",
+        ),
+        (change(T_rig_camera=np.eye(3).tolist()), "length"),
+        (change(time_offset_s=1e9), "time_offset_s of 'b' is not in seconds"),
+        (change(time_offset_s="soon"), "time_offset_s"),
+    ],
+)
+def test_a_bad_rig_is_refused(tmp_path: Path, damage: Callable[[dict[str, Any]], object], said: str) -> None:
+    """One line says what is wrong, and where."""
+    path = write(tmp_path, {"a": 0.0, "b": 0.0})
+    rig = json.loads(path.read_text())
+    damage(rig)
+    path.write_text(json.dumps(rig))
+    with pytest.raises(InputError, match=said) as raised:
+        open_source(path)
+    assert "\n" not in str(raised.value)

@@ -1,0 +1,175 @@
+"""Several cameras: what each adds to a pose, in the kernel and in the tracker."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import msgspec
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from common.body import BodyModel
+from common.frame import DepthFrame, SubjectFrame
+from common.kinematics import joint_positions, retract
+from common.kinematics.rotations import euler_angles, euler_matrix
+from common.refinement import lower_triangular
+from common.settings import preset
+from coordinator.bodies.human.template import human
+from coordinator.bodies.tracked import coarsen, name_pose
+from coordinator.tracking.segmenter import Segmenter
+from tests.support.people import SETTINGS, STANDING, known, subject_of
+from tests.support.rigs import around, seen_from
+from worker.kernel.icp import refine
+from worker.kernel.observation import observe
+
+Array = NDArray[np.float64]
+
+RULES = msgspec.structs.replace(preset("default").refine, pose_deviation=0.0, noise_depth=0.015)
+ASIDE = {"front": around(0.0), "side": around(80.0)}
+POINTS = 2000
+
+
+@cache
+def body() -> BodyModel:
+    """A person with few vertices."""
+    return coarsen(human(1.82), 0.04)
+
+
+@cache
+def pose() -> Array:
+    """A pose (D,) whose right arm, behind the trunk, only the second camera sees."""
+    behind = {"r_shoulder_flexion": -0.6, "r_shoulder_abduct": 0.05, "r_elbow_flexion": 1.2, "root_ry": 1.2}
+    return name_pose(body(), {**STANDING, **behind})
+
+
+def both(places: dict[str, Array] | None = None) -> SubjectFrame:
+    """The person as both cameras see them."""
+    return subject_of(seen_from(body(), [pose()] * 2, places or ASIDE), POINTS)
+
+
+def near(count: int = 4) -> Array:
+    """Poses (count, D) near the true one."""
+    rng = np.random.default_rng(0)
+    spread = np.where(body().kinds == 0, 0.02, 0.08)
+    drawn: Array = pose() + spread * rng.normal(size=(count, len(pose())))
+    return drawn
+
+
+def moved_by(placed: Array, poses: Array) -> Array:
+    """Poses (N, D) of the root after a rigid transform (4, 4)."""
+    after = poses.copy()
+    after[:, :3] = poses[:, :3] @ placed[:3, :3].T + placed[:3, 3]
+    for each in after:
+        each[3:6] = euler_angles(placed[:3, :3] @ euler_matrix(each[3:6]), each[3:6])
+    return after
+
+
+def test_a_rig_may_have_any_frame() -> None:
+    """Moved as a whole, the cameras and the body give the same likelihoods and the moved joints."""
+    move = around(33.0)
+    move[:3, 3] += [0.4, -0.2, 0.7]
+    here = refine(body(), observe(both()), near(), RULES)
+    away = {name: move @ placed for name, placed in ASIDE.items()}
+    frame = seen_from(body(), [pose()] * 2, ASIDE)
+    views = [replace(view, T_rig_camera=away[view.camera], others=()) for view in frame.views]
+    there = refine(
+        body(),
+        observe(subject_of(replace(views[0], others=tuple(views[1:])), POINTS)),
+        moved_by(move, near()),
+        RULES,
+    )
+    np.testing.assert_allclose(there.log_likelihood, here.log_likelihood, rtol=1e-3)
+    joints = joint_positions(body(), here.poses) @ move[:3, :3].T + move[:3, 3]
+    np.testing.assert_allclose(joint_positions(body(), there.poses), joints, atol=1e-3)
+
+
+def test_the_log_likelihood_is_the_mean_over_the_points_of_all_cameras() -> None:
+    """Each camera's own, weighted with its number of points."""
+    whole, still = both(), msgspec.structs.replace(RULES, icp_iterations=0)
+    alone = [replace(view, others=()) for view in whole.views]
+    assert len(alone) == 2
+    weights = np.array([len(view.picked) for view in alone]) / sum(len(view.picked) for view in alone)
+    each = np.array([refine(body(), observe(view), near(), still).log_likelihood for view in alone])
+    found = refine(body(), observe(whole), near(), still).log_likelihood
+    np.testing.assert_allclose(found, weights @ each, rtol=1e-9)
+
+
+def test_a_second_camera_finds_the_arm_that_the_first_does_not_see() -> None:
+    """Its joints are nearer to the truth, and its covariance is smaller."""
+    arm = [body().dof(f"r_{name}") for name in ("shoulder_flexion", "elbow_flexion")]
+    true, start = joint_positions(body(), pose()[None])[0], pose()[None].copy()
+    start[0, arm] += 0.4
+    many, errors, spreads = msgspec.structs.replace(RULES, icp_iterations=12), [], []
+    for subject in (subject_of(seen_from(body(), [pose()], {"front": ASIDE["front"]}), POINTS), both()):
+        found = refine(body(), observe(subject), start, many, covariance=True)
+        wrist = body().joint_names.index("right_wrist")
+        errors.append(np.linalg.norm(joint_positions(body(), found.poses)[0, wrist] - true[wrist]))
+        assert found.covariance_roots is not None
+        root = lower_triangular(found.covariance_roots, len(pose()))[0]
+        spreads.append(np.sqrt(np.diag(root @ root.T))[arm])
+    assert errors[1] < 0.03
+    assert errors[0] > 2.0 * errors[1]
+    assert np.all(spreads[1] < 0.5 * spreads[0])
+
+
+@pytest.mark.parametrize("delay_s", [0.016, -0.016])
+def test_a_camera_with_another_time_sees_the_body_where_it_is_then(delay_s: float) -> None:
+    """With its velocity, the pose is that of the frame's time; without, it lies in between."""
+    velocity = np.zeros((1, len(pose())))
+    velocity[0, :3] = [1.5, 0.0, 0.5]
+    then = retract(body(), pose()[None], delay_s * velocity)[0]
+    frame = seen_from(body(), [pose(), then], ASIDE)
+    late = replace(frame.others[0], time_s=frame.time_s + delay_s)
+    observed = observe(subject_of(replace(frame, others=(late,)), POINTS))
+    off = []
+    for known_velocity in (velocity[0], None):
+        found = refine(body(), observed, pose()[None], RULES, velocity=known_velocity)
+        off.append(np.linalg.norm(found.poses[0, :3] - pose()[:3]))
+    assert off[0] < 0.003
+    assert off[1] > 0.006
+
+
+def test_people_in_several_images_are_as_many_as_there_are() -> None:
+    """One person in two images is one candidate; somebody whom only one camera shows is another."""
+    lone = Segmenter(POINTS).segment(seen_from(body(), [pose()] * 2, ASIDE), [None])
+    (candidate,) = lone.candidates
+    assert {view.frame.camera for view in candidate.views} == set(ASIDE)
+    far = pose().copy()
+    far[0] += 0.9
+    seen = Segmenter(POINTS).segment(seen_from(body(), [pose(), far], ASIDE), [None])
+    assert sorted(len(each.views) for each in seen.candidates) == [1, 1]
+
+
+def test_a_person_whom_one_camera_no_longer_sees_is_kept_by_the_other() -> None:
+    """Within 5 cm from frame to frame, found by both, then seen by the second alone, then by the first."""
+    from coordinator.tracking.tracker import Tracker
+    from gepf.direct import DirectRefiner
+
+    model = human(1.82)
+    standing = name_pose(model, STANDING)
+    frame = seen_from(model, [standing] * 2, ASIDE)
+    shows = ("both", "both", "side", "side", "front")
+    true, tracker = joint_positions(model, standing[None])[0], Tracker(DirectRefiner(), SETTINGS, known())
+    for number, which in enumerate(shows):
+        (tracked,) = tracker.track(shown_by(frame, which, number))
+        estimate = tracked.estimate
+        assert estimate.status in ("tracked", "ambiguous")
+        assert set(estimate.seen_by) == (set(ASIDE) if which == "both" else {which})
+        assert np.linalg.norm(estimate.joint_positions - true, axis=1).max() < 0.08
+
+
+def shown_by(frame: DepthFrame, which: str, number: int) -> DepthFrame:
+    """The frame at a later number, with the depth of one camera only, or of both."""
+    views = [
+        replace(
+            view,
+            number=number,
+            time_s=number / 30.0,
+            depth=view.depth if which in ("both", view.camera) else np.zeros_like(view.depth),
+            others=(),
+        )
+        for view in frame.views
+    ]
+    return replace(views[0], others=tuple(views[1:]))
