@@ -96,6 +96,9 @@ def same(one: object, other: object) -> bool:
         if isinstance(a, np.ndarray):
             if (a.dtype, a.shape, a.tobytes()) != (b.dtype, b.shape, b.tobytes()):
                 return False
+        elif field.name == "others":
+            if len(a) != len(b) or not all(map(same, a, b)):
+                return False
         elif not (same(a, b) if hasattr(a, "__dataclass_fields__") else a == b):
             return False
     return True
@@ -255,19 +258,32 @@ BAD = {
     "choice": ("request", set_to("settings", "descent", value="fast"), "Invalid enum value 'fast'"),
     "picked range": (
         "frame",
-        set_to("picked", value=packed(np.array([5000], np.uint32))),
+        set_to("views", 0, "picked", value=packed(np.array([5000], np.uint32))),
         "picked must be 0 to 1023, not 5000",
     ),
-    "picked order": ("frame", set_to("picked", value=packed(np.array([5, 5], np.uint32))), "ascending order"),
-    "depth size": ("frame", set_to("intrinsics", "width", value=31), r"expected \(32, 31\)"),
-    "focal": ("frame", set_to("intrinsics", "fx", value=0.0), "focal lengths must be .* not 0"),
+    "picked order": (
+        "frame",
+        set_to("views", 0, "picked", value=packed(np.array([5, 5], np.uint32))),
+        "ascending order",
+    ),
+    "depth size": ("frame", set_to("views", 0, "intrinsics", "width", value=31), r"expected \(32, 31\)"),
+    "focal": ("frame", set_to("views", 0, "intrinsics", "fx", value=0.0), "focal lengths must be .* not 0"),
     "kinds range": (
         "frame",
-        set_to("kinds", value=packed(np.full((32, 32), UNMEASURED + 1, np.uint8))),
+        set_to("views", 0, "kinds", value=packed(np.full((32, 32), UNMEASURED + 1, np.uint8))),
         "kinds must be 0 to 4, not 5",
     ),
-    "kinds": ("frame", set_to("kinds", value=packed(np.full((32, 32), EMPTY, np.uint8))), "kinds and depth"),
-    "view": ("frame", set_to("view", value=[3, 0, 2, 9]), "ends before it begins"),
+    "kinds": (
+        "frame",
+        set_to("views", 0, "kinds", value=packed(np.full((32, 32), EMPTY, np.uint8))),
+        "kinds and depth",
+    ),
+    "mirrored": (
+        "frame",
+        set_to("views", 0, "T_rig_camera", value=packed(np.diag([1.0, 1.0, -1.0, 1.0]))),
+        "T_rig_camera is not a rotation",
+    ),
+    "view": ("frame", set_to("views", 0, "view", value=[3, 0, 2, 9]), "ends before it begins"),
     "vertex": (
         "model",
         set_to("arrays", "triangles", value=packed(np.full((4, 3), 4))),
@@ -288,7 +304,10 @@ BAD = {
     "lost field": ("model", lambda content: content["arrays"].pop("axes"), r"lacks fields \['axes'\]"),
     "no pixels": (
         "frame",
-        lambda content: (content["intrinsics"].update(width=0), content.update(depth=["<u2", [32, 0], b""])),
+        lambda content: (
+            content["views"][0]["intrinsics"].update(width=0),
+            content["views"][0].update(depth=["<u2", [32, 0], b""]),
+        ),
         "a frame has 1 to 8388608 pixels, this one 0 by 32",
     ),
     "many fields": (

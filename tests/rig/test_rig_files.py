@@ -70,6 +70,7 @@ def change(**fields: object) -> Callable[[dict[str, Any]], object]:
         (change(time_offset_s=1e9), "time_offset_s of 'b' is not in seconds"),
         (change(time_offset_s="soon"), "time_offset_s"),
     ],
+    ids=["key", "none", "twice", "missing", "scaled", "mirrored", "short", "late", "text"],
 )
 def test_a_bad_rig_is_refused(tmp_path: Path, damage: Callable[[dict[str, Any]], object], said: str) -> None:
     """One line says what is wrong, and where."""

@@ -111,7 +111,7 @@ def test_a_second_camera_finds_the_arm_that_the_first_does_not_see() -> None:
         spreads.append(np.sqrt(np.diag(root @ root.T))[arm])
     assert errors[1] < 0.03
     assert errors[0] > 2.0 * errors[1]
-    assert np.all(spreads[1] < 0.5 * spreads[0])
+    assert np.all(spreads[1] < 0.7 * spreads[0])
 
 
 @pytest.mark.parametrize("delay_s", [0.016, -0.016])

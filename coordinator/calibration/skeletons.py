@@ -1,0 +1,109 @@
+"""Aligns the joints that two cameras see of one moving person: rigid transform and clock offset.
+
+The offset is the one with the smallest residual of the rigid fit. Joints are weighted with their variances and
+a robust kernel, as a limb that a camera does not see may be wrong by much.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.camera import moved
+from coordinator.tracking.estimate import UNKNOWN, Estimate
+
+Array = NDArray[np.float64]
+
+STEP_S = 1.0 / 60.0  # between the offsets that are tried
+LEAST_OVERLAP_S = 1.0  # of the two recordings, and half of the shorter one
+OUTLIER_M = 0.1  # scale of the robust kernel
+REWEIGHTED = 4  # times
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Motion:
+    """The joints of a person over time, as one camera sees them.
+
+    time_s: (F,) ascending. joints: (F, J, 3) metres, camera frame. variance: (F, J) m^2; infinite if unknown.
+    """
+
+    time_s: Array
+    joints: Array
+    variance: Array
+
+    def at(self, times: Array) -> tuple[Array, Array]:
+        """Joints (T, J, 3) and variances (T, J) at other times, by linear interpolation."""
+        after = np.clip(np.searchsorted(self.time_s, times, side="right"), 1, len(self.time_s) - 1)
+        share = (times - self.time_s[after - 1]) / (self.time_s[after] - self.time_s[after - 1])
+        inside = (share >= 0.0) & (share <= 1.0)
+        between = (1.0 - share)[:, None, None] * self.joints[after - 1] + share[:, None, None] * self.joints[
+            after
+        ]
+        variance = np.maximum(self.variance[after - 1], self.variance[after])
+        return between, np.where(inside[:, None], variance, np.inf)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Alignment:
+    """How another camera is placed: T_first_other (4, 4), its clock offset, and the mean residual in metres."""
+
+    placed: Array
+    offset_s: float
+    residual_m: float
+
+
+def motion_of(estimates: list[Estimate]) -> Motion:
+    """The motion of a tracked person."""
+    joints = np.array([each.joint_positions for each in estimates])
+    variance = np.full(joints.shape[:2], np.inf)
+    for f, each in enumerate(estimates):
+        if each.status not in UNKNOWN and each.certainty is not None:
+            variance[f] = each.certainty.deviation**2
+    return Motion(np.array([each.time_s for each in estimates]), np.nan_to_num(joints), variance)
+
+
+def align(first: Motion, other: Motion) -> Alignment | None:
+    """Align the joints of another camera with those of the first; None if they have too little in common."""
+    length = min(np.ptp(first.time_s), np.ptp(other.time_s))
+    least = max(LEAST_OVERLAP_S, 0.5 * length)
+    earliest = first.time_s[0] + least - other.time_s[-1]
+    latest = first.time_s[-1] - least - other.time_s[0]
+    offsets = np.arange(earliest, latest + STEP_S, STEP_S)
+    fits = [fit_at(first, other, offset) for offset in offsets]
+    costs = np.array([np.inf if fit is None else fit.residual_m for fit in fits])
+    if not np.isfinite(costs).any():
+        return None
+    n = int(np.argmin(costs))
+    if 0 < n < len(costs) - 1 and np.isfinite(costs[n - 1 : n + 2]).all():
+        before, at, after = costs[n - 1 : n + 2] ** 2
+        shift = 0.5 * (before - after) / max(before - 2.0 * at + after, 1e-12)
+        return fit_at(first, other, offsets[n] + STEP_S * float(np.clip(shift, -0.5, 0.5)))
+    return fits[n]
+
+
+def fit_at(first: Motion, other: Motion, offset_s: float) -> Alignment | None:
+    """The rigid fit with a clock offset; None if nothing is known at the same time."""
+    joints, variance = other.at(first.time_s - offset_s)
+    weights = (1.0 / (first.variance + variance)).ravel()
+    if np.count_nonzero(weights) < joints.shape[1]:
+        return None
+    here, there, robust = first.joints.reshape(-1, 3), joints.reshape(-1, 3), np.ones_like(weights)
+    for _ in range(REWEIGHTED):
+        placed = rigid_fit(there, here, weights * robust)
+        squares = np.sum((moved(there, placed) - here) ** 2, axis=1)
+        robust = (OUTLIER_M**2 / (OUTLIER_M**2 + squares)) ** 2
+    cost = OUTLIER_M**2 * squares / (OUTLIER_M**2 + squares)
+    return Alignment(placed, offset_s, float(np.sqrt(np.average(cost, weights=weights))))
+
+
+def rigid_fit(points: Array, targets: Array, weights: Array) -> Array:
+    """The rigid transform (4, 4) that moves points (N, 3) to targets (N, 3) best (Kabsch, 1976)."""
+    total = weights / weights.sum()
+    middle, target = total @ points, total @ targets
+    left, _, right = np.linalg.svd((targets - target).T @ ((points - middle) * total[:, None]))
+    placed = np.eye(4)
+    placed[:3, :3] = left @ np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))]) @ right
+    placed[:3, 3] = target - placed[:3, :3] @ middle
+    return placed
