@@ -1,8 +1,7 @@
 """Calibrates a rig: track each camera alone, align the joints, then refine on the surface with the body.
 
-The refinement alternates: the body is tracked by all cameras, then each camera is placed by the tracked surface.
-The body lies between the cameras, so a camera is misplaced by more than its distance from the surface: with n
-cameras, by n / (n - 1) of it.
+The refinement alternates: the body is tracked by all cameras, then each camera, also the first, is placed by the
+tracked surface, and the rig is moved back so that the first one stays.
 """
 
 from __future__ import annotations
@@ -14,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.body import BodyModel
+from common.camera import inverse
 from common.errors import InputError
 from common.frame import SubjectFrame
 from common.kinematics import pose_vertices
@@ -32,6 +32,7 @@ Array = NDArray[np.float64]
 
 ROUNDS = 6  # of tracking and placing
 SETTLED = (np.radians(0.02), 0.0005, 0.0002)  # radians, metres, seconds: a smaller step ends the rounds
+SURE = np.zeros(7)
 POINTS = 300  # of a camera in a frame
 MISFIT_M = 0.09  # largest mean residual of joints of the same person
 LARGEST_DEVIATIONS = (
@@ -101,23 +102,24 @@ def calibrate(
         tracked = follow(each, refiner, settings, bodies)
         motions[name] = motion_of([one.estimate for one in tracked])
     aligned = {name: require(name, first, align(motions[first], motions[name])) for name, _ in others}
-    places = {name: CameraPlace(a.placed, a.offset_s, np.full(7, np.inf)) for name, a in aligned.items()}
+    places = {name: CameraPlace(a.placed, a.offset_s, SURE) for name, a in aligned.items()}
     for n in range(ROUNDS):
         report(f"tracking with all cameras, round {n + 1}")
         rig = replace(source, others=tuple(put(each, places[name]) for name, each in others))
         watching = Watching(refiner)
         tracked = follow(rig, watching, settings, bodies)
-        steps = place_all(tracked, watching.subjects, places)
-        share = len(sources) / len(others)
-        for name, step in steps.items():
-            deviations = share * np.sqrt(np.diag(step.covariance))
-            offset = places[name].offset_s + share * step.step[6]
-            places[name] = CameraPlace(step.apply(places[name].placed, share), offset, deviations)
-        if all(is_settled(step) for step in steps.values()):
+        steps = place_all(tracked, watching.subjects, {first: CameraPlace(np.eye(4), 0.0, SURE), **places})
+        back, own = inverse(steps[first].apply(np.eye(4))), steps[first]
+        for name, found in places.items():
+            step = steps[name]
+            deviations = np.sqrt(np.diag(step.covariance + own.covariance))[:7]
+            offset = found.offset_s + step.step[6] - own.step[6]
+            places[name] = CameraPlace(back @ step.apply(found.placed), offset, deviations)
+        if all(is_settled(step, own) for step in steps.values()):
             break
     for name, found in places.items():
         refuse_guess(name, first, found)
-    return {first: CameraPlace(np.eye(4), 0.0, np.zeros(7)), **places}
+    return {first: CameraPlace(np.eye(4), 0.0, SURE), **places}
 
 
 def follow(source: Source, refiner: Refiner, settings: Settings, bodies: Bodies) -> list[Tracked]:
@@ -172,9 +174,10 @@ def sights_of(
                 yield Sight(each.estimate.time_s + view.delay_s, points, surface)
 
 
-def is_settled(step: Placement) -> bool:
-    """Whether a step is so small that another round would change nothing."""
-    sizes = np.abs(step.step[:3]).max(), np.abs(step.step[3:6]).max(), abs(step.step[6])
+def is_settled(step: Placement, own: Placement) -> bool:
+    """Whether a camera's step from that of the first is so small that another round would change nothing."""
+    rest = np.abs(step.step - own.step)
+    sizes = rest[:3].max(), rest[3:6].max(), rest[6]
     return bool(np.all(np.array(sizes) < SETTLED))
 
 

@@ -25,7 +25,7 @@ SKELETON_COLOUR: Colour = (255, 255, 255)
 OTHERS_COLOUR: Colour = (92, 214, 255)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True)
 class View:
     """A window of a camera's image, in pixels of that image, and the size in which it is drawn."""
 
@@ -35,7 +35,7 @@ class View:
     scale: float  # pixels of the picture per pixel of the image
     width: int  # of the picture
     height: int
-    placed: Array = field(default_factory=NOT_MOVED.copy)  # T_camera_rig
+    placed: Array = field(default_factory=NOT_MOVED.copy, compare=False)  # T_camera_rig
 
     @property
     def intrinsics(self) -> Intrinsics:

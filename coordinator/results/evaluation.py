@@ -54,12 +54,12 @@ def read_truth(path: Path, placed: NDArray[np.float64] = NOT_MOVED) -> Truth:
         raise InputError(f"{path} has no 'pose', but dof_names; give both or neither")
     names = ("joint_names", "dof_names", "slides")
     joint_names, dof_names, slides = (tuple(arrays.get(name, np.empty(0)).tolist()) for name in names)
-    joints = moved(arrays["joint_positions"].astype(np.float64), placed)
+    joints = arrays["joint_positions"]
     pose = arrays["pose"] if dof_names else np.empty((len(joints), 0))
     for values in (joints, pose):
         values[~np.isfinite(values)] = np.nan
     frame = arrays.get("frame", np.arange(len(joints)))
-    return Truth(frame, joint_names, joints, dof_names, pose, ROOT_DOFS[:3] + slides)
+    return Truth(frame, joint_names, moved(joints, placed), dof_names, pose, ROOT_DOFS[:3] + slides)
 
 
 def check_truth_of(run: Path, truth: Path) -> None:

@@ -136,17 +136,11 @@ def test_a_small_image_and_one_frame_are_enough(model: BodyModel, tmp_path: Path
     coarse = Intrinsics(40, 40, 60.0, 60.0, 19.5, 19.5)
     depth = np.full((40, 40), 3000, dtype=np.uint16)
 
-    class OneFrame:
-        name, intrinsics, fps, numbers, truth, init = "one", coarse, 30.0, range(1), None, None
-
-        def frame(self, number: int) -> DepthFrame:
-            """The one."""
-            return DepthFrame(number, 0.0, depth, 1000.0, coarse)
-
+    source = Source("one", coarse, range(1), lambda _: depth, 1000.0)
     arrays: dict[str, Any] = {f.name: getattr(track, f.name) for f in fields(Track)}
     arrays = {name: array[:1] for name, array in arrays.items() if isinstance(array, np.ndarray)}
     one = replace(track, **arrays)
-    files = draw_run(OneFrame(), TrackedBody(model, {}), one, tmp_path)  # type: ignore[arg-type]
+    files = draw_run(source, TrackedBody(model, {}), one, tmp_path)
     assert all(file.suffix == ".mp4" or pixels(file).std() > 5.0 for file in files)
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from common.camera import Intrinsics
 from common.errors import InputError
 from coordinator.sources import open_source
 from tests.support.recordings import write_open3d
@@ -21,7 +22,7 @@ def write(folder: Path, offsets: dict[str, float], frames: int = 5) -> Path:
     """A rig of cameras with these time offsets, each with frames whose depth is 1000 + number."""
     for name in offsets:
         depth = np.full((frames, 6, 8), 1000, np.uint16) + np.arange(frames, dtype=np.uint16)[:, None, None]
-        write_open3d(folder / name, depth)
+        write_open3d(folder / name, depth, Intrinsics(8, 6, 10.0, 10.0, 3.5, 2.5))
     cameras = {
         name: {"sequence": name, "T_rig_camera": IDENTITY, "time_offset_s": offset}
         for name, offset in offsets.items()

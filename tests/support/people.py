@@ -159,7 +159,9 @@ def tracker(settings: Settings = SETTINGS, start: dict[str, float] = STANDING) -
 
 def as_bytes(estimate: Estimate) -> list[bytes]:
     """All values of an estimate except times."""
-    names = [field.name for field in fields(Estimate) if field.name not in ("stage_seconds", "certainty")]
+    apart = ("stage_seconds", "certainty", "seen_by")
+    names = [field.name for field in fields(Estimate) if field.name not in apart]
     certainty = estimate.certainty
     sure = [] if certainty is None else [getattr(certainty, field.name) for field in fields(Certainty)]
-    return [np.asarray(value).tobytes() for value in (*(getattr(estimate, name) for name in names), *sure)]
+    own = (getattr(estimate, name) for name in names)
+    return [np.asarray(value).tobytes() for value in (*own, *sure, *estimate.seen_by.values())]
