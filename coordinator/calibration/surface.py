@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 OUTLIER_M = 0.03  # scale of the robust kernel
 FARTHEST_M = 0.15  # from the surface
 STEPS = 8  # of Gauss-Newton, with new closest points
-UNKNOWNS = 8
+UNKNOWNS = 7
 BLOCK_S = 0.5  # longer than errors of the pose are alike
 
 
@@ -52,8 +52,8 @@ class Sight:
 class Placement:
     """How much a camera is to be moved, and its deviations.
 
-    step: (8,) rotation about `middle` and translation in the rig's frame, radians and metres; seconds; and how
-    much the surface is too thin, metres. covariance: (8, 8).
+    step: (7,) rotation about `middle` and translation in the rig's frame, radians and metres, and seconds.
+    covariance: (7, 7).
     """
 
     middle: Array
@@ -105,13 +105,13 @@ def place(sights: Sequence[Sight], placed: Array) -> Placement | None:
     step = Placement(middle, np.zeros(UNKNOWNS), np.zeros((UNKNOWNS, UNKNOWNS)))
     for _ in range(STEPS):
         now = step.apply(placed)
-        parts = [sums_of(*each, now, middle, step.step[6:]) for each in zip(sights, facing, strict=True)]
+        parts = [sums_of(*each, now, middle, step.step[6]) for each in zip(sights, facing, strict=True)]
         gram = np.sum([part[0] for part in parts], axis=0)
         if np.linalg.matrix_rank(gram, hermitian=True) < UNKNOWNS:
             return None
         move = -np.linalg.solve(gram, np.sum([part[1] for part in parts], axis=0))
         onward = Placement(middle, move, step.covariance).apply(now)
-        step = Placement(middle, between(placed, onward, middle, step.step[6:] + move[6:]), step.covariance)
+        step = Placement(middle, between(placed, onward, middle, step.step[6] + move[6]), step.covariance)
     slopes = np.array(
         [sum(p[1] for p, b in zip(parts, blocks, strict=True) if b == k) for k in np.unique(blocks)]
     )
@@ -120,12 +120,12 @@ def place(sights: Sequence[Sight], placed: Array) -> Placement | None:
     return Placement(middle, step.step, inverse @ spread @ inverse)
 
 
-def between(placed: Array, onward: Array, middle: Array, rest: Array) -> Array:
-    """The step (8,) from one T_rig_camera (4, 4) to another, for a rotation about `middle`."""
+def between(placed: Array, onward: Array, middle: Array, seconds: float) -> Array:
+    """The step (7,) from one T_rig_camera (4, 4) to another, for a rotation about `middle`."""
     turn = onward[:3, :3] @ placed[:3, :3].T
     vector = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
     shift = onward[:3, 3] - (rotation(vector) @ (placed[:3, 3] - middle) + middle)
-    return np.concatenate([vector, shift, rest])
+    return np.concatenate([vector, shift, [seconds]])
 
 
 def seen_part(sight: Sight, placed: Array) -> tuple[KDTree, NDArray[np.int64]]:
@@ -138,25 +138,22 @@ def seen_part(sight: Sight, placed: Array) -> tuple[KDTree, NDArray[np.int64]]:
 
 
 def sums_of(
-    sight: Sight, part: tuple[KDTree, NDArray[np.int64]], placed: Array, middle: Array, rest: Array
+    sight: Sight, part: tuple[KDTree, NDArray[np.int64]], placed: Array, middle: Array, seconds: float
 ) -> tuple[Array, Array]:
-    """J^T W J (8, 8) and J^T W r (8,) of one image, with points moved by T_rig_camera `placed`."""
+    """J^T W J (7, 7) and J^T W r (7,) of one image, with points moved by T_rig_camera `placed`."""
     tree, facing = part
     points = moved(sight.points, placed)
     apart, nearest = tree.query(points, distance_upper_bound=FARTHEST_M)
     points, vertices = points[np.isfinite(apart)], facing[nearest[np.isfinite(apart)]]
     normals, velocities = sight.surface.normals[vertices], sight.surface.velocities[vertices]
-    later = sight.time_s + rest[0] - sight.surface.time_s
-    residuals = (
-        np.sum(normals * (points - sight.surface.vertices[vertices] - later * velocities), axis=1) - rest[1]
-    )
+    later = sight.time_s + seconds - sight.surface.time_s
+    residuals = np.sum(normals * (points - sight.surface.vertices[vertices] - later * velocities), axis=1)
     weights = (OUTLIER_M**2 / (OUTLIER_M**2 + residuals**2)) ** 2
     slopes = np.hstack(
         [
             np.cross(points - middle, normals),
             normals,
             -np.sum(normals * velocities, axis=1)[:, None],
-            -np.ones((len(points), 1)),
         ]
     )
     return (slopes * weights[:, None]).T @ slopes, slopes.T @ (weights * residuals)

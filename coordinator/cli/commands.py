@@ -98,6 +98,27 @@ def info(
 
 
 @app.command(rich_help_panel=SEQUENCES)
+def calibrate(
+    context: typer.Context,
+    sequences: Annotated[
+        list[Path],
+        typer.Argument(metavar="A B [C ...]", help="A recording of each camera, at the same time."),
+    ],
+    out: Annotated[Path, typer.Option("--out", metavar="FILE.json", help="Rig to write.")],
+    *,
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
+    """Find the places and clocks of cameras, from a person who moves in front of all of them."""
+    show = on_stderr(quiet=quiet)
+    show.say(f"calibrating {len(sequences)} cameras; loading")
+    with loading():
+        from coordinator.commands.calibrate import run_calibrate
+        from coordinator.commands.workers import connect_workers
+    run_calibrate(sequences, out, show, context.obj or connect_workers, force=force)
+
+
+@app.command(rich_help_panel=SEQUENCES)
 @grouped
 def synth(options: SynthOptions, quiet: Quiet = False) -> None:
     """Render a sequence with ground truth and a start pose."""

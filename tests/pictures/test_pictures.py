@@ -18,7 +18,6 @@ from scipy.ndimage import binary_dilation
 from common.activation import activate
 from common.body import BodyModel
 from common.camera import Intrinsics, project
-from common.frame import DepthFrame
 from common.kinematics import pose_vertices
 from coordinator.bodies.angles import angles_of
 from coordinator.pictures.film import spread, tile, write_film

@@ -1,0 +1,81 @@
+"""`gepf calibrate`: the places and clocks of cameras, from recordings of one person, as a rig file."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from common.bounds import MAX_CAMERAS
+from common.errors import InputError
+from common.settings import preset
+from coordinator.bodies.choice import choose_bodies
+from coordinator.bodies.human.dofs import HUMAN
+from coordinator.calibration.rig import CameraPlace, calibrate
+from coordinator.commands.progress import Show
+from coordinator.commands.workers import Connect
+from coordinator.files import require_new, with_parent
+from coordinator.pool.options import Pool
+from coordinator.sources import Source, open_source
+from coordinator.sources.rig import RigCamera, write_rig
+
+
+def run_calibrate(sequences: Sequence[Path], out: Path, show: Show, connect: Connect, *, force: bool) -> None:
+    """Write the rig file, and print a line for each camera.
+
+    Raises InputError for wrong input, and if the recordings do not determine a place.
+    """
+    require_new(out, force=force)
+    with_parent(out)
+    sources = open_all(sequences)
+    with connect(Pool(), show) as workers:
+        found = calibrate(
+            sources, workers, preset("default"), choose_bodies(None, "default", HUMAN), show.say
+        )
+    cameras, facts = {}, {}
+    for (name, place), sequence in zip(found.items(), sequences, strict=True):
+        path = os.path.relpath(sequence.resolve(), out.resolve().parent)
+        cameras[name] = RigCamera(path, place.placed.tolist(), place.offset_s)
+        facts[name] = deviations_of(place)
+    write_rig(out, cameras, {"deviations": facts})
+    for name, place in list(found.items())[1:]:
+        sys.stdout.write(f"{name}: {describe(place)}\n")
+    show.say(f"the rig is in {out}; gepf track {out} --out run/ tracks with all cameras")
+
+
+def open_all(sequences: Sequence[Path]) -> dict[str, Source]:
+    """The recordings by name; InputError if they are not two or more different ones."""
+    if not 2 <= len(sequences) <= MAX_CAMERAS:
+        raise InputError(f"{len(sequences)} recordings were given; give those of 2 to {MAX_CAMERAS} cameras")
+    if len({path.resolve() for path in sequences}) < len(sequences):
+        raise InputError("a recording is given twice; give one of each camera")
+    sources, found = [open_source(path) for path in sequences], dict[str, Source]()
+    names = [source.name for source in sources]
+    for n, source in enumerate(sources, 1):
+        if source.others:
+            raise InputError(f"{source.name} is a rig already; give the recordings of single cameras")
+        found[source.name if names.count(source.name) == 1 else f"camera{n}"] = source
+    return found
+
+
+def deviations_of(place: CameraPlace) -> dict[str, list[float] | float]:
+    """Standard deviations by name."""
+    return {
+        "rotation_deg": np.degrees(place.deviations[:3]).round(4).tolist(),
+        "position_at_person_m": place.deviations[3:6].round(5).tolist(),
+        "time_offset_s": round(float(place.deviations[6]), 6),
+    }
+
+
+def describe(place: CameraPlace) -> str:
+    """A place in one line, with its deviations."""
+    away = float(np.linalg.norm(place.placed[:3, 3]))
+    turn = float(np.degrees(np.arccos(np.clip((np.trace(place.placed[:3, :3]) - 1.0) / 2.0, -1.0, 1.0))))
+    angle, metres = np.degrees(place.deviations[:3].max()), 100.0 * place.deviations[3:6].max()
+    return (
+        f"{away:.3f} m from the first camera, turned by {turn:.1f} deg, clock {1000.0 * place.offset_s:+.1f} ms; "
+        f"deviations {angle:.2f} deg, {metres:.1f} cm at the person, {1000.0 * place.deviations[6]:.1f} ms"
+    )
