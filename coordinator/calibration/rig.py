@@ -1,7 +1,7 @@
 """Calibrates a rig: track each camera alone, align the joints, then refine on the surface with the body.
 
-The refinement alternates: the body is tracked by all cameras, then each camera, also the first, is placed by the
-tracked surface, and the rig is moved back so that the first one stays.
+The refinement alternates: the body is tracked by all cameras, then each camera, also the first, is placed by
+the tracked surface, and the rig is moved back so that the first one stays.
 """
 
 from __future__ import annotations
@@ -31,7 +31,9 @@ from coordinator.tracking.tracker import Tracker
 Array = NDArray[np.float64]
 
 ROUNDS = 6  # of tracking and placing
-SETTLED = (np.radians(0.02), 0.0005, 0.0002)  # radians, metres, seconds: a smaller step ends the rounds
+SETTLED = (np.radians(0.05), 0.001, 0.0005)  # radians, metres, seconds: a smaller step ends the rounds
+MODEL_DEVIATIONS = np.repeat([np.radians(0.17), 0.0055, 0.001], (3, 3, 1))
+"""Errors that are alike in all frames, as of the surface's shape: radians, metres, seconds (`dance`, `turn`)."""
 SURE = np.zeros(7)
 POINTS = 300  # of a camera in a frame
 MISFIT_M = 0.09  # largest mean residual of joints of the same person
@@ -44,9 +46,10 @@ LARGEST_DEVIATIONS = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraPlace:
-    """Where a camera is, and how sure that is: deviations of rotation about the person, position there, and clock.
+    """Where a camera is, and how sure that is.
 
-    placed: T_rig_camera (4, 4). deviations: (7,) radians about and metres along the rig's axes, and seconds.
+    placed: T_rig_camera (4, 4). deviations: (7,) of the rotation about the rig's axes and of the position at
+    the person, radians and metres; and of the clock, seconds.
     """
 
     placed: Array
@@ -112,7 +115,8 @@ def calibrate(
         back, own = inverse(steps[first].apply(np.eye(4))), steps[first]
         for name, found in places.items():
             step = steps[name]
-            deviations = np.sqrt(np.diag(step.covariance + own.covariance))[:7]
+            drawn = np.diag(step.covariance + own.covariance)
+            deviations = np.sqrt(drawn + MODEL_DEVIATIONS**2)
             offset = found.offset_s + step.step[6] - own.step[6]
             places[name] = CameraPlace(back @ step.apply(found.placed), offset, deviations)
         if all(is_settled(step, own) for step in steps.values()):
@@ -189,8 +193,8 @@ def require(name: str, first: str, found: Alignment | None) -> Alignment:
         )
     if found.residual_m > MISFIT_M:
         raise InputError(
-            f"the motion that {name} shows is not that of {first}: joints are {100 * found.residual_m:.0f} cm apart "
-            "at best; record one person who moves in front of both"
+            f"the motion that {name} shows is not that of {first}: joints are {100 * found.residual_m:.0f} cm "
+            "apart at best; record one person who moves in front of both"
         )
     return found
 

@@ -1,7 +1,7 @@
 """Aligns the joints that two cameras see of one moving person: rigid transform and clock offset.
 
-The offset is the one with the smallest residual of the rigid fit. Joints are weighted with their variances and
-a robust kernel, as a limb that a camera does not see may be wrong by much.
+The offset is the one with the smallest residual of the rigid fit. Joints are weighted with their variances
+and a robust kernel, as a limb that a camera does not see may be wrong by much.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Motion:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Alignment:
-    """How another camera is placed: T_first_other (4, 4), its clock offset, and the mean residual in metres."""
+    """How another camera is placed: T_first_other (4, 4), its clock offset, and the mean residual, metres."""
 
     placed: Array
     offset_s: float

@@ -41,7 +41,7 @@ class Surface:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sight:
-    """What a camera saw: points (P, 3) in its own frame at a time of the rig, and the surface of that frame."""
+    """What a camera saw: points (P, 3) in its own frame at a time of the rig; and the surface then."""
 
     time_s: float
     points: Array
