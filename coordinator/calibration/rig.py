@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 ROUNDS = 6  # of tracking and placing
 SETTLED = (np.radians(0.05), 0.001, 0.0005)  # radians, metres, seconds: a smaller step ends the rounds
 MODEL_DEVIATIONS = np.repeat([np.radians(0.17), 0.0055, 0.001], (3, 3, 1))
-"""Errors that are alike in all frames, as of the surface's shape: radians, metres, seconds (`dance`, `turn`)."""
+"""Errors that are alike in all frames, as of the surface: radians, metres, seconds (`dance`, `turn`)."""
 SURE = np.zeros(7)
 POINTS = 300  # of a camera in a frame
 MISFIT_M = 0.09  # largest mean residual of joints of the same person
@@ -117,7 +117,7 @@ def calibrate(
             step = steps[name]
             drawn = np.diag(step.covariance + own.covariance)
             deviations = np.sqrt(drawn + MODEL_DEVIATIONS**2)
-            offset = found.offset_s + step.step[6] - own.step[6]
+            offset = found.offset_s + float(step.step[6] - own.step[6])
             places[name] = CameraPlace(back @ step.apply(found.placed), offset, deviations)
         if all(is_settled(step, own) for step in steps.values()):
             break
@@ -193,8 +193,8 @@ def require(name: str, first: str, found: Alignment | None) -> Alignment:
         )
     if found.residual_m > MISFIT_M:
         raise InputError(
-            f"the motion that {name} shows is not that of {first}: joints are {100 * found.residual_m:.0f} cm "
-            "apart at best; record one person who moves in front of both"
+            f"{name} does not show the motion of {first}: joints are {100 * found.residual_m:.0f} cm apart "
+            "at best; record one person who moves in front of both"
         )
     return found
 

@@ -70,7 +70,7 @@ def align(first: Motion, other: Motion) -> Alignment | None:
     least = max(LEAST_OVERLAP_S, 0.5 * length)
     earliest = first.time_s[0] + least - other.time_s[-1]
     latest = first.time_s[-1] - least - other.time_s[0]
-    offsets = np.arange(earliest, latest + STEP_S, STEP_S)
+    offsets = np.arange(earliest, latest + STEP_S, STEP_S).tolist()
     fits = [fit_at(first, other, offset) for offset in offsets]
     costs = np.array([np.inf if fit is None else fit.residual_m for fit in fits])
     if not np.isfinite(costs).any():

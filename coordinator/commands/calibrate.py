@@ -75,7 +75,8 @@ def describe(place: CameraPlace) -> str:
     away = float(np.linalg.norm(place.placed[:3, 3]))
     turn = float(np.degrees(np.arccos(np.clip((np.trace(place.placed[:3, :3]) - 1.0) / 2.0, -1.0, 1.0))))
     angle, metres = np.degrees(place.deviations[:3].max()), 100.0 * place.deviations[3:6].max()
+    clock, deviation = 1000.0 * place.offset_s, 1000.0 * place.deviations[6]
     return (
-        f"{away:.3f} m from the first camera, turned by {turn:.1f} deg, clock {1000.0 * place.offset_s:+.1f} "
-        f"ms; deviations {angle:.2f} deg, {metres:.1f} cm at the person, {1000.0 * place.deviations[6]:.1f} ms"
+        f"{away:.3f} m from the first camera, turned by {turn:.1f} deg, clock {clock:+.1f} ms; "
+        f"deviations {angle:.2f} deg, {metres:.1f} cm at the person, {deviation:.1f} ms"
     )
