@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 
 ROUNDS = 6  # of tracking and placing
 SETTLED = (np.radians(0.05), 0.001, 0.0005)  # radians, metres, seconds: a smaller step ends the rounds
-MODEL_DEVIATIONS = np.repeat([np.radians(0.17), 0.0055, 0.001], (3, 3, 1))
+MODEL_DEVIATIONS = np.repeat([np.radians(0.32), 0.004, 0.003], (3, 3, 1))
 """Errors that are alike in all frames, as of the surface: radians, metres, seconds (`dance`, `turn`)."""
 SURE = np.zeros(7)
 POINTS = 300  # of a camera in a frame
