@@ -53,11 +53,7 @@ class Refiner(Protocol):
     ) -> Pending:
         """Start to refine poses (N, D) on a frame, and to estimate the covariance of each if requested.
 
-<<<<<<< HEAD
-        With `spare`, other requests come first, and no deadline applies.
-=======
-        With `spare`, other requests come first until the result is waited for. `velocity` (D,) is the motion
-        per second, for images of other cameras that were taken before or after the frame; None: none.
->>>>>>> 3883b81 (Several cameras in the wire format, the kernel, segmentation, detection and certainty; rig.json as a source)
+        With `spare`, other requests come first, and no deadline applies. `velocity` (D,) is the motion per
+        second, for images of other cameras that were taken before or after the frame; None: none.
         """
         ...
