@@ -25,8 +25,7 @@ from numpy.typing import NDArray
 from common.body import ROOT_DOFS, ROTATION, BodyModel
 from common.camera import level_from_camera
 from coordinator.bodies.human.dofs import JOINT_ANGLES
-from coordinator.bodies.human.measures import Measures
-from coordinator.bodies.human.skeleton import ARM_TILT, Dof, Skeleton, build_skeleton
+from coordinator.bodies.human.skeleton import ARM_TILT, Dof, build_skeleton
 from coordinator.bodies.swing_twist import (
     FARTHEST,
     compose,
@@ -96,19 +95,13 @@ def plain_name(dof: str) -> str:
 
 
 @cache
-def _skeleton() -> Skeleton:
-    """Of any person: axes and order are the same for all."""
-    return build_skeleton(Measures.of(1.75))
-
-
-@cache
 def anatomical_joints() -> tuple[tuple[SphericalJoint, ...], tuple[RevoluteJoint, ...]]:
     """All joints of the template; each degree of freedom except translations of the root belongs to one."""
     spherical = tuple(_spherical_joints())
     within = {dof.name for joint in spherical for dof in joint.dofs}
     revolute = [
         RevoluteJoint(plain_name(dof.name), dof.name)
-        for dof in _skeleton().dofs
+        for dof in build_skeleton().dofs
         if dof.kind == ROTATION and dof.name not in within
     ]
     return spherical, tuple(revolute)
@@ -129,12 +122,12 @@ def _spherical_joints() -> Iterator[SphericalJoint]:
 def whole_body(name: str) -> SphericalJoint:
     """The orientation of the root in the camera's axes, relative to the body's heading."""
     names = (f"{name}_forward_tilt", f"{name}_side_tilt", f"{name}_turn")
-    return SphericalJoint(names, tuple(d for d in _skeleton().dofs if d.name in ROOT_DOFS[3:]), upward=True)
+    return SphericalJoint(names, tuple(d for d in build_skeleton().dofs if d.name in ROOT_DOFS[3:]), upward=True)
 
 
 def _between(carrier: str, segment: str) -> tuple[Dof, ...]:
     """The degrees of freedom after the carrier's last up to the segment's last, outward."""
-    skeleton = _skeleton()
+    skeleton = build_skeleton()
     by_name = {dof.name: dof for dof in skeleton.dofs}
     chain: list[Dof] = []
     name: str | None = skeleton.links[segment]

@@ -8,8 +8,7 @@ from common.body import ROOT_DOFS, BodyModel, unknown_dof
 from common.errors import InputError
 from coordinator.bodies.human.dofs import HUMAN, HUMAN_DOFS
 from coordinator.bodies.human.measures import REFERENCE_STATURE, Measures
-from coordinator.bodies.human.shape_space import person_of_size, shape_space
-from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
+from coordinator.bodies.human.template import DEFAULT_ACTIVE, human, human_of, person_of_size
 from coordinator.bodies.tracked import Bodies, OneBody
 from coordinator.files import read_numbers
 
@@ -51,7 +50,7 @@ def person(measures: Measures, active: tuple[str, ...] | None, preset: str) -> B
     """One person with known measures, with the surface of people of unknown size."""
     usual = USUAL[preset]
     chosen = choose_active(active, usual, HUMAN_DOFS)
-    return OneBody(shape_space().person(measures), usual, chosen, (measures.stature, measures.girth))
+    return OneBody(human_of(measures), usual, chosen, (measures.stature, measures.girth))
 
 
 def bodies_of(model: BodyModel, active: tuple[str, ...] | None) -> Bodies:
@@ -65,7 +64,7 @@ def load_body(model: str) -> BodyModel:
         return human()
     path = Path(model)
     if path.suffix == PERSON_SUFFIX:
-        return shape_space().person(read_person(path))
+        return human_of(read_person(path))
     from coordinator.bodies.urdf import read_urdf
 
     return read_urdf(path)

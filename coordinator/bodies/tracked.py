@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import cache, lru_cache, partial
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,33 +16,7 @@ from coordinator.bodies.human.measures import REFERENCE_STATURE
 
 Array = NDArray[np.float64]
 
-THICKER = 0.1  # than the usual girth of 1: of the second body from which people of all girths are made
-
-
-def scaled(model: BodyModel, factor: float) -> BodyModel:
-    """The body, scaled in all directions."""
-    return replace(
-        model,
-        points=model.points * factor,
-        vertices=model.vertices * factor,
-        joint_points=model.joint_points * factor,
-    )
-
-
-@lru_cache
-def resized(slim: BodyModel, thick: BodyModel, share: float, factor: float) -> BodyModel:
-    """A body interpolated between a slim and a thick one by a share, and scaled by a factor."""
-
-    def between(one: Array, other: Array) -> Array:
-        return (one + share * (other - one)) * factor
-
-    return replace(
-        slim,
-        points=between(slim.points, thick.points),
-        vertices=between(slim.vertices, thick.vertices),
-        joint_points=between(slim.joint_points, thick.joint_points),
-    )
-
+SIZES = 32  # bodies that are kept
 
 def coarsen(model: BodyModel, cell_m: float) -> BodyModel:
     """The same body with one vertex for each link and cell: the one nearest the mean of the vertices there.
@@ -107,21 +81,9 @@ class Bodies:
         measures: tuple[float, float] | None = None,
         dof_names: tuple[str, ...] = HUMAN_DOFS,
     ) -> None:
-        self._of_girth = cache(partial(build, REFERENCE_STATURE))
-        self._activated = cache(self._activate)
+        self.full = lru_cache(SIZES)(build)
+        self.for_start = lru_cache(SIZES)(self._for_start)
         self.start_dofs, self.active, self.measures, self.dof_names = start_dofs, active, measures, dof_names
-
-    def full(self, stature: float, girth: float) -> BodyModel:
-        """The body with all its degrees of freedom."""
-        return scaled(self._of_girth(girth), stature / REFERENCE_STATURE)
-
-    def for_start(self, stature: float, girth: float) -> BodyModel:
-        """The body with the degrees of freedom for detection."""
-        factor = stature / REFERENCE_STATURE
-        if self.measures is not None:
-            return scaled(self._activated(girth), factor)
-        slim, thick = self._activated(1.0), self._activated(1.0 + THICKER)
-        return resized(slim, thick, (girth - 1.0) / THICKER, factor)
 
     def tracked(self, stature: float, girth: float, values: Mapping[str, float]) -> tuple[BodyModel, Array]:
         """The tracked body, with other degrees of freedom held at `values`, and its pose (D,) there."""
@@ -130,8 +92,17 @@ class Bodies:
         model = activate(full, self.active, held)
         return model, held[[full.dof(name) for name in model.dof_names]]
 
-    def _activate(self, girth: float) -> BodyModel:
-        full = self._of_girth(girth)
+    def _for_start(self, stature: float, girth: float) -> BodyModel:
+        """The body with the degrees of freedom for detection."""
+        full, start = self.full(stature, girth), self._usual
+        moved = [full.dof(name) for name in start.dof_names]
+        return replace(
+            start, vertices=full.vertices, points=full.points[moved], joint_points=full.joint_points
+        )
+
+    @cached_property
+    def _usual(self) -> BodyModel:
+        full = self.full(*(self.measures or (REFERENCE_STATURE, 1.0)))
         return activate(full, self.start_dofs, np.zeros(len(full.dof_names)))
 
 
@@ -155,11 +126,3 @@ class OneBody(Bodies):
         super().__init__(lambda *_: model, start_dofs, active, measures or (np.nan, np.nan), model.dof_names)
         self.people = measures is not None
         self.content = model.hash
-
-    def full(self, stature: float, girth: float) -> BodyModel:  # noqa: ARG002 there is but one
-        """The body with all its degrees of freedom."""
-        return self._of_girth(0.0)
-
-    def for_start(self, stature: float, girth: float) -> BodyModel:  # noqa: ARG002 there is but one
-        """The body with the degrees of freedom for detection."""
-        return self._activated(0.0)

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from common.body import BodyModel
 from common.camera import Intrinsics
 from common.kinematics import joint_positions, pose_vertices
-from coordinator.bodies.human.measures import FRACTIONS_OF_STATURE
-from coordinator.bodies.human.template import human
+from coordinator.bodies.human.measures import LENGTHS, Measures
+from coordinator.bodies.human.template import human_of
 from coordinator.synthesis.scenes import Scene
 
 Array = NDArray[np.float64]
@@ -66,9 +66,10 @@ def person(seed: int = 0) -> Scene:
 def random_person(rng: np.random.Generator) -> BodyModel:
     """A person whose lengths vary from those implied by the stature."""
     stature, girth = rng.uniform(*STATURE_M), rng.uniform(*GIRTH)
-    off = 1.0 + LENGTH_DEVIATION * np.clip(rng.standard_normal(len(FRACTIONS_OF_STATURE)), -2.0, 2.0)
-    lengths = {n: f * stature * o for (n, f), o in zip(FRACTIONS_OF_STATURE.items(), off, strict=True)}
-    return human(stature, girth, **lengths)
+    off = 1.0 + LENGTH_DEVIATION * np.clip(rng.standard_normal(len(LENGTHS)), -2.0, 2.0)
+    usual = Measures.of(stature, girth)
+    lengths = dict(zip(LENGTHS, (off * usual.lengths).tolist(), strict=True))
+    return human_of(Measures.of(stature, girth, **lengths))
 
 
 def through(

@@ -145,9 +145,6 @@ class Detector:
     def prepare(self) -> None:
         """Build the pose library and the bodies of candidates."""
         _ = self._library
-        for girth in GIRTHS if self._bodies.measures is None else ():
-            self._bodies.full(REFERENCE_STATURE, girth)
-            self._bodies.for_start(REFERENCE_STATURE, girth)
         for size in self._sizes:
             self._coarse(*size)
 

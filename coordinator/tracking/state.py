@@ -15,7 +15,7 @@ from common.body import BodyModel, unknown_dof
 from common.errors import InputError
 from common.kinematics import joint_positions
 from coordinator.bodies.human.measures import REFERENCE_STATURE
-from coordinator.bodies.tracked import Bodies, pose_by_name, scaled
+from coordinator.bodies.tracked import Bodies, pose_by_name
 from coordinator.files import read_numbers
 from coordinator.scene.scene import SceneChanges
 from coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise
@@ -49,11 +49,11 @@ class Start:
         """Nonzero values of the degrees of freedom that are held."""
         return {name: v for name, v in self.values.items() if v and name not in self.model.dof_names}
 
-    def with_stature(self, stature: float) -> Self:
-        """The same start, of a body scaled to this stature in metres."""
+    def with_stature(self, stature: float, bodies: Bodies) -> Self:
+        """The same start, of a body of this stature in metres."""
         if stature == self.stature:
             return self
-        return replace(self, model=scaled(self.model, stature / self.stature), stature=stature)
+        return replace(self, model=bodies.tracked(stature, self.girth, self.values)[0], stature=stature)
 
     @property
     def way_up(self) -> float:

@@ -10,7 +10,6 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
 from typing import Any
 
 import msgspec
@@ -40,9 +39,8 @@ from coordinator.tracking.refiner import Pending, Refiner
 from coordinator.tracking.reporting import Updated, is_settled
 from coordinator.tracking.segmenter import PosedBody
 from coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise, assume_noise, measure_noise
-from coordinator.tracking.size import MEAN_STATURE_M, SizeEstimate, head_to_ankle, measure_stature
+from coordinator.tracking.size import SizeEstimate, head_to_ankle, likely_stature, measure_stature
 from coordinator.tracking.state import (
-    USUAL_MEASURES,
     Checkpoint,
     Start,
     TrackerState,
@@ -364,8 +362,8 @@ class TargetTracker:
         if self._settings.measure_person and self._bodies.people and not self._bodies.measures and free:
             self._size = SizeEstimate()
             measured = self._measure_stature(self.start.pose, subject)
-            # unmeasured, the detection's stature is as uncertain as the spread of statures among people
-            self.start = self.start.with_stature(measured or 0.5 * (self.start.stature + MEAN_STATURE_M))
+            stature = measured or likely_stature(self.start.stature)
+            self.start = self.start.with_stature(stature, self._bodies)
 
     def _believe(self, candidates: Candidates) -> Belief:
         """The belief in candidates: in all of them if the method has several hypotheses, else in the best."""
@@ -457,17 +455,14 @@ class TargetTracker:
 
     def _measure_stature(self, pose: Array, subject: SubjectFrame) -> float | None:
         """Stature in metres that a frame shows of the person in pose (D,); None if it does not show it."""
-        return measure_stature(self.model, pose, self._straight_share * self.start.stature, subject)
-
-    @cached_property
-    def _straight_share(self) -> float:
-        """Distance from head to ankle of a person who stands straight, as a share of stature."""
-        return head_to_ankle(self._bodies.full(*USUAL_MEASURES)) / USUAL_MEASURES[0]
+        straight = head_to_ankle(self._bodies.full(self.start.stature, self.start.girth))
+        return measure_stature(self.model, pose, straight, subject)
 
     def _resize(self) -> None:
         """Continue with a body of the stature that is known by now."""
         if self._size is not None:
-            self.start = self.start.with_stature(self._size.revise(self.start.stature))
+            stature = self._size.revise(self.start.stature)
+            self.start = self.start.with_stature(stature, self._bodies)
 
     def _lose(self, *, shows: bool) -> Status:
         """The status of a frame in which nothing of the body is seen; the hypotheses stay where they are."""

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from common.body import BodyModel
 from common.kinematics import joint_positions, pose_vertices
 from common.settings import preset
-from coordinator.bodies.human.shape_space import person_of_size
-from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
+from coordinator.bodies.human.template import DEFAULT_ACTIVE, human, person_of_size
 from coordinator.bodies.tracked import Bodies, OneBody, name_pose
 from coordinator.bodies.urdf import read_urdf
 from coordinator.scene.planes import Planes

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from coordinator.bodies.human.shape_space import person_of_size
-from coordinator.bodies.human.template import DEFAULT_ACTIVE
+from coordinator.bodies.human.template import DEFAULT_ACTIVE, person_of_size
 from coordinator.bodies.tracked import Bodies
 from coordinator.sources import open_source
 from gepf.direct import DirectRefiner

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from common.settings import Settings
-from coordinator.bodies.human.shape_space import person_of_size
-from coordinator.bodies.human.template import DEFAULT_ACTIVE
+from coordinator.bodies.human.template import DEFAULT_ACTIVE, person_of_size
 from coordinator.bodies.tracked import Bodies
 from coordinator.scene.scene import Scene
 from coordinator.tracking.state import TrackerState

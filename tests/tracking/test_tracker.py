@@ -21,8 +21,7 @@ from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import joint_positions
 from common.refinement import Refined
 from common.settings import Settings
-from coordinator.bodies.human.shape_space import person_of_size
-from coordinator.bodies.human.template import DEFAULT_ACTIVE
+from coordinator.bodies.human.template import DEFAULT_ACTIVE, person_of_size
 from coordinator.bodies.tracked import Bodies, name_pose
 from coordinator.scene.planes import Planes
 from coordinator.scene.scope import Scope

@@ -1,32 +1,13 @@
-"""Measures of a person: stature, girth and segment lengths.
-
-Missing lengths follow from stature. The fractions lie between the segments of Drillis & Contini (1966;
-in Winter, "Biomechanics and Motor Control of Human Movement", 4th ed. 2009, fig. 4.1), which end at
-landmarks on the skin, and the distances between joint centres of de Leva, "Adjustments to
-Zatsiorsky-Seluyanov's segment inertia parameters", J. Biomech. 29 (1996). The joint centre of the shoulder
-is taken 1-2 % of stature below the landmark there, the acromion, so the upper arm is shorter than theirs.
-"""
+"""Measures of a person: stature, girth and segment lengths. Missing lengths follow from stature."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
 
 from common.errors import InputError
+from coordinator.bodies.human.shape_space import shape_space
 
 REFERENCE_STATURE = 1.75  # metres, of a person of unknown stature
-
-FRACTIONS_OF_STATURE = {
-    "upper_arm": 0.166,
-    "forearm": 0.148,
-    "hand": 0.108,
-    "thigh": 0.243,
-    "shank": 0.247,
-    "ankle_height": 0.040,
-    "foot": 0.152,
-    "trunk": 0.276,
-    "shoulder_width": 0.206,
-    "hip_width": 0.106,
-}
 
 
 @dataclass(frozen=True)
@@ -50,13 +31,18 @@ class Measures:
     shoulder_width: float
     hip_width: float
 
+    @property
+    def lengths(self) -> tuple[float, ...]:
+        """All but stature and girth, in this order."""
+        return tuple(getattr(self, name) for name in LENGTHS)
+
     @classmethod
     def of(cls, stature_m: float = REFERENCE_STATURE, girth: float = 1.0, **lengths: float) -> Measures:
         """Measures of a person of this stature; `lengths` (metres) replace those that stature implies.
 
         Raises InputError for an unknown or implausible measure.
         """
-        known = {name: fraction * stature_m for name, fraction in FRACTIONS_OF_STATURE.items()}
+        known = dict(zip(LENGTHS, shape_space().implied(stature_m).tolist(), strict=True))
         for name in lengths:
             if name not in known:
                 raise InputError(f"unknown measure '{name}'; leave it out, or choose from {', '.join(known)}")
@@ -69,10 +55,12 @@ class Measures:
             raise InputError(f"stature {self.stature} m is implausible; give metres between 0.5 and 2.6")
         if not 0.5 <= self.girth <= 2.0:
             raise InputError(f"girth {self.girth} is implausible; give a factor between 0.5 and 2")
-        for field in fields(self)[2:]:
-            value = getattr(self, field.name)
-            if not 0.5 <= value / usual[field.name] <= 2.0:
+        for name, value in zip(LENGTHS, self.lengths, strict=True):
+            if not 0.5 <= value / usual[name] <= 2.0:
                 raise InputError(
-                    f"{field.name} {value} m does not fit a stature of {self.stature} m; "
-                    f"give metres, about {usual[field.name]:.2f}"
+                    f"{name} {value} m does not fit a stature of {self.stature} m; "
+                    f"give metres, about {usual[name]:.2f}"
                 )
+
+
+LENGTHS = tuple(field.name for field in fields(Measures))[2:]

@@ -1,136 +1,150 @@
-"""People of any measures as one deformed surface: a linear space around the average person.
+"""People of any size as one moved surface: a linear space around the mean adult, from the file `person.npz`.
 
-Meshing a person takes a third of a second; moving the vertices of an existing mesh takes a millisecond. For
-each measure the vertices move with their bones and are then projected to the surface that `shape` gives for
-the changed measures. Stature is an exact scale; all else is linear in girth and in the ratios of lengths to
-those implied by stature.
+`python -m coordinator.bodies.human.build` makes the file from free data. For adults stature is an exact scale.
+Below the stature of the mean adult, proportions are those of the mean person of each stature, between a baby, a
+child and an adult. All else is linear in girth and in the lengths that differ from those stature implies.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from common.body import BodyModel
-from coordinator.bodies.human.measures import FRACTIONS_OF_STATURE, REFERENCE_STATURE, Measures
-from coordinator.bodies.human.mesh import slope
-from coordinator.bodies.human.shape import shape_person
-from coordinator.bodies.human.template import SPINE_ANCHORS, Raised, lay_to_rest, mesh_person, raise_arms
+from common.body import BodyModel, find_balls
+from coordinator.bodies.human.dofs import joint_range, rest_spread
+from coordinator.bodies.human.skeleton import build_skeleton
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
-RATIOS = ("girth", *FRACTIONS_OF_STATURE)
-"""The differences between people of one stature."""
+FILE = Path(__file__).with_name("person.npz")
+"""Its arrays: people (K, V, 3) and their joints (K, N, 3) at rest, of stature 1, and what changes them."""
 
-STEP = 0.1  # of a ratio, for its effect
-NEAR = 0.003  # metres, for the gradient of the surface
-ROUNDS = 2  # of Newton's method to the surface, along the normals of the average person
+KEPT = 4  # links of a vertex
+UNIT = 4e-5  # of stature: the coordinates in the file are whole numbers of it
 
-_LIMB_ENDS = {"clavicle": "shoulder", "upper_arm": "elbow", "forearm": "wrist", "hand": "middle3",
-              "thigh": "knee", "shank": "ankle", "foot": "metatarsal"}  # fmt: skip
-END_OF = {
-    **{f"{side}_{link}": f"{side}_{end}" for side in "lr" for link, end in _LIMB_ENDS.items()},
-    **dict(zip(SPINE_ANCHORS[:-1], (*SPINE_ANCHORS[1:-1], "skullbase"), strict=True)),
-}
-"""Link with skin -> the joint at the far end of its bone, if there is one."""
+NAMED_JOINTS = {
+    "pelvis": ("pelvis", "pelvis"), "neck": ("vt1", "vc7"), "head": ("skull", "head"),
+    **{
+        f"{word}_{joint}": (f"{side}_{link}", f"{side}_{place}")
+        for word, side in (("right", "r"), ("left", "l"))
+        for joint, link, place in (
+            ("shoulder", "upper_arm", "glenohumeral"), ("elbow", "forearm", "elbow"),
+            ("wrist", "hand", "wrist"), ("hip", "thigh", "hip"), ("knee", "shank", "knee"),
+            ("ankle", "talus", "ankle"),
+        )
+    },
+}  # fmt: skip
+"""Output joint -> its link and its joint in the skeleton; where each lies: `build.joints`."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ShapeSpace:
-    """The average person, and its change by each ratio (R): metres per unit of the ratio."""
+    """People of stature 1 at some statures (K), and the change by girth and by lengths (M, as in `Measures`).
 
-    usual: BodyModel
-    vertices: Array  # (R, V, 3)
-    points: Array  # (R, D, 3)
-    joint_points: Array  # (R, J, 3)
+    Args:
+        model: A person with all degrees of freedom.
+        centres: Indices of the joints of degrees of freedom (D,).
+        named: Indices of the named joints (J,).
+        statures: (K,) metres, ascending.
+        lengths: (K, M) shares of stature.
+        vertices: (K, V, 3).
+        joints: (K, N, 3).
+        girth: (V, 3) per unit of girth.
+        longer: (M, V, 3) per length.
+        longer_joints: (M, N, 3) per length.
+    """
 
-    def person(self, measures: Measures) -> BodyModel:
-        """A person with these measures, with all degrees of freedom."""
-        apart, scale = ratios(measures) - 1.0, measures.stature / REFERENCE_STATURE
+    model: BodyModel
+    centres: Indices
+    named: Indices
+    statures: Array
+    lengths: Array
+    vertices: Array
+    joints: Array
+    girth: Array
+    longer: Array
+    longer_joints: Array
 
-        def changed(usual: Array, effects: Array) -> Array:
-            moved: Array = scale * (usual + np.tensordot(apart, effects, axes=1))
-            return moved
+    def implied(self, stature_m: float) -> Array:
+        """Lengths (M,) in metres that a stature implies."""
+        return np.asarray(stature_m * np.tensordot(self._blend(stature_m), self.lengths, axes=1))
 
+    def person(self, stature_m: float, girth: float, lengths: Array | None = None) -> BodyModel:
+        """A person with all degrees of freedom; `lengths` (M,) in metres, those that stature implies for None."""
+        blend = self._blend(stature_m)
+        vertices = np.tensordot(blend, self.vertices, axes=1) + (girth - 1.0) * self.girth
+        joints = np.tensordot(blend, self.joints, axes=1)
+        if lengths is not None:
+            apart = (lengths - self.implied(stature_m)) / stature_m
+            vertices += np.tensordot(apart, self.longer, axes=1)
+            joints += np.tensordot(apart, self.longer_joints, axes=1)
         return replace(
-            self.usual,
-            vertices=changed(self.usual.vertices, self.vertices),
-            points=changed(self.usual.points, self.points),
-            joint_points=changed(self.usual.joint_points, self.joint_points),
+            self.model,
+            vertices=stature_m * vertices,
+            points=stature_m * joints[self.centres],
+            joint_points=stature_m * joints[self.named],
         )
 
-
-def person_of_size(stature_m: float, girth: float) -> BodyModel:
-    """A person of average proportions, with all degrees of freedom."""
-    return shape_space().person(Measures.of(stature_m, girth))
-
-
-def ratios(measures: Measures) -> Array:
-    """Girth, and the ratios (R,) of lengths to those implied by stature."""
-    lengths = [getattr(measures, name) / (f * measures.stature) for name, f in FRACTIONS_OF_STATURE.items()]
-    return np.array([measures.girth, *lengths])
+    def _blend(self, stature_m: float) -> Array:
+        """Shares (K,) of the people of this stature."""
+        place = np.interp(stature_m, self.statures, np.arange(len(self.statures)))
+        return np.maximum(1.0 - np.abs(place - np.arange(len(self.statures))), 0.0)
 
 
 @cache
 def shape_space() -> ShapeSpace:
-    """The space of all people, computed once per process."""
-    raised = raise_arms(Measures.of())
-    usual, vertices = mesh_person(raised)
-    steep = slope(shape_person(raised.measures, raised.skeleton).distance, vertices, NEAR)
-    normals = steep / np.maximum(np.sum(steep**2, axis=1), 0.1)[:, None]
-    changed = [reshape(usual, vertices, normals, raised, raise_arms(one_changed(name))) for name in RATIOS]
+    """The space of all people."""
+    with np.load(FILE) as file:
+        data = {name: file[name] for name in file.files}
+    skeleton, joints, links = build_skeleton(), data["joints"].tolist(), data["links"].tolist()
+    names = tuple(dof.name for dof in skeleton.dofs)
+    bones = tuple(skeleton.links)
+    kinds = np.array([dof.kind for dof in skeleton.dofs], dtype=np.int64)
+    parents = np.array(
+        [names.index(dof.parent) if dof.parent else -1 for dof in skeleton.dofs], dtype=np.int64
+    )
+    axes = np.array([dof.axis for dof in skeleton.dofs])
+    centres = np.array([joints.index(dof.joint) for dof in skeleton.dofs])
+    named = np.array([joints.index(place) for _, place in NAMED_JOINTS.values()])
+    points = data["people_joints"][-1]
+    link_dofs = np.array([names.index(last) for last in skeleton.links.values()], dtype=np.int64)
+    of_file = np.array([bones.index(link) for link in links], dtype=np.int64)
+    weights = data["skin_weights"].astype(np.float64)
+    people = UNIT * data["people"]
+    model = BodyModel(
+        name="human",
+        dof_names=names,
+        kinds=kinds,
+        parents=parents,
+        axes=axes,
+        points=points[centres],
+        limits=np.stack([joint_range(name) for name in names]),
+        rest_spreads=np.array([rest_spread(name) for name in names]),
+        balls=find_balls(kinds, parents, axes, points[centres], link_dofs),
+        link_names=bones,
+        link_dofs=link_dofs,
+        vertices=people[-1],
+        triangles=data["triangles"].astype(np.int64),
+        skin_links=of_file[data["skin_links"]],
+        skin_weights=weights / weights.sum(axis=1, keepdims=True),
+        joint_names=tuple(NAMED_JOINTS),
+        joint_links=np.array([bones.index(link) for link, _ in NAMED_JOINTS.values()], dtype=np.int64),
+        joint_points=points[named],
+    )
     return ShapeSpace(
-        usual,
-        np.stack([(model.vertices - usual.vertices) / STEP for model in changed]),
-        np.stack([(model.points - usual.points) / STEP for model in changed]),
-        np.stack([(model.joint_points - usual.joint_points) / STEP for model in changed]),
+        model,
+        centres,
+        named,
+        data["statures"],
+        data["lengths"],
+        people,
+        data["people_joints"],
+        UNIT * data["girth"],
+        UNIT * data["longer"],
+        data["longer_joints"],
     )
-
-
-def one_changed(name: str) -> Measures:
-    """An average person with one ratio increased by a step."""
-    if name == "girth":
-        return Measures.of(girth=1.0 + STEP)
-    return Measures.of(**{name: (1.0 + STEP) * FRACTIONS_OF_STATURE[name] * REFERENCE_STATURE})
-
-
-def reshape(usual: BodyModel, vertices: Array, normals: Array, before: Raised, after: Raised) -> BodyModel:
-    """Deform the average person to another; vertices and normals (V, 3) are its own in the building pose."""
-    moved = follow_bones(usual, vertices, before, after)
-    distance = shape_person(after.measures, after.skeleton).distance
-    for _ in range(ROUNDS):
-        moved = moved - distance(moved)[:, None] * normals
-    return replace(
-        usual,
-        vertices=lay_to_rest(usual, moved, after.transforms),
-        points=after.bare.points,
-        joint_points=after.bare.joint_points,
-    )
-
-
-def follow_bones(usual: BodyModel, vertices: Array, before: Raised, after: Raised) -> Array:
-    """Vertices (V, 3) in the building pose, moved and stretched with their bones."""
-    moved = np.zeros_like(vertices)
-    for k, link in enumerate(usual.link_names):
-        share = np.where(usual.skin_links == k, usual.skin_weights, 0.0).sum(axis=1)
-        if share.any():
-            moved += share[:, None] * along_bone(vertices, *bone(link, before), *bone(link, after))
-    return vertices + moved
-
-
-def bone(link: str, raised: Raised) -> tuple[Array, Array]:
-    """Start and end of the bone of a link; the end is arbitrary for the last bone of a limb."""
-    place = raised.skeleton.links[link]
-    start = next(dof.joint for dof in raised.skeleton.dofs if dof.name == place)
-    return raised.joints[start], raised.joints[END_OF.get(link, start)]
-
-
-def along_bone(points: Array, start: Array, end: Array, new_start: Array, new_end: Array) -> Array:
-    """Displacement of points (V, 3) around a stretched bone: linear from start to end, constant beyond."""
-    length = float((end - start) @ (end - start))
-    along = np.clip((points - start) @ (end - start) / length, 0.0, 1.0) if length else np.zeros(len(points))
-    moved: Array = (new_start - start) + along[:, None] * ((new_end - end) - (new_start - start))
-    return moved

@@ -1,4 +1,4 @@
-"""Joint centres of the human template and the table of its degrees of freedom.
+"""The table of a person's degrees of freedom.
 
 Rest pose: upright, facing the camera, arms at the sides, palms towards the thighs. The arms differ from the
 vertical by `ARM_TILT`, so that they do not touch an average trunk. All angles are zero there for any girth,
@@ -23,15 +23,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from common.body import ROOT_DOFS, ROTATION, TRANSLATION
 from coordinator.bodies.human.dofs import FINGERS, VERTEBRAE_UPWARD
-from coordinator.bodies.human.measures import Measures
 
-Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
 Motions = dict[str, Vector]
 Bone = tuple[str, str | None, str, Motions, int]
@@ -40,15 +38,9 @@ LEFT, DOWN, BACK = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 RIGHT, UP, FRONT = (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)
 
 ARM_TILT = np.radians(11.0)
-SHOULDER_BELOW = 0.020
-"""Share of stature: distance of the shoulder joint from the arm's centre of rotation, along the arm. Clavicle
-and scapula move the joint with the arm; as they are held, the arm rotates about a point above it. The
-distance is 2 to 5 cm for subjects 1 and 2 of UTD-MHAD and the two skinned people."""
-HEAD_CENTRE = (0.0, -0.040, 0.012)
-"""Share of stature: distance of the centre of the skull from its base, by the same data."""
 
 _SPINE_MOTIONS = {"roll": FRONT, "torsion": UP, "tilt": LEFT}
-_THUMB_DIRECTION = (0.0, 0.8, -0.6)
+THUMB_DIRECTION = (0.0, 0.8, -0.6)
 _FINGER = {
     0: {"flexion": BACK},
     1: {"flexion": BACK, "pivot": RIGHT, "twisting": DOWN},
@@ -56,7 +48,7 @@ _FINGER = {
     3: {"flexion": BACK},
 }
 _THUMB = {
-    1: {"flexion": LEFT, "pivot": (0.0, 0.6, 0.8), "twisting": _THUMB_DIRECTION},
+    1: {"flexion": LEFT, "pivot": (0.0, 0.6, 0.8), "twisting": THUMB_DIRECTION},
     2: {"flexion": LEFT},
     3: {"flexion": LEFT},
 }
@@ -94,16 +86,15 @@ class Dof:
 
 @dataclass(frozen=True)
 class Skeleton:
-    """Joint centres (3,) by name, degrees of freedom in chain order, links with their last one."""
+    """Degrees of freedom in chain order, links with their last one."""
 
-    joints: dict[str, Array]
     dofs: tuple[Dof, ...]
     links: dict[str, str]
 
 
-def build_skeleton(measures: Measures) -> Skeleton:
-    """Joints, degrees of freedom and links for these measures."""
-    joints = place_joints(measures)
+@cache
+def build_skeleton() -> Skeleton:
+    """The degrees of freedom and links of all people."""
     dofs: list[Dof] = []
     links: dict[str, str] = {}
     for link, parent, joint, axes, kind in _bones():
@@ -112,7 +103,7 @@ def build_skeleton(measures: Measures) -> Skeleton:
             dofs.append(Dof(name, kind, above, axis, joint))
             above = name
         links[link] = dofs[-1].name
-    return Skeleton(joints, tuple(dofs), links)
+    return Skeleton(tuple(dofs), links)
 
 
 def _bones() -> Iterator[Bone]:
@@ -164,76 +155,3 @@ def tilted(vector: Vector, angle: float) -> Vector:
 def _sided(side: str, axis: Vector) -> Vector:
     """The axis of a left joint, or of its mirror image on the right."""
     return axis if side == "l" else (axis[0], -axis[1], -axis[2])
-
-
-def place_joints(measures: Measures) -> dict[str, Array]:
-    """Joint centres (3,) in metres, rest frame."""
-    spine = _spine(measures)
-    head = spine["skullbase"] + np.array(HEAD_CENTRE) * measures.stature
-    joints = {"pelvis": np.zeros(3), **spine, "head": head}
-    left = {**_leg(measures), **_arm(measures)}
-    for name, point in left.items():
-        joints[f"l_{name}"] = point
-        joints[f"r_{name}"] = point * (-1.0, 1.0, 1.0)
-    return joints
-
-
-def _spine(measures: Measures) -> dict[str, Array]:
-    """Vertebra joints along a curve through known levels, up from the hips (fractions of the trunk)."""
-    t = measures.trunk
-    known = np.array([0.0, 5.0, 11.0, 17.0, 24.0])  # vl5, vt12, vt6, vc7, skullbase
-    height = np.interp(np.arange(25), known, np.array([0.20, 0.585, 0.89, 1.165, 1.40]) * t)
-    depth = np.interp(np.arange(25), known, np.array([0.06, 0.08, 0.12, 0.06, 0.0]) * t)
-    names = (*VERTEBRAE_UPWARD, "skullbase")
-    spine = {name: np.array([0.0, -height[i], depth[i]]) for i, name in enumerate(names)}
-    return {"sacroiliac": np.array([0.0, -0.10 * t, 0.09 * t]), **spine}
-
-
-def _leg(measures: Measures) -> dict[str, Array]:
-    x = 0.5 * measures.hip_width
-    knee = measures.thigh
-    ankle = knee + measures.shank
-    sole = ankle + measures.ankle_height
-    lift = measures.ankle_height
-    foot = measures.foot
-    return {
-        "hip": np.array([x, 0.0, 0.0]),
-        "knee": np.array([x, knee, 0.005 * measures.stature]),
-        "ankle": np.array([x, ankle, 0.014 * measures.stature]),
-        "subtalar": np.array([x, sole - 0.6 * lift, 0.014 * measures.stature]),
-        "midtarsal": np.array([x, sole - 0.55 * lift, 0.014 * measures.stature - 0.17 * foot]),
-        "metatarsal": np.array([x, sole - 0.25 * lift, 0.014 * measures.stature - 0.46 * foot]),
-    }
-
-
-def _arm(measures: Measures) -> dict[str, Array]:
-    x = 0.5 * measures.shoulder_width
-    shoulder = np.array([x, -measures.trunk, 0.012 * measures.stature])
-    down = np.array(tilted(DOWN, ARM_TILT))
-    wrist = shoulder + (measures.upper_arm + measures.forearm) * down
-    joints = {
-        "sternoclavicular": np.array([0.1 * x, -1.04 * measures.trunk, -0.025 * measures.stature]),
-        "acromioclavicular": shoulder + np.array([-0.02, -0.022, 0.0]) * measures.stature,
-        "shoulder": shoulder,
-        "glenohumeral": shoulder + SHOULDER_BELOW * measures.stature * down,
-        "elbow": shoulder + measures.upper_arm * down,
-        "wrist": wrist,
-    }
-    return {**joints, **_hand(measures, wrist)}
-
-
-def _hand(measures: Measures, wrist: Array) -> dict[str, Array]:
-    """Finger joints, on lines down the hand; the index finger is in front."""
-
-    def at(down: float, front: float) -> Array:
-        return wrist + measures.hand * np.array(tilted((0.0, down, -front), ARM_TILT))
-
-    joints = {}
-    for i, finger in enumerate(FINGERS):
-        front = (i - 1.5) * 0.11
-        for n, down in enumerate((0.12, 0.47, 0.70, 0.86)):
-            joints[f"{finger}{n}"] = at(down, front * min(1.0, 0.5 + n))
-    _, down, back = _THUMB_DIRECTION
-    for n, along in ((1, 0.0), (2, 0.24), (3, 0.40)):
-        joints[f"thumb{n}"] = at(0.13 + along * down, 0.12 - along * back)
-    return joints

@@ -20,14 +20,14 @@ Distance = Callable[[Array], Array]
 ROUNDS, SHARE_OF_THE_WAY = 12, 0.5
 
 
-def mesh_symmetric(distance: Distance, low: Array, high: Array, cell: float) -> tuple[Array, Indices]:
-    """Vertices (V, 3) and triangles (T, 3), counter-clockwise from outside.
+def mesh_symmetric(distance: Distance, low: Array, high: Array, cell: float) -> tuple[Array, Indices, Indices]:
+    """Vertices (V, 3), triangles (T, 3) counter-clockwise from outside, and mirror images (V,).
 
     `low` and `high` bound the left half, x >= 0.
     """
     half, triangles = _mesh_half(distance, low, high, cell)
     vertices, triangles, mirror = _mirrored(half, triangles)
-    return _evened(distance, vertices, triangles, mirror, 0.3 * cell), triangles
+    return _evened(distance, vertices, triangles, mirror, 0.3 * cell), triangles, mirror
 
 
 def _mesh_half(distance: Distance, low: Array, high: Array, cell: float) -> tuple[Array, Indices]:
