@@ -1,4 +1,4 @@
-"""People of any measures as one moved surface: on the surface that is meshed for them, joints exactly."""
+"""People of any size as one moved surface: children's proportions, adults to scale, files of measures."""
 
 from __future__ import annotations
 
@@ -12,52 +12,64 @@ import trimesh
 
 from coordinator.bodies.choice import choose_bodies, load_body
 from coordinator.bodies.human.measures import Measures
-from coordinator.bodies.human.shape_space import shape_space
-from coordinator.bodies.human.template import human_of
+from coordinator.bodies.human.template import human, human_of
 from coordinator.bodies.tracked import coarsen
 from tests.support.refusals import refused
 
-PEOPLE = (
-    Measures.of(),
-    Measures.of(1.6, 1.2),
-    Measures.of(1.9, 0.85),
-    Measures.of(1.75, thigh=0.48),
-    Measures.of(1.75, trunk=0.53, shoulder_width=0.31, hip_width=0.16, forearm=0.22, upper_arm=0.33),
-)
+LENGTHS = {"trunk": 0.53, "shoulder_width": 0.31, "hip_width": 0.16, "forearm": 0.22, "upper_arm": 0.33}
+PERSON = Measures.of(1.75, **LENGTHS)
 
 
-@pytest.mark.parametrize("measures", PEOPLE, ids=str)
-def test_the_moved_surface_is_the_meshed_one(measures: Measures) -> None:
-    """Its vertices lie 1.5 mm from the mesh in the mean, 99 of 100 within 8 mm; joints and axes are exact."""
-    moved, meshed = shape_space().person(measures), human_of(measures)
-    surface = trimesh.Trimesh(meshed.vertices, meshed.triangles, process=False)
-    apart = trimesh.proximity.closest_point(surface, moved.vertices)[1]  # type: ignore[no-untyped-call]
-    assert apart.mean() < 0.0015
-    assert np.percentile(apart, 99) < 0.008
-    np.testing.assert_allclose(moved.joint_points, meshed.joint_points, atol=1e-12)
-    np.testing.assert_allclose(moved.points, meshed.points, atol=1e-12)
-    np.testing.assert_array_equal(moved.limits, meshed.limits)
+def height_shares(stature: float) -> tuple[float, float]:
+    """Heights of the head, from the chin up, and of the hips above the soles, as shares of stature."""
+    body = human(stature)
+    (hip, head), y = body.joint_points[[body.joint_names.index(n) for n in ("left_hip", "head")], 1], body.vertices[:, 1]
+    face = body.vertices[(body.skin_links[:, 0] == body.link_names.index("skull")) & (body.vertices[:, 2] < -0.03 * stature)]
+    return float(face[:, 1].max() - y.min()) / stature, float(y.max() - hip) / stature
+
+
+@pytest.mark.parametrize("stature", [0.8, 1.0, 1.2, 1.4, 1.7, 2.1])
+def test_a_person_is_as_tall_as_asked(stature: float) -> None:
+    """From sole to crown, child or adult."""
+    assert np.ptp(human(stature).vertices[:, 1]) == pytest.approx(stature, rel=0.005)
+
+
+def test_children_have_larger_heads_and_shorter_legs() -> None:
+    """The head is a fifth of a child of two, a seventh to an eighth of an adult; legs grow faster than the trunk."""
+    heads, legs = zip(*(height_shares(stature) for stature in (0.85, 1.1, 1.35, 1.7)), strict=True)
+    assert heads[0] > 0.18
+    assert 0.12 < heads[-1] < 0.145
+    assert np.all(np.diff(heads) < 0.0)
+    assert np.all(np.diff(legs[:3]) > 0.0)
+    assert legs[0] < legs[-1] - 0.02
+
+
+def test_adults_differ_by_scale() -> None:
+    """Of one girth, short and tall adults have one shape."""
+    short, tall = human(1.5, 1.1), human(2.1, 1.1)
+    np.testing.assert_allclose(tall.vertices, short.vertices * 2.1 / 1.5, atol=1e-9)
+    np.testing.assert_allclose(tall.joint_points, short.joint_points * 2.1 / 1.5, atol=1e-9)
 
 
 def test_a_coarse_surface_is_near_the_fine_one() -> None:
-    """A third of the vertices, with every fine one within half a cell of the coarse surface."""
-    fine = shape_space().usual
+    """A third of the vertices, with nearly every fine one within half a cell of the coarse surface."""
+    fine = human()
     coarse = coarsen(fine, 0.06)
     surface = trimesh.Trimesh(coarse.vertices, coarse.triangles, process=False)
     apart = trimesh.proximity.closest_point(surface, fine.vertices)[1]  # type: ignore[no-untyped-call]
     assert 3 * len(coarse.vertices) < len(fine.vertices)
-    assert apart.max() < 0.03
+    assert np.percentile(apart, 99.9) < 0.03
 
 
 def test_a_person_of_a_file_has_its_measures(tmp_path: Path) -> None:
     """An earlier file gives the same person; measures that the file omits follow from stature."""
     path = tmp_path / "person.json"
-    path.write_text(json.dumps(asdict(PEOPLE[-1])))
-    assert load_body(str(path)).hash == shape_space().person(PEOPLE[-1]).hash
+    path.write_text(json.dumps(asdict(PERSON)))
+    assert load_body(str(path)).hash == human_of(PERSON).hash
     bodies = choose_bodies(None, "default", str(path))
     assert bodies.measures == (1.75, 1.0)
     path.write_text(json.dumps({"stature": 1.9, "girth": 0.85}))
-    assert load_body(str(path)).hash == shape_space().person(PEOPLE[2]).hash
+    assert load_body(str(path)).hash == human(1.9, 0.85).hash
 
 
 @pytest.mark.parametrize(

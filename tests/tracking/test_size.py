@@ -13,7 +13,7 @@ from common.frame import HIDDEN, SUBJECT, SubjectFrame
 from coordinator.bodies.choice import choose_bodies
 from coordinator.bodies.human.measures import Measures
 from coordinator.bodies.human.template import human_of
-from coordinator.bodies.tracked import name_pose, scaled
+from coordinator.bodies.tracked import name_pose
 from coordinator.tracking.size import SizeEstimate, head_to_ankle, measure_stature
 from gepf.direct import DirectRefiner
 from tests.support.people import (
@@ -46,7 +46,7 @@ def stature_in(
     posture: dict[str, float], scale: float = 1.0, subject: SubjectFrame | None = None
 ) -> float | None:
     """The stature that a frame shows of a person in a posture, by a scaled model in the same pose."""
-    model = scaled(MODEL, scale)
+    model = BODIES.tracked(scale * STATURE, 1.0, {})[0]
     pose = name_pose(model, {n: v for n, v in posture.items() if n in model.dof_names})
     return measure_stature(model, pose, scale * head_to_ankle(MODEL), subject or subject_in(posture))
 

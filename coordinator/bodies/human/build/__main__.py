@@ -37,6 +37,7 @@ AGES = {"baby": 0.75, "child": 1.38, "young": 1.5}
 Children: the medians of the World Health Organization's growth standards. Adults differ by scale.
 """
 CLOTHES_M = 0.008
+GAP_M = 0.02  # half the width of gaps in which clothes hang, and between fingers
 CELL = 0.0170
 """Approximate distance of neighbouring vertices, as a share of stature."""
 STEP = 0.01  # of stature, of a length, for its effect
@@ -85,7 +86,7 @@ def build_surface(data: MakeHuman) -> Built:
     from coordinator.bodies.human.build.shell import Shell
 
     vertices, _, stature = upright(data, "young")
-    shell = Shell(vertices, data.triangles, CLOTHES_M)
+    shell = Shell(vertices, data.triangles, CLOTHES_M, GAP_M)
     low = np.array([0.0, *shell.low[1:]])
     surface, triangles, mirror = mesh_symmetric(shell.distance, low, shell.high, CELL * stature)
     nearest, parts = shell.closest(surface)

@@ -1,11 +1,12 @@
-"""A closed shell around a surface that may have holes and cavities, as a signed distance."""
+"""A closed, smooth shell around a surface that may have holes and cavities, as a signed distance."""
 
 from __future__ import annotations
 
 import numpy as np
 import open3d as o3d
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt, label
+from scipy.ndimage import label
+from skimage.measure import marching_cubes
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -15,38 +16,54 @@ MARGIN_M = 0.06
 
 
 class Shell:
-    """All points that are `thickness` (m) outside a surface.
+    """The points outside a surface at a distance, after narrow gaps are closed.
+
+    Points whose distance from the surface is `reach` are meshed; the shell is nearer by `reach - thickness`.
 
     Args:
         vertices: (N, 3) metres.
         triangles: (T, 3).
-        thickness: More than half a grid step.
+        thickness: Of the shell, metres.
+        reach: Half the width of gaps that are closed, metres.
     """
 
-    def __init__(self, vertices: Array, triangles: Indices, thickness: float) -> None:
-        self._scene = o3d.t.geometry.RaycastingScene(nthreads=1)
-        self._scene.add_triangles(vertices.astype(np.float32), triangles.astype(np.uint32))
-        self._thickness = thickness
+    def __init__(self, vertices: Array, triangles: Indices, thickness: float, reach: float) -> None:
+        self._surface = _scene(vertices, triangles)
         used = vertices[np.unique(triangles)]
         self.low, self.high = used.min(axis=0) - MARGIN_M, used.max(axis=0) + MARGIN_M
         counts = np.ceil((self.high - self.low) / STEP_M).astype(np.int64) + 1
         grid = np.stack(np.meshgrid(*(np.arange(n) for n in counts), indexing="ij"), axis=-1)
-        free = self._distance(self.low + STEP_M * grid.reshape(-1, 3)).reshape(counts) > thickness
-        regions = label(free)[0]
-        nearest = distance_transform_edt(~free, return_distances=False, return_indices=True)
-        self._outside = (regions == regions[0, 0, 0])[tuple(nearest)]
+        distance = _distance(self._surface, self.low + STEP_M * grid.reshape(-1, 3)).reshape(counts)
+        regions = label(distance > reach)[0]
+        self._outside = regions == regions[0, 0, 0]
+        values = np.where((regions > 0) & ~self._outside, 0.0, distance)
+        corners, faces, _, _ = marching_cubes(values, reach, spacing=(STEP_M,) * 3)  # type: ignore[no-untyped-call]
+        self._far = _scene(corners + self.low, faces)
+        self._gap = reach - thickness
 
     def distance(self, points: Array) -> Array:
         """Signed distances (n,) of points (n, 3) from the shell, negative inside."""
-        cell = np.clip(np.rint((points - self.low) / STEP_M).astype(np.int64), 0, np.array(self._outside.shape) - 1)
-        distance = self._distance(points)
-        return np.where(self._outside[tuple(cell.T)], distance, -distance) - self._thickness
+        last = np.array(self._outside.shape) - 1
+        cell = np.clip(np.rint((points - self.low) / STEP_M).astype(np.int64), 0, last)
+        distance = _distance(self._far, points)
+        return self._gap + np.where(self._outside[tuple(cell.T)], distance, -distance)
 
     def closest(self, points: Array) -> tuple[Indices, Array]:
         """The nearest triangle (n,) of each point (n, 3), and its barycentric coordinates (n, 3) there."""
-        found = self._scene.compute_closest_points(points.astype(np.float32), nthreads=1)
+        found = self._surface.compute_closest_points(_tensor(points, np.float32), nthreads=1)
         uv = found["primitive_uvs"].numpy().astype(np.float64)
         return found["primitive_ids"].numpy().astype(np.int64), np.column_stack([1.0 - uv.sum(axis=1), uv])
 
-    def _distance(self, points: Array) -> Array:
-        return np.asarray(self._scene.compute_distance(points.astype(np.float32), nthreads=1).numpy(), dtype=np.float64)
+
+def _scene(vertices: Array, triangles: Indices) -> o3d.t.geometry.RaycastingScene:
+    scene = o3d.t.geometry.RaycastingScene(nthreads=1)
+    scene.add_triangles(_tensor(vertices, np.float32), _tensor(triangles, np.uint32))
+    return scene
+
+
+def _distance(scene: o3d.t.geometry.RaycastingScene, points: Array) -> Array:
+    return np.asarray(scene.compute_distance(_tensor(points, np.float32), nthreads=1).numpy(), dtype=np.float64)
+
+
+def _tensor(values: Array | Indices, kind: type[np.float32 | np.uint32]) -> o3d.core.Tensor:
+    return o3d.core.Tensor(np.ascontiguousarray(values, dtype=kind))
