@@ -16,8 +16,8 @@ from coordinator.bodies.human.build.makehuman import MakeHuman, read_makehuman
 from coordinator.bodies.human.build.mesh import mesh_symmetric
 from coordinator.bodies.human.build.rest import (
     BONE_OF,
-    HIP_INWARD,
     bone_side,
+    centre_joints,
     fold_fingers,
     lay,
     link_of,
@@ -73,12 +73,11 @@ def upright(data: MakeHuman, age: str, weight: str = "average") -> tuple[Array, 
     """A person with closed hands: vertices (N, 3) and joints (3,) from the middle of the hips, and stature."""
     vertices = data.person(age, weight)
     joints = {name: vertices[rows].mean(axis=0) for name, rows in data.joints.items()}
+    stature = float(np.ptp(vertices[np.unique(data.triangles), 1]))
+    joints = centre_joints(joints, stature)
     origin = 0.5 * (joints["l-upper-leg"] + joints["r-upper-leg"])
     joints = {name: point - origin for name, point in joints.items()}
-    vertices = fold_fingers(vertices - origin, joints, data.weights)
-    for side in "lr":
-        joints[f"{side}-upper-leg"] = joints[f"{side}-upper-leg"] * (HIP_INWARD, 1.0, 1.0)
-    return vertices, joints, float(np.ptp(vertices[np.unique(data.triangles), 1]))
+    return fold_fingers(vertices - origin, joints, data.weights), joints, stature
 
 
 def build_surface(data: MakeHuman) -> Built:

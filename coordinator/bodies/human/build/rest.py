@@ -15,8 +15,9 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Joints = Mapping[str, Array]
 
-HIP_INWARD = 0.867  # of MakeHuman's own distance from the middle, which is that of the limb's outline
-FOLDED = np.radians((65.0, 80.0, 40.0))  # the joints of each finger of a closed hand
+HIP_INWARD = 0.867  # of the distance of MakeHuman's hip joints from the middle
+HIP_FORWARD = 0.014  # of stature, from there
+FOLDED = np.radians((15.0, 25.0, 15.0))  # the joints of each finger of a relaxed hand
 ADDUCTED = np.radians(30.0)  # the thumb, towards the hand
 FINGER_NUMBERS = (2, 3, 4, 5)
 TRUNK = ("pelvis", "vl5", "vl3", "vl1", "vt8", "vc7", "vc4", "skull", "l_clavicle", "r_clavicle")
@@ -47,6 +48,14 @@ def link_of(bone: str) -> str:
     stem, _, side = bone.partition(".")
     link = next((link for start, link in LINK_OF.items() if stem.startswith(start)), "skull")
     return link if link in TRUNK else f"{side.lower()}_{link}"
+
+
+def centre_joints(at: Joints, stature: float) -> dict[str, Array]:
+    """MakeHuman's joints (3,), with the hips where ours are in the body: see `joints`."""
+    moved = dict(at)
+    for name in ("l-upper-leg", "r-upper-leg"):
+        moved[name] = at[name] * (HIP_INWARD, 1.0, 1.0) + stature * HIP_FORWARD * np.array(FRONT)
+    return moved
 
 
 def fold_fingers(vertices: Array, at: Joints, weights: Mapping[str, tuple[Indices, Array]]) -> Array:
