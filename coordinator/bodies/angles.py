@@ -122,7 +122,9 @@ def _spherical_joints() -> Iterator[SphericalJoint]:
 def whole_body(name: str) -> SphericalJoint:
     """The orientation of the root in the camera's axes, relative to the body's heading."""
     names = (f"{name}_forward_tilt", f"{name}_side_tilt", f"{name}_turn")
-    return SphericalJoint(names, tuple(d for d in build_skeleton().dofs if d.name in ROOT_DOFS[3:]), upward=True)
+    return SphericalJoint(
+        names, tuple(d for d in build_skeleton().dofs if d.name in ROOT_DOFS[3:]), upward=True
+    )
 
 
 def _between(carrier: str, segment: str) -> tuple[Dof, ...]:

