@@ -23,14 +23,10 @@ PERSON = Measures.of(1.75, **LENGTHS)
 def height_shares(stature: float) -> tuple[float, float]:
     """Heights of the head, from the chin up, and of the hips above the soles, as shares of stature."""
     body = human(stature)
-    (hip, head), y = (
-        body.joint_points[[body.joint_names.index(n) for n in ("left_hip", "head")], 1],
-        body.vertices[:, 1],
-    )
-    face = body.vertices[
-        (body.skin_links[:, 0] == body.link_names.index("skull")) & (body.vertices[:, 2] < -0.03 * stature)
-    ]
-    return float(face[:, 1].max() - y.min()) / stature, float(y.max() - hip) / stature
+    hip, y = body.joint_points[body.joint_names.index("left_hip"), 1], body.vertices[:, 1]
+    of_skull = body.skin_links[:, 0] == body.link_names.index("skull")
+    face = y[of_skull & (body.vertices[:, 2] < -0.03 * stature)]
+    return float(face.max() - y.min()) / stature, float(y.max() - hip) / stature
 
 
 @pytest.mark.parametrize("stature", [0.8, 1.0, 1.2, 1.4, 1.7, 2.1])
@@ -40,7 +36,7 @@ def test_a_person_is_as_tall_as_asked(stature: float) -> None:
 
 
 def test_children_have_larger_heads_and_shorter_legs() -> None:
-    """The head is a fifth of a child of two, a seventh to an eighth of an adult; legs grow faster than the trunk."""
+    """The head is a fifth of a child of two, and an eighth to a seventh of an adult."""
     heads, legs = zip(*(height_shares(stature) for stature in (0.85, 1.1, 1.35, 1.7)), strict=True)
     assert heads[0] > 0.18
     assert 0.12 < heads[-1] < 0.145

