@@ -38,9 +38,9 @@ from coordinator.tracking.state import Start, detected_start, way_up
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-STATURES_M = (1.5, 1.62, 1.74, 1.86, 1.98)
+STATURES_M = (0.82, 0.9, 0.98, 1.07, 1.16, 1.26, 1.38, 1.5, 1.62, 1.74, 1.86, 1.98)
 STATURE_STEPS = (0.97, 1.0, 1.03)  # factors of the best of these
-GIRTHS = (0.9, 1.05, 1.2)
+GIRTHS = (0.9, 1.05, 1.2, 1.4)
 USUAL_GIRTH = GIRTHS[1]
 CANDIDATES, TURNED = 120, 20  # in the first orientation of the image, and in each other
 SURVIVORS, FINALISTS = 32, 6  # distinct candidates after the first stage, and after the second

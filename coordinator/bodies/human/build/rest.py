@@ -17,8 +17,8 @@ Joints = Mapping[str, Array]
 
 HIP_INWARD = 0.867  # of the distance of MakeHuman's hip joints from the middle
 HIP_FORWARD = 0.014  # of stature, from there
-FOLDED = np.radians((15.0, 25.0, 15.0))  # the joints of each finger of a relaxed hand
-ADDUCTED = np.radians(30.0)  # the thumb, towards the hand
+FOLDED = (15.0, 25.0, 15.0)  # degrees, of the joints of each finger
+ADDUCTED = (30.0, 0.0, 0.0)  # the thumb, towards the hand
 FINGER_NUMBERS = (2, 3, 4, 5)
 TRUNK = ("pelvis", "vl5", "vl3", "vl1", "vt8", "vc7", "vc4", "skull", "l_clavicle", "r_clavicle")
 """Links that keep their relative pose."""
@@ -59,19 +59,18 @@ def centre_joints(at: Joints, stature: float) -> dict[str, Array]:
 
 
 def fold_fingers(vertices: Array, at: Joints, weights: Mapping[str, tuple[Indices, Array]]) -> Array:
-    """Vertices (N, 3) with closed hands; `at` are MakeHuman's joints by name."""
+    """Vertices (N, 3) with relaxed hands; `at` are MakeHuman's joints by name."""
     moved = vertices.copy()
     for side in "lr":
         knuckles = [at[f"{side}-finger-{n}-1"] for n in FINGER_NUMBERS]
         hand = knuckles[1] - at[f"{side}-hand"]
         palm = (-1.0 if side == "l" else 1.0) * np.cross(hand, knuckles[0] - knuckles[-1])
-        fingers = {1: (hand, (ADDUCTED,)), **dict.fromkeys(FINGER_NUMBERS, (palm, FOLDED))}
-        for n, (towards, angles) in fingers.items():
+        for n in (1, *FINGER_NUMBERS):
+            towards, angles = (hand, ADDUCTED) if n == 1 else (palm, FOLDED)
             motion = np.eye(4)
-            for k in (1, 2, 3):
+            for k, angle in enumerate(np.radians(angles), 1):
                 centre, along = at[f"{side}-finger-{n}-{k}"], at[f"{side}-finger-{n}-{k + 1}"]
                 axis = np.cross(along - centre, towards)
-                angle = angles[k - 1] if k <= len(angles) else 0.0
                 motion = motion @ turned(centre, angle * axis / np.linalg.norm(axis))
                 rows, shares = weights[f"finger{n}-{k}.{side.upper()}"]
                 there = vertices[rows] @ motion[:3, :3].T + motion[:3, 3]
