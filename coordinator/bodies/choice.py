@@ -71,14 +71,13 @@ def load_body(model: str) -> BodyModel:
 
 
 def read_person(path: Path) -> Measures:
-    """Measures in metres from a JSON file; missing ones follow from stature.
+    """Measures in metres, and age in years, from a JSON file; missing ones follow from stature.
 
     InputError for implausible measures and unknown entries.
     """
     values = read_numbers(path, "give --model a file of a person's measures", "measure: metres")
-    stature, girth = values.pop("stature", REFERENCE_STATURE), values.pop("girth", 1.0)
     try:
-        return Measures.of(stature, girth, **values)
+        return Measures.of(values.pop("stature", REFERENCE_STATURE), **values)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
 

@@ -91,7 +91,7 @@ def info(
         Path | None, typer.Option(metavar="FILE", help="Draw the detected floor, walls and people as PNG.")
     ] = None,
 ) -> None:
-    """Show facts about a sequence and its scene: camera, depth, floor, walls, people."""
+    """Show facts about a sequence and its scene: camera, depth, floor, walls, people; or about a run."""
     from coordinator.commands.info import run_info
 
     run_info(sequence, camera, thumbnail, picture, as_json=as_json)

@@ -6,15 +6,17 @@ import logging
 import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
 from PIL import Image
 
 from common.errors import InputError
+from coordinator.bodies.human.measures import Measures
 from coordinator.commands.console import loading
 from coordinator.commands.options import CameraOptions
+from coordinator.results.summary import FOUND, PERSON_FILE, find_summary
 from coordinator.sources import Format, Source, find_format
 from coordinator.sources.camera import doubt_camera, doubt_range, parse_camera_options
 
@@ -34,8 +36,16 @@ def run_info(
 ) -> None:
     """Print facts about a sequence and its scene; draw its middle frame, and the scene.
 
-    Facts about the recording are printed first, because analysing the scene takes longer.
+    Facts about the recording are printed first, because analysing the scene takes longer. Of a run, print
+    who was tracked.
     """
+    if (run := find_summary(sequence)) is not None:
+        facts = describe_tracked(sequence, run)
+        if as_json:
+            sys.stdout.write(msgspec.json.encode(facts).decode() + "\n")
+        else:
+            print_facts(facts)
+        return
     form = find_format(sequence)
     source = form.open(sequence, parse_camera_options(camera.intrinsics, camera.depth_scale))
     facts = describe(form, source)
@@ -57,6 +67,22 @@ def run_info(
         sys.stdout.write(msgspec.json.encode(facts | scene).decode() + "\n")
     else:
         print_facts(scene)
+
+
+def describe_tracked(run: Path, summary: Mapping[str, Any]) -> dict[str, object]:
+    """Facts by name about the people of a run: their size in words, and the status of frames."""
+    people = summary.get(FOUND) or [{**summary.get("model", {}), "status": summary.get("status", {})}]
+    return {
+        "frames": summary.get("frames"),
+        "people": [
+            {
+                "size": Measures.of(one["stature_m"], one["girth"]).in_words if one.get("girth") else None,
+                "file": str(run / one.get("folder", "") / PERSON_FILE),
+                "status": one["status"],
+            }
+            for one in people
+        ],
+    }
 
 
 def look(source: Source) -> tuple[SceneView, list[Candidate]]:

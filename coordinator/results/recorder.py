@@ -16,6 +16,7 @@ import numpy as np
 
 from common.errors import InputError
 from common.settings import Settings
+from coordinator.bodies.human.dofs import HUMAN
 from coordinator.files import LOG_FILE, sync_folder, write_atomically, write_json
 from coordinator.pool.options import PoolStatistics
 from coordinator.results.configuration import RunConfiguration, differences, versions
@@ -32,6 +33,7 @@ from coordinator.results.log import (
 )
 from coordinator.results.summary import (
     PERSON,
+    PERSON_FILE,
     SUMMARY_FILE,
     count_status,
     find_summary,
@@ -167,6 +169,8 @@ class Recorder:
             summary = {**facts, **summarise(recorded, person), **own}
             folder = folder_of(self.run, len(recorded.people), number)
             write_files(folder, track, TrackedBody(start.model, start.held), summary)
+            if start.found and configuration["model"]["name"] == HUMAN:
+                write_json(folder / PERSON_FILE, {"stature": start.stature, "girth": start.girth})
         if len(recorded.people) > 1:
             write_json(self.run / SUMMARY_FILE, {**facts, **summarise_all(recorded, found)})
         self._finished = bool(facts["complete"])

@@ -19,6 +19,7 @@ if TYPE_CHECKING:  # it loads the compiler, which is slow
 
 STATUSES = get_args(Status)
 SUMMARY_FILE = "summary.json"
+PERSON_FILE = "person.json"  # the estimated stature and girth, for --model
 PERSON = "person"  # key in the summary: number of the person
 FOUND = "found"  # key in the summary of several people: one entry per person
 OF_ONE = ("doubts", "rotate_deg", "noise_m")  # differs between people

@@ -50,7 +50,8 @@ class ShapeSpace:
         model: A person with all degrees of freedom.
         centres: Indices of the joints of degrees of freedom (D,).
         named: Indices of the named joints (J,).
-        statures: (K,) metres, ascending.
+        ages: (K,) years, ascending.
+        statures: (K,) metres, of the mean person of each age.
         lengths: (K, M) shares of stature.
         vertices: (K, V, 3).
         joints: (K, N, 3).
@@ -62,6 +63,7 @@ class ShapeSpace:
     model: BodyModel
     centres: Indices
     named: Indices
+    ages: Array
     statures: Array
     lengths: Array
     vertices: Array
@@ -70,17 +72,24 @@ class ShapeSpace:
     longer: Array
     longer_joints: Array
 
-    def implied(self, stature_m: float) -> Array:
-        """Lengths (M,) in metres that a stature implies."""
-        return np.asarray(stature_m * np.tensordot(self._blend(stature_m), self.lengths, axes=1))
+    def age(self, stature_m: float) -> float:
+        """The age in years of the mean person of a stature; all adults have the last of `ages`."""
+        return float(np.interp(stature_m, self.statures, self.ages))
 
-    def person(self, stature_m: float, girth: float, lengths: Array | None = None) -> BodyModel:
-        """A person with all degrees of freedom; `lengths` (M,) in metres, by default those implied."""
-        blend = self._blend(stature_m)
+    def implied(self, stature_m: float, age: float) -> Array:
+        """Lengths (M,) in metres that stature and age imply."""
+        return np.asarray(stature_m * np.tensordot(self._blend(age), self.lengths, axes=1))
+
+    def person(
+        self, stature_m: float, girth: float, age: float | None = None, lengths: Array | None = None
+    ) -> BodyModel:
+        """A person with all degrees of freedom; years of age and metres of `lengths` (M,) may be implied."""
+        age = self.age(stature_m) if age is None else age
+        blend = self._blend(age)
         vertices = np.tensordot(blend, self.vertices, axes=1) + (girth - 1.0) * self.girth
         joints = np.tensordot(blend, self.joints, axes=1)
         if lengths is not None:
-            apart = (lengths - self.implied(stature_m)) / stature_m
+            apart = (lengths - self.implied(stature_m, age)) / stature_m
             vertices += np.tensordot(apart, self.longer, axes=1)
             joints += np.tensordot(apart, self.longer_joints, axes=1)
         return replace(
@@ -90,10 +99,10 @@ class ShapeSpace:
             joint_points=stature_m * joints[self.named],
         )
 
-    def _blend(self, stature_m: float) -> Array:
-        """Shares (K,) of the people of this stature."""
-        place = np.interp(stature_m, self.statures, np.arange(len(self.statures)))
-        return np.maximum(1.0 - np.abs(place - np.arange(len(self.statures))), 0.0)
+    def _blend(self, age: float) -> Array:
+        """Shares (K,) of the people in one of this age."""
+        place = np.interp(age, self.ages, np.arange(len(self.ages)))
+        return np.maximum(1.0 - np.abs(place - np.arange(len(self.ages))), 0.0)
 
 
 @cache
@@ -140,6 +149,7 @@ def shape_space() -> ShapeSpace:
         model,
         centres,
         named,
+        data["ages"],
         data["statures"],
         data["lengths"],
         people,

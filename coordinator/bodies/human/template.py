@@ -24,18 +24,18 @@ DEFAULT_ACTIVE: tuple[str, ...] = (
 """The 24 degrees of freedom of the paper's section 5."""
 
 
-def human(stature_m: float = REFERENCE_STATURE, girth: float = 1.0, **lengths: float) -> BodyModel:
-    """A person of this stature (metres); `girth` scales the width, `lengths` are measures in metres.
+def human(stature_m: float = REFERENCE_STATURE, girth: float = 1.0, **others: float) -> BodyModel:
+    """A person of this stature (metres); `girth` scales the width, `others` are age and measures in metres.
 
     All 186 degrees of freedom, root first. Raises InputError for implausible measures.
     """
-    return human_of(Measures.of(stature_m, girth, **lengths))
+    return human_of(Measures.of(stature_m, girth, **others))
 
 
 @lru_cache(maxsize=4)
 def human_of(measures: Measures) -> BodyModel:
     """A person with these measures, with all degrees of freedom; the last few are cached."""
-    return shape_space().person(measures.stature, measures.girth, np.array(measures.lengths))
+    return shape_space().person(measures.stature, measures.girth, measures.age, np.array(measures.lengths))
 
 
 def person_of_size(stature_m: float, girth: float) -> BodyModel:

@@ -31,8 +31,8 @@ from coordinator.bodies.human.shape_space import FILE, KEPT, UNIT
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-AGES = {"baby": 0.75, "child": 1.38, "young": 1.5}
-"""MakeHuman's ages of 1, 10 and 25 years -> the stature in metres at or from which people have their shape.
+AGES = {"baby": (1.0, 0.75), "child": (10.0, 1.38), "young": (16.0, 1.5)}
+"""MakeHuman's people -> the age in years and the stature in metres at or from which people have their shape.
 
 Children: the medians of the World Health Organization's growth standards. Adults differ by scale.
 """
@@ -156,7 +156,8 @@ def build(data: MakeHuman) -> dict[str, Array]:
         "skin_links": order.astype(np.uint8),
         "skin_weights": np.rint(weights / weights.sum(axis=1, keepdims=True) * 1e4).astype(np.uint16),
         "joints": np.array(names),
-        "statures": np.array(list(AGES.values())),
+        "ages": np.array([age for age, _ in AGES.values()]),
+        "statures": np.array([stature for _, stature in AGES.values()]),
         "lengths": np.array([[lengths[age][name] for name in LENGTHS] for age in AGES]),
         "people": packed(np.stack([people[age] for age in AGES])),
         "people_joints": np.stack([stacked(place_joints(lengths[age]), names) for age in AGES]),
