@@ -75,6 +75,7 @@ def test_a_run_leaves_files_and_says_nothing_on_stdout(
     assert track.time_s.tolist() == [n / 30 for n in range(5)]
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
         "model.npz",
+        "person.json",
         "poses.csv",
         "summary.json",
         "track.npz",
