@@ -45,6 +45,19 @@ def test_children_have_larger_heads_and_shorter_legs() -> None:
     assert legs[0] < legs[-1] - 0.02
 
 
+def test_age_sets_the_proportions_of_a_child(tmp_path: Path) -> None:
+    """Of two children of 1.2 m the younger has the shorter legs; both are said to be children."""
+    legs = []
+    for age in (4, 9):
+        path = tmp_path / "person.json"
+        path.write_text(json.dumps({"stature": 1.2, "age": age}))
+        body = load_body(str(path))
+        assert np.ptp(body.vertices[:, 1]) == pytest.approx(1.2, rel=0.005)
+        legs.append(body.vertices[:, 1].max())
+        assert f"child of about {age} years" in Measures.of(1.2, age=age).in_words
+    assert legs[0] < legs[1] - 0.01
+
+
 def test_adults_differ_by_scale() -> None:
     """Of one girth, short and tall adults have one shape."""
     short, tall = human(1.5, 1.1), human(2.1, 1.1)
