@@ -35,10 +35,10 @@ def run_calibrate(sequences: Sequence[Path], out: Path, show: Show, connect: Con
         found = calibrate(
             sources, workers, preset("default"), choose_bodies(None, "default", HUMAN), show.say
         )
-    cameras, facts = {}, {}
+    cameras, facts = list[RigCamera](), {}
     for (name, place), sequence in zip(found.items(), sequences, strict=True):
         path = os.path.relpath(sequence.resolve(), out.resolve().parent)
-        cameras[name] = RigCamera(path, place.placed.tolist(), place.offset_s)
+        cameras.append(RigCamera(name, path, place.placed.tolist(), place.offset_s))
         facts[name] = deviations_of(place)
     write_rig(out, cameras, {"deviations": facts})
     for name, place in list(found.items())[1:]:

@@ -21,12 +21,13 @@ from coordinator.sources.source import Source
 Row = Annotated[list[float], Meta(min_length=4, max_length=4)]
 Matrix = Annotated[list[Row], Meta(min_length=4, max_length=4)]
 ROUNDED = 1e-3  # error of a rotation that is written with a few digits
-EXAMPLE = '{"cameras": {"front": {"sequence": "front/", "T_rig_camera": [[1, 0, 0, 0], ...]}, ...}}'
+EXAMPLE = '{"cameras": [{"name": "front", "sequence": "front/", "T_rig_camera": [[1, 0, 0, 0], ...]}, ...]}'
 
 
 class RigCamera(msgspec.Struct, frozen=True):
     """A camera of a rig file."""
 
+    name: str
     sequence: str  # a path, relative to the file, or zenoh:KEY
     T_rig_camera: Matrix  # metres
     time_offset_s: float = 0.0  # added to the camera's time it gives the rig's
@@ -44,7 +45,7 @@ class RigCamera(msgspec.Struct, frozen=True):
 class RigFile(msgspec.Struct, frozen=True):
     """A rig file. Other entries, such as deviations, are not read."""
 
-    cameras: dict[str, RigCamera]
+    cameras: list[RigCamera]
 
 
 def read_rig_file(path: Path) -> RigFile:
@@ -57,8 +58,8 @@ def read_rig_file(path: Path) -> RigFile:
         raise InputError(f"{path}: {error}; write {EXAMPLE}") from error
     if not 1 <= len(rig.cameras) <= MAX_CAMERAS:
         raise InputError(f"{path} lists {len(rig.cameras)} cameras; give 1 to {MAX_CAMERAS}")
-    for name, camera in rig.cameras.items():
-        matrix = np.array(camera.T_rig_camera)
+    for camera in rig.cameras:
+        name, matrix = camera.name, np.array(camera.T_rig_camera)
         turn, rest = matrix[:3, :3], matrix[3] - [0.0, 0.0, 0.0, 1.0]
         rigid = np.abs(turn @ turn.T - np.eye(3)).max() + np.abs(rest).max() < ROUNDED
         if not (name and rigid and np.linalg.det(turn) > 0.0 and np.abs(matrix).max() < LARGEST):
@@ -68,9 +69,12 @@ def read_rig_file(path: Path) -> RigFile:
             )
         if abs(camera.time_offset_s) > LARGEST:
             raise InputError(f"{path}: time_offset_s of '{name}' is not in seconds; correct it")
-    for (one, first), (other, second) in combinations(rig.cameras.items(), 2):
-        if sequence_of(path, first) == sequence_of(path, second):
-            raise InputError(f"{path} lists {first.sequence} twice, as '{one}' and '{other}'; remove one")
+    for one, other in combinations(rig.cameras, 2):
+        if one.name == other.name:
+            raise InputError(f"{path} has two cameras of the name '{one.name}'; rename one")
+        if sequence_of(path, one) == sequence_of(path, other):
+            twice = f"lists {one.sequence} twice, as '{one.name}' and '{other.name}'"
+            raise InputError(f"{path} {twice}; remove one")
     return rig
 
 
@@ -89,15 +93,14 @@ def read_rig(path: Path, options: CameraOptions) -> Source:
             f"--intrinsics and --depth-scale are of one camera, {path} lists several; leave them out"
         )
     cameras = []
-    for name, camera in read_rig_file(path).cameras.items():
+    for camera in read_rig_file(path).cameras:
         source, placed = open_source(sequence_of(path, camera)), camera.placed
         gravity = None if source.gravity is None else placed[:3, :3] @ source.gravity
-        cameras.append(
-            replace(source, camera=name, T_rig_camera=placed, offset_s=camera.time_offset_s, gravity=gravity)
-        )
+        named = replace(source, camera=camera.name, T_rig_camera=placed, gravity=gravity)
+        cameras.append(replace(named, offset_s=camera.time_offset_s))
     return replace(cameras[0], name=path.stem, others=tuple(cameras[1:]))
 
 
-def write_rig(path: Path, cameras: dict[str, RigCamera], facts: dict[str, object]) -> None:
+def write_rig(path: Path, cameras: list[RigCamera], facts: dict[str, object]) -> None:
     """Write a rig file, with further facts about its calibration."""
     write_json(path, {"cameras": msgspec.to_builtins(cameras), **facts})

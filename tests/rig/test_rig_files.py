@@ -23,10 +23,10 @@ def write(folder: Path, offsets: dict[str, float], frames: int = 5) -> Path:
     for name in offsets:
         depth = np.full((frames, 6, 8), 1000, np.uint16) + np.arange(frames, dtype=np.uint16)[:, None, None]
         write_open3d(folder / name, depth, Intrinsics(8, 6, 10.0, 10.0, 3.5, 2.5))
-    cameras = {
-        name: {"sequence": name, "T_rig_camera": IDENTITY, "time_offset_s": offset}
+    cameras = [
+        {"name": name, "sequence": name, "T_rig_camera": IDENTITY, "time_offset_s": offset}
         for name, offset in offsets.items()
-    }
+    ]
     (folder / "rig.json").write_text(json.dumps({"cameras": cameras}))
     return folder / "rig.json"
 
@@ -52,7 +52,7 @@ def test_frames_that_are_nearest_in_time_belong_together(
 
 def change(**fields: object) -> Callable[[dict[str, Any]], object]:
     """Replaces fields of camera b."""
-    return lambda rig: rig["cameras"]["b"].update(fields)
+    return lambda rig: rig["cameras"][1].update(fields)
 
 
 @pytest.mark.parametrize(
@@ -61,6 +61,7 @@ def change(**fields: object) -> Callable[[dict[str, Any]], object]:
         (lambda rig: rig.pop("cameras"), "cameras"),
         (lambda rig: rig["cameras"].clear(), "0 cameras"),
         (change(sequence="a"), "twice, as 'a' and 'b'"),
+        (change(name="a"), "two cameras of the name 'a'"),
         (change(sequence="nothing"), "no such file or folder"),
         (change(T_rig_camera=(2.0 * np.eye(4)).tolist()), "T_rig_camera of 'b' is not a rotation"),
         (
@@ -71,7 +72,7 @@ def change(**fields: object) -> Callable[[dict[str, Any]], object]:
         (change(time_offset_s=1e9), "time_offset_s of 'b' is not in seconds"),
         (change(time_offset_s="soon"), "time_offset_s"),
     ],
-    ids=["key", "none", "twice", "missing", "scaled", "mirrored", "short", "late", "text"],
+    ids=["key", "none", "twice", "names", "missing", "scaled", "mirrored", "short", "late", "text"],
 )
 def test_a_bad_rig_is_refused(tmp_path: Path, damage: Callable[[dict[str, Any]], object], said: str) -> None:
     """One line says what is wrong, and where."""

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +12,8 @@ from common.body import BodyModel
 from common.frame import DepthFrame
 from common.kinematics import pose_vertices
 from common.kinematics.rotations import euler_matrix
-from coordinator.bodies.tracked import name_pose
 from coordinator.synthesis.rendering import DepthRenderer
 from tests.support.people import CAMERA, frame_of
-from tests.support.recordings import write_open3d
 
 Array = NDArray[np.float64]
 
@@ -42,31 +38,3 @@ def seen_from(model: BodyModel, poses: Sequence[Array], places: Mapping[str, Arr
             depth = renderer.depth(vertices, model.triangles).astype(np.float64)
             views.append(replace(frame_of(0, depth), camera=name, T_rig_camera=placed))
     return replace(views[0], others=tuple(views[1:]))
-
-
-def write_rig(
-    folder: Path,
-    model: BodyModel,
-    posture: Mapping[str, float],
-    rates: Mapping[str, float],
-    places: Mapping[str, Array],
-    delays_s: Mapping[str, float],
-    frames: int,
-) -> Path:
-    """A rig's recordings of a body whose joints move at rates per second, each camera with its own delay."""
-    cameras = {}
-    for name, placed in places.items():
-        images = []
-        for n in range(frames):
-            time_s = n / 30.0 + delays_s.get(name, 0.0)
-            moved = {**posture, **{dof: posture.get(dof, 0.0) + rate * time_s for dof, rate in rates.items()}}
-            images.append(seen_from(model, [name_pose(model, moved)], {name: placed}).depth)
-        write_open3d(folder / name, np.array(images), CAMERA)
-        cameras[name] = {
-            "sequence": name,
-            "T_rig_camera": placed.tolist(),
-            "time_offset_s": delays_s.get(name, 0.0),
-        }
-    path = folder / "rig.json"
-    path.write_text(json.dumps({"cameras": cameras}))
-    return path
