@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from common.body import ROTATION, BodyModel, vertex_normals
-from common.camera import Intrinsics, back_project, level_from_camera
+from common.camera import Intrinsics, level_from_camera
 from common.frame import DepthFrame
 from common.kinematics import joint_positions, pose_vertices
 from common.settings import preset
@@ -23,6 +23,7 @@ from coordinator.pictures.shading import MODEL_COLOUR, Colour
 from coordinator.results.track import Track
 from coordinator.sources import Source
 from coordinator.tracking.certainty.certainty import FLAGGED
+from coordinator.tracking.observation import observed_points
 from coordinator.tracking.segmenter import PosedBody, Segmenter
 
 Array = NDArray[np.float64]
@@ -101,6 +102,10 @@ class FrameLog:
                 height=camera.height,
             )
             self._to.log("/camera/image", pinhole, static=True)
+            placed = frame.T_rig_camera
+            self._to.log(
+                "/camera", rr.Transform3D(translation=placed[:3, 3], mat3x3=placed[:3, :3]), static=True
+            )
         self._to.log("/camera/image/depth", rr.DepthImage(frame.depth, meter=frame.depth_scale))
 
 
@@ -193,11 +198,10 @@ def skeletons(names: tuple[str, ...], joints: Array, strength: Array, colour: Co
 def observe(segmenter: Segmenter, frame: DepthFrame, body: PosedBody) -> tuple[Array, Array] | None:
     """Points (P, 3) of the subject near a body in the next frame, and their distances (P,) from its vertices.
 
-    None if nothing of it is visible. Camera frame, metres.
+    None if nothing of it is visible. They are those of all cameras, in the rig's frame, metres.
     """
     subject = segmenter.segment(frame, [body]).subjects[0]
     if subject is None:
         return None
-    cropped = subject.frame
-    points = back_project(cropped.metres(), cropped.intrinsics).reshape(-1, 3)[subject.picked]
+    points = observed_points(subject)
     return points, KDTree(body.surface).query(points)[0]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import sys
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -36,8 +37,8 @@ def run_info(
 ) -> None:
     """Print facts about a sequence and its scene; draw its middle frame, and the scene.
 
-    Facts about the recording are printed first, because analysing the scene takes longer. Of a run, print
-    who was tracked.
+    Facts about the recording are printed first, because analysing the scene takes longer. Of a rig, print
+    those of each camera, and draw the first one; of a run, who was tracked.
     """
     if (run := find_summary(sequence)) is not None:
         facts = describe_tracked(sequence, run)
@@ -48,25 +49,37 @@ def run_info(
         return
     form = find_format(sequence)
     source = form.open(sequence, parse_camera_options(camera.intrinsics, camera.depth_scale))
-    facts = describe(form, source)
-    if not as_json:
-        print_facts(facts)
     if thumbnail is not None:
         from coordinator.pictures.shading import shade_depth
 
         middle = source.frame(source.numbers[len(source) // 2])
         save(shade_depth(middle.metres(), middle.intrinsics), thumbnail)
-    with loading():
-        view, found = look(source)
-    if picture is not None:
-        from coordinator.pictures.scene import draw_scene
+    cameras = []
+    for each in source.views:
+        alone = single(each)
+        facts = describe(form, alone)
+        if not as_json:
+            print_facts(facts)
+        with loading():
+            view, found = look(alone)
+        if picture is not None and each is source:
+            from coordinator.pictures.scene import draw_scene
 
-        save(draw_scene(view, found), picture)
-    scene = describe_scene(view, found)
+            save(draw_scene(view, found), picture)
+        scene = describe_scene(view, found)
+        cameras.append(facts | scene)
+        if not as_json:
+            print_facts(scene)
     if as_json:
-        sys.stdout.write(msgspec.json.encode(facts | scene).decode() + "\n")
-    else:
-        print_facts(scene)
+        shown = {"cameras": cameras} if source.others else cameras[0]
+        sys.stdout.write(msgspec.json.encode(shown).decode() + "\n")
+
+
+def single(source: Source) -> Source:
+    """A camera of a rig by itself, with gravity in its own frame."""
+    turn = source.T_rig_camera[:3, :3]
+    gravity = None if source.gravity is None else turn.T @ source.gravity
+    return replace(source, others=(), gravity=gravity)
 
 
 def describe_tracked(run: Path, summary: Mapping[str, Any]) -> dict[str, object]:
@@ -172,6 +185,7 @@ def describe(form: Format, source: Source) -> dict[str, object]:
         if doubt is not None:
             logger.warning("%s: %s", source.name, doubt)
     return {
+        **({"camera": source.camera} if source.camera else {}),
         "format": form.name,
         "frames": len(source),
         "first_frame": source.numbers[0],
