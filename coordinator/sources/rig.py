@@ -28,7 +28,7 @@ class RigCamera(msgspec.Struct, frozen=True):
     """A camera of a rig file."""
 
     name: str
-    sequence: str  # a path, relative to the file, or zenoh:KEY
+    sequence: str  # a path, relative to the file
     T_rig_camera: Matrix  # metres
     time_offset_s: float = 0.0  # added to the camera's time it gives the rig's
 
@@ -67,6 +67,10 @@ def read_rig_file(path: Path) -> RigFile:
                 f"{path}: T_rig_camera of '{name}' is not a rotation and a translation in metres; "
                 "give 4 rows of 4 numbers, the last 0 0 0 1"
             )
+        if camera.sequence.startswith("zenoh:"):
+            raise InputError(
+                f"{path}: '{name}' is live, and rigs are recordings only; record each camera first"
+            )
         if abs(camera.time_offset_s) > LARGEST:
             raise InputError(f"{path}: time_offset_s of '{name}' is not in seconds; correct it")
     for one, other in combinations(rig.cameras, 2):
@@ -78,10 +82,9 @@ def read_rig_file(path: Path) -> RigFile:
     return rig
 
 
-def sequence_of(path: Path, camera: RigCamera) -> str:
-    """The sequence of a camera of the file at `path`: an absolute path, or zenoh:KEY."""
-    live = camera.sequence.startswith("zenoh:")
-    return camera.sequence if live else str((path.parent / camera.sequence).resolve())
+def sequence_of(path: Path, camera: RigCamera) -> Path:
+    """The recording of a camera of the file at `path`."""
+    return (path.parent / camera.sequence).resolve()
 
 
 def read_rig(path: Path, options: CameraOptions) -> Source:

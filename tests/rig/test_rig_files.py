@@ -62,6 +62,7 @@ def change(**fields: object) -> Callable[[dict[str, Any]], object]:
         (lambda rig: rig["cameras"].clear(), "0 cameras"),
         (change(sequence="a"), "twice, as 'a' and 'b'"),
         (change(name="a"), "two cameras of the name 'a'"),
+        (change(sequence="zenoh:b"), "'b' is live"),
         (change(sequence="nothing"), "no such file or folder"),
         (change(T_rig_camera=(2.0 * np.eye(4)).tolist()), "T_rig_camera of 'b' is not a rotation"),
         (
@@ -72,7 +73,7 @@ def change(**fields: object) -> Callable[[dict[str, Any]], object]:
         (change(time_offset_s=1e9), "time_offset_s of 'b' is not in seconds"),
         (change(time_offset_s="soon"), "time_offset_s"),
     ],
-    ids=["key", "none", "twice", "names", "missing", "scaled", "mirrored", "short", "late", "text"],
+    ids=["key", "none", "twice", "names", "live", "missing", "scaled", "mirrored", "short", "late", "text"],
 )
 def test_a_bad_rig_is_refused(tmp_path: Path, damage: Callable[[dict[str, Any]], object], said: str) -> None:
     """One line says what is wrong, and where."""
