@@ -59,20 +59,8 @@ def read_rig_file(path: Path) -> RigFile:
     if not 1 <= len(rig.cameras) <= MAX_CAMERAS:
         raise InputError(f"{path} lists {len(rig.cameras)} cameras; give 1 to {MAX_CAMERAS}")
     for camera in rig.cameras:
-        name, matrix = camera.name, np.array(camera.T_rig_camera)
-        turn, rest = matrix[:3, :3], matrix[3] - [0.0, 0.0, 0.0, 1.0]
-        rigid = np.abs(turn @ turn.T - np.eye(3)).max() + np.abs(rest).max() < ROUNDED
-        if not (name and rigid and np.linalg.det(turn) > 0.0 and np.abs(matrix).max() < LARGEST):
-            raise InputError(
-                f"{path}: T_rig_camera of '{name}' is not a rotation and a translation in metres; "
-                "give 4 rows of 4 numbers, the last 0 0 0 1"
-            )
-        if camera.sequence.startswith("zenoh:"):
-            raise InputError(
-                f"{path}: '{name}' is live, and rigs are recordings only; record each camera first"
-            )
-        if abs(camera.time_offset_s) > LARGEST:
-            raise InputError(f"{path}: time_offset_s of '{name}' is not in seconds; correct it")
+        if (wrong := find_fault(camera)) is not None:
+            raise InputError(f"{path}: {wrong}")
     for one, other in combinations(rig.cameras, 2):
         if one.name == other.name:
             raise InputError(f"{path} has two cameras of the name '{one.name}'; rename one")
@@ -80,6 +68,23 @@ def read_rig_file(path: Path) -> RigFile:
             twice = f"lists {one.sequence} twice, as '{one.name}' and '{other.name}'"
             raise InputError(f"{path} {twice}; remove one")
     return rig
+
+
+def find_fault(camera: RigCamera) -> str | None:
+    """What is wrong with a camera by itself; None if nothing is."""
+    name, matrix = camera.name, np.array(camera.T_rig_camera)
+    turn, rest = matrix[:3, :3], matrix[3] - [0.0, 0.0, 0.0, 1.0]
+    rigid = np.abs(turn @ turn.T - np.eye(3)).max() + np.abs(rest).max() < ROUNDED
+    if not (name and rigid and np.linalg.det(turn) > 0.0 and np.abs(matrix).max() < LARGEST):
+        return (
+            f"T_rig_camera of '{name}' is not a rotation and a translation in metres; "
+            "give 4 rows of 4 numbers, the last 0 0 0 1"
+        )
+    if camera.sequence.startswith("zenoh:"):
+        return f"'{name}' is live, and rigs are of recordings; record each camera first"
+    if abs(camera.time_offset_s) > LARGEST:
+        return f"time_offset_s of '{name}' is not in seconds; correct it"
+    return None
 
 
 def sequence_of(path: Path, camera: RigCamera) -> Path:
