@@ -7,7 +7,7 @@ the tracked surface, and the rig is moved back so that the first one stays.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -98,7 +98,7 @@ def calibrate(
 
     Raises InputError if the recordings do not determine them.
     """
-    (first, source), *others = ((name, replace(each, camera=name)) for name, each in sources.items())
+    (first, source), *others = ((name, each.changed(camera=name)) for name, each in sources.items())
     motions = {}
     for name, each in ((first, source), *others):
         report(f"tracking {name} alone")
@@ -108,7 +108,7 @@ def calibrate(
     places = {name: CameraPlace(a.placed, a.offset_s, SURE) for name, a in aligned.items()}
     for n in range(ROUNDS):
         report(f"tracking with all cameras, round {n + 1}")
-        rig = replace(source, others=tuple(put(each, places[name]) for name, each in others))
+        rig = source.changed(others=tuple(put(each, places[name]) for name, each in others))
         watching = Watching(refiner)
         tracked = follow(rig, watching, settings, bodies)
         steps = place_all(tracked, watching.subjects, {first: CameraPlace(np.eye(4), 0.0, SURE), **places})
@@ -133,7 +133,7 @@ def follow(source: Source, refiner: Refiner, settings: Settings, bodies: Bodies)
 
 def put(source: Source, found: CameraPlace) -> Source:
     """The sequence of a camera at its place."""
-    return replace(source, T_rig_camera=found.placed, offset_s=found.offset_s)
+    return source.changed(T_rig_camera=found.placed, offset_s=found.offset_s)
 
 
 def place_all(

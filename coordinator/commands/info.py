@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import sys
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -79,7 +78,7 @@ def single(source: Source) -> Source:
     """A camera of a rig by itself, with gravity in its own frame."""
     turn = source.T_rig_camera[:3, :3]
     gravity = None if source.gravity is None else turn.T @ source.gravity
-    return replace(source, others=(), gravity=gravity)
+    return source.changed(others=(), gravity=gravity)
 
 
 def describe_tracked(run: Path, summary: Mapping[str, Any]) -> dict[str, object]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 from typing import Annotated
@@ -104,9 +103,9 @@ def read_rig(path: Path, options: CameraOptions) -> Source:
     for camera in read_rig_file(path).cameras:
         source, placed = open_source(sequence_of(path, camera)), camera.placed
         gravity = None if source.gravity is None else placed[:3, :3] @ source.gravity
-        named = replace(source, camera=camera.name, T_rig_camera=placed, gravity=gravity)
-        cameras.append(replace(named, offset_s=camera.time_offset_s))
-    return replace(cameras[0], name=path.stem, others=tuple(cameras[1:]))
+        named = source.changed(camera=camera.name, T_rig_camera=placed, gravity=gravity)
+        cameras.append(named.changed(offset_s=camera.time_offset_s))
+    return cameras[0].changed(name=path.stem, others=tuple(cameras[1:]))
 
 
 def write_rig(path: Path, cameras: list[RigCamera], facts: dict[str, object]) -> None:

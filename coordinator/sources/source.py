@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,6 +81,11 @@ class Source:
         near = [(other, other.nearest(frame.time_s, 0.5 / self.fps)) for other in self.others]
         others = tuple(other._image(place) for other, place in near if place is not None)
         return replace(frame, others=others)
+
+    def changed(self, **changes: Any) -> Source:
+        """The same sequence with other values of some fields."""
+        known = {each.name: getattr(self, each.name) for each in fields(self)}
+        return Source(**(known | changes))
 
     def nearest(self, time_s: float, within_s: float) -> int | None:
         """The place of the frame nearest to a time of the rig, or the later of two; None if it is far off."""
