@@ -35,7 +35,7 @@ class RunMemory:
 
 
 class Memory:
-    """The cached data of all runs. Frames arrive on a thread of the bus; all else is for one thread.
+    """The cached data of all runs, for several threads.
 
     Args:
         bus: For fetching frames and models.
@@ -80,7 +80,7 @@ class Memory:
             payload = memory.frames.get(number)
         if payload is None:
             payload = self._fetch(keys.of_run(run, f"frame/{number}"), f"frame {number} of run {run}")
-        return put_recent(memory.observations, number, self._observe(decode_frame(payload)), FRAMES_KEPT)
+        return self._put_observed(memory, number, payload)
 
     def observe_ahead(self, run: str) -> tuple[Any, RefineSettings] | None:
         """The observation of a run's newest frame, and the settings of its probable request.
@@ -92,11 +92,9 @@ class Memory:
             if memory is None or memory.settings is None or not memory.frames:
                 return None
             number, payload = list(memory.frames.items())[-1]
-        if number in memory.observations:
-            return None
-        observation = self._observe(decode_frame(payload))
-        put_recent(memory.observations, number, observation, FRAMES_KEPT)
-        return observation, memory.settings
+            if number in memory.observations:
+                return None
+        return self._put_observed(memory, number, payload), memory.settings
 
     def model(self, request: RefineRequest) -> BodyModel:
         """A request's model.
@@ -110,12 +108,18 @@ class Memory:
             model = decode_model(self._fetch(keys.of_run(request.run, f"model/{wanted}"), name))
             if model.hash != wanted:
                 raise ProtocolError(f"asked for model {wanted} and got {model.hash}")
-        put_recent(self._models, wanted, model, 4 * MODELS_KEPT)  # of several runs
+        with self._changed:
+            put_recent(self._models, wanted, model, 4 * MODELS_KEPT)  # of several runs
         if request.poses.shape[1] != len(model.dof_names):
             raise ProtocolError(
                 f"poses have {request.poses.shape[1]} values, the model has {len(model.dof_names)}"
             )
         return model
+
+    def _put_observed(self, memory: RunMemory, number: int, payload: bytes) -> Any:
+        observation = self._observe(decode_frame(payload))
+        with self._changed:
+            return put_recent(memory.observations, number, observation, FRAMES_KEPT)
 
     def _of(self, run: str) -> RunMemory:
         return put_recent(self._runs, run, self._runs.get(run) or RunMemory(), RUNS_KEPT)

@@ -2,21 +2,23 @@
 
 Frames and models are cached only to avoid fetching them again: a result depends only on its request. Each
 coordinator has only a few requests at a worker, so several coordinators are served alternately. Spare
-requests, those of searches, come after others, but do not wait for ever.
+requests, those of searches, are served beside the others, on threads of low priority.
 """
 
 from __future__ import annotations
 
 import logging
+import os
+import sys
+import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
-from heapq import heapify
-from itertools import count
-from queue import Empty, PriorityQueue
-from typing import Any, Protocol
+from queue import Empty, Queue
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +35,7 @@ from common.transport.bus import Bus
 from common.transport.channels import IncomingRequest
 from worker.memory import Memory
 
-SPARE_DELAY_S = 0.1  # a spare request comes after others that arrive so much later
+LOW_PRIORITY = 10  # as of `nice`: a tenth of a core if others want all of it
 LOOK_S = 0.2  # between checks for the end, if no signal interrupts the wait for a request
 SILENCE_S = 10.0  # without a request before the coordinator is checked
 
@@ -66,16 +68,14 @@ class Kernel:
     refine: Refine
     lanes: int = 1  # particles refined in parallel
     prepare: Callable[[Any, RefineSettings], None] | None = None  # for a later request
+    spare: Refine | None = None  # for spare requests, called on another thread; None: `refine`
 
 
-@dataclass(frozen=True, slots=True, order=True)
-class Task:
-    """Something to do for a run; the one with the earliest time comes first."""
+class Task(NamedTuple):
+    """Something to do for a run."""
 
-    time_s: float
-    place: int
-    run: str = field(compare=False)
-    do: Callable[[], None] = field(compare=False)
+    run: str
+    do: Callable[[], None]
 
 
 class Service:
@@ -86,8 +86,8 @@ class Service:
         self._name = name
         self._kernel = kernel
         self._memory = Memory(bus, kernel.observe)
-        self._work: PriorityQueue[Task] = PriorityQueue()
-        self._places = count()
+        self._tasks: Queue[Task] = Queue()
+        self._spare_tasks: Queue[Task] = Queue()
         self._asks_at = time.monotonic() + SILENCE_S
         self._stopped = False
         self.abandoned = False  # the link is dead: a new session is needed
@@ -99,11 +99,22 @@ class Service:
         self._bus.serve_requests(keys.of_worker(self._name, "refine"), self._accept)
         self._bus.announce(keys.of_worker(self._name, f"lanes/{self._kernel.lanes}"))
         self._bus.announce(keys.of_worker(self._name, "alive"))  # last, as requests follow
+        spare = threading.Thread(target=self._serve_spare, daemon=True)
+        spare.start()
         while not (self._stopped or self.abandoned):
             try:
-                self._work.get(timeout=LOOK_S).do()
+                self._tasks.get(timeout=LOOK_S).do()
             except Empty:
                 self.abandoned = self._is_link_dead()
+        spare.join()
+
+    def _serve_spare(self) -> None:
+        """Serve spare requests until `run` ends. Threads that are started from here have its priority."""
+        if sys.platform == "linux":  # elsewhere, a priority is that of the process
+            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), LOW_PRIORITY)
+        while not (self._stopped or self.abandoned):
+            with suppress(Empty):
+                self._spare_tasks.get(timeout=LOOK_S).do()
 
     def stop(self) -> None:
         """End `run` after the present request; callable from another thread or a signal handler."""
@@ -128,7 +139,8 @@ class Service:
         Raises ProtocolError for an invalid request, BusError if its frame or model is not found.
         """
         model, observation = self._memory.model(request), self._memory.observation(request)
-        refined = self._kernel.refine(
+        refine = self._kernel.spare if request.spare and self._kernel.spare else self._kernel.refine
+        refined = refine(
             model,
             observation,
             request.poses,
@@ -136,11 +148,9 @@ class Service:
             covariance=request.covariance,
             velocity=request.velocity,
         )
-        self._put(request.run, partial(self._observe_ahead, request.run))
+        if not request.spare:
+            self._tasks.put(Task(request.run, partial(self._observe_ahead, request.run)))
         return encode_refined(refined)
-
-    def _put(self, run: str, do: Callable[[], None], delay_s: float = 0.0) -> None:
-        self._work.put(Task(time.monotonic() + delay_s, next(self._places), run, do))
 
     def _accept(self, request: IncomingRequest) -> None:
         """Queue a request; called on a thread of the bus."""
@@ -150,8 +160,8 @@ class Service:
             with request:
                 refuse(request, str(error))
         else:
-            serve = partial(self._serve_waiting, request, asked)
-            self._put(asked.run, serve, SPARE_DELAY_S if asked.spare else 0.0)
+            tasks = self._spare_tasks if asked.spare else self._tasks
+            tasks.put(Task(asked.run, partial(self._serve_waiting, request, asked)))
 
     def _serve_waiting(self, request: IncomingRequest, asked: RefineRequest) -> None:
         self._asks_at = time.monotonic() + SILENCE_S
@@ -163,7 +173,7 @@ class Service:
         run = keys.owner_of(key)
         with suppress(ProtocolError):  # its requests report the error
             self._memory.put_frame(run, number_of(payload), payload)
-            self._put(run, partial(self._observe_ahead, run))
+            self._tasks.put(Task(run, partial(self._observe_ahead, run)))
 
     def _observe_ahead(self, run: str) -> None:
         with suppress(Exception):  # as above
@@ -175,10 +185,9 @@ class Service:
         """Drop a run and its requests when its coordinator has left; called on a thread of the bus."""
         if not alive:
             run = keys.owner_of(key)
-            with self._work.mutex:
-                waiting = self._work.queue
-                self._work.queue = [task for task in waiting if task.run != run]
-                heapify(self._work.queue)
+            for tasks in (self._tasks, self._spare_tasks):
+                with tasks.mutex:
+                    tasks.queue = deque(task for task in tasks.queue if task.run != run)
             self._memory.forget(run)
 
     def _is_link_dead(self) -> bool:

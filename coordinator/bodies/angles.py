@@ -203,16 +203,17 @@ class Angles:
             if {f"{side}_shoulder_rotation", f"{side}_elbow_flexion"} <= set(names)
         }
 
-    def follow(self, poses: Array, unknown: NDArray[np.bool_] | None = None) -> Array:
-        """Angles (F, A) of the poses (F, D) of successive frames, each at the value nearest to the last.
+    def follow(self, angles: Array, unknown: NDArray[np.bool_] | None = None) -> Array:
+        """Angles (F, A) of successive frames, each at the value nearest to the last.
 
         Rotations that are not visible, because the elbow is straight, and `unknown` (F,) frames are not used
         as reference for the next frame.
         """
-        angles = self.measure(poses)
+        angles = angles.copy()
         last = angles[0].copy() if len(angles) else np.empty(0)
         for number, frame in enumerate(angles):
-            frame[:] = self.near(frame[None], last)[0]
+            if number > 0:
+                frame[:] = self.near(frame[None], last)[0]
             if unknown is not None and unknown[number]:
                 continue
             hidden = [twist for twist, bend in self.levers.items() if frame[bend] < SHOWN_FROM_BEND]

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from common.body import ROOT_DOFS
 from coordinator.bodies.angles import angles_of
-from coordinator.results.angles import Slides, hypotheses_near, slides_of
+from coordinator.results.angles import Slides, measure, near_to, slides_of
 from coordinator.results.evaluation import Truth, compare, known_mean
 from coordinator.results.track import Track, TrackedBody
 
@@ -153,7 +153,8 @@ def curves_of(track: Track, body: TrackedBody, truth: Truth | None) -> list[Curv
     true, known = np.full(reported.shape, np.nan), np.isfinite(true_pose).all(axis=1)
     if known.any():
         true[known] = angles.near(angles.measure(true_pose[known]), reported[known])
-    others = hypotheses_near(track, angles, reported)
+    others = near_to(reported, measure(track, angles)[1], angles)
+    others[np.isnan(track.hypothesis_weight)] = np.nan
     first = 3 if angles.spherical and angles.spherical[0].dofs[0].name in ROOT_DOFS else 0
     curves = []
     for a in sorted(first + np.argsort(-np.nanstd(reported[:, first:], axis=0), kind="stable")[:MOST_ANGLES]):

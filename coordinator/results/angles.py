@@ -59,16 +59,17 @@ SHOWN_BY = {
 def with_angles(track: Track, angles: Angles) -> Track:
     """The track with the angles (F, A) of its body and their deviations; a person's angles are smoothed."""
     known = filled(track)
-    reported = angles.follow(known.pose, known.unknown)
+    measured, others = measure(known, angles)
+    reported = angles.follow(measured, known.unknown)
     if is_person(track.dof_names) and len(known.frame) > 1:
-        off = deviations(known, angles, reported, np.inf)
+        off = deviations(known, angles, others, reported, np.inf)
         off[known.unknown] = np.inf
         since = np.diff(known.time_s)
         interval = np.where(since > 0.0, since, 1.0 / DEFAULT_FPS)
         beyond = np.maximum(off**2 - ANGLE_MISFIT**2, 0.0)
         columns = [smooth(*each, interval) for each in zip(reported.T, beyond.T, strict=True)]
         reported = np.array(columns).reshape(reported.T.shape).T
-    expected = deviations(known, angles, reported, LARGEST_DEVIATION)
+    expected = deviations(known, angles, others, reported, LARGEST_DEVIATION)
     reported[~track.placed], expected[track.unknown] = np.nan, np.nan
     return replace(track, angle_names=angles.names, angle=reported, angle_deviation=expected)
 
@@ -91,13 +92,25 @@ def smooth(angle: Array, variance: Array, interval: Array) -> Array:
     return np.where(variance <= KNOWN_VARIANCE, angle, smoothed)
 
 
-def deviations(track: Track, angles: Angles, about: Array, most: float) -> Array:
-    """Standard deviations (F, A) of the errors of angles (F, A), radians.
+def measure(track: Track, angles: Angles) -> tuple[Array, Array]:
+    """The angles (F, A) of the poses and those (F, M, A) of the hypotheses, radians.
+
+    Where a hypothesis is missing, they are those of the pose.
+    """
+    known = np.isfinite(track.hypothesis_weight)
+    others = np.where(known[..., None], track.hypothesis_pose, track.pose[:, None])
+    poses = np.concatenate([track.pose[:, None], others], axis=1)
+    found = angles.measure(poses.reshape(-1, poses.shape[2])).reshape(*poses.shape[:2], len(angles.names))
+    return found[:, 0], found[:, 1:]
+
+
+def deviations(track: Track, angles: Angles, others: Array, about: Array, most: float) -> Array:
+    """Standard deviations (F, A) of the errors of angles `about` (F, A), given those of the hypotheses.
 
     For a robot, whose measures are known, they follow from the hypotheses alone. For a person, the rotation
     of a limb is less certain the straighter the limb is. Unknown angles have the deviation `most`.
     """
-    away = hypotheses_near(track, angles, about) - about[:, None]
+    away = near_to(about, others, angles) - about[:, None]
     spread = UNSEEN * root_mean_square(away, track.hypothesis_weight)
     if not is_person(track.dof_names):
         return spread
@@ -121,13 +134,10 @@ def root_mean_square(away: Array, weight: Array) -> Array:
     return np.sqrt(mean)
 
 
-def hypotheses_near(track: Track, angles: Angles, about: Array) -> Array:
-    """Angles (F, M, A) of the hypotheses, radians, shifted by full turns towards `about` (F, A); or NaN."""
-    frames, most, dofs = track.hypothesis_pose.shape
-    known = np.isfinite(track.hypothesis_weight)
-    poses = np.where(known[..., None], track.hypothesis_pose, track.pose[:, None]).reshape(-1, dofs)
-    others = angles.near(angles.measure(poses), np.repeat(about, most, axis=0))
-    return np.where(known[..., None], others.reshape(frames, most, about.shape[1]), np.nan)
+def near_to(about: Array, others: Array, angles: Angles) -> Array:
+    """Angles (F, M, A) of hypotheses, shifted by full turns towards `about` (F, A)."""
+    flat = others.reshape(-1, others.shape[2])
+    return angles.near(flat, np.repeat(about, others.shape[1], axis=0)).reshape(others.shape)
 
 
 def deviations_from_joints(track: Track, angles: Angles) -> Array:

@@ -195,8 +195,12 @@ class Detector:
     def transfer(
         self, detection: Detection, before: SubjectFrame, now: SubjectFrame, rules: RefineSettings
     ) -> Detection:
-        """A detection in the frame `before`, moved to the frame `now` and refined and gated there."""
-        model, poses = detection.start.model, detection.candidates.poses.copy()
+        """The best of a detection in the frame `before`, and the best that faces the other way, in `now`.
+
+        They are moved with the body and refined and gated there.
+        """
+        model = detection.start.model
+        poses = detection.candidates.distinct(model.joint_names, 1).poses
         for name, step in zip(ROOT_DOFS[:3], middle_of(now) - middle_of(before), strict=True):
             if name in model.dof_names:
                 poses[:, model.dof(name)] += step

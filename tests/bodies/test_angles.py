@@ -147,13 +147,15 @@ def test_euler_angles_jump_where_these_do_not(angles: Angles) -> None:
     raised = Rotation.from_rotvec((ARM_TILT + np.radians(89.7)) * FRONT)
     poses = left_arm(Rotation.from_rotvec(t[:, None] * LEFT) * raised, angles.dof_names)
     assert np.degrees(np.abs(np.diff(poses, axis=0)).max()) > 15.0
-    assert np.degrees(np.abs(np.diff(angles.follow(poses), axis=0)).max()) < 3.0
+    assert np.degrees(np.abs(np.diff(angles.follow(angles.measure(poses)), axis=0)).max()) < 3.0
 
 
 def test_an_arm_swung_over_the_head_goes_on(angles: Angles) -> None:
     """Straight through the one singular direction, flexion passes 180 degrees without a jump."""
     t = np.radians(np.linspace(0.0, 220.0, 60))
-    found = np.degrees(angles.follow(left_arm(Rotation.from_rotvec(-t[:, None] * LEFT), angles.dof_names)))
+    found = np.degrees(
+        angles.follow(angles.measure(left_arm(Rotation.from_rotvec(-t[:, None] * LEFT), angles.dof_names)))
+    )
     assert np.abs(np.diff(found, axis=0)).max() < 4.0
     assert found[-1, angles.names.index("left_shoulder_flexion")] == pytest.approx(220.0)
 
@@ -176,7 +178,7 @@ def test_a_person_who_turns_twice_has_turned_720_degrees(angles: Angles) -> None
     """The turn of the pelvis is continuous, and forward tilt is relative to the person's own front."""
     poses = np.zeros((100, len(angles.dof_names)))
     poses[:, angles.dof_names.index("root_ry")] = -np.radians(np.linspace(0.0, 720.0, 100))
-    found = np.degrees(angles.follow(poses))
+    found = np.degrees(angles.follow(angles.measure(poses)))
     assert found[-1, angles.names.index("pelvis_turn")] == pytest.approx(720.0)
     bent = Rotation.from_euler("YX", [[90.0, 20.0]], degrees=True).as_euler("XYZ")[0]
     pose = np.zeros((1, len(angles.dof_names)))
@@ -240,6 +242,6 @@ def test_an_arm_found_again_over_the_head_is_not_said_to_be_behind(angles: Angle
     flexions = np.radians([-backward, 160.0, 130.0, 100.0, 70.0])
     poses = np.zeros((5, len(angles.dof_names)))
     poses[:, angles.dof_names.index("r_shoulder_flexion")] = flexions
-    found = np.degrees(angles.follow(poses)[:, angles.names.index("right_shoulder_flexion")])
+    found = np.degrees(angles.follow(angles.measure(poses))[:, angles.names.index("right_shoulder_flexion")])
     assert np.allclose(found, np.degrees(flexions), atol=25.0)  # the upper arm hangs off the vertical
     assert np.abs(np.diff(found[1:])).max() < 45.0
