@@ -142,12 +142,17 @@ def draw_planes(rays: Array) -> Array:
 def count_points(planes: Array, rays: Array) -> NDArray[np.int64]:
     """Numbers of rays (N, 4): within half the margin of each plane (M, 3), within it, beyond twice of it."""
     counts = np.empty((len(planes), 3), dtype=np.int64)
-    x, y, inverse, margin = rays.T.copy()
+    x, y, one, inverse = (
+        rays[:, 0] / rays[:, 3],
+        rays[:, 1] / rays[:, 3],
+        1.0 / rays[:, 3],
+        rays[:, 2] / rays[:, 3],
+    )
     for m in range(len(planes)):
         a, b, c = planes[m]
         near, within, beyond = 0, 0, 0
-        for n in range(len(rays)):
-            off = (inverse[n] - a * x[n] - b * y[n] - c) / margin[n]
+        for n in range(len(x)):
+            off = inverse[n] - a * x[n] - b * y[n] - c * one[n]  # in margins
             near += abs(off) < 0.5
             within += abs(off) < 1.0
             beyond += off < -2.0
