@@ -49,12 +49,12 @@ class CameraPlace:
     """Where a camera is, and how sure that is.
 
     placed: T_rig_camera (4, 4). deviations: (7,) of the rotation about the rig's axes and of the position at
-    the person, radians and metres; and of the clock, seconds.
+    the person, radians and metres; and of the clock, seconds; None if they are not known.
     """
 
     placed: Array
     offset_s: float
-    deviations: Array
+    deviations: Array | None = None
 
 
 class Watching:
@@ -201,7 +201,8 @@ def require(name: str, first: str, found: Alignment | None) -> Alignment:
 
 def refuse_guess(name: str, first: str, found: CameraPlace) -> None:
     """InputError if a place is not determined, with what would help."""
-    sizes = found.deviations[:3].max(), found.deviations[3:6].max(), found.deviations[6]
+    spread = SURE if found.deviations is None else found.deviations
+    sizes = spread[:3].max(), spread[3:6].max(), spread[6]
     remedies = ("walk about, also towards the cameras", "walk closer to it", "move faster, as in waving")
     what = ("rotation", "position", "clock")
     for size, most, which, remedy in zip(sizes, LARGEST_DEVIATIONS, what, remedies, strict=True):

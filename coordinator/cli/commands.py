@@ -105,6 +105,10 @@ def calibrate(
         typer.Argument(metavar="A B [C ...]", help="A recording of each camera, at the same time."),
     ],
     out: Annotated[Path, typer.Option("--out", metavar="FILE.json", help="Rig to write.")],
+    given: Annotated[
+        Path | None,
+        typer.Option("--from", metavar="FILE|DIR", help="Places from Kalibr, ROS or 4 x 4 matrices instead."),
+    ] = None,
     *,
     force: Force = False,
     quiet: Quiet = False,
@@ -115,7 +119,7 @@ def calibrate(
     with loading():
         from coordinator.commands.calibrate import run_calibrate
         from coordinator.commands.workers import connect_workers
-    run_calibrate(sequences, out, show, context.obj or connect_workers, force=force)
+    run_calibrate(sequences, given, out, show, context.obj or connect_workers, force=force)
 
 
 @app.command(rich_help_panel=SEQUENCES)

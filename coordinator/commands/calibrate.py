@@ -8,39 +8,50 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from common.bounds import MAX_CAMERAS
 from common.errors import InputError
 from common.settings import preset
 from coordinator.bodies.choice import choose_bodies
 from coordinator.bodies.human.dofs import HUMAN
+from coordinator.calibration.extrinsics import read_places
 from coordinator.calibration.rig import CameraPlace, calibrate
 from coordinator.commands.progress import Show
 from coordinator.commands.workers import Connect
 from coordinator.files import require_new, with_parent
 from coordinator.pool.options import Pool
 from coordinator.sources import Source, open_source
-from coordinator.sources.rig import RigCamera, write_rig
+from coordinator.sources.rig import RigCamera, find_fault, write_rig
+
+Array = NDArray[np.float64]
 
 
-def run_calibrate(sequences: Sequence[Path], out: Path, show: Show, connect: Connect, *, force: bool) -> None:
-    """Write the rig file, and print a line for each camera.
+def run_calibrate(
+    sequences: Sequence[Path], given: Path | None, out: Path, show: Show, connect: Connect, *, force: bool
+) -> None:
+    """Write the rig file, and print a line for each camera. With `given`, it has the places.
 
     Raises InputError for wrong input, and if the recordings do not determine a place.
     """
     require_new(out, force=force)
     with_parent(out)
     sources = open_all(sequences)
-    with connect(Pool(), show) as workers:
-        found = calibrate(
-            sources, workers, preset("default"), choose_bodies(None, "default", HUMAN), show.say
-        )
-    cameras, facts = list[RigCamera](), {}
+    if given is not None:
+        found = {name: CameraPlace(*place) for name, place in read_places(given, list(sources)).items()}
+    else:
+        with connect(Pool(), show) as workers:
+            found = calibrate(
+                sources, workers, preset("default"), choose_bodies(None, "default", HUMAN), show.say
+            )
+    cameras, facts = list[RigCamera](), dict[str, object]()
     for (name, place), sequence in zip(found.items(), sequences, strict=True):
         path = os.path.relpath(sequence.resolve(), out.resolve().parent)
         cameras.append(RigCamera(name, path, place.placed.tolist(), place.offset_s))
-        facts[name] = deviations_of(place)
-    write_rig(out, cameras, {"deviations": facts})
+        if (wrong := find_fault(cameras[-1])) is not None:
+            raise InputError(f"{given}: {wrong}")
+        facts |= {} if place.deviations is None else {name: deviations_of(place.deviations)}
+    write_rig(out, cameras, {"deviations": facts} if facts else {})
     for name, place in list(found.items())[1:]:
         sys.stdout.write(f"{name}: {describe(place)}\n")
     show.say(f"the rig is in {out}; gepf track {out} --out run/ tracks with all cameras")
@@ -61,22 +72,22 @@ def open_all(sequences: Sequence[Path]) -> dict[str, Source]:
     return found
 
 
-def deviations_of(place: CameraPlace) -> dict[str, list[float] | float]:
-    """Standard deviations by name."""
+def deviations_of(deviations: Array) -> dict[str, list[float] | float]:
+    """Standard deviations (7,) by name."""
     return {
-        "rotation_deg": np.degrees(place.deviations[:3]).round(4).tolist(),
-        "position_at_person_m": place.deviations[3:6].round(5).tolist(),
-        "time_offset_s": round(float(place.deviations[6]), 6),
+        "rotation_deg": np.degrees(deviations[:3]).round(4).tolist(),
+        "position_at_person_m": deviations[3:6].round(5).tolist(),
+        "time_offset_s": round(float(deviations[6]), 6),
     }
 
 
 def describe(place: CameraPlace) -> str:
-    """A place in one line, with its deviations."""
+    """A place in one line, with its deviations if they are known."""
     away = float(np.linalg.norm(place.placed[:3, 3]))
     turn = float(np.degrees(np.arccos(np.clip((np.trace(place.placed[:3, :3]) - 1.0) / 2.0, -1.0, 1.0))))
-    angle, metres = np.degrees(place.deviations[:3].max()), 100.0 * place.deviations[3:6].max()
-    clock, deviation = 1000.0 * place.offset_s, 1000.0 * place.deviations[6]
-    return (
-        f"{away:.3f} m from the first camera, turned by {turn:.1f} deg, clock {clock:+.1f} ms; "
-        f"deviations {angle:.2f} deg, {metres:.1f} cm at the person, {deviation:.1f} ms"
-    )
+    clock = 1000.0 * place.offset_s
+    text = f"{away:.3f} m from the first camera, turned by {turn:.1f} deg, clock {clock:+.1f} ms"
+    if (spread := place.deviations) is None:
+        return text
+    angle, metres = np.degrees(spread[:3].max()), 100.0 * spread[3:6].max()
+    return f"{text}; deviations {angle:.2f} deg, {metres:.1f} cm at the person, {1000.0 * spread[6]:.1f} ms"

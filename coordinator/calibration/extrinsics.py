@@ -1,0 +1,121 @@
+"""Camera places as other tools write them: Kalibr's camchain, static transforms of ROS, or matrices."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+from scipy.spatial.transform import Rotation
+
+from common.camera import inverse
+from common.errors import InputError
+
+Array = NDArray[np.float64]
+Place = tuple[Array, float]
+"""T_world_camera (4, 4), metres, and the clock offset in seconds, that added to the camera's time gives the
+common time."""
+
+KNOWN = (
+    "give Kalibr's camchain.yaml, a file of ros2 topic echo --once /tf_static, or a folder with NAME.txt or "
+    "NAME.npy for each camera: 4 x 4, camera to world, metres"
+)
+
+
+def read_places(path: Path, names: Sequence[str]) -> dict[str, Place]:
+    """The places of cameras by name, in the frame and the time of the first one.
+
+    Kalibr's cameras are in the order of the names. Frames of ROS and files of matrices have the names of
+    cameras. Raises InputError if one is missing, or if the file is of no known kind.
+    """
+    try:
+        found = read_folder(path, names) if path.is_dir() else read_yaml(path, names)
+    except (OSError, UnicodeDecodeError, YAMLError, KeyError, TypeError, ValueError, np.linalg.LinAlgError):
+        found = None
+    if found is None:
+        raise InputError(f"{path} is no calibration that can be read; {KNOWN}")
+    back, earlier = inverse(found[names[0]][0]), found[names[0]][1]
+    return {name: (back @ found[name][0], found[name][1] - earlier) for name in names}
+
+
+def read_folder(path: Path, names: Sequence[str]) -> dict[str, Place]:
+    """Matrices camera to world, one file for each camera."""
+    found = dict[str, Place]()
+    for name in names:
+        file = next((path / f"{name}{end}" for end in READERS if (path / f"{name}{end}").is_file()), None)
+        if file is None:
+            raise InputError(f"{path} has no {name}.txt or {name}.npy; {KNOWN}")
+        found[name] = np.reshape(READERS[file.suffix](file), (4, 4)).astype(np.float64), 0.0
+    return found
+
+
+READERS: dict[str, Callable[[Path], Any]] = {
+    ".txt": np.loadtxt,
+    ".npy": lambda file: np.load(file, allow_pickle=False),
+}
+
+
+def read_yaml(path: Path, names: Sequence[str]) -> dict[str, Place] | None:
+    """The places in a YAML file; None if it is of no known kind."""
+    yaml = YAML(typ="safe", pure=True)
+    parts = [each for each in yaml.load_all(path.read_text(encoding="utf-8")) if each]
+    if parts and all("transforms" in each for each in parts):
+        return of_transforms([each for part in parts for each in part["transforms"]], names, path)
+    return of_camchain(parts[0], names, path) if len(parts) == 1 and "cam0" in parts[0] else None
+
+
+def of_camchain(chain: Mapping[str, Any], names: Sequence[str], path: Path) -> dict[str, Place]:
+    """Kalibr: T_cn_cnm1 maps from the camera before; camera's time + timeshift_cam_imu = the IMU's time."""
+    found, placed = dict[str, Place](), np.eye(4)
+    for n, name in enumerate(names):
+        if (camera := chain.get(f"cam{n}")) is None:
+            raise InputError(
+                f"{path} has no cam{n} for {name}; give the recordings in the order of its cameras"
+            )
+        if n > 0:
+            placed = placed @ inverse(np.reshape(np.array(camera["T_cn_cnm1"], dtype=np.float64), (4, 4)))
+        found[name] = placed, float(camera.get("timeshift_cam_imu", 0.0))
+    return found
+
+
+def of_transforms(
+    transforms: Sequence[Mapping[str, Any]], names: Sequence[str], path: Path
+) -> dict[str, Place]:
+    """ROS: each transform maps from child_frame_id to header.frame_id."""
+    parents = dict[str, tuple[str, Array]]()
+    for each in transforms:
+        at, turn, step = each["transform"]["translation"], each["transform"]["rotation"], np.eye(4)
+        step[:3, :3] = Rotation.from_quat([turn[k] for k in "xyzw"]).as_matrix()
+        step[:3, 3] = [at[k] for k in "xyz"]
+        parents[each["child_frame_id"]] = each["header"]["frame_id"], step
+    found, roots = dict[str, Place](), set[str]()
+    for name in names:
+        frame, placed = frame_of(name, parents, path), np.eye(4)
+        for _ in range(len(parents)):
+            if frame not in parents:
+                break
+            frame, step = parents[frame]
+            placed = step @ placed
+        roots.add(frame)
+        found[name] = placed, 0.0
+    if len(roots) > 1:
+        raise InputError(f"{path} does not connect the frames of all cameras; add the transform between them")
+    return found
+
+
+def frame_of(name: str, frames: Mapping[str, object], path: Path) -> str:
+    """The frame of a camera's depth image: NAME, else the only NAME_...depth...optical_frame."""
+    if name in frames:
+        return name
+    optical = [each for each in frames if each.startswith(f"{name}_") and each.endswith("optical_frame")]
+    depth = [each for each in optical if "depth" in each] or optical
+    if len(depth) != 1:
+        raise InputError(
+            f"{path} has no frame {name} or {name}_depth_optical_frame, but {', '.join(sorted(frames))}; "
+            "rename the recording's folder as its frame"
+        )
+    return depth[0]
