@@ -52,6 +52,7 @@ class Observation:
     points: Array = field(default_factory=lambda: np.empty((0, 3)))  # (P, 3) camera frame, metres
     interval: float = USUAL_INTERVAL  # seconds since the frame before
     step: Array | None = None  # (D,) relative motion since then, from encoders; NaN if unknown
+    cameras: int = 1  # that show the body
 
     def expect(self, velocities: Array, time_constant: float | None) -> Array:
         """The expected motion (M, D) since the frame before, of hypotheses with these velocities (M, D).

@@ -68,21 +68,24 @@ def explain(model: BodyModel, pose: Array, points: Array) -> Flags:
     return np.array([mark_near(points, part.pose(transforms))[0] for part in layout_of(model).parts])
 
 
-def choose_count(most: int, near: Flags) -> int:
+def choose_count(most: int, near: Flags, cameras: int = 1) -> int:
     """How many particles a frame needs, by the share of the points that the prediction leaves unexplained.
 
-    `near` (G, P) is from `explain`.
+    `near` (G, P) is from `explain`. Particles times cameras, that is the images to draw, are as many for any
+    number of cameras: they hide less of the body.
     """
     unexplained = 1.0 - near.any(axis=0).mean() if near.size else 1.0
-    return min(most, max(FEWEST, math.ceil(most * unexplained / MOST_UNEXPLAINED)))
+    images = min(most, max(FEWEST, math.ceil(most * unexplained / MOST_UNEXPLAINED)))
+    return math.ceil(images / cameras)
 
 
-def choose_kinds(count: int, rng: np.random.Generator) -> tuple[Flags, Flags]:
+def choose_kinds(count: int, rng: np.random.Generator, cameras: int = 1) -> tuple[Flags, Flags]:
     """Which particles (N,) get noise, and which are data-driven; the first is the prediction.
 
     If a frame has only the FEWEST particles, none of them is data-driven.
     """
-    data_driven = rng.permutation(count) < (DATA_DRIVEN_SHARE * count if count > FEWEST else 0)
+    more = count > math.ceil(FEWEST / cameras)
+    data_driven = rng.permutation(count) < (DATA_DRIVEN_SHARE * count if more else 0)
     spread = ~data_driven
     spread[0] = data_driven[0] = False
     return spread, data_driven

@@ -123,11 +123,11 @@ def explore(
     reported = np.argmin(np.abs(past.poses - past.reported).sum(axis=1))
     predicted = retract(model, past.poses, observation.expect(past.velocities, settings.velocity_time_s))
     near = explain(model, predicted[reported], observation.points)
-    count = choose_count(settings.particles, near)
+    count = choose_count(settings.particles, near, observation.cameras)
     ancestors = draw_ancestors(past.weights, count, rng)  # 2
     ancestors[0] = reported
     expected = predicted[ancestors]  # 3
-    spread, data_driven = choose_kinds(count, rng)
+    spread, data_driven = choose_kinds(count, rng, observation.cameras)
     wanted = int(data_driven.sum())
     limbs = propose_limbs(model, predicted[reported], observation.points, near, wanted, rng)
     if not limbs:

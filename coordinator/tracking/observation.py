@@ -102,7 +102,8 @@ def filter_observation(
     rounded times in files give the same results.
     """
     since = 0.0 if last_time_s is None else round(subject.frame.time_s - last_time_s, DIGITS)
-    return Observation(some_points(subject), since if since > 0.0 else USUAL_INTERVAL, step)
+    interval = since if since > 0.0 else USUAL_INTERVAL
+    return Observation(some_points(subject), interval, step, len(subject.views))
 
 
 def camera_points(subject: SubjectFrame, every: int = 1) -> Array:

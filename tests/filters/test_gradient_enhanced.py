@@ -138,10 +138,10 @@ def moving_at(speed: float) -> Hypotheses:
     return replace(first, velocities=np.array([[speed, 0.0]]))
 
 
-@given(seeds, st.integers(20, 120))
-def test_each_kind_of_proposal_has_its_share(seed: int, count: int) -> None:
+@given(seeds, st.integers(20, 120), st.integers(1, 4))
+def test_each_kind_of_proposal_has_its_share(seed: int, count: int, cameras: int) -> None:
     """For any number of hypotheses; the first particle is neither spread nor data-driven."""
-    spread, data_driven = choose_kinds(count, np.random.default_rng(seed))
+    spread, data_driven = choose_kinds(count, np.random.default_rng(seed), cameras)
     assert not spread[0]
     assert not data_driven[0]
     assert not np.any(spread & data_driven)
@@ -160,6 +160,17 @@ def test_a_frame_has_fewer_particles_if_the_prediction_explains_it() -> None:
     assert 1 < counts[0] < counts[2] < counts[-1] == 20
     assert choose_count(20, np.empty((2, 0), dtype=np.bool_)) == 20
     assert choose_count(3, near) == 3
+
+
+@pytest.mark.parametrize("unexplained", [0, 20, 200])
+def test_more_cameras_have_fewer_particles(unexplained: int) -> None:
+    """Particles times cameras are as many as with one camera, and at least one particle is left."""
+    near = np.ones((2, 1000), dtype=np.bool_)
+    near[:, :unexplained] = False
+    alone = choose_count(20, near)
+    for cameras in (2, 3, 4):
+        assert alone <= cameras * choose_count(20, near, cameras) < alone + cameras
+    assert choose_count(1, near, 4) == 1
 
 
 def test_predicted_particles_move_on_and_others_are_spread() -> None:
