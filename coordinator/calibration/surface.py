@@ -1,8 +1,12 @@
-"""Places one camera of a rig by the distances of its points from the tracked surface, over all frames.
+"""Places the cameras of a rig by the distances of their points from the tracked surface, over all frames.
 
-The body is fixed. The unknowns are a small rotation about the person's place, a translation, and a change of
-the clock offset, which moves the surface by its velocity. The deviations come from the differences among
-blocks of time (a cluster-robust covariance), as errors of successive frames are alike.
+The pose of the body is fixed in each frame. Unknown are, for each camera, a small rotation about the person's
+place, a translation, and a change of the clock offset, which moves the surface by its velocity; and, for all
+cameras alike, how far the person's surface is outside of the model's. Without it, opposite cameras would be
+placed too near or too far.
+
+Deviations are those of sums of independent shares: errors of the pose are alike within a block of time, and
+errors of the shape within a link (cluster-robust covariances: Cameron, Gelbach and Miller, 2011).
 """
 
 from __future__ import annotations
@@ -14,15 +18,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from common.body import vertex_normals
-from common.camera import moved
+from common.body import BodyModel, vertex_normals
+from common.camera import inverse, moved
+from common.kinematics import pose_vertices
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 OUTLIER_M = 0.03  # scale of the robust kernel
 FARTHEST_M = 0.15  # from the surface
-STEPS = 8  # of Gauss-Newton, with new closest points
-UNKNOWNS = 7
+STEPS = 4  # of Gauss-Newton, with new closest points
+UNKNOWNS = 7  # of a camera
 BLOCK_S = 0.5  # longer than errors of the pose are alike
 
 
@@ -30,130 +36,131 @@ BLOCK_S = 0.5  # longer than errors of the pose are alike
 class Surface:
     """The tracked surface at the time of a frame.
 
-    vertices, normals, velocities: (V, 3) metres and metres per second, rig's frame.
+    vertices, normals, velocities: (V, 3) metres and metres per second, rig's frame. links: (V,).
     """
 
     time_s: float
     vertices: Array
     normals: Array
     velocities: Array
+    links: Indices
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sight:
-    """What a camera saw: points (P, 3) in its own frame at a time of the rig; and the surface then."""
+    """What a camera saw: points (P, 3) in its own frame, `delay_s` after the time of the surface."""
 
-    time_s: float
+    camera: int
+    delay_s: float
     points: Array
     surface: Surface
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Placement:
-    """How much a camera is to be moved, and its deviations.
+    """Where cameras (C) are relative to the first, and how sure that is.
 
-    step: (7,) rotation about `middle` and translation in the rig's frame, radians and metres, and seconds.
-    covariance: (7, 7).
+    placed: (C, 4, 4). steps: (C, 7) the changes from before. deviations: (C, 7) of the rotation and position
+    at the person, radians and metres in the rig's axes, and of the clock.
     """
 
-    middle: Array
-    step: Array
-    covariance: Array
-
-    def apply(self, placed: Array, share: float = 1.0) -> Array:
-        """T_rig_camera (4, 4) after a multiple of the step."""
-        turn, after = rotation(share * self.step[:3]), np.eye(4)
-        after[:3, :3] = turn @ placed[:3, :3]
-        after[:3, 3] = turn @ (placed[:3, 3] - self.middle) + self.middle + share * self.step[3:6]
-        return after
+    placed: Array
+    steps: Array
+    deviations: Array
 
 
-def rotation(vector: Array) -> Array:
-    """The rotation (3, 3) of a small rotation vector (3,)."""
-    x, y, z = vector
-    turn = np.eye(3) + np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    left, _, right = np.linalg.svd(turn)
-    exact: Array = left @ right
-    return exact
-
-
-def surfaces_of(
-    times: Array, vertices: Sequence[Array | None], triangles: NDArray[np.int64]
-) -> list[Surface | None]:
-    """Surfaces with their velocities; None in frames without a pose, or without one before and after."""
-    found = list[Surface | None]()
+def surfaces_of(times: Array, known: Sequence[bool], model: BodyModel, poses: Array) -> list[Surface | None]:
+    """Surfaces in poses (F, D); None if the pose, or the one before or after it, is not known."""
+    vertices, found = pose_vertices(model, poses), list[Surface | None]()
+    links = model.skin_links[:, 0].astype(np.int64)
     for f, now in enumerate(vertices):
-        before = vertices[f - 1] if f > 0 else None
-        after = vertices[f + 1] if f + 1 < len(vertices) else None
-        if now is None or before is None or after is None:
+        if not 0 < f < len(poses) - 1 or not all(known[f - 1 : f + 2]):
             found.append(None)
             continue
-        velocities = (after - before) / (times[f + 1] - times[f - 1])
-        found.append(
-            Surface(float(times[f]), now, vertex_normals(now, triangles).astype(np.float64), velocities)
-        )
+        velocities = (vertices[f + 1] - vertices[f - 1]) / (times[f + 1] - times[f - 1])
+        normals = vertex_normals(now, model.triangles).astype(np.float64)
+        found.append(Surface(float(times[f]), now, normals, velocities, links))
     return found
 
 
 def place(sights: Sequence[Sight], placed: Array) -> Placement | None:
-    """Place a camera that is at T_rig_camera (4, 4) now; None if its points are nowhere near the surface."""
-    if not sights:
+    """Place cameras that are at (C, 4, 4) now; None if the points do not determine it."""
+    cameras, total = len(placed), len(placed) * UNKNOWNS + 1
+    if {each.camera for each in sights} != set(range(cameras)):
         return None
     middle = np.mean([each.surface.vertices.mean(axis=0) for each in sights], axis=0)
-    facing = [seen_part(each, placed) for each in sights]
-    blocks = np.array([int(each.time_s / BLOCK_S) for each in sights])
-    step = Placement(middle, np.zeros(UNKNOWNS), np.zeros((UNKNOWNS, UNKNOWNS)))
+    parts = [seen_part(each, placed[each.camera]) for each in sights]
+    starts = np.array([each.surface.time_s for each in sights]) / BLOCK_S
+    blocks = np.unique(starts.astype(np.int64), return_inverse=True)[1]
+    links = 1 + max(int(each.surface.links.max()) for each in sights)
+    now, values = placed.copy(), np.zeros(total)
     for _ in range(STEPS):
-        now = step.apply(placed)
-        parts = [sums_of(*each, now, middle, step.step[6]) for each in zip(sights, facing, strict=True)]
-        gram = np.sum([part[0] for part in parts], axis=0)
-        if np.linalg.matrix_rank(gram, hermitian=True) < UNKNOWNS:
+        gram, slopes = np.zeros((total, total)), np.zeros((blocks.max() + 1, links, total))
+        for sight, part, block in zip(sights, parts, blocks, strict=True):
+            own = [*range(UNKNOWNS * sight.camera, UNKNOWNS * (sight.camera + 1)), total - 1]
+            jacobian, residuals, of_links = linearise(sight, part, now[sight.camera], middle, values[own])
+            weighted = jacobian * ((OUTLIER_M**2 / (OUTLIER_M**2 + residuals**2)) ** 2)[:, None]
+            gram[np.ix_(own, own)] += weighted.T @ jacobian
+            np.add.at(slopes[block], np.ix_(of_links, own), weighted * residuals[:, None])
+        if np.linalg.matrix_rank(gram, hermitian=True) < total:
             return None
-        move = -np.linalg.solve(gram, np.sum([part[1] for part in parts], axis=0))
-        onward = Placement(middle, move, step.covariance).apply(now)
-        step = Placement(middle, between(placed, onward, middle, step.step[6] + move[6]), step.covariance)
-    slopes = np.array(
-        [sum(p[1] for p, b in zip(parts, blocks, strict=True) if b == k) for k in np.unique(blocks)]
+        move = -np.linalg.solve(gram, slopes.sum(axis=(0, 1)))
+        values += move
+        for c in range(cameras):
+            now[c] = turned_about(middle, move[UNKNOWNS * c :][:6]) @ now[c]
+    shares = [relative(slopes.sum(axis=axis) @ np.linalg.inv(gram), cameras) for axis in (0, 1)]
+    return Placement(
+        placed=np.array([inverse(now[0]) @ each for each in now]),
+        steps=relative(values[None], cameras)[0],
+        deviations=np.sqrt(variance_of(shares[0]) + variance_of(shares[1])),
     )
-    spread = slopes.T @ slopes * len(slopes) / max(1, len(slopes) - 1)
-    inverse = np.linalg.inv(gram)
-    return Placement(middle, step.step, inverse @ spread @ inverse)
 
 
-def between(placed: Array, onward: Array, middle: Array, seconds: float) -> Array:
-    """The step (7,) from one T_rig_camera (4, 4) to another, for a rotation about `middle`."""
-    turn = onward[:3, :3] @ placed[:3, :3].T
-    vector = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
-    shift = onward[:3, 3] - (rotation(vector) @ (placed[:3, 3] - middle) + middle)
-    return np.concatenate([vector, shift, [seconds]])
+def variance_of(shares: Array) -> Array:
+    """The variance (C, 7) of a sum of independent shares (N, C, 7)."""
+    shares = shares[np.any(shares != 0.0, axis=(1, 2))]
+    variance: Array = np.sum(shares**2, axis=0) * len(shares) / (len(shares) - 1.0)
+    return variance
 
 
-def seen_part(sight: Sight, placed: Array) -> tuple[KDTree, NDArray[np.int64]]:
+def relative(values: Array, cameras: int) -> Array:
+    """The unknowns (N, C, 7) of cameras minus those of the first, from all unknowns (N, U)."""
+    each = values[:, : cameras * UNKNOWNS].reshape(len(values), cameras, UNKNOWNS)
+    return each - each[:, :1]
+
+
+def turned_about(middle: Array, step: Array) -> Array:
+    """The rigid transform (4, 4) of a small rotation vector about `middle` and a translation, (6,)."""
+    x, y, z = step[:3]
+    left, _, right = np.linalg.svd(np.eye(3) + np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]))
+    after = np.eye(4)
+    after[:3, :3] = left @ right
+    after[:3, 3] = middle - after[:3, :3] @ middle + step[3:]
+    return after
+
+
+def seen_part(sight: Sight, placed: Array) -> tuple[KDTree, Indices]:
     """The vertices that face the camera, for searching, and their indices."""
     surface = sight.surface
     towards = placed[:3, 3] - surface.vertices
     facing = np.flatnonzero(np.sum(surface.normals * towards, axis=1) > 0.0)
-    vertices = surface.vertices + (sight.time_s - surface.time_s) * surface.velocities
-    return KDTree(vertices[facing]), facing
+    return KDTree((surface.vertices + sight.delay_s * surface.velocities)[facing]), facing
 
 
-def sums_of(
-    sight: Sight, part: tuple[KDTree, NDArray[np.int64]], placed: Array, middle: Array, seconds: float
-) -> tuple[Array, Array]:
-    """J^T W J (7, 7) and J^T W r (7,) of one image, with points moved by T_rig_camera `placed`."""
+def linearise(
+    sight: Sight, part: tuple[KDTree, Indices], placed: Array, middle: Array, values: Array
+) -> tuple[Array, Array, Indices]:
+    """The Jacobian (P, 8), the residuals (P,), metres, and the links (P,), of points of a camera.
+
+    placed: its T_rig_camera (4, 4). values: (8,) its unknowns so far, and the distance of the surfaces.
+    """
     tree, facing = part
     points = moved(sight.points, placed)
     apart, nearest = tree.query(points, distance_upper_bound=FARTHEST_M)
     points, vertices = points[np.isfinite(apart)], facing[nearest[np.isfinite(apart)]]
     normals, velocities = sight.surface.normals[vertices], sight.surface.velocities[vertices]
-    later = sight.time_s + seconds - sight.surface.time_s
-    residuals = np.sum(normals * (points - sight.surface.vertices[vertices] - later * velocities), axis=1)
-    weights = (OUTLIER_M**2 / (OUTLIER_M**2 + residuals**2)) ** 2
-    slopes = np.hstack(
-        [
-            np.cross(points - middle, normals),
-            normals,
-            -np.sum(normals * velocities, axis=1)[:, None],
-        ]
-    )
-    return (slopes * weights[:, None]).T @ slopes, slopes.T @ (weights * residuals)
+    model = sight.surface.vertices[vertices] + (sight.delay_s + values[6]) * velocities
+    residuals = np.sum(normals * (points - model), axis=1) - values[7]
+    along, ones = np.sum(normals * velocities, axis=1), np.ones(len(points))
+    jacobian = np.column_stack([np.cross(points - middle, normals), normals, -along, -ones])
+    return jacobian, residuals, sight.surface.links[vertices]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from common.frame import DepthFrame
+from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import joint_positions
 from coordinator.filters.belief import Belief
 from coordinator.stopwatch import Stopwatch
@@ -38,10 +38,11 @@ class Updated:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tracked:
-    """One person in one frame: the estimate, and the tracker's state after it."""
+    """One person in one frame: the estimate, the tracker's state after it, and what showed the person."""
 
     estimate: Estimate
     state: TrackerState
+    subject: SubjectFrame | None = None
 
 
 def report(updated: Updated) -> Tracked:
@@ -86,7 +87,8 @@ def report(updated: Updated) -> Tracked:
         seen_by=seen,
         certainty=unknown_certainty(len(joints[0])) if status in UNKNOWN else certainty,
     )
-    return Tracked(estimate, updated.state)
+    subject = None if updated.context is None else updated.context.subject
+    return Tracked(estimate, updated.state, subject)
 
 
 def judge(
