@@ -1,7 +1,7 @@
 """Calibrates a rig: track each camera alone, align the joints, then refine on the surface with the body.
 
 The refinement alternates: the body is tracked by all cameras, then all are placed by the tracked surface, and
-the rig is moved back so that the first one stays.
+the rig is moved back so that the first one stays. The first round also measures how thick the person is.
 """
 
 from __future__ import annotations
@@ -83,7 +83,8 @@ def calibrate(
             for (name, source), place, offset in zip(sources.items(), placed, offsets, strict=True)
         ]
         tracked = follow(views[0].changed(others=tuple(views[1:])), refiner, settings, bodies)
-        found = place_all(tracked, names, placed)
+        found = place_all(tracked, names, placed, shape_known=n > 0)
+        bodies = bodies.thicker(found.outside) if n == 0 else bodies
         placed, offsets = found.placed, offsets + found.steps[:, 6]
         if np.all(np.abs(found.steps) < SETTLED):
             break
@@ -105,9 +106,11 @@ def follow(source: Source, refiner: Refiner, settings: Settings, bodies: Bodies)
     return [tracked for (tracked,) in Tracker(refiner, settings, bodies).follow(source)]
 
 
-def place_all(tracked: Sequence[Tracked], names: Sequence[str], placed: Array) -> Placement:
+def place_all(
+    tracked: Sequence[Tracked], names: Sequence[str], placed: Array, *, shape_known: bool
+) -> Placement:
     """Place the cameras by the surface that all tracked; InputError if they show too little."""
-    found = place(list(sights_of(tracked, names)), placed)
+    found = place(list(sights_of(tracked, names)), placed, shape_known=shape_known)
     if found is None:
         raise InputError(
             f"{' and '.join(names)} do not show enough of the person at the same time; record again"

@@ -61,12 +61,14 @@ class Placement:
     """Where cameras (C) are relative to the first, and how sure that is.
 
     placed: (C, 4, 4). steps: (C, 7) the changes from before. deviations: (C, 7) of the rotation and position
-    at the person, radians and metres in the rig's axes, and of the clock.
+    at the person, radians and metres in the rig's axes, and of the clock. outside: metres that the person's
+    surface is outside of the model's.
     """
 
     placed: Array
     steps: Array
     deviations: Array
+    outside: float
 
 
 def surfaces_of(times: Array, known: Sequence[bool], model: BodyModel, poses: Array) -> list[Surface | None]:
@@ -83,8 +85,11 @@ def surfaces_of(times: Array, known: Sequence[bool], model: BodyModel, poses: Ar
     return found
 
 
-def place(sights: Sequence[Sight], placed: Array) -> Placement | None:
-    """Place cameras that are at (C, 4, 4) now; None if the points do not determine it."""
+def place(sights: Sequence[Sight], placed: Array, *, shape_known: bool = False) -> Placement | None:
+    """Place cameras that are at (C, 4, 4) now; None if the points do not determine it.
+
+    With `shape_known` the surfaces are not moved apart.
+    """
     cameras, total = len(placed), len(placed) * UNKNOWNS + 1
     if {each.camera for each in sights} != set(range(cameras)):
         return None
@@ -102,6 +107,8 @@ def place(sights: Sequence[Sight], placed: Array) -> Placement | None:
             weighted = jacobian * ((OUTLIER_M**2 / (OUTLIER_M**2 + residuals**2)) ** 2)[:, None]
             gram[np.ix_(own, own)] += weighted.T @ jacobian
             np.add.at(slopes[block], np.ix_(of_links, own), weighted * residuals[:, None])
+        if shape_known:
+            gram[-1, :-1] = gram[:-1, -1] = slopes[..., -1] = 0.0
         if np.linalg.matrix_rank(gram, hermitian=True) < total:
             return None
         move = -np.linalg.solve(gram, slopes.sum(axis=(0, 1)))
@@ -113,6 +120,7 @@ def place(sights: Sequence[Sight], placed: Array) -> Placement | None:
         placed=np.array([inverse(now[0]) @ each for each in now]),
         steps=relative(values[None], cameras)[0],
         deviations=np.sqrt(variance_of(shares[0]) + variance_of(shares[1])),
+        outside=float(values[-1]),
     )
 
 
