@@ -5,8 +5,8 @@ place, a translation, and a change of the clock offset, which moves the surface 
 cameras alike, how far the person's surface is outside of the model's. Without it, opposite cameras would be
 placed too near or too far.
 
-Deviations are those of sums of independent shares: errors of the pose are alike within a block of time, and
-errors of the shape within a link (cluster-robust covariances: Cameron, Gelbach and Miller, 2011).
+The deviations are from the jackknife, by blocks of time and by links: errors of the pose are alike within a
+block, errors of the shape within a link.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ OUTLIER_M = 0.03  # scale of the robust kernel
 FARTHEST_M = 0.15  # from the surface
 STEPS = 4  # of Gauss-Newton, with new closest points
 UNKNOWNS = 7  # of a camera
+LEAST_BLOCKS = 2
 BLOCK_S = 0.5  # longer than errors of the pose are alike
 
 
@@ -98,37 +99,35 @@ def place(sights: Sequence[Sight], placed: Array, *, shape_known: bool = False) 
     starts = np.array([each.surface.time_s for each in sights]) / BLOCK_S
     blocks = np.unique(starts.astype(np.int64), return_inverse=True)[1]
     links = 1 + max(int(each.surface.links.max()) for each in sights)
-    now, values = placed.copy(), np.zeros(total)
+    now, values, free = placed.copy(), np.zeros(total), total - shape_known
     for _ in range(STEPS):
-        gram, slopes = np.zeros((total, total)), np.zeros((blocks.max() + 1, links, total))
+        grams = np.zeros((blocks.max() + 1, links, total, total))
+        slopes = np.zeros(grams.shape[:-1])
         for sight, part, block in zip(sights, parts, blocks, strict=True):
-            own = [*range(UNKNOWNS * sight.camera, UNKNOWNS * (sight.camera + 1)), total - 1]
+            own = np.append(np.arange(UNKNOWNS * sight.camera, UNKNOWNS * (sight.camera + 1)), total - 1)
             jacobian, residuals, of_links = linearise(sight, part, now[sight.camera], middle, values[own])
             weighted = jacobian * ((OUTLIER_M**2 / (OUTLIER_M**2 + residuals**2)) ** 2)[:, None]
-            gram[np.ix_(own, own)] += weighted.T @ jacobian
-            np.add.at(slopes[block], np.ix_(of_links, own), weighted * residuals[:, None])
-        if shape_known:
-            gram[-1, :-1] = gram[:-1, -1] = slopes[..., -1] = 0.0
-        if np.linalg.matrix_rank(gram, hermitian=True) < total:
+            places = of_links[:, None, None], own[:, None], own
+            np.add.at(grams[block], places, weighted[:, :, None] * jacobian[:, None, :])
+            np.add.at(slopes[block], (of_links[:, None], own), weighted * residuals[:, None])
+        gram, slope = grams.sum(axis=(0, 1)), slopes.sum(axis=(0, 1))
+        if np.linalg.matrix_rank(gram, hermitian=True) < total or len(slopes) < LEAST_BLOCKS:
             return None
-        move = -np.linalg.solve(gram, slopes.sum(axis=(0, 1)))
-        values += move
+        move = -np.linalg.solve(gram[:free, :free], slope[:free])
+        values[:free] += move
         for c in range(cameras):
             now[c] = turned_about(middle, move[UNKNOWNS * c :][:6]) @ now[c]
-    shares = [relative(slopes.sum(axis=axis) @ np.linalg.inv(gram), cameras) for axis in (0, 1)]
+    variance = np.zeros((cameras, UNKNOWNS))
+    for axis in (0, 1):  # the jackknife
+        left = gram - grams.sum(axis=axis), slope - slopes.sum(axis=axis)
+        without = relative(-np.linalg.solve(left[0], left[1][..., None])[..., 0], cameras)
+        variance += (len(without) - 1.0) * np.var(without, axis=0)
     return Placement(
         placed=np.array([inverse(now[0]) @ each for each in now]),
         steps=relative(values[None], cameras)[0],
-        deviations=np.sqrt(variance_of(shares[0]) + variance_of(shares[1])),
+        deviations=np.sqrt(variance),
         outside=float(values[-1]),
     )
-
-
-def variance_of(shares: Array) -> Array:
-    """The variance (C, 7) of a sum of independent shares (N, C, 7)."""
-    shares = shares[np.any(shares != 0.0, axis=(1, 2))]
-    variance: Array = np.sum(shares**2, axis=0) * len(shares) / (len(shares) - 1.0)
-    return variance
 
 
 def relative(values: Array, cameras: int) -> Array:
