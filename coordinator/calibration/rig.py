@@ -91,7 +91,7 @@ def calibrate(
     scenes = dict(seen for each in tracked for seen in each.state.checkpoint.scenes.items())
     last = [scenes.get(name, SceneChange()) for name in names]
     floors = [Planes(each.planes, each.has_floor) for each in last]
-    person = np.mean([each.estimate.joint_positions[0] for each in tracked], axis=0)
+    person = np.nanmean([each.estimate.joint_positions[0] for each in tracked], axis=0)
     places = {}
     for c, name in enumerate(names):
         apart = compare_floors(floors[0], floors[c], placed[c], person)

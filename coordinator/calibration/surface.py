@@ -6,7 +6,8 @@ cameras alike, how far the person's surface is outside of the model's. Without i
 placed too near or too far.
 
 The deviations are from the jackknife, by blocks of time and by links: errors of the pose are alike within a
-block, errors of the shape within a link.
+block, errors of the shape within a link. To them the distance of the surfaces adds, which is not the same on
+all sides.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ FARTHEST_M = 0.15  # from the surface
 STEPS = 4  # of Gauss-Newton, with new closest points
 UNKNOWNS = 7  # of a camera
 LEAST_BLOCKS = 2
+SHAPE_M = 0.005  # deviation of the distance of the surfaces from side to side (`dance`, `turn`, one camera)
 BLOCK_S = 0.5  # longer than errors of the pose are alike
 
 
@@ -117,7 +119,8 @@ def place(sights: Sequence[Sight], placed: Array, *, shape_known: bool = False) 
         values[:free] += move
         for c in range(cameras):
             now[c] = turned_about(middle, move[UNKNOWNS * c :][:6]) @ now[c]
-    variance = np.zeros((cameras, UNKNOWNS))
+    by_thickness = np.linalg.solve(gram[:-1, :-1], gram[:-1, -1])[None] * SHAPE_M
+    variance = relative(by_thickness, cameras)[0] ** 2
     for axis in (0, 1):  # the jackknife
         left = gram - grams.sum(axis=axis), slope - slopes.sum(axis=axis)
         without = relative(-np.linalg.solve(left[0], left[1][..., None])[..., 0], cameras)

@@ -68,8 +68,8 @@ def ellipsoid() -> tuple[Array, Array]:
 def seen_by(cameras: list[Array], clocks_s: list[float], outside: Array, shaken: Array) -> list[Sight]:
     """What cameras see of an ellipsoid that moves for 15 s, in steps of half a second.
 
-    outside: (16,) distance of the true surface from the model's at each link. shaken: (30, 3) error of
-    its place in each step.
+    outside: (C, 16) distance of the true surface from the model's at each link, on the side of each camera.
+    shaken: (30, 3) error of its place in each step.
     """
     sights, (shape, normals) = list[Sight](), ellipsoid()
     links = (shape[:, 1] * 5.0 + 4.0).astype(np.int64) * 2 + (shape[:, 0] > 0.0)
@@ -78,7 +78,7 @@ def seen_by(cameras: list[Array], clocks_s: list[float], outside: Array, shaken:
         velocity = np.array([np.cos(n), 0.3, np.sin(2.0 * n)])
         surface = Surface(n / 2.0, shape + middle, normals, np.tile(velocity, (len(shape), 1)), links)
         for c, (placed, clock) in enumerate(zip(cameras, clocks_s, strict=True)):
-            true = surface.vertices + outside[links][:, None] * normals + shaken[n] + OFFSET_S * velocity
+            true = surface.vertices + outside[c][links][:, None] * normals + shaken[n] + OFFSET_S * velocity
             seen = np.flatnonzero(np.sum(normals * (placed[:3, 3] - true), axis=1) > 0.0)[c::7]
             sights.append(Sight(c, OFFSET_S + clock, moved(true[seen], inverse(placed)), surface))
     return sights
@@ -96,7 +96,7 @@ def errors_of(found: Placement | None, cameras: list[Array], clocks_s: list[floa
 
 def test_points_of_a_moving_surface_place_a_camera() -> None:
     """1.5 degrees, 3 cm and 8 ms are put right to 0.02 degrees, 0.5 mm and 0.5 ms, of a person too thick."""
-    clocks, outside = [0.0, -0.008], np.full(16, 0.006)
+    clocks, outside = [0.0, -0.008], np.full((2, 16), 0.006)
     sights = seen_by([np.eye(4), TRUE], clocks, outside, np.zeros((30, 3)))
     off = around(71.5)
     off[:3, 3] += [0.02, -0.01, 0.02]
@@ -111,8 +111,8 @@ def test_stated_deviations_are_those_of_the_errors() -> None:
     rng, shares = np.random.default_rng(2), []
     places, clocks = [np.eye(4), TRUE], [0.0, 0.0]
     for _ in range(12):
-        outside, shaken = rng.normal(0.0, 0.004, 16), rng.normal(0.0, 0.004, (30, 3))
-        found = place(seen_by(places, clocks, outside, shaken), np.array(places))
+        outside = rng.normal(0.0, 0.004, 16) + rng.normal(0.0, 0.005, (2, 1))
+        found = place(seen_by(places, clocks, outside, rng.normal(0.0, 0.004, (30, 3))), np.array(places))
         assert found is not None
         shares.append(np.abs(errors_of(found, places, clocks)) / found.deviations[1])
     assert 0.60 < np.mean(np.array(shares) < 1.0) < 0.92
@@ -127,7 +127,7 @@ def floor_seen_from(placed: Array) -> Planes:
 
 def test_the_first_round_measures_the_thickness() -> None:
     """Of a person who is 6 mm outside of the model; once it is known, the surfaces stay where they are."""
-    sights = seen_by([np.eye(4), TRUE], [0.0, 0.0], np.full(16, 0.006), np.zeros((30, 3)))
+    sights = seen_by([np.eye(4), TRUE], [0.0, 0.0], np.full((2, 16), 0.006), np.zeros((30, 3)))
     places = np.array([np.eye(4), TRUE])
     found, known = place(sights, places), place(sights, places, shape_known=True)
     assert found is not None
@@ -171,5 +171,5 @@ def test_what_is_not_determined_is_refused_with_what_would_help() -> None:
 
 def test_a_camera_that_sees_nothing_is_not_placed() -> None:
     """Without points of each camera there is no placement."""
-    alone = seen_by([np.eye(4)], [0.0], np.zeros(16), np.zeros((30, 3)))
+    alone = seen_by([np.eye(4)], [0.0], np.zeros((1, 16)), np.zeros((30, 3)))
     assert place(alone, np.array([np.eye(4), TRUE])) is None
