@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from functools import partial
+from pathlib import Path
 
 from common.closing import Closing
 from common.errors import InputError
@@ -14,6 +16,8 @@ from common.transport.opening import open_coordinator
 from coordinator.pool.options import Pool
 from coordinator.security.access import TlsFiles
 from coordinator.sources.live import LiveFrames, from_first_seen
+from coordinator.sources.live_stream import LiveCamera
+from coordinator.sources.rig import live_cameras
 from gepf.refiners import said_in_python, secure
 
 log = logging.getLogger("gepf")
@@ -31,8 +35,8 @@ class LiveSource(LiveFrames, Closing):
     A context manager, for iterations that are neither finished nor left by a `for`.
     """
 
-    def __init__(self, key: str, reached: Pool, idle: float | None) -> None:
-        super().__init__(key, log.info, idle=idle)
+    def __init__(self, cameras: Sequence[LiveCamera], reached: Pool, idle: float | None) -> None:
+        super().__init__(cameras, log.info, idle=idle)
         self._reached = reached
         self._session: Bus | None = None  # of the present iteration
 
@@ -42,9 +46,13 @@ class LiveSource(LiveFrames, Closing):
             opened = open_coordinator(reached.listen_endpoints, reached.connect_endpoints, reached.security)
         with opened as bus:
             self._session = bus
-            bus.subscribe(self._key, lambda _, payload: self.receive(payload))
-            log.info("listening on %s", self._key)
+            for place, camera in enumerate(self.cameras):
+                bus.subscribe(camera.key, partial(self._hear, place))
+                log.info("listening on %s", camera.key)
             yield from from_first_seen(super().__iter__(), log.info)
+
+    def _hear(self, place: int, _: str, payload: bytes) -> None:
+        self.receive(payload, place)
 
     def close(self) -> None:
         """Stop receiving, and end the iteration after the waiting image, if any; callable from any thread."""
@@ -54,7 +62,7 @@ class LiveSource(LiveFrames, Closing):
 
 
 def live(
-    key: str,
+    key: str | Path,
     listen: str | None = None,
     connect: str | None = None,
     *,
@@ -65,7 +73,8 @@ def live(
     """Depth images that are published on a Zenoh key, for `follow` of a tracker.
 
     Args:
-        key: Names between slashes, such as camera/depth; with `tls` under gepf/, such as gepf/live/depth.
+        key: Names between slashes, such as camera/depth; with `tls` under gepf/, such as gepf/live/depth. Or
+            the file of a rig whose cameras are live.
         listen: Endpoint at which the publisher may connect, such as tcp/127.0.0.1:7447.
         connect: Endpoint of a router or publisher, which may start later.
         idle_timeout: Seconds without an image after which the stream ends; None to wait for ever.
@@ -81,4 +90,10 @@ def live(
         raise InputError(f"idle_timeout={idle_timeout:g} would end at once; give seconds above 0, or None")
     security = secure(listen, connect, tls, insecure=insecure)
     reached = Pool(0, listen, connect, security)
-    return LiveSource(check_stream(key, guarded=security is not None), reached, idle_timeout)
+    path = Path(key)
+    cameras = live_cameras(path) if path.suffix == ".json" else [LiveCamera(str(key))]
+    for camera in cameras:
+        check_stream(camera.key, guarded=security is not None)
+    if not cameras:
+        raise InputError(f"{key} is not a rig with live cameras (zenoh:KEY); open_source reads recordings")
+    return LiveSource(cameras, reached, idle_timeout)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import groupby
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from common.camera import NOT_MOVED
 from common.errors import InputError
 from common.frame import DepthFrame
 from common.protocol.keys import check_stream
@@ -24,8 +24,9 @@ from coordinator.results.evaluation import Truth, read_truth
 from coordinator.results.live_results import results_key
 from coordinator.sources import Source, open_source
 from coordinator.sources.colour_folder import ColourFolder
-from coordinator.sources.frame_recorder import FrameRecorder
+from coordinator.sources.frame_recorder import RigRecorder
 from coordinator.sources.live import LiveFrames, from_first_seen
+from coordinator.sources.live_stream import LiveCamera
 from coordinator.sources.picture_folders import read_depth
 from coordinator.sources.source import select_frames
 from coordinator.tracking.known_motion import KnownMotion
@@ -47,19 +48,18 @@ class Input:
     truth: Truth | None = None
     colours: ColourFolder | None = None
 
-    def __init__(self, job: Job, source: Source | None) -> None:
+    def __init__(self, job: Job, source: Source | None, first: Source | LiveCamera) -> None:
         self.job = job
         self.bodies = choose_bodies(job.active, job.settings.preset, job.model)
         self.start = choose_start(job.init, source, self.bodies.dof_names) if job.people == 1 else None
         up = None
         if job.settings.rotate_deg is not None:
             turn = np.radians(job.settings.rotate_deg)
-            placed = NOT_MOVED if source is None else source.T_rig_camera
-            up = placed[:3, :3] @ np.array([-np.sin(turn), -np.cos(turn), 0.0])
+            up = first.T_rig_camera[:3, :3] @ np.array([-np.sin(turn), -np.cos(turn), 0.0])
         if source is not None and source.gravity is not None:
             up = -source.gravity
         background = None if job.background is None else read_background(job.background, source)
-        self.scope = replace(job.scope, background=background, up=up)
+        self.scope = replace(job.scope, background=background, up=up, camera=first.camera)
         self.motion = None if job.joint_states is None else KnownMotion(job.joint_states)
 
     def announce(self, done: int) -> str:
@@ -108,7 +108,7 @@ class RecordedInput(Input):
         self.source = source = open_source(job.sequence, job.given)
         self.numbers = numbers = select_frames(source.numbers, job.frames)
         self.total = len(numbers)
-        super().__init__(job, source)
+        super().__init__(job, source, source)
         if job.joint_states is not None:
             job.joint_states.check_names(self.bodies.dof_names)
         # with several people, the sequence's truth does not say whose it is
@@ -142,7 +142,7 @@ class RecordedInput(Input):
 class LiveInput(Input):
     """Published frames, of which the newest is tracked. InputError for options of recordings."""
 
-    def __init__(self, job: Job, key: str, show: Show) -> None:
+    def __init__(self, job: Job, cameras: Sequence[LiveCamera], show: Show) -> None:
         for option, given in (
             ("--frames", job.frames),
             ("--resume", job.resume),
@@ -154,26 +154,30 @@ class LiveInput(Input):
                 raise InputError(f"{option} is for recorded sequences; leave it out with live input")
         if job.pool.listen is None and job.pool.connect is None:
             raise InputError("no publisher could connect; add --listen or --connect with an endpoint")
-        self.key, self._show = check_stream(key, guarded=job.pool.security is not None), show
+        keys = [check_stream(each.key, guarded=job.pool.security is not None) for each in cameras]
+        self.keys, self._show = " and ".join(keys), show
         if job.record is not None:
             with_parent(job.record)
-        super().__init__(replace(job, results=job.results or results_key(key)), None)
-        self.live: LiveFrames = LiveFrames(self.key, show.say, idle=job.idle_timeout)
-        self.configuration = live_run_configuration(str(job.sequence), self.asked())
-        self._recorder = None if job.record is None else FrameRecorder(job.record, show.say)
+        super().__init__(replace(job, results=job.results or results_key(keys[0])), None, cameras[0])
+        self.live: LiveFrames = LiveFrames(cameras, show.say, idle=job.idle_timeout)
+        self.configuration = live_run_configuration(str(job.sequence), cameras, self.asked())
+        self._recorder = None if job.record is None else RigRecorder(job.record, cameras, show.say)
 
     def streams(self, workers: Workers, done: int) -> Iterator[Iterator[DepthFrame]]:
         """The newest frames until the publisher ends; each stream starts with its first frame with depth."""
         del done
-        workers.listen(self.key, self.live.receive)
+        for place, camera in enumerate(self.live.cameras):
+            workers.listen(camera.key, partial(self.live.receive, place=place))
         how = "the newest frame is tracked as soon as the workers are ready"
-        self._show.say(f"listening on {self.key}; {how}")
+        self._show.say(f"listening on {self.keys}; {how}")
         for _, frames in groupby(self.live, lambda _: self.live.stream):
             yield map(self._take, from_first_seen(frames, self._show.say))
 
     def _take(self, frame: DepthFrame) -> DepthFrame:
         """The frame, which is recorded; InputError if the room without people has another size."""
-        check_size(self.job.background, self.scope.background, frame.depth.shape)
+        for view in frame.views:
+            if view.camera == self.scope.camera:
+                check_size(self.job.background, self.scope.background, view.depth.shape)
         if self._recorder is not None:
             self._recorder.put(frame)
         return frame

@@ -21,7 +21,7 @@ from coordinator.results.configuration import AUTOMATIC
 from coordinator.scene.scope import WAYS, Scope
 from coordinator.sources import camera as cameras
 from coordinator.sources.joint_states import JointStates, read_joint_states
-from coordinator.sources.live import live_key
+from coordinator.sources.rig import live_cameras
 
 T = TypeVar("T")
 
@@ -90,7 +90,7 @@ def choose_job(options: TrackOptions, camera: CameraOptions, security: SecurityO
         record=options.record,
     )
     if options.joint_states is not None:
-        if is_several(options) or live_key(job.sequence) is not None or job.people > 1:
+        if is_several(options) or live_cameras(job.sequence) or job.people > 1:
             raise InputError("--joint-states belongs to one body in one recording; track it alone")
         job = replace(job, joint_states=read_joint_states(options.joint_states))
     if job.people > 1 and job.model != HUMAN:
@@ -109,7 +109,7 @@ def check_outputs(job: Job, *, several: bool) -> None:
         if job.pool.listen is None and job.pool.connect is None:
             raise InputError("no subscriber could connect; add --listen or --connect with an endpoint")
         check_stream(job.results, guarded=job.pool.security is not None)
-    if job.record is not None and (several or live_key(job.sequence) is None):
+    if job.record is not None and (several or not live_cameras(job.sequence)):
         raise InputError(
             "--record keeps the frames of live input (zenoh:KEY), recordings have theirs; leave it out"
         )

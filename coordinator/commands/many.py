@@ -32,7 +32,7 @@ from coordinator.commands.track import track
 from coordinator.commands.workers import connect_workers
 from coordinator.pool.local_worker import shared_pool
 from coordinator.results.summary import read_summary
-from coordinator.sources.live import live_key
+from coordinator.sources.rig import live_cameras
 
 CONTEXT = multiprocessing.get_context("forkserver")
 
@@ -49,8 +49,8 @@ class Ended:
 def choose_runs(job: Job, sequences: Sequence[Path], seeds: range | None) -> list[Job]:
     """One run per recording and seed. InputError for an unreadable list, or equal names."""
     paths = [path for given in sequences for path in (read_list(given) if is_list(given) else [given])]
-    if any(live_key(path) is not None for path in paths):
-        raise InputError("live input is tracked alone; give zenoh:KEY and nothing else")
+    if any(map(live_cameras, paths)):
+        raise InputError("live input is tracked alone; give zenoh:KEY or a rig, and nothing else")
     whole = [path.resolve() for path in paths]
     names = [each.name if each.is_dir() else each.stem for each in whole]
     twice = [name for name, count in Counter(names).items() if count > 1]

@@ -28,7 +28,7 @@ from coordinator.results.summary import (
     folder_of,
     mostly_tracked,
 )
-from coordinator.sources.live import live_key
+from coordinator.sources.rig import live_cameras
 from coordinator.tracking.reporting import Tracked
 from coordinator.tracking.tracker import Tracker
 
@@ -64,8 +64,8 @@ def track(job: Job, show: Show, connect: Connect) -> bool:
     all workers stop answering, the run continues over a new connection, as long as each connection gives
     frames.
     """
-    key = live_key(job.sequence)
-    given = RecordedInput(job) if key is None else LiveInput(job, key, show)
+    cameras = live_cameras(job.sequence)
+    given = LiveInput(job, cameras, show) if cameras else RecordedInput(job)
     if job.resume and is_complete(job.out, given.configuration):
         show.say(f"all {given.total} frames are in {job.out} already")
         return True
@@ -75,7 +75,7 @@ def track(job: Job, show: Show, connect: Connect) -> bool:
             recorded, finished = record(given, recorder, show, connect)
         given.job = replace(given.job, resume=True)
     if isinstance(given, LiveInput) and not recorded:
-        raise InputError(f"no depth came on {given.key} before the stream's end; {MEND_STREAM}")
+        raise InputError(f"no depth came on {given.keys} before the stream's end; {MEND_STREAM}")
     draw(given, recorded, show)
     return conclude(job, recorded, show)
 

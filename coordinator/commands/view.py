@@ -27,7 +27,7 @@ from coordinator.pool.options import Pool
 from coordinator.results.live_results import Result, results_key
 from coordinator.results.track import filled, read_track, read_tracked_body
 from coordinator.sources.frame_recorder import WAITING_FRAMES
-from coordinator.sources.live import live_key
+from coordinator.sources.live_stream import live_key
 from coordinator.viewing import FrameLog, PersonLog, layout, log_run
 
 logger = logging.getLogger(__name__)

@@ -20,6 +20,7 @@ from coordinator.sources.camera import AS_RECORDED, CameraOptions
 if TYPE_CHECKING:  # it loads the compiler, which is slow
     from coordinator.bodies.tracked import Bodies
     from coordinator.scene.scope import Scope
+    from coordinator.sources.live_stream import LiveCamera
 
 PACKAGES = ("gepf", "eclipse-zenoh", "msgpack", "msgspec", "numba", "numpy", "scipy")
 PEOPLE = "people"  # the requested number, if it is not one
@@ -107,9 +108,11 @@ def run_configuration(
     return recording | requested_configuration(asked)
 
 
-def live_run_configuration(key: str, asked: Asked) -> RunConfiguration:
+def live_run_configuration(sequence: str, cameras: Sequence[LiveCamera], asked: Asked) -> RunConfiguration:
     """The configuration of a run on live input, which cannot be resumed."""
-    return {"sequence": key} | requested_configuration(asked)
+    placed = {each.camera: [each.key, each.T_rig_camera.tolist(), each.offset_s] for each in cameras}
+    rig = {name: place for name, place in placed.items() if name}
+    return {"sequence": sequence, **({"rig": rig} if rig else {})} | requested_configuration(asked)
 
 
 def requested_configuration(asked: Asked) -> RunConfiguration:

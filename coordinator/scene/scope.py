@@ -26,6 +26,7 @@ class Scope:
     person: One of WAYS, or a pixel of the person, column and row.
     background: depth (H, W) in metres, 0 if unknown; None to learn all of it.
     up: Unit vector (3,) away from the ground, rig's frame, if the recording or the user gives it.
+    camera: The camera of a rig in which region, pixel and background are given.
     """
 
     near: float | None = None
@@ -34,6 +35,7 @@ class Scope:
     person: str | tuple[int, int] = "best"
     background: NDArray[np.float32] | None = None
     up: NDArray[np.float64] | None = None
+    camera: str = ""
 
     def limit(self, frame: DepthFrame) -> tuple[DepthFrame, NDArray[np.bool_] | None]:
         """The frame with depth within the limits only; the excluded pixels (H, W), with or without depth.
@@ -74,8 +76,10 @@ class Scope:
         possible = [each for each in found if self.person != "moving" or moved(each) > MOVED_SHARE]
         return sorted(possible, key=order[self.person])
 
-    def of_another(self) -> Scope:
-        """The scope of another camera of the rig, of which the user gives no pixels."""
+    def of(self, camera: str) -> Scope:
+        """The scope of a camera of the rig; the user gives pixels of one."""
+        if camera == self.camera:
+            return self
         person = self.person if isinstance(self.person, str) else "best"
         return replace(self, region=None, person=person, background=None)
 

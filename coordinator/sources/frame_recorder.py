@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import queue
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -13,9 +13,11 @@ from PIL import Image
 from common.frame import DepthFrame
 from coordinator.files import CAMERA_FILE
 from coordinator.sources.camera import write_camera
-from coordinator.sources.live import find_misfit
+from coordinator.sources.live_stream import LiveCamera, find_misfit
 from coordinator.sources.picture_folders import TIMES_FILE
+from coordinator.sources.rig import RigCamera, write_rig
 
+RIG_FILE = "rig.json"
 WAITING_FRAMES = 60  # largest number that wait to be written: 40 MB of 640 x 480
 
 
@@ -73,3 +75,41 @@ class FrameRecorder:
         with (folder / TIMES_FILE).open("a", encoding="utf-8") as times:
             times.write(f"{frame.time_s!r} {name}\n")
         self._last = frame
+
+
+class RigRecorder:
+    """Writes the frames of all cameras, each into a folder of its name, and a rig file that lists them.
+
+    A camera alone has no name, so its frames are in the folder itself.
+    """
+
+    def __init__(self, folder: Path, cameras: Sequence[LiveCamera], report: Callable[[str], None]) -> None:
+        self._folder, self._cameras = folder, cameras
+        self._recorders = {each.camera: FrameRecorder(folder / each.camera, report) for each in cameras}
+
+    def put(self, frame: DepthFrame) -> None:
+        """Write the images of a frame soon, unless too many wait."""
+        for view in frame.views:
+            self._recorders[view.camera].put(view)
+
+    def close(self) -> int:
+        """Write what waits; returns the number of images that were not written."""
+        unwritten = sum(each.close() for each in self._recorders.values())
+        listed = [
+            RigCamera(each.camera, each.camera, each.T_rig_camera.tolist())
+            for each in self._cameras
+            if each.camera and self._recorders[each.camera].folders
+        ]
+        if listed:
+            write_rig(self._folder / RIG_FILE, listed, {})
+        return unwritten
+
+    @property
+    def folders(self) -> list[Path]:
+        """The folders of all cameras."""
+        return [folder for each in self._recorders.values() for folder in each.folders]
+
+    @property
+    def written(self) -> int:
+        """Number of images that were written."""
+        return sum(each.written for each in self._recorders.values())

@@ -15,6 +15,7 @@ from common.bounds import LARGEST, MAX_CAMERAS
 from common.errors import InputError
 from coordinator.files import write_json
 from coordinator.sources.camera import AS_RECORDED, CameraOptions
+from coordinator.sources.live_stream import LiveCamera, live_key
 from coordinator.sources.source import Source
 
 Row = Annotated[list[float], Meta(min_length=4, max_length=4)]
@@ -79,8 +80,6 @@ def find_fault(camera: RigCamera) -> str | None:
             f"T_rig_camera of '{name}' is not a rotation and a translation in metres; "
             "give 4 rows of 4 numbers, the last 0 0 0 1"
         )
-    if camera.sequence.startswith("zenoh:"):
-        return f"'{name}' is live, and rigs are of recordings; record each camera first"
     if abs(camera.time_offset_s) > LARGEST:
         return f"time_offset_s of '{name}' is not in seconds; correct it"
     return None
@@ -91,6 +90,27 @@ def sequence_of(path: Path, camera: RigCamera) -> Path:
     return (path.parent / camera.sequence).resolve()
 
 
+def live_cameras(sequence: Path) -> tuple[LiveCamera, ...]:
+    """The camera of `zenoh:KEY`, or those of a rig file that lists only such; none for recordings.
+
+    InputError for an invalid key, and for a rig with live cameras and recordings.
+    """
+    if (key := live_key(sequence)) is not None:
+        return (LiveCamera(key),)
+    if sequence.suffix.lower() != ".json" or not sequence.is_file():
+        return ()
+    listed = read_rig_file(sequence).cameras
+    keys = [live_key(Path(camera.sequence)) for camera in listed]
+    if any(keys) and None in keys:
+        odd = listed[keys.index(None)]
+        raise InputError(f"{sequence}: '{odd.name}' is a recording, others are live; list one kind")
+    return tuple(
+        LiveCamera(key, camera.name, camera.placed, camera.time_offset_s)
+        for key, camera in zip(keys, listed, strict=True)
+        if key is not None
+    )
+
+
 def read_rig(path: Path, options: CameraOptions) -> Source:
     """Open the recordings of a rig as one source: frames of the first camera, with those of the others."""
     from coordinator.sources import open_source
@@ -99,6 +119,8 @@ def read_rig(path: Path, options: CameraOptions) -> Source:
         raise InputError(
             f"--intrinsics and --depth-scale are of one camera, {path} lists several; leave them out"
         )
+    if live_cameras(path):
+        raise InputError(f"the cameras of {path} are live; gepf track and gepf.live read them")
     cameras = []
     for camera in read_rig_file(path).cameras:
         source, placed = open_source(sequence_of(path, camera)), camera.placed

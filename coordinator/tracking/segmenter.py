@@ -95,8 +95,7 @@ class Segmenter:
 
     Args:
         points: Largest number of observed points of a body.
-        scope: Which part of the scene counts, and which person is meant. Region, pixel of a person and
-            background are those of the first camera.
+        scope: Which part of the scene counts, and which person is meant.
     """
 
     def __init__(self, points: int, scope: Scope | None = None) -> None:
@@ -125,7 +124,7 @@ class Segmenter:
         """
         surfaces = [None if body is None else body.surface for body in bodies]
         views = tuple(
-            self._segment_view(frame, view, surfaces, rejected=rejected, find=find) for view in frame.views
+            self._segment_view(view, surfaces, rejected=rejected, find=find) for view in frame.views
         )
         seen = [[each.bodies[n] for each in views] for n in range(len(bodies))]
         subjects = [subject_of(frame, [cut for cut in cuts if cut], self._points) for cuts in seen]
@@ -141,14 +140,13 @@ class Segmenter:
                 found.append(outline(frame))
                 continue
             known = near_any(view, [measure_distances(view, frame.to_camera(one)) for one in surfaces])
-            scope = self._scope_of(segmented.frame, frame)
+            scope = self._scope.of(frame.camera)
             masks = [one.mask for one in scope.choose(view, candidates(view, known))]
             found.append(cut_masks(frame, view, masks, known))
         return self._join_people(segmented.frame, found)
 
     def _segment_view(
         self,
-        whole: DepthFrame,
         frame: DepthFrame,
         bodies: Sequence[Array | None],
         *,
@@ -156,7 +154,7 @@ class Segmenter:
         find: bool,
     ) -> SegmentedView:
         """Segment one image of a frame, with the surfaces (V, 3) of bodies."""
-        scope = self._scope_of(whole, frame)
+        scope = self._scope.of(frame.camera)
         if frame.camera not in self._scenes:
             up = None if scope.up is None else frame.T_camera_rig[:3, :3] @ scope.up
             self._scenes[frame.camera] = Scene(scope.background, up)
@@ -190,10 +188,6 @@ class Segmenter:
         return SegmentedView(
             frame, view, change, tuple(None if body is None else next(own) for body in bodies), strangers
         )
-
-    def _scope_of(self, frame: DepthFrame, view: DepthFrame) -> Scope:
-        """The scope of one image of a frame."""
-        return self._scope if view is frame else self._scope.of_another()
 
     def _join_people(self, frame: DepthFrame, seen: Sequence[Sequence[Cut]]) -> tuple[SubjectFrame, ...]:
         """People by what shows them in each image; those at the same place are one person."""

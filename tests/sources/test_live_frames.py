@@ -15,7 +15,9 @@ from common.camera import Intrinsics
 from common.errors import InputError
 from common.frame import DepthFrame
 from common.protocol.frames import encode_live, encode_live_end
-from coordinator.sources.live import COUNTED, LiveFrames, from_first_seen, live_key
+from coordinator.sources.live import LiveFrames, from_first_seen
+from coordinator.sources.live_rig import COUNTED
+from coordinator.sources.live_stream import LiveCamera, live_key
 
 KEY = "camera/depth"
 CAMERA = Intrinsics(4, 3, 10.0, 10.0, 2.0, 1.5)
@@ -43,7 +45,7 @@ def counted(**counts: int) -> dict[str, int]:
 def opened(notice: float = 60.0, idle: float | None = None) -> tuple[LiveFrames, list[str]]:
     """Live frames, and what is reported."""
     reports: list[str] = []
-    return LiveFrames(KEY, reports.append, notice, idle), reports
+    return LiveFrames([LiveCamera(KEY)], reports.append, notice, idle), reports
 
 
 def test_the_newest_frame_wins_and_the_others_are_counted() -> None:

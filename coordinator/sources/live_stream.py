@@ -1,0 +1,156 @@
+"""The frames that one live camera sends: which of them follow each other, their rate and their clock."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from pathlib import Path
+from statistics import median
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.camera import NOT_MOVED
+from common.frame import DepthFrame
+from common.protocol.keys import check_stream
+
+SCHEME = "zenoh:"
+NEW_STREAM_FRAMES = 5  # that fit each other
+RECENT_FRAMES = 30  # from which rate and clock are measured
+SILENT_INTERVALS = 3.0  # without a frame
+ORDER = "order"  # cause of a misfit
+CLOCK_S = 0.5  # more than the frames of one camera come later than those of another
+
+
+def live_key(sequence: Path) -> str | None:
+    """The key of `zenoh:KEY`; None for recordings. InputError if the key is invalid."""
+    text = str(sequence)
+    return check_stream(text.removeprefix(SCHEME)) if text.startswith(SCHEME) else None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LiveCamera:
+    """A camera that publishes on a key, alone or in a rig; the other fields are those of `Source`."""
+
+    key: str
+    camera: str = ""
+    T_rig_camera: NDArray[np.float64] = field(default_factory=NOT_MOVED.copy)
+    offset_s: float = 0.0
+
+
+class LiveStream:
+    """The stream of one camera: all frames have one size, camera and depth scale, in ascending order.
+
+    `waiting` is the newest frame, which has not been taken yet, in the rig's frame and time. `received` is
+    when the last frame that fits was received. Times of reception are seconds of the monotonic clock.
+    """
+
+    def __init__(self, camera: LiveCamera) -> None:
+        self.camera = camera
+        self.ended = False
+        self.waiting: DepthFrame | None = None
+        self.received = -math.inf
+        self.offset_s = camera.offset_s
+        self.by_reception = False  # whether the offset is measured, because the given one is not plausible
+        self.reported = set[str]()  # causes of rejected frames
+        self._skip = 0  # from the camera's numbers to those of its frames
+        self._last: DepthFrame | None = None  # that fits, as received
+        self._recent = deque[tuple[float, float]](maxlen=RECENT_FRAMES)  # the camera's time, reception
+        self._rejected = deque[DepthFrame](maxlen=2 * NEW_STREAM_FRAMES)  # since then
+
+    @property
+    def last_period_s(self) -> float:
+        """Time in seconds between the last two frames; infinite if there are not two."""
+        times = [time_s for time_s, _ in self._recent]
+        return times[-1] - times[-2] if len(times) > 1 else math.inf
+
+    @property
+    def period_s(self) -> float:
+        """Usual time in seconds between frames; infinite if it is unknown."""
+        times = [time_s for time_s, _ in self._recent]
+        return median(b - a for a, b in pairwise(times)) if len(times) > 1 else math.inf
+
+    def lives(self, now: float) -> bool:
+        """Whether a frame has come recently."""
+        recent = now - self.received <= SILENT_INTERVALS * self.period_s
+        return bool(self._recent) and not self.ended and recent
+
+    def misfit(self, frame: DepthFrame) -> tuple[str, str] | None:
+        """Why a frame does not follow the last one: the cause and a message; None if it does."""
+        return None if self._last is None else find_misfit(frame, self._last)
+
+    def reject(self, frame: DepthFrame) -> bool:
+        """Note a frame that does not fit; returns whether it begins a new stream with those before."""
+        self._rejected.append(frame)
+        return begins_a_stream(self._rejected)
+
+    def begin(self, frame: DepthFrame, *, goes_on: bool) -> None:
+        """Begin a new stream with a frame; the numbers of one that `goes_on` stay in order."""
+        after = 0 if self._last is None else self._last.number + self._skip + 1
+        self._skip = max(0, after - frame.number) if goes_on else 0
+        self._recent.clear()
+        self._last = None
+
+    def accept(self, frame: DepthFrame, received: float, clock: LiveStream | None) -> bool:
+        """Keep a frame that fits. `clock` is the stream of another camera that lives, if there is one.
+
+        Returns whether the camera's clock has just been found to be another one than the rig file says.
+        """
+        self._last, self.received, self.ended = frame, received, False
+        self._rejected.clear()
+        self._recent.append((frame.time_s, received))
+        found = False
+        if clock is not None:
+            measured = clock.offset_s + clock.earliest - self.earliest
+            found = not self.by_reception and abs(measured - self.offset_s) > CLOCK_S
+            self.by_reception |= found
+            if self.by_reception:
+                self.offset_s = measured
+        self.waiting = replace(
+            frame,
+            number=frame.number + self._skip,
+            time_s=frame.time_s + self.offset_s,
+            camera=self.camera.camera,
+            T_rig_camera=self.camera.T_rig_camera,
+        )
+        return found
+
+    @property
+    def earliest(self) -> float:
+        """The camera's time minus that of reception, of the frame that came with the least delay."""
+        return max(time_s - received for time_s, received in self._recent)
+
+    def take(self) -> DepthFrame:
+        """The frame that waits."""
+        frame, self.waiting = self.waiting, None
+        assert frame is not None
+        return frame
+
+
+def find_misfit(frame: DepthFrame, last: DepthFrame) -> tuple[str, str] | None:
+    """Why a frame cannot follow another one: the cause and a message; None if it can."""
+    camera, other = frame.intrinsics, last.intrinsics
+    if (camera.width, camera.height) != (other.width, other.height):
+        return "size", f"is {camera.width}x{camera.height}, those before {other.width}x{other.height}"
+    if camera != other:
+        return "intrinsics", "has other intrinsics than those before"
+    if frame.depth_scale != last.depth_scale:
+        return (
+            "scale",
+            f"has {frame.depth_scale:g} units of depth per metre, those before {last.depth_scale:g}",
+        )
+    if frame.number <= last.number or frame.time_s <= last.time_s:
+        before = f"the one before number {last.number} of {last.time_s:g} s"
+        return ORDER, f"is number {frame.number} of {frame.time_s:g} s, {before}"
+    return None
+
+
+def begins_a_stream(rejected: Sequence[DepthFrame]) -> bool:
+    """Whether `NEW_STREAM_FRAMES` rejected frames, up to the last, have its camera and follow each other."""
+    newest = rejected[-1]
+    alike = [f for f in rejected if (f.intrinsics, f.depth_scale) == (newest.intrinsics, newest.depth_scale)]
+    last = alike[-NEW_STREAM_FRAMES:]
+    return len(last) == NEW_STREAM_FRAMES and all(find_misfit(b, a) is None for a, b in pairwise(last))
