@@ -292,7 +292,9 @@ class PicturesOptions:
 class SynthOptions:
     """All options of `gepf synth`."""
 
-    scene: Annotated[str, typer.Argument(metavar="SCENE", help="arm, turn, person, or roam with --model.")]
+    scene: Annotated[
+        str, typer.Argument(metavar="SCENE", help="arm, turn, person, two, or roam with --model.")
+    ]
     out: Annotated[Path, typer.Option(metavar="SEQ", help="New folder for the sequence.")]
     frames: Annotated[int | None, typer.Option(metavar="N", help="Only the first N frames.")] = None
     noise_depth: Annotated[
@@ -308,6 +310,12 @@ class SynthOptions:
         typer.Option(metavar="human|FILE.urdf", help="Body of the scene roam, in which all joints move."),
     ] = None
     seed: Annotated[int, typer.Option(help="Seed of noise and motion.")] = 0
+    cameras: Annotated[
+        int, typer.Option(metavar="N", help="Cameras around the person; several make a rig.")
+    ] = 1
+    apart: Annotated[float, typer.Option(metavar="DEG", help="Degrees from camera to camera.")] = 90.0
+    late: Annotated[float, typer.Option(metavar="MS", help="Each camera is so much later.")] = 0.0
+    room: Annotated[bool, typer.Option("--room", help="Add floor, ceiling and walls.")] = False
 
 
 @dataclass(frozen=True, slots=True)

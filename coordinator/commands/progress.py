@@ -124,9 +124,10 @@ def describe(estimate: Estimate, rate: float | None, latency_s: float | None = N
     if not count:
         waiting = "waiting for a person to enter the image" if estimate.status == "absent" else None
         return how_fast + (waiting or f"looking for the person{why}")
+    faulty = "".join(f"; camera {name} {kind}" for name, (kind, _) in estimate.faults.items())
     residual = "nothing seen" if math.isnan(estimate.residual) else f"{1000 * estimate.residual:.1f} mm"
     hypotheses = counted(count, "hypothesis", "hypotheses")
-    return f"{how_fast}{hypotheses}, residual {residual}, {estimate.status}{why}"
+    return f"{how_fast}{hypotheses}, residual {residual}, {estimate.status}{why}{faulty}"
 
 
 def counted(count: int, one: str, several: str = "") -> str:

@@ -29,6 +29,7 @@ from coordinator.results.summary import (
     mostly_tracked,
 )
 from coordinator.sources.rig import live_cameras
+from coordinator.tracking.cameras import Kind, describe_changes
 from coordinator.tracking.reporting import Tracked
 from coordinator.tracking.tracker import Tracker
 
@@ -117,6 +118,7 @@ def track_frames(
     frames of a recording.
     """
     job, before, goes_on = given.job, recorder.frames, False
+    faults: Mapping[str, tuple[Kind, float]] = {}
     with connect(job.pool, show) as workers, show.steps("frame", keep=True) as advance:
         outlets = open_outlets(job, workers)
         make = partial(
@@ -136,6 +138,8 @@ def track_frames(
             for frames in given.streams(workers, before):
                 for tracked in make().follow(frames, live=given.live):
                     publish(tracked, outlets)
+                    for line in describe_changes(faults, faults := tracked[0].estimate.faults):
+                        show.say(line)
                     rate.count(given.received_at(tracked[0].estimate.frame))
                     recorder.append(tracked, workers.statistics, rate.seconds)
                     advance(recorder.frames, given.total, given.describe(tracked, rate))

@@ -15,9 +15,8 @@ from coordinator.files import CAMERA_FILE
 from coordinator.sources.camera import write_camera
 from coordinator.sources.live_stream import LiveCamera, find_misfit
 from coordinator.sources.picture_folders import TIMES_FILE
-from coordinator.sources.rig import RigCamera, write_rig
+from coordinator.sources.rig import RIG_FILE, RigCamera, write_rig
 
-RIG_FILE = "rig.json"
 WAITING_FRAMES = 60  # largest number that wait to be written: 40 MB of 640 x 480
 
 

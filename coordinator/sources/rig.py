@@ -20,6 +20,7 @@ from coordinator.sources.source import Source
 
 Row = Annotated[list[float], Meta(min_length=4, max_length=4)]
 Matrix = Annotated[list[Row], Meta(min_length=4, max_length=4)]
+RIG_FILE = "rig.json"
 ROUNDED = 1e-3  # error of a rotation that is written with a few digits
 EXAMPLE = '{"cameras": [{"name": "front", "sequence": "front/", "T_rig_camera": [[1, 0, 0, 0], ...]}, ...]}'
 

@@ -34,7 +34,8 @@ Array = NDArray[np.float64]
 class Scene:
     """A body with D degrees of freedom that moves through F frames.
 
-    `start` (D,) is the start pose for a tracker; None if it must detect the body.
+    `start` (D,) is the start pose for a tracker; None if it must detect the body. `others` are people in the
+    same images. `room` is a surface around them: vertices (V, 3) and triangles (T, 3).
     """
 
     model: BodyModel
@@ -42,6 +43,8 @@ class Scene:
     fps: float
     poses: NDArray[np.float64]  # (F, D) radians and metres
     start: NDArray[np.float64] | None  # (D,)
+    others: tuple[Scene, ...] = ()
+    room: tuple[NDArray[np.float64], NDArray[np.int64]] | None = None
 
     def __post_init__(self) -> None:
         self.poses.setflags(write=False)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import imageio.v3 as iio
@@ -14,18 +15,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.body import TRANSLATION, BodyModel
+from common.bounds import MAX_CAMERAS
 from common.errors import InputError
 from common.kinematics import joint_positions, pose_vertices
 from coordinator.bodies.choice import load_body
 from coordinator.files import CAMERA_FILE, START_FILE, TRUTH_FILE, with_parent
 from coordinator.sources.camera import write_camera
+from coordinator.sources.rig import RIG_FILE, RigCamera, write_rig
 from coordinator.synthesis.noise import add_noise
 from coordinator.synthesis.person_scene import person
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes import ROAM_FRAMES, SCENES, Scene, roam
+from coordinator.synthesis.surround import furnished, surround
+from coordinator.synthesis.two_people import two
 from coordinator.tracking.sensor_noise import SensorNoise
 
-ROAM, PERSON = "roam", "person"
+ROAM, PERSON, TWO = "roam", "person", "two"
+Surface = tuple[NDArray[np.floating], NDArray[np.integer]]
 DEPTH_SCALE = 10_000.0  # units per metre: steps of 0.1 mm, up to 6.55 m
 
 
@@ -40,8 +46,16 @@ def synthesise(  # noqa: PLR0913 one parameter an option
     *,
     model: str | None = None,
     kinect: bool = False,
+    cameras: int = 1,
+    apart: float = 90.0,
+    late: float = 0.0,
+    room: bool = False,
 ) -> None:
     """Write the first `frames` of a scene as a sequence folder with truth and start.
+
+    With several `cameras`, each has a folder, and rig.json lists them. They are around the person, `apart`
+    degrees from each other, and each takes its images `late` milliseconds after those of the one before.
+    `room` adds floor, ceiling and walls.
 
     Noise is Gaussian with the given standard deviations in metres; with `kinect`, that of a Kinect is added.
     Scene `roam` moves the body `model` randomly, by `seed`. `advance(done, total)` is called after each
@@ -54,21 +68,57 @@ def synthesise(  # noqa: PLR0913 one parameter an option
     noise = SensorNoise(noise_depth or 0.0, noise_lateral or 0.0)
     if seed < 0:
         raise InputError(f"seed {seed} is negative; choose 0 or more")
+    if not (1 <= cameras <= MAX_CAMERAS and 0.0 <= late < 1000.0):
+        raise InputError(
+            f"choose 1 to {MAX_CAMERAS} cameras that are 0 to 1000 ms late, not {cameras}, {late:g}"
+        )
     shown = find_scene(scene, model, seed, frames)
+    shown = furnished(shown) if room else shown
+    views = list(surround(shown, cameras, apart, late / 1000.0)) if cameras > 1 else []
     out = Path(out)
     with_parent(out)
     unfinished = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
     try:
-        write_depth(shown, noise, seed, unfinished / "depth", advance, kinect=kinect)
-        write_camera(unfinished / CAMERA_FILE, shown.camera, DEPTH_SCALE, shown.fps)
-        write_truth(shown, unfinished / TRUTH_FILE)
-        if shown.start is not None:
-            write_start(shown.model, shown.start, unfinished / START_FILE)
+        for n, view in enumerate(views):
+            (unfinished / view.name).mkdir()
+            made = partial(shift_progress, advance, n, len(views)) if advance else None
+            write_sequence(view.scene, noise, seed + n, unfinished / view.name, made, kinect=kinect)
+        if views:
+            listed = [RigCamera(v.name, v.name, v.T_rig_camera.tolist(), v.offset_s) for v in views]
+            write_rig(unfinished / RIG_FILE, listed, {})
+        else:
+            write_sequence(shown, noise, seed, unfinished, advance, kinect=kinect)
         unfinished.chmod(0o755)
         unfinished.replace(out)
     except BaseException:
         shutil.rmtree(unfinished, ignore_errors=True)
         raise
+
+
+def shift_progress(
+    advance: Callable[[int, int], None], before: int, folders: int, done: int, total: int
+) -> None:
+    """Count the frames of one of several folders."""
+    advance(before * total + done, folders * total)
+
+
+def write_sequence(
+    scene: Scene,
+    noise: SensorNoise,
+    seed: int,
+    folder: Path,
+    advance: Callable[[int, int], None] | None,
+    *,
+    kinect: bool,
+) -> None:
+    """Write depth, camera, truth of everybody and start into a folder."""
+    write_depth(scene, noise, seed, folder / "depth", advance, kinect=kinect)
+    write_camera(folder / CAMERA_FILE, scene.camera, DEPTH_SCALE, scene.fps)
+    write_truth(scene, folder / TRUTH_FILE)
+    for number, other in enumerate(scene.others, 2):
+        write_truth(other, folder / f"truth-person{number}.npz")
+    if scene.start is not None:
+        write_start(scene.model, scene.start, folder / START_FILE)
 
 
 def find_scene(name: str, model: str | None, seed: int, frames: int | None) -> Scene:
@@ -78,17 +128,18 @@ def find_scene(name: str, model: str | None, seed: int, frames: int | None) -> S
             raise InputError(f"scene {ROAM} moves any body; add --model with a URDF file, or human")
         frames = ROAM_FRAMES if frames is None else frames
         scene = roam(load_body(model), seed, frames if frames > 0 else ROAM_FRAMES)
-    elif name not in (*SCENES, PERSON):
-        raise InputError(f"unknown scene '{name}'; choose from {', '.join((*SCENES, PERSON, ROAM))}")
+    elif name not in (*SCENES, PERSON, TWO):
+        raise InputError(f"unknown scene '{name}'; choose from {', '.join((*SCENES, PERSON, TWO, ROAM))}")
     elif model is not None:
         raise InputError(f"scene {name} has a body of its own; leave --model out, or give scene {ROAM}")
     else:
-        scene = person(seed) if name == PERSON else SCENES[name]()
+        scene = person(seed) if name == PERSON else two() if name == TWO else SCENES[name]()
     if frames is None:
         return scene
     if not 1 <= frames <= len(scene.poses):
         raise InputError(f"cannot make {frames} frames; choose from 1 to {len(scene.poses)}")
-    return replace(scene, poses=scene.poses[:frames])
+    others = tuple(replace(each, poses=each.poses[:frames]) for each in scene.others)
+    return replace(scene, poses=scene.poses[:frames], others=others)
 
 
 def write_depth(
@@ -112,9 +163,21 @@ def write_depth(
 def render(scene: Scene) -> Iterator[NDArray[np.float64]]:
     """Exact depth (H, W) in metres of every frame."""
     with DepthRenderer(scene.camera) as renderer:
-        for pose in scene.poses:
-            vertices = pose_vertices(scene.model, pose[None])[0]
-            yield renderer.depth(vertices, scene.model.triangles).astype(np.float64)
+        for number in range(len(scene.poses)):
+            surfaces = [
+                (pose_vertices(each.model, each.poses[number, None])[0], each.model.triangles)
+                for each in (scene, *scene.others)
+            ]
+            vertices, triangles = joined(surfaces if scene.room is None else [*surfaces, scene.room])
+            yield renderer.depth(vertices, triangles).astype(np.float64)
+
+
+def joined(surfaces: Sequence[Surface]) -> Surface:
+    """One surface of several: vertices (V, 3) and triangles (T, 3)."""
+    counts = [len(vertices) for vertices, _ in surfaces]
+    before = np.cumsum([0, *counts[:-1]])
+    triangles = np.concatenate([t + n for (_, t), n in zip(surfaces, before, strict=True)])
+    return np.concatenate([vertices for vertices, _ in surfaces]), triangles
 
 
 def to_units(depth_m: NDArray[np.float64]) -> NDArray[np.uint16]:

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from coordinator.tracking.cameras import Kind
 from coordinator.tracking.certainty.certainty import Certainty
 
 Status = Literal["tracked", "ambiguous", "lost", "searching", "absent"]
@@ -30,6 +31,7 @@ class Estimate:
     as text; empty if
     there is none. `certainty` is that of each joint; None in an estimate that was not made by a tracker.
     `seen_by` is the visible share (J,) of the surface around each joint for each camera that shows the body.
+    `faults` are those of cameras of a rig, each with its start in seconds.
     """
 
     frame: int
@@ -45,3 +47,4 @@ class Estimate:
     why: str = ""
     certainty: Certainty | None = None
     seen_by: dict[str, NDArray[np.float64]] = field(default_factory=dict)
+    faults: dict[str, tuple[Kind, float]] = field(default_factory=dict)

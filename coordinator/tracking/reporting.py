@@ -11,6 +11,7 @@ from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import joint_positions
 from coordinator.filters.belief import Belief
 from coordinator.stopwatch import Stopwatch
+from coordinator.tracking.cameras import faults_of
 from coordinator.tracking.certainty.certainty import FIT, OFF, SUSPECTED, Certainty, unknown_certainty
 from coordinator.tracking.certainty.features import FrameContext, measure_features
 from coordinator.tracking.certainty.surface import seen_shares
@@ -85,6 +86,7 @@ def report(updated: Updated) -> Tracked:
         why=management.reason or explain_doubt(model.joint_names, certainty),
         stage_seconds=updated.clock.seconds,
         seen_by=seen,
+        faults=faults_of(updated.state.checkpoint.cameras, updated.frame.time_s),
         certainty=unknown_certainty(len(joints[0])) if status in UNKNOWN else certainty,
     )
     subject = None if updated.context is None else updated.context.subject

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,11 +66,13 @@ class Segmented:
     """A segmented frame.
 
     subjects: one per body; None if nothing of the body is visible, or if it may be anywhere.
+    left_out: what the cameras that contradict the others show of each body.
     candidates: people who are not tracked, the most likely first; empty unless a body may be anywhere.
     """
 
     frame: DepthFrame
     subjects: tuple[SubjectFrame | None, ...]
+    left_out: tuple[SubjectFrame | None, ...]
     candidates: tuple[SubjectFrame, ...]
     views: tuple[SegmentedView, ...]
 
@@ -114,10 +116,13 @@ class Segmenter:
         frame: DepthFrame,
         bodies: Sequence[PosedBody | None],
         *,
+        left_out: Sequence[Collection[str]] = (),
         rejected: bool = False,
         find: bool = True,
     ) -> Segmented:
         """Segment the next frame: near each body, and, if a body may be anywhere, other people.
+
+        Cameras are `left_out` of what shows each body, unless no other camera shows it.
 
         Other people are not learned as the room, unless they have been `rejected` for a while. Without
         `find`, they are not searched for, and nothing is learned while a body may be anywhere.
@@ -126,10 +131,19 @@ class Segmenter:
         views = tuple(
             self._segment_view(view, surfaces, rejected=rejected, find=find) for view in frame.views
         )
-        seen = [[each.bodies[n] for each in views] for n in range(len(bodies))]
-        subjects = [subject_of(frame, [cut for cut in cuts if cut], self._points) for cuts in seen]
-        people = self._join_people(frame, [each.people for each in views])
-        return Segmented(frame, tuple(subjects), people, views)
+        subjects, others = list[SubjectFrame | None](), list[SubjectFrame | None]()
+        for n in range(len(bodies)):
+            parts: tuple[list[Cut], list[Cut]] = ([], [])
+            for each in views:
+                if (cut := each.bodies[n]) is not None:
+                    parts[bool(left_out) and each.frame.camera in left_out[n]].append(cut)
+            subject, aside = (subject_of(frame, part, self._points) for part in parts)
+            subjects.append(subject or aside)
+            others.append(None if subject is None else aside)
+        doubted = set().union(*left_out)
+        shown = [each.people for each in views if each.frame.camera not in doubted]
+        people = self._join_people(frame, shown)
+        return Segmented(frame, tuple(subjects), tuple(others), people, views)
 
     def find_candidates(self, segmented: Segmented, tracked: Sequence[PosedBody]) -> tuple[SubjectFrame, ...]:
         """People in a segmented frame, apart from those who are tracked; the most likely first."""

@@ -18,6 +18,7 @@ from coordinator.bodies.human.measures import REFERENCE_STATURE
 from coordinator.bodies.tracked import Bodies, pose_by_name
 from coordinator.files import read_numbers
 from coordinator.scene.scene import SceneChanges
+from coordinator.tracking.cameras import CameraStates
 from coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise
 from coordinator.tracking.size import SizeEstimate
 from coordinator.tracking.track_management import TrackManagement
@@ -122,6 +123,9 @@ class Checkpoint:
     scenes: SceneChanges  # changes by the frame; the whole scenes in a resumed run
     management: TrackManagement = field(default_factory=TrackManagement)
     size: SizeEstimate | None = None  # of the person; None if it is not estimated
+    cameras: CameraStates = field(default_factory=dict)
+    left_out: tuple[str, ...] = ()  # cameras, when the next frame is segmented
+    contradicting: tuple[str, ...] = ()  # cameras, by the last pose
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -28,6 +28,7 @@ from coordinator.filters.methods import METHODS, apply_method, pace_iterations
 from coordinator.scene.planes import Planes
 from coordinator.scene.scene import SceneChanges
 from coordinator.stopwatch import Stopwatch
+from coordinator.tracking.cameras import CameraStates, find_contradicting
 from coordinator.tracking.certainty.features import FrameContext
 from coordinator.tracking.detector import Candidates, Detection, Detector, Search, Stage
 from coordinator.tracking.estimate import MAX_HYPOTHESES, Status
@@ -131,6 +132,10 @@ class TargetTracker:
         self._size: SizeEstimate | None = None  # None if the size is not estimated
         self._searching: Searching | None = None
         self.scenes = SceneChanges()  # what the last submitted frame changed in the scenes
+        self.cameras = CameraStates()  # after the last submitted frame
+        self.aside: SubjectFrame | None = None  # what cameras that are left out show of the body
+        self.left_out: tuple[str, ...] = ()  # cameras, when the next frame is segmented
+        self._contradicting: tuple[str, ...] = ()  # the last pose
         if state is not None:
             self._resume(state)
 
@@ -138,6 +143,7 @@ class TargetTracker:
         past = state.checkpoint
         self.start, self.scenes, self.management = state.start, past.scenes, past.management
         self._expected, self._time_s, self._size = past.expected, past.time_s, past.size
+        self.cameras, self.left_out, self._contradicting = past.cameras, past.left_out, past.contradicting
         self._rng = load_generator(past.generator)
         if past.belief:
             begun = self._method.begin(self.model, self.start.pose, self._settings.filter)
@@ -160,6 +166,9 @@ class TargetTracker:
             self.scenes,
             self.management,
             self._size,
+            self.cameras,
+            self.left_out,
+            self._contradicting,
         )
         return TrackerState(self.start, checkpoint)
 
@@ -252,7 +261,7 @@ class TargetTracker:
         shows = subject is not None or (expected and bool(frame.depth.any()))
         self._resize()
         detection = None if subject is None else self._detect(subject, planes, clock, live=pace is not None)
-        self._expected = self._whereabouts()
+        self._expected, self.left_out = self._whereabouts(), self._contradicting
         if self._belief is None or subject is None:
             status = self._lose(shows=shows)
             return Updated(frame, self.state, self._belief, status, 0, None, clock)
@@ -439,6 +448,9 @@ class TargetTracker:
             facing = detection.looks_alike(self.model.joint_names, joints, self._belief.log_weights[0])
             self.management = replace(self.management, ambiguous_facing=facing)
         self.management = self.management.updated(gate, subject.pixels, redetected=redetected)
+        views = [*subject.views, *(self.aside.views if self.aside is not None else ())]
+        noise = submitted.settings.noise_depth
+        self._contradicting = find_contradicting(self.model, self._belief.poses[0], views, noise)
         if self._belief is belief:
             self._measure_size(belief, subject)
 

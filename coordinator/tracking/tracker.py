@@ -19,6 +19,7 @@ from coordinator.bodies.tracked import Bodies
 from coordinator.scene.scene import NOTHING, SETTLED_FRAMES
 from coordinator.scene.scope import Scope
 from coordinator.stopwatch import Stopwatch
+from coordinator.tracking.cameras import CameraStates, watch
 from coordinator.tracking.known_motion import KnownMotion
 from coordinator.tracking.loop import Live, Lookahead, Pace
 from coordinator.tracking.observation import middle_of
@@ -31,6 +32,9 @@ from coordinator.tracking.target import Submitted, TargetTracker
 from coordinator.tracking.track_management import SEARCH_INTERVAL_FRAMES
 
 Array = NDArray[np.float64]
+
+Ready = tuple[Segmented, CameraStates, list[Stopwatch]]
+"""A segmented frame, the state of each camera, and a stopwatch for each person."""
 
 POLL_S = 0.002  # between looks at the workers while no frame comes
 STEP_M = 0.8  # largest motion of a body between two frames
@@ -65,8 +69,10 @@ class Tracker:
         past: Sequence[TrackerState | None] = states or [None] * people
         self._settings, self._bodies = settings, bodies
         self._segmenter = Segmenter(settings.points, scope)
+        self._cameras = CameraStates()
         if states:
             self._segmenter.recall(states[0].checkpoint.scenes)
+            self._cameras = states[0].checkpoint.cameras
         self._targets = tuple(
             TargetTracker(refiner, settings, bodies, start=start, motion=motion, state=state)
             for state in past
@@ -108,10 +114,10 @@ class Tracker:
         look_ahead = look_ahead and live is None
         upcoming, unreported = Lookahead(map(self._segment, frames)), list[Updated]()
         try:
-            for segmented, clocks in upcoming:
+            for segmented, cameras, clocks in upcoming:
                 late = live is not None and (upcoming.was_ahead or live.is_ready)
                 pace = None if live is None else Pace(live.period_s, late)
-                submitted = self._submit(segmented, clocks, pace)
+                submitted = self._submit(segmented, cameras, clocks, pace)
                 # the workers are busy from here until the update
                 if unreported:
                     tracked, unreported = [report(each) for each in unreported], []
@@ -139,24 +145,25 @@ class Tracker:
             yield [report(each) for each in unreported]
 
     def _submit(
-        self, segmented: Segmented, clocks: list[Stopwatch], pace: Pace | None
+        self, segmented: Segmented, cameras: CameraStates, clocks: list[Stopwatch], pace: Pace | None
     ) -> list[Submitted | Updated]:
         """Predict the particles of each person, and send them to the workers."""
         free, submitted = list(segmented.candidates), list[Submitted | Updated]()
         for n, target in enumerate(self._targets):
             subject = self._assign(n, segmented, free)
-            target.scenes = segmented.changes
+            target.scenes, target.cameras = segmented.changes, cameras
+            target.aside = segmented.left_out[n]
             if n > 0:
                 target.scenes = {name: replace(s, learned=NOTHING) for name, s in target.scenes.items()}
             planes = segmented.planes(subject)
             submitted.append(target.submit(segmented.frame, subject, planes, clocks[n], pace))
         return submitted
 
-    def _send_ahead(self, upcoming: Lookahead[tuple[Segmented, list[Stopwatch]]]) -> None:
+    def _send_ahead(self, upcoming: Lookahead[Ready]) -> None:
         """Segment the next frame, and send the workers the person's pixels before their turn."""
         ahead = upcoming.peek()
         for target, subject, clock in (
-            () if ahead is None else zip(self._targets, ahead[0].subjects, ahead[1], strict=True)
+            () if ahead is None else zip(self._targets, ahead[0].subjects, ahead[2], strict=True)
         ):
             target.send_ahead(subject, clock)
 
@@ -174,14 +181,19 @@ class Tracker:
         ordered = sorted(self._targets, key=lambda target: target.is_tracked)
         return any(target.search(wait=wait) for target in ordered)
 
-    def _segment(self, frame: DepthFrame) -> tuple[Segmented, list[Stopwatch]]:
-        """A segmented frame, and a stopwatch for each person in it."""
+    def _segment(self, frame: DepthFrame) -> Ready:
+        """A segmented frame, the state of each camera, and a stopwatch for each person in it."""
         clocks = [Stopwatch() for _ in self._targets]
         with clocks[0].stage("segment"):
             bodies = [target.expected for target in self._targets]
             rejected = any(target.management.frames_searched > SETTLED_FRAMES for target in self._targets)
             find = any(target.expected is None and not target.is_searching for target in self._targets)
-            return self._segmenter.segment(frame, bodies, rejected=rejected, find=find), clocks
+            left_out = [target.left_out for target in self._targets]
+            self._cameras, frame = watch(self._cameras, frame, set().union(*left_out))
+            segmented = self._segmenter.segment(
+                frame, bodies, left_out=left_out, rejected=rejected, find=find
+            )
+            return segmented, self._cameras, clocks
 
     def _assign(self, place: int, segmented: Segmented, free: list[SubjectFrame]) -> SubjectFrame | None:
         """Choose the subject of a person: a free candidate if the person is undetected or lost.

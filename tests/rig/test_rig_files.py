@@ -62,7 +62,7 @@ def change(**fields: object) -> Callable[[dict[str, Any]], object]:
         (lambda rig: rig["cameras"].clear(), "0 cameras"),
         (change(sequence="a"), "twice, as 'a' and 'b'"),
         (change(name="a"), "two cameras of the name 'a'"),
-        (change(sequence="zenoh:b"), "'b' is live"),
+        (change(sequence="zenoh:b"), "'a' is a recording, others are live"),
         (change(sequence="nothing"), "no such file or folder"),
         (change(T_rig_camera=(2.0 * np.eye(4)).tolist()), "T_rig_camera of 'b' is not a rotation"),
         (

@@ -1,0 +1,120 @@
+"""Faults of the cameras of a rig: one that is silent, repeats an image, or contradicts the others.
+
+Evidence is left out by one principle: the pose that the other cameras support must explain what a camera
+shows of the body, within the residual that a pose may have. A camera with a wrong or changed place fails
+this, whatever the reason. A repeated image is no new evidence. A camera is left out only while another one
+is not.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+from common.body import BodyModel, vertex_normals
+from common.frame import DepthFrame, SubjectFrame
+from common.kinematics import pose_vertices
+from coordinator.tracking.gating import RESIDUAL_M
+from coordinator.tracking.observation import camera_points
+
+Array = NDArray[np.float64]
+Kind = Literal["is silent", "repeats an image", "contradicts the others"]
+
+PERSISTS_S = 0.5  # until a fault is reported
+EVERY_ROW = 8  # of an image is compared with the image before
+POINTS = 100  # of a camera, to compare with the pose
+REMEDY = "; gepf calibrate finds its place again from recordings of the cameras"
+
+
+@dataclass(frozen=True, slots=True)
+class CameraState:
+    """A camera after a frame."""
+
+    image: int  # checksum of a part of its last image
+    good_s: float  # time of the last frame without a fault
+    fault: Kind | None = None
+
+    def lasts(self, time_s: float) -> bool:
+        """Whether the fault has lasted so long that it is reported."""
+        return self.fault is not None and time_s - self.good_s >= PERSISTS_S
+
+
+CameraStates = dict[str, CameraState]
+"""By the camera's name."""
+
+
+def watch(
+    states: Mapping[str, CameraState], frame: DepthFrame, contradicting: Collection[str]
+) -> tuple[CameraStates, DepthFrame]:
+    """The states of all cameras after a frame, and the frame without depth in repeated images.
+
+    `contradicting` are the cameras that are left out now.
+    """
+    after = {name: replace(state, fault="is silent") for name, state in states.items()}
+    for view in frame.views:
+        image, before = zlib.crc32(view.depth[::EVERY_ROW].tobytes()), states.get(view.camera)
+        fault: Kind | None = "contradicts the others" if view.camera in contradicting else None
+        if before is not None and before.image == image:
+            fault = "repeats an image"
+        good_s = frame.time_s if fault is None or before is None else before.good_s
+        after[view.camera] = CameraState(image, good_s, fault)
+    faults = [after[view.camera].fault for view in frame.views]
+    if None not in faults:  # what there is must do
+        shown = {v.camera: replace(after[v.camera], fault=None, good_s=frame.time_s) for v in frame.views}
+        return after | shown, frame
+    first, *others = (
+        replace(view, depth=np.zeros_like(view.depth), others=()) if fault == "repeats an image" else view
+        for view, fault in zip(frame.views, faults, strict=True)
+    )
+    return after, replace(first, others=tuple(others))
+
+
+def find_contradicting(
+    model: BodyModel, pose: Array, views: Sequence[SubjectFrame], noise_depth: float
+) -> tuple[str, ...]:
+    """The cameras whose points a pose (D,) does not explain, but for the one that it explains best."""
+    if len(views) < 2:
+        return ()
+    vertices = pose_vertices(model, pose[None])[0]
+    normals = vertex_normals(vertices, model.triangles)
+    residuals = [mean_distance(view, vertices, normals) for view in views]
+    allowed = max(RESIDUAL_M + noise_depth, min(residuals))
+    return tuple(view.frame.camera for view, each in zip(views, residuals, strict=True) if each > allowed)
+
+
+def mean_distance(view: SubjectFrame, vertices: Array, normals: NDArray[np.floating]) -> float:
+    """Mean distance in metres of a camera's points from the vertices (V, 3) that face it."""
+    frame = view.frame
+    points = frame.to_rig(camera_points(view, max(1, len(view.picked) // POINTS)))
+    facing = np.sum(normals * (frame.T_rig_camera[:3, 3] - vertices), axis=1) > 0.0
+    if not len(points) or not facing.any():
+        return 0.0
+    return float(np.mean(KDTree(vertices[facing]).query(points)[0]))
+
+
+def faults_of(states: Mapping[str, CameraState], time_s: float) -> dict[str, tuple[Kind, float]]:
+    """The lasting faults of cameras at the time of a frame, each with its start."""
+    return {
+        name: (state.fault, state.good_s)
+        for name, state in states.items()
+        if state.fault is not None and state.lasts(time_s)
+    }
+
+
+def describe_changes(
+    before: Mapping[str, tuple[Kind, float]], now: Mapping[str, tuple[Kind, float]]
+) -> list[str]:
+    """Messages on the faults that were found since another frame, and on those that have ended."""
+    found = [
+        f"camera {name} {kind} since {since:.2f} s"
+        + (f" and is left out{REMEDY}" if kind == "contradicts the others" else "")
+        for name, (kind, since) in now.items()
+        if name not in before or before[name][0] != kind
+    ]
+    return found + [f"camera {name} is used again" for name in before if name not in now]
