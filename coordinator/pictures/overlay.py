@@ -92,7 +92,9 @@ def bones(joint_names: tuple[str, ...]) -> list[tuple[int, int]]:
     return [(at[a], at[b]) for a, b in LINES if a in at and b in at]
 
 
-def paint(image: Image.Image, view: View, model: BodyModel, track: Track, f: int) -> Image.Image:
+def paint(
+    image: Image.Image, view: View, model: BodyModel, track: Track, f: int, note: str = ""
+) -> Image.Image:
     """The picture, RGB, of frame number `f` of a track over its depth or colour image.
 
     Nothing is drawn before the body is found and while it is absent. Hypotheses with less weight are more
@@ -113,7 +115,7 @@ def paint(image: Image.Image, view: View, model: BodyModel, track: Track, f: int
         draw_skeleton(draw, model, pixels, (0, 0, 0), width + 2, hollow)
         draw_skeleton(draw, model, pixels, SKELETON_COLOUR, width, hollow)
     picture = picture.reduce(FINER)
-    write_caption(picture, str(track.frame[f]), status)
+    write_caption(picture, str(track.frame[f]), status, note)
     return picture
 
 
@@ -144,10 +146,11 @@ def draw_skeleton(
             draw.circle(place, 2 * width, outline=colour, width=max(1, width // 2))
 
 
-def write_caption(picture: Image.Image, title: str, status: str) -> None:
-    """Write the title and the status at the top, in place."""
+def write_caption(picture: Image.Image, title: str, status: str, note: str) -> None:
+    """Write the title and the status at the top and a note at the bottom, in place."""
     draw, size = ImageDraw.Draw(picture), max(11, picture.height // 22)
     edge = size // 3
     style: dict[str, Any] = {"font_size": size, "stroke_width": 1, "stroke_fill": BACKGROUND}
     draw.text((edge, edge), title, SKELETON_COLOUR, anchor="la", **style)
     draw.text((picture.width - edge, edge), status, STATUS[status], anchor="ra", **style)
+    draw.text((edge, picture.height - edge), note, SKELETON_COLOUR, anchor="ld", **style)

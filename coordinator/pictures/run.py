@@ -89,6 +89,16 @@ def size_of(views: Mapping[str, View]) -> tuple[int, int]:
     return sum(view.width // FINER for view in each), max(view.height // FINER for view in each)
 
 
+def describe_camera(track: Track, f: int, camera: str) -> str:
+    """What a camera of a rig contributed to frame number `f`, or its fault; empty for a camera alone."""
+    if track.camera_names is None or camera not in track.camera_names:
+        return camera
+    c, shares, faults = track.camera_names.index(camera), track.joint_seen_by, track.camera_fault
+    fault = "" if faults is None else str(faults[f, c])
+    seen = 0.0 if shares is None else float(np.mean(shares[f, c]))
+    return f"{camera} {fault}" if fault else f"{camera}: {seen:.0%} of the surface that faces it"
+
+
 def paint_views(
     frame: DepthFrame,
     views: Mapping[str, View],
@@ -107,6 +117,7 @@ def paint_views(
         if image is None and seen is not None:
             image = shade_depth(seen.metres(), seen.intrinsics)
         if image is not None:
-            picture.paste(paint(image, view, model, track, f), (left, 0))
+            note = describe_camera(track, f, camera)
+            picture.paste(paint(image, view, model, track, f, note), (left, 0))
         left += view.width // FINER
     return picture

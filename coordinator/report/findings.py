@@ -34,10 +34,24 @@ def describe_run(track: Track, summary: Summary) -> list[tuple[str, str]]:
         ("status", describe_status(track.status)),
         ("body", f"{model.get('name', 'unknown')}{stature}, {len(track.dof_names)} degrees of freedom"),
         ("method", f"{method}, preset {preset}, particles: {particles}"),
+        *((f"camera {name}", text) for name, text in describe_cameras(track, summary)),
         ("seed", str(summary.get("seed"))),
         ("speed", f"{summary.get('frame_rate', 0.0):.1f} frames a second"),
         ("service", f"{workers} worker{'s' * (workers != 1)}, {sent} batches, {again} sent again"),
     ]
+
+
+def describe_cameras(track: Track, summary: Summary) -> Iterator[tuple[str, str]]:
+    """What each camera of a rig contributed, and its faults: names and texts."""
+    names, shares = track.camera_names or (), track.joint_seen_by
+    for name, seen in zip(names, () if shares is None else np.swapaxes(shares, 0, 1), strict=True):
+        facts = summary.get("cameras", {}).get(name, {})
+        frames = int(np.sum(np.any(seen > 0.0, axis=1)))
+        text = f"shows the body in {frames} frames, {np.mean(seen):.0%} of the surface that faces it"
+        faults = (
+            f"; {f['fault']} from {f['from_s']:.1f} to {f['to_s']:.1f} s" for f in facts.get("faults", ())
+        )
+        yield name, text + "".join(faults)
 
 
 def group_angles(names: tuple[str, ...]) -> list[tuple[str, tuple[str, ...]]]:

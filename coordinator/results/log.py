@@ -222,12 +222,17 @@ def assemble(
 
 def seen_by_cameras(estimates: Sequence[Estimate], joints: int) -> dict[str, Any]:
     """What each camera of a rig saw, as fields of a track; none for a single camera, which has no name."""
-    cameras = tuple(sorted({name for each in estimates for name in each.seen_by if name}))
+    cameras = tuple(sorted({n for each in estimates for n in (*each.seen_by, *each.faults) if n}))
     if not cameras:
         return {}
     unseen = np.zeros(joints)
     shares = [[each.seen_by.get(name, unseen) for name in cameras] for each in estimates]
-    return {"camera_names": cameras, "joint_seen_by": np.array(shares)}
+    faults = [[each.faults.get(name, ("", 0.0))[0] for name in cameras] for each in estimates]
+    return {
+        "camera_names": cameras,
+        "joint_seen_by": np.array(shares),
+        "camera_fault": np.array(faults, dtype="<U21"),
+    }
 
 
 def certainty_of(model: BodyModel, estimate: Estimate) -> Certainty:

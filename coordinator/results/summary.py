@@ -22,7 +22,7 @@ SUMMARY_FILE = "summary.json"
 PERSON_FILE = "person.json"  # the estimated stature and girth, for --model
 PERSON = "person"  # key in the summary: number of the person
 FOUND = "found"  # key in the summary of several people: one entry per person
-OF_ONE = ("doubts", "rotate_deg", "noise_m")  # differs between people
+OF_ONE = ("cameras", "doubts", "rotate_deg", "noise_m")  # differs between people
 
 
 def folder_of(run: Path, people: int, number: int) -> Path:
@@ -60,6 +60,7 @@ def summarise(recorded: Recorded, person: RecordedPerson) -> dict[str, object]:
         "frames": len(person.estimates),
         "status": count_status(e.status for e in person.estimates),
         "doubts": count_doubts(person.estimates),
+        **describe_cameras(person.estimates),
         "rotate_deg": round(np.degrees(start.way_up)),
         "particles": particles,
         "particles_unanswered": sum(particles - count for count in answered),
@@ -103,6 +104,26 @@ def count_doubts(estimates: Iterable[Estimate]) -> dict[str, int]:
     """Reasons to doubt frames that are not tracked, with the number of frames, the most frequent first."""
     counts = Counter[str](e.why for e in estimates if e.why and e.status != "tracked")
     return dict(counts.most_common())
+
+
+def describe_cameras(estimates: Sequence[Estimate]) -> dict[str, object]:
+    """For each camera of a rig the frames in which it showed the body, and its faults."""
+    faults: dict[str, dict[tuple[str, float], float]] = {}  # until when
+    shown = Counter(name for each in estimates for name in each.seen_by if name)
+    for each in estimates:
+        for name, (kind, since_s) in each.faults.items():
+            faults.setdefault(name, {})[kind, since_s] = each.time_s
+    cameras = {
+        name: {
+            "frames_shown": shown[name],
+            "faults": [
+                {"fault": kind, "from_s": round(since_s, 3), "to_s": round(until_s, 3)}
+                for (kind, since_s), until_s in faults.get(name, {}).items()
+            ],
+        }
+        for name in sorted({*shown, *faults})
+    }
+    return {"cameras": cameras} if cameras else {}
 
 
 def mostly_tracked(estimates: Sequence[Estimate]) -> bool:

@@ -44,6 +44,7 @@ TRACK_LAYOUT = {
     "up": "?numbers (3)",
     "camera_names": "?names (C)",
     "joint_seen_by": "?numbers (F, C, J)",
+    "camera_fault": "?texts (F, C)",
 }
 
 
@@ -74,6 +75,7 @@ class Track:
     up: Array | None = None  # unit vector away from the ground; None if unknown
     camera_names: tuple[str, ...] | None = None  # of a rig
     joint_seen_by: Array | None = None  # visible share of its surface for each camera of a rig
+    camera_fault: NDArray[np.str_] | None = None  # of each camera of a rig; empty if there is none
 
     @property
     def unknown(self) -> NDArray[np.bool_]:
