@@ -1,4 +1,4 @@
-"""Faults of the cameras of a rig: one that is silent, repeats an image, or contradicts the others.
+"""Faults of the cameras of a rig: one that gives no depth, repeats an image, or contradicts the others.
 
 Evidence is left out by one principle: the pose that the other cameras support must explain what a camera
 shows of the body, within the residual that a pose may have. A camera with a wrong or changed place fails
@@ -24,7 +24,7 @@ from coordinator.tracking.gating import RESIDUAL_M
 from coordinator.tracking.observation import camera_points
 
 Array = NDArray[np.float64]
-Kind = Literal["is silent", "repeats an image", "contradicts the others"]
+Kind = Literal["gives no depth", "repeats an image", "contradicts the others"]
 
 PERSISTS_S = 0.5  # until a fault is reported
 EVERY_ROW = 8  # of an image is compared with the image before
@@ -56,12 +56,14 @@ def watch(
 
     `contradicting` are the cameras that are left out now.
     """
-    after = {name: replace(state, fault="is silent") for name, state in states.items()}
+    after = {name: replace(state, fault="gives no depth") for name, state in states.items()}
     for view in frame.views:
         image, before = zlib.crc32(view.depth[::EVERY_ROW].tobytes()), states.get(view.camera)
         fault: Kind | None = "contradicts the others" if view.camera in contradicting else None
         if before is not None and before.image == image:
             fault = "repeats an image"
+        if not view.depth.any():
+            fault = "gives no depth"
         good_s = frame.time_s if fault is None or before is None else before.good_s
         after[view.camera] = CameraState(image, good_s, fault)
     faults = [after[view.camera].fault for view in frame.views]

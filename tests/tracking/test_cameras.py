@@ -1,0 +1,166 @@
+"""Faults of the cameras of a rig: which is found, since when, and that the others go on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from common.body import BodyModel
+from common.camera import Intrinsics
+from common.frame import DepthFrame
+from common.kinematics import joint_positions, pose_vertices
+from common.kinematics.rotations import euler_matrix
+from coordinator.bodies.human.template import human
+from coordinator.bodies.tracked import name_pose
+from coordinator.synthesis.rendering import DepthRenderer
+from coordinator.tracking.cameras import CameraStates, describe_changes, faults_of, watch
+from coordinator.tracking.estimate import Estimate
+from coordinator.tracking.tracker import Tracker
+from gepf.direct import DirectRefiner
+from tests.support.people import CAMERA, SETTINGS, STANDING, frame_of, known
+from tests.support.rigs import around
+
+Array = NDArray[np.float64]
+
+TINY = Intrinsics(4, 16, 10.0, 10.0, 2.0, 1.5)
+FPS = 30.0
+
+
+def shown(number: int, **images: int) -> DepthFrame:
+    """A frame of cameras by name, each with an image of this depth in units."""
+    views = [
+        DepthFrame(number, number / FPS, np.full((16, 4), depth, np.uint16), 1000.0, TINY, name)
+        for name, depth in images.items()
+    ]
+    return replace(views[0], others=tuple(views[1:]))
+
+
+def watched(
+    frames: list[DepthFrame], contradicting: dict[int, str] | None = None
+) -> Iterator[dict[str, str]]:
+    """The lasting faults after each frame."""
+    states = CameraStates()
+    for frame in frames:
+        states, _ = watch(states, frame, (contradicting or {}).get(frame.number, ""))
+        yield {name: f"{kind} {since:.2f}" for name, (kind, since) in faults_of(states, frame.time_s).items()}
+
+
+@pytest.mark.parametrize(
+    ("frames", "fault"),
+    [
+        ([shown(n, a=n + 1, b=n + 9) for n in range(60)], None),
+        (
+            [shown(n, a=n + 1, **({"b": n + 9} if n <= 15 else {})) for n in range(60)],
+            ("b", "gives no depth"),
+        ),
+        ([shown(n, a=n + 1, b=n + 9 if n <= 15 else 0) for n in range(60)], ("b", "gives no depth")),
+        ([shown(n, a=n + 1, b=min(n, 15) + 9) for n in range(60)], ("b", "repeats an image")),
+        ([shown(n, a=min(n, 15) + 9, b=n + 1) for n in range(60)], ("a", "repeats an image")),
+        ([shown(n, a=9, b=9) for n in range(60)], None),
+        ([shown(n, a=9) for n in range(60)], None),
+        ([shown(n, a=n + 1, **({"b": n + 9} if n % 4 else {})) for n in range(60)], None),
+    ],
+    ids=["none", "dead", "dark", "frozen", "first", "all", "alone", "stutters"],
+)
+def test_a_fault_that_lasts_is_found_with_its_start(
+    frames: list[DepthFrame], fault: tuple[str, str] | None
+) -> None:
+    """After half a second, until the end; never while no other camera could do without it."""
+    found = list(watched(frames))
+    if fault is None:
+        assert not any(found)
+        return
+    name, kind = fault
+    assert found[-1] == {name: f"{kind} 0.50"}
+    assert not any(found[:28])
+    assert all(each == found[-1] for each in found[32:])
+
+
+def test_a_camera_that_comes_back_is_used_again() -> None:
+    """One line when the fault is found, one when it has ended."""
+    frames = [shown(n, a=n + 1, **({} if 10 < n < 50 else {"b": n + 9})) for n in range(60)]
+    found = list(watched(frames))
+    assert any(found)
+    assert not any(found[50:])
+    states, lines, before = CameraStates(), list[str](), dict[str, tuple[str, float]]()
+    for frame in frames:
+        states, _ = watch(states, frame, ())
+        lines += describe_changes(before, before := faults_of(states, frame.time_s))  # type: ignore[arg-type, assignment]
+    assert lines == ["camera b gives no depth since 0.33 s", "camera b is used again"]
+
+
+def test_only_new_images_reach_the_tracker() -> None:
+    """A repeated one has no depth; the others and its camera, time and number stay."""
+    states, _ = watch({}, shown(0, a=5, b=7), ())
+    states, frame = watch(states, shown(1, a=6, b=7), ())
+    assert [view.camera for view in frame.views] == ["a", "b"]
+    assert [bool(view.depth.any()) for view in frame.views] == [True, False]
+
+
+def moving(count: int) -> tuple[BodyModel, Array]:
+    """A person who moves the arms and sways: poses (F, D)."""
+    model = human(1.82)
+    poses = np.tile(name_pose(model, STANDING), (count, 1))
+    phase = 2.0 * np.pi * np.arange(count) / FPS
+    for name, swing in (("l_shoulder_flexion", 0.4), ("r_elbow_flexion", 0.3), ("root_tx", 0.05)):
+        poses[:, model.dof(name)] += swing * np.sin(phase)
+    return model, poses
+
+
+@pytest.fixture(scope="module")
+def seen() -> tuple[BodyModel, Array, list[dict[str, DepthFrame]]]:
+    """The person in the images of two cameras, by name, in each frame."""
+    model, poses = moving(40)
+    places, frames = {"front": around(0.0), "side": around(80.0)}, []
+    with DepthRenderer(CAMERA) as renderer:
+        for number, pose in enumerate(poses):
+            images = {}
+            for name, placed in places.items():
+                back = np.linalg.inv(placed)
+                vertices = pose_vertices(model, pose[None])[0] @ back[:3, :3].T + back[:3, 3]
+                depth = renderer.depth(vertices, model.triangles).astype(np.float64)
+                images[name] = replace(
+                    frame_of(number, depth), time_s=number / FPS, camera=name, T_rig_camera=placed
+                )
+            frames.append(images)
+    return model, poses, frames
+
+
+def knock(angle_deg: float, metres: float) -> Array:
+    """A rotation about the camera's vertical axis and a shift to its side (4, 4)."""
+    moved = np.eye(4)
+    moved[:3, :3] = euler_matrix(np.array([0.0, np.radians(angle_deg), 0.0]))
+    moved[0, 3] = metres
+    return moved
+
+
+@pytest.mark.parametrize("which", ["front", "side"])
+def test_a_knocked_camera_is_left_out(
+    seen: tuple[BodyModel, Array, list[dict[str, DepthFrame]]], which: str
+) -> None:
+    """By 5 degrees and 10 cm in frame 12: named with its time, and the other alone keeps the person."""
+    model, poses, frames = seen
+    found: list[Estimate] = []
+    tracker = Tracker(DirectRefiner(), SETTINGS, known(), start=STANDING)
+    for number, images in enumerate(frames):
+        views = [
+            replace(view, T_rig_camera=view.T_rig_camera @ knock(5.0, 0.1))
+            if name == which and number >= 12
+            else view
+            for name, view in images.items()
+        ]
+        (tracked,) = tracker.track(replace(views[0], others=tuple(views[1:])))
+        found.append(tracked.estimate)
+    assert all(set(each.seen_by) == {"front", "side"} for each in found[:12])
+    assert not any(which in each.seen_by for each in found[15:])
+    kind, since_s = found[-1].faults[which]
+    assert set(found[-1].faults) == {which}
+    assert kind == "contradicts the others"
+    assert 12 / FPS - 0.1 < since_s < 12 / FPS + 0.1
+    true = joint_positions(model, poses)
+    off = [np.linalg.norm(each.joint_positions - true[n], axis=1).mean() for n, each in enumerate(found)]
+    assert max(off[20:]) < 0.05
