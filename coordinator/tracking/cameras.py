@@ -78,16 +78,20 @@ def watch(
 
 
 def find_contradicting(
-    model: BodyModel, pose: Array, views: Sequence[SubjectFrame], noise_depth: float
+    model: BodyModel, pose: Array, views: Sequence[SubjectFrame], noise_depth: float, before: Collection[str]
 ) -> tuple[str, ...]:
-    """The cameras whose points a pose (D,) does not explain, but for the one that it explains best."""
+    """The cameras whose points a pose (D,) does not explain, but for the one that it explains best.
+
+    Those of `before` that cannot be compared with another one stay.
+    """
     if len(views) < 2:
-        return ()
+        return tuple(before)
     vertices = pose_vertices(model, pose[None])[0]
     normals = vertex_normals(vertices, model.triangles)
-    residuals = [mean_distance(view, vertices, normals) for view in views]
-    allowed = max(RESIDUAL_M + noise_depth, min(residuals))
-    return tuple(view.frame.camera for view, each in zip(views, residuals, strict=True) if each > allowed)
+    residuals = {view.frame.camera: mean_distance(view, vertices, normals) for view in views}
+    allowed = max(RESIDUAL_M + noise_depth, min(residuals.values()))
+    unseen = [name for name in before if name not in residuals]
+    return (*unseen, *(name for name, residual in residuals.items() if residual > allowed))
 
 
 def mean_distance(view: SubjectFrame, vertices: Array, normals: NDArray[np.floating]) -> float:

@@ -142,7 +142,7 @@ class Segmenter:
             others.append(None if subject is None else aside)
         doubted = set().union(*left_out)
         shown = [each.people for each in views if each.frame.camera not in doubted]
-        people = self._join_people(frame, shown)
+        people = self._join_people(frame, shown if any(shown) else [each.people for each in views])
         return Segmented(frame, tuple(subjects), tuple(others), people, views)
 
     def find_candidates(self, segmented: Segmented, tracked: Sequence[PosedBody]) -> tuple[SubjectFrame, ...]:

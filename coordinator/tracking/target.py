@@ -450,7 +450,9 @@ class TargetTracker:
         self.management = self.management.updated(gate, subject.pixels, redetected=redetected)
         views = [*subject.views, *(self.aside.views if self.aside is not None else ())]
         noise = submitted.settings.noise_depth
-        self._contradicting = find_contradicting(self.model, self._belief.poses[0], views, noise)
+        self._contradicting = find_contradicting(
+            self.model, self._belief.poses[0], views, noise, self._contradicting
+        )
         if self._belief is belief:
             self._measure_size(belief, subject)
 
