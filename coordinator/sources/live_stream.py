@@ -70,13 +70,12 @@ class LiveStream:
     @property
     def period_s(self) -> float:
         """Usual time in seconds between frames; infinite if it is unknown."""
-        times = [time_s for time_s, _ in self._recent]
-        return median(b - a for a, b in pairwise(times)) if len(times) > 1 else math.inf
+        return usual_step([time_s for time_s, _ in self._recent])
 
     def lives(self, now: float) -> bool:
         """Whether a frame has come recently."""
-        recent = now - self.received <= SILENT_INTERVALS * self.period_s
-        return bool(self._recent) and not self.ended and recent
+        longest = SILENT_INTERVALS * usual_step([received for _, received in self._recent])
+        return bool(self._recent) and not self.ended and now - self.received <= longest
 
     def misfit(self, frame: DepthFrame) -> tuple[str, str] | None:
         """Why a frame does not follow the last one: the cause and a message; None if it does."""
@@ -128,6 +127,11 @@ class LiveStream:
         frame, self.waiting = self.waiting, None
         assert frame is not None
         return frame
+
+
+def usual_step(values: Sequence[float]) -> float:
+    """The median difference of successive values; infinite if there are not two."""
+    return median(b - a for a, b in pairwise(values)) if len(values) > 1 else math.inf
 
 
 def find_misfit(frame: DepthFrame, last: DepthFrame) -> tuple[str, str] | None:

@@ -26,6 +26,9 @@ from coordinator.tracking.observation import camera_points
 Array = NDArray[np.float64]
 Kind = Literal["gives no depth", "repeats an image", "contradicts the others"]
 
+NO_DEPTH: Kind = "gives no depth"
+REPEATS: Kind = "repeats an image"
+CONTRADICTS: Kind = "contradicts the others"
 PERSISTS_S = 0.5  # until a fault is reported
 EVERY_ROW = 8  # of an image is compared with the image before
 POINTS = 100  # of a camera, to compare with the pose
@@ -56,25 +59,27 @@ def watch(
 
     `contradicting` are the cameras that are left out now.
     """
-    after = {name: replace(state, fault="gives no depth") for name, state in states.items()}
-    for view in frame.views:
-        image, before = zlib.crc32(view.depth[::EVERY_ROW].tobytes()), states.get(view.camera)
-        fault: Kind | None = "contradicts the others" if view.camera in contradicting else None
-        if before is not None and before.image == image:
-            fault = "repeats an image"
-        if not view.depth.any():
-            fault = "gives no depth"
-        good_s = frame.time_s if fault is None or before is None else before.good_s
-        after[view.camera] = CameraState(image, good_s, fault)
-    faults = [after[view.camera].fault for view in frame.views]
-    if None not in faults:  # what there is must do
-        shown = {v.camera: replace(after[v.camera], fault=None, good_s=frame.time_s) for v in frame.views}
-        return after | shown, frame
-    first, *others = (
-        replace(view, depth=np.zeros_like(view.depth), others=()) if fault == "repeats an image" else view
-        for view, fault in zip(frame.views, faults, strict=True)
-    )
-    return after, replace(first, others=tuple(others))
+    after = {name: replace(state, fault=NO_DEPTH) for name, state in states.items()}
+    found = [look(view, states.get(view.camera), frame.time_s) for view in frame.views]
+    if all(each.fault for each in found):  # what there is must do
+        found = [replace(each, good_s=frame.time_s, fault=None) for each in found]
+    views = [
+        replace(view, depth=np.zeros_like(view.depth) if each.fault == REPEATS else view.depth, others=())
+        for view, each in zip(frame.views, found, strict=True)
+    ]
+    for view, each in zip(frame.views, found, strict=True):
+        before = states.get(view.camera, each)
+        contradicts = CameraState(each.image, before.good_s, CONTRADICTS)
+        after[view.camera] = contradicts if view.camera in contradicting else each
+    return after, replace(views[0], others=tuple(views[1:]))
+
+
+def look(view: DepthFrame, before: CameraState | None, time_s: float) -> CameraState:
+    """The state of a camera by its image alone, at the time of a frame."""
+    image = zlib.crc32(view.depth[::EVERY_ROW].tobytes())
+    if view.depth.any() and (before is None or before.image != image):
+        return CameraState(image, time_s)
+    return CameraState(image, before.good_s if before else time_s, REPEATS if view.depth.any() else NO_DEPTH)
 
 
 def find_contradicting(
@@ -119,7 +124,7 @@ def describe_changes(
     """Messages on the faults that were found since another frame, and on those that have ended."""
     found = [
         f"camera {name} {kind} since {since:.2f} s"
-        + (f" and is left out{REMEDY}" if kind == "contradicts the others" else "")
+        + (f" and is left out{REMEDY}" if kind == CONTRADICTS else "")
         for name, (kind, since) in now.items()
         if name not in before or before[name][0] != kind
     ]
