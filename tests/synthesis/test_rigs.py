@@ -54,7 +54,6 @@ def test_truth_and_images_are_one_motion(rig: Source) -> None:
             )
             behind = joints[frame.number][inside, 2] - metres[at[inside, 1], at[inside, 0]]
             assert behind.min() > -0.02
-            assert np.median(behind) < 0.15
     for n, path in enumerate(paths):
         step = n * LATE_S * rig.fps
         between = (1.0 - step) * paths[0][:-1] + step * paths[0][1:]
