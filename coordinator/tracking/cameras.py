@@ -15,9 +15,9 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
-from common.body import BodyModel, vertex_normals
+from common.body import BodyModel
+from common.compiling import numba
 from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import pose_vertices
 from coordinator.tracking.gating import RESIDUAL_M
@@ -31,6 +31,7 @@ REPEATS: Kind = "repeats an image"
 CONTRADICTS: Kind = "contradicts the others"
 PERSISTS_S = 0.5  # until a fault is reported
 EVERY_ROW = 8  # of an image is compared with the image before
+EVERY_TRIANGLE = 3  # of the body is compared with the points
 POINTS = 100  # of a camera, to compare with the pose
 REMEDY = "; gepf calibrate finds its place again from recordings of the cameras"
 
@@ -91,22 +92,35 @@ def find_contradicting(
     """
     if len(views) < 2:
         return tuple(before)
-    vertices = pose_vertices(model, pose[None])[0]
-    normals = vertex_normals(vertices, model.triangles)
-    residuals = {view.frame.camera: mean_distance(view, vertices, normals) for view in views}
+    corners = pose_vertices(model, pose[None])[0][model.triangles[::EVERY_TRIANGLE]]
+    residuals = {view.frame.camera: mean_distance(view, corners) for view in views}
     allowed = max(RESIDUAL_M + noise_depth, min(residuals.values()))
     unseen = [name for name in before if name not in residuals]
     return (*unseen, *(name for name, residual in residuals.items() if residual > allowed))
 
 
-def mean_distance(view: SubjectFrame, vertices: Array, normals: NDArray[np.floating]) -> float:
-    """Mean distance in metres of a camera's points from the vertices (V, 3) that face it."""
+def mean_distance(view: SubjectFrame, corners: Array) -> float:
+    """Mean distance in metres of a camera's points from the middles of triangles (T, 3, 3) that face it."""
     frame = view.frame
     points = frame.to_rig(camera_points(view, max(1, len(view.picked) // POINTS)))
-    facing = np.sum(normals * (frame.T_rig_camera[:3, 3] - vertices), axis=1) > 0.0
-    if not len(points) or not facing.any():
-        return 0.0
-    return float(np.mean(KDTree(vertices[facing]).query(points)[0]))
+    middles = corners.mean(axis=1)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    facing = np.sum(normals * (frame.T_rig_camera[:3, 3] - middles), axis=1) > 0.0
+    return nearest_mean(points, middles[facing])
+
+
+@numba.njit(cache=True, nogil=True)
+def nearest_mean(points: Array, others: Array) -> float:
+    """Mean distance of points (P, 3) from the nearest of others (Q, 3); 0 without any."""
+    total = 0.0
+    for p in range(len(points)):
+        least = np.inf
+        for q in range(len(others)):
+            x, y = points[p, 0] - others[q, 0], points[p, 1] - others[q, 1]
+            z = points[p, 2] - others[q, 2]
+            least = min(least, x * x + y * y + z * z)
+        total += np.sqrt(least)
+    return total / len(points) if len(points) and len(others) else 0.0
 
 
 def faults_of(states: Mapping[str, CameraState], time_s: float) -> dict[str, tuple[Kind, float]]:
