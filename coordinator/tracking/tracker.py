@@ -204,10 +204,15 @@ class Tracker:
         if not target.start.found:
             if not all(each.start.found for each in self._targets[:place]) or not free:
                 return None
-            chosen = free[target.management.frames_searched // SEARCH_INTERVAL_FRAMES % len(free)]
+            searches = target.management.frames_searched // SEARCH_INTERVAL_FRAMES
+            chosen = free[searches % len(free)]
             if (searched := target.searched_subject) is not None:
                 chosen = min(free, key=lambda each: distance(each, middle_of(searched)))
-        elif target.expected is None:
+            free[:] = [each for each in free if each is not chosen]
+            # cameras with wrong places show no person together, but each by itself
+            alone = [replace(view, others=()) for view in chosen.views]
+            return [chosen, *alone][searches // (len(free) + 1) % (len(alone) + 1)]
+        if target.expected is None:
             chosen = min(free, key=lambda each: distance(each, target.last_seen), default=None)
         elif target.misses(segmented.pixels(place)):
             chosen = self._find_elsewhere(place, segmented)
