@@ -58,9 +58,15 @@ def person(seed: int = 0) -> Scene:
     keys = through(times[-1], TRUNK_MOVES_S, TRUNK_RESTS_S, rng)
     move(model, poses, times, keys, [draw_from({**TRUNK, **TURN}, "", rng) for _ in keys])
     poses[:, model.dof("root_tz")] = DISTANCE_M
-    for pose in poses:  # the lowest point is on the floor
+    return Scene(model, CAMERA, FPS, grounded(model, poses), None)
+
+
+def grounded(model: BodyModel, poses: Array) -> Array:
+    """Poses (F, D) with the lowest point on the floor."""
+    placed = poses.copy()
+    for pose in placed:
         pose[model.dof("root_ty")] = CAMERA_HEIGHT_M - pose_vertices(model, pose[None])[0, :, 1].max()
-    return Scene(model, CAMERA, FPS, poses, None)
+    return placed
 
 
 def random_person(rng: np.random.Generator) -> BodyModel:

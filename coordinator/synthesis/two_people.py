@@ -6,17 +6,12 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from common.body import BodyModel
-from common.camera import Intrinsics
-from common.kinematics import pose_vertices
 from coordinator.bodies.human.template import human
 from coordinator.sources.camera import DEFAULT_FPS
+from coordinator.synthesis.person_scene import CAMERA, grounded
 from coordinator.synthesis.scenes import Scene, animate
 
-CAMERA = Intrinsics(512, 424, 365.0, 365.0, 255.5, 211.5)
-CAMERA_HEIGHT_M = 1.0
 STATURES_M = 1.82, 1.65
 Keys = dict[str, dict[int, float]]
 STANDS_M: Keys = {"root_tx": {0: -0.1, 179: -0.1}, "root_tz": {0: 2.7, 179: 2.7}}
@@ -57,11 +52,3 @@ def two() -> Scene:
         for body, poses in zip(bodies, (stands, walks), strict=True)
     )
     return replace(first, others=(second,))
-
-
-def grounded(body: BodyModel, poses: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Poses (F, D) with the lowest point on the floor."""
-    placed = poses.copy()
-    for pose in placed:
-        pose[body.dof("root_ty")] = CAMERA_HEIGHT_M - pose_vertices(body, pose[None])[0, :, 1].max()
-    return placed
