@@ -159,7 +159,7 @@ def tracker(settings: Settings = SETTINGS, start: dict[str, float] = STANDING) -
 
 def as_bytes(estimate: Estimate) -> list[bytes]:
     """All values of an estimate except times."""
-    apart = ("stage_seconds", "certainty", "seen_by")
+    apart = ("stage_seconds", "certainty", "seen_by", "faults")
     names = [field.name for field in fields(Estimate) if field.name not in apart]
     certainty = estimate.certainty
     sure = [] if certainty is None else [getattr(certainty, field.name) for field in fields(Certainty)]
