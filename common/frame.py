@@ -18,7 +18,8 @@ class DepthFrame:
     """A depth image with its camera and time, and those of the other cameras of a rig.
 
     depth: uint16 (H, W), `depth_scale` units per metre, 0 for no depth. others: the images of other cameras
-    that are nearest in time, each with its own time; a camera may be missing. T_rig_camera: (4, 4).
+    that are nearest in time, each with its own time; a camera may be missing. T_rig_camera: (4, 4). gravity:
+    direction (3,), unit vector in the camera's frame, if a live camera measures it.
     """
 
     number: int
@@ -29,6 +30,7 @@ class DepthFrame:
     camera: str = ""  # its name in the rig
     T_rig_camera: NDArray[np.float64] = field(default_factory=NOT_MOVED.copy)
     others: tuple[DepthFrame, ...] = ()
+    gravity: NDArray[np.float64] | None = None
 
     @property
     def views(self) -> tuple[DepthFrame, ...]:

@@ -70,6 +70,16 @@ class LiveFrameMessage(Message, frozen=True, kw_only=True, tag="live-frame"):
     depth_scale: float
     intrinsics: Intrinsics
     depth: Array
+    gravity: tuple[float, float, float] | None = None
+
+
+class LiveColourMessage(Message, frozen=True, kw_only=True, tag="live-color"):
+    """The colour image of a frame, registered to its depth, as a JPEG file."""
+
+    VERSION: ClassVar[int] = LIVE
+    version: int = LIVE
+    number: Natural
+    jpeg: memoryview
 
 
 class LiveEndMessage(Message, frozen=True, kw_only=True, tag="live-end"):
@@ -154,8 +164,20 @@ def encode_live(frame: DepthFrame) -> bytes:
         depth_scale=frame.depth_scale,
         intrinsics=frame.intrinsics,
         depth=pack(frame.depth),
+        gravity=None if frame.gravity is None else tuple(frame.gravity.tolist()),
     )
     return encode(message)
+
+
+def encode_colour(number: int, jpeg: bytes) -> bytes:
+    """The colour image of a frame for live input."""
+    return encode(LiveColourMessage(number=number, jpeg=memoryview(jpeg)))
+
+
+def decode_colour(payload: bytes) -> tuple[int, bytes]:
+    """The number of a frame, and its colour image as a JPEG file; or ProtocolError."""
+    message = decode(payload, LiveColourMessage)
+    return message.number, bytes(message.jpeg)
 
 
 def encode_live_end() -> bytes:
@@ -168,7 +190,13 @@ def decode_live(payload: bytes) -> DepthFrame | None:
     message = decode(payload, LiveFrameMessage, LiveEndMessage)
     if not isinstance(message, LiveFrameMessage):
         return None
-    return depth_frame(message.number, message.time_s, message)
+    frame = depth_frame(message.number, message.time_s, message)
+    if message.gravity is None:
+        return frame
+    gravity = np.array(message.gravity)
+    if not math.isclose(np.linalg.norm(gravity), 1.0, abs_tol=ROUNDED):
+        raise ProtocolError("gravity must be a unit vector")
+    return replace(frame, gravity=gravity)
 
 
 def depth_frame(number: int, time_s: float, message: ViewMessage | LiveFrameMessage) -> DepthFrame:

@@ -177,7 +177,7 @@ def dofs(model: Model = "human") -> None:
 def publish(
     options: PublishOptions, camera: CameraOptions, security: SecurityOptions, quiet: Quiet = False
 ) -> None:
-    """Publish a recorded sequence in real time, as input for gepf track zenoh:KEY."""
+    """Publish a camera, or a recorded sequence in real time, as input for gepf track zenoh:KEY."""
     from coordinator.commands.publish import run_publish
 
     run_publish(options, camera, security, on_stderr(quiet=quiet))

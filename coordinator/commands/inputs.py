@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import threading
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from functools import partial
 from itertools import groupby
@@ -17,16 +19,18 @@ from common.protocol.keys import check_stream
 from coordinator.bodies.choice import choose_bodies
 from coordinator.commands.job import Job
 from coordinator.commands.progress import FrameRate, Show, counted, describe
+from coordinator.commands.publish import play
 from coordinator.commands.workers import Workers
 from coordinator.files import with_parent
 from coordinator.results.configuration import AUTOMATIC, Asked, live_run_configuration, run_configuration
 from coordinator.results.evaluation import Truth, read_truth
-from coordinator.results.live_results import results_key
+from coordinator.results.live_results import Outlet, results_key
 from coordinator.sources import Source, open_source
 from coordinator.sources.colour_folder import ColourFolder
+from coordinator.sources.devices.device import AttachedCamera, vendor_of
 from coordinator.sources.frame_recorder import RigRecorder
 from coordinator.sources.live import LiveFrames, from_first_seen
-from coordinator.sources.live_stream import LiveCamera
+from coordinator.sources.live_stream import LiveCamera, colour_key
 from coordinator.sources.picture_folders import read_depth
 from coordinator.sources.source import select_frames
 from coordinator.tracking.known_motion import KnownMotion
@@ -129,7 +133,7 @@ class RecordedInput(Input):
             return f"nothing to resume in {job.out}; starting again"
         return f"{super().announce(done)}; {counted(total, 'frame')} of {camera.width}x{camera.height}"
 
-    def streams(self, workers: Workers, done: int) -> Iterator[Iterator[DepthFrame]]:
+    def streams(self, workers: Workers, done: int) -> Generator[Iterator[DepthFrame], None, None]:
         """One stream: the frames that are not recorded yet."""
         del workers
         yield map(self.source.frame, self.numbers[done:])
@@ -152,7 +156,7 @@ class LiveInput(Input):
         ):
             if given:
                 raise InputError(f"{option} is for recorded sequences; leave it out with live input")
-        if job.pool.listen is None and job.pool.connect is None:
+        if not vendor_of(job.sequence) and job.pool.listen is None and job.pool.connect is None:
             raise InputError("no publisher could connect; add --listen or --connect with an endpoint")
         keys = [check_stream(each.key, guarded=job.pool.security is not None) for each in cameras]
         self.keys, self._show = " and ".join(keys), show
@@ -161,17 +165,40 @@ class LiveInput(Input):
         super().__init__(replace(job, results=job.results or results_key(keys[0])), None, cameras[0])
         self.live: LiveFrames = LiveFrames(cameras, show.say, idle=job.idle_timeout)
         self.configuration = live_run_configuration(str(job.sequence), cameras, self.asked())
+        self._attached = AttachedCamera(job.sequence, show.say) if vendor_of(job.sequence) else None
         self._recorder = None if job.record is None else RigRecorder(job.record, cameras, show.say)
 
-    def streams(self, workers: Workers, done: int) -> Iterator[Iterator[DepthFrame]]:
+    def streams(self, workers: Workers, done: int) -> Generator[Iterator[DepthFrame], None, None]:
         """The newest frames until the publisher ends; each stream starts with its first frame with depth."""
         del done
-        for place, camera in enumerate(self.live.cameras):
-            workers.listen(camera.key, partial(self.live.receive, place=place))
         how = "the newest frame is tracked as soon as the workers are ready"
         self._show.say(f"listening on {self.keys}; {how}")
-        for _, frames in groupby(self.live, lambda _: self.live.stream):
-            yield map(self._take, from_first_seen(frames, self._show.say))
+        with ExitStack() as stack:
+            if self._attached is not None:
+                stack.enter_context(self._published(self._attached, workers.speak(self.keys)))
+            for place, camera in enumerate(() if self._attached else self.live.cameras):
+                if self._recorder is not None:
+                    workers.listen(colour_key(camera.key), partial(self._recorder.put_colour, camera.camera))
+                workers.listen(camera.key, partial(self.live.receive, place=place))
+            for _, frames in groupby(self.live, lambda _: self.live.stream):
+                yield map(self._take, from_first_seen(frames, self._show.say))
+
+    @contextmanager
+    def _published(self, camera: AttachedCamera, outlet: Outlet) -> Iterator[None]:
+        """Receive the frames of a camera, and publish them for others, on a thread of its own."""
+
+        def put(payload: bytes) -> None:
+            self.live.receive(payload)
+            if outlet.has_subscriber:
+                outlet.put(payload)
+
+        thread = threading.Thread(target=play, args=(camera, put, put), daemon=True)
+        thread.start()
+        try:
+            yield
+        finally:
+            camera.close()
+            thread.join()
 
     def _take(self, frame: DepthFrame) -> DepthFrame:
         """The frame, which is recorded; InputError if the room without people has another size."""
@@ -196,6 +223,8 @@ class LiveInput(Input):
     def facts(self) -> dict[str, object]:
         """Counts of the messages, after the frames are written."""
         facts: dict[str, object] = {f"frames_{name}": count for name, count in self.live.counts.items()}
+        if self._attached is not None:
+            facts["frames_dropped"] = self._attached.dropped
         if self._recorder is not None:
             facts["frames_unwritten"] = unwritten = self._recorder.close()
             folders = " and ".join(map(str, self._recorder.folders))

@@ -49,7 +49,8 @@ Recordings = Annotated[
     list[Path],
     typer.Argument(
         metavar="SEQ...",
-        help="Recorded depth (docs/formats.md), or zenoh:KEY for live input. "
+        help="Recorded depth (docs/formats.md), or zenoh:KEY, realsense:[SERIAL], orbbec: or azure-kinect: "
+        "for live input. "
         "Several recordings, or a .txt file with one per line, share the workers.",
     ),
 ]
@@ -262,13 +263,22 @@ class TrackOptions:
 class PublishOptions:
     """Options of `gepf publish` without security."""
 
-    sequence: Recording
+    sequence: Annotated[
+        Path,
+        typer.Argument(
+            metavar="SEQ|CAMERA", help="Recorded depth, or realsense:[SERIAL|FILE], orbbec: or azure-kinect:."
+        ),
+    ]
     key: Annotated[str, typer.Option(metavar="KEY", help="Key to publish on, e.g. camera/depth.")]
     rate: Annotated[
         float | None,
         typer.Option(metavar="FPS", help="Frames per second (default: as recorded)."),
     ] = None
     frames: Frames = None
+    color: Annotated[
+        bool,
+        typer.Option("--color", help="Publish a camera's colour images, registered to depth, on KEY/color."),
+    ] = False
     listen: Annotated[
         str | None, typer.Option(metavar="ENDPOINT", help="Let trackers connect, e.g. tcp/127.0.0.1:7448.")
     ] = None

@@ -1,17 +1,21 @@
-"""`gepf publish`: publishes a recorded sequence in real time, like a camera."""
+"""`gepf publish`: publishes the frames of a camera, or a recorded sequence in real time, like a camera."""
 
 from __future__ import annotations
 
+import io
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from itertools import count
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
 
 from common.errors import InputError
 from common.frame import DepthFrame
-from common.protocol.frames import encode_live, encode_live_end
+from common.protocol.frames import encode_colour, encode_live, encode_live_end
 from common.protocol.keys import check_stream
 from common.transport.bus import Bus
-from common.transport.channels import Publisher
 from common.transport.opening import open_coordinator, open_worker
 from coordinator.commands.console import INTERRUPTS
 from coordinator.commands.options import CameraOptions, PublishOptions, SecurityOptions
@@ -19,7 +23,12 @@ from coordinator.commands.progress import Show
 from coordinator.pool.options import Pool
 from coordinator.sources import open_source
 from coordinator.sources.camera import parse_camera_options
+from coordinator.sources.devices.device import AttachedCamera, vendor_of
+from coordinator.sources.live_stream import colour_key
 from coordinator.sources.source import select_frames
+
+Put = Callable[[bytes], None]
+Shot = tuple[DepthFrame, NDArray[np.uint8] | None]
 
 
 def run_publish(
@@ -32,16 +41,35 @@ def run_publish(
     secured = security.choose(options.listen, options.connect)
     reached = Pool(0, options.listen, options.connect, secured)
     key = check_stream(options.key, guarded=secured is not None)
-    source = open_source(options.sequence, parse_camera_options(camera.intrinsics, camera.depth_scale))
-    numbers = select_frames(source.numbers, options.frames)
+    attached = None
+    if vendor_of(options.sequence):
+        given = options.rate, options.frames, camera.intrinsics, camera.depth_scale
+        if any(given):
+            raise InputError("--rate, --frames, --intrinsics and --depth-scale are for recorded sequences")
+        attached = AttachedCamera(options.sequence, show.say, colour=options.color)
+    elif options.color:
+        raise InputError("--color is for cameras; leave it out with a recorded sequence")
+    else:
+        source = open_source(options.sequence, parse_camera_options(camera.intrinsics, camera.depth_scale))
+        numbers = select_frames(source.numbers, options.frames)
     with open_session(reached, "subscriber", key, show) as bus:
         publisher = bus.publish(key)
         if not publisher.has_subscriber:
             show.say(f"waiting for a subscriber of {key}")
         while not publisher.has_subscriber:
             time.sleep(0.1)
-        play(map(source.frame, numbers), options.rate, publisher)
-    show.say(f"{len(numbers)} frames were published on {key}")
+
+        def put(payload: bytes) -> None:
+            publisher.put(payload)
+            INTERRUPTS.check()
+
+        if attached is None:
+            images = ((frame, None) for frame in paced(map(source.frame, numbers), options.rate))
+            published = play(images, put, publisher.put_blocking)
+        else:
+            published = play(attached, put, publisher.put_blocking, bus.publish(colour_key(key)).put)
+    dropped = f"; the camera dropped {attached.dropped}" if attached and attached.dropped else ""
+    show.say(f"{published} frames were published on {key}{dropped}")
 
 
 def open_session(reached: Pool, partner: str, key: str, show: Show) -> Bus:
@@ -65,14 +93,25 @@ def open_session(reached: Pool, partner: str, key: str, show: Show) -> Bus:
     return open_worker(reached.connect_endpoints, reached.security, hear)
 
 
-def play(frames: Iterable[DepthFrame], rate: float | None, publisher: Publisher) -> None:
-    """Publish each frame at its time, then the end of the stream, also after an interrupt."""
+def play(images: Iterable[Shot], put: Put, put_last: Put, put_colour: Put | None = None) -> int:
+    """Publish each image as it comes, and the end of the stream in any case; returns their number."""
+    number = 0
     try:
-        for frame in paced(frames, rate):
-            publisher.put(encode_live(frame))
-            INTERRUPTS.check()
+        for frame, colour in images:
+            if colour is not None and put_colour is not None:
+                put_colour(encode_colour(frame.number, to_jpeg(colour)))
+            put(encode_live(frame))
+            number += 1
     finally:
-        publisher.put_blocking(encode_live_end())
+        put_last(encode_live_end())
+    return number
+
+
+def to_jpeg(colour: NDArray[np.uint8]) -> bytes:
+    """An image (H, W, 3), RGB, as a file."""
+    file = io.BytesIO()
+    Image.fromarray(colour).save(file, "JPEG", quality=90)
+    return file.getvalue()
 
 
 def paced(frames: Iterable[DepthFrame], rate: float | None) -> Iterator[DepthFrame]:

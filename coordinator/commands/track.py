@@ -120,7 +120,7 @@ def track_frames(
     job, before, goes_on = given.job, recorder.frames, False
     faults: Mapping[str, tuple[Kind, float]] = {}
     with connect(job.pool, show) as workers, show.steps("frame", keep=True) as advance:
-        outlets = open_outlets(job, workers)
+        outlets, streams = open_outlets(job, workers), given.streams(workers, before)
         make = partial(
             Tracker,
             workers,
@@ -135,7 +135,7 @@ def track_frames(
         if given.live is not None:
             make().prepare()  # so that no frame waits for it
         try:
-            for frames in given.streams(workers, before):
+            for frames in streams:
                 for tracked in make().follow(frames, live=given.live):
                     publish(tracked, outlets)
                     for line in describe_changes(faults, faults := tracked[0].estimate.faults):
@@ -151,6 +151,7 @@ def track_frames(
                 raise
             show.say("workers are connected, but none answers; reconnecting: this run continues")
         finally:
+            streams.close()
             if not goes_on:
                 for outlet in outlets:
                     outlet.end()

@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 from common.camera import Intrinsics
 from common.errors import InputError
 from coordinator.sources.camera import MILLIMETRES, CameraOptions
+from coordinator.sources.lens import Lens
 from coordinator.sources.source import Source, rate_of
 
 Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 MODES = {
     # depth mode: size of the sensor after binning, then left and top of the used part
@@ -58,13 +58,13 @@ def read_azure_kinect(path: Path, options: CameraOptions) -> Source:
     stamps, samples = scan(container, stream, path)
     calibration = read_calibration(container, path)
     shape = (stream.height, stream.width)
-    pixels = None
+    lens = None
     if calibration is None or options.intrinsics is not None:
         camera = options.camera(shape, path)
     else:
         camera = depth_camera(calibration, stream, path)
-        pixels = lens_pixels(calibration, camera)
-    read = Frames(path, container, stream, stamps, pixels).read
+        lens = lens_of(calibration, camera)
+    read = Frames(path, container, stream, stamps, lens).read
     times = [stamp - stamps[0] for stamp in stamps]
     scale, gravity = options.depth_scale or MILLIMETRES, gravity_of(calibration, samples)
     return Source(path.stem, camera, range(len(times)), read, scale, rate_of(times), times, gravity)
@@ -74,10 +74,10 @@ class Frames:
     """Decoded and undistorted depth of a stream. Reading is fastest in order."""
 
     def __init__(
-        self, path: Path, container: Any, stream: Any, stamps: list[float], pixels: Indices | None
+        self, path: Path, container: Any, stream: Any, stamps: list[float], lens: Lens | None
     ) -> None:
         self._path, self._container, self._stream, self._stamps = path, container, stream, stamps
-        self._pixels = pixels
+        self._lens = lens
         self._next, self._pictures = 0, self._decode(0)
 
     def read(self, place: int) -> NDArray[np.uint16]:
@@ -88,7 +88,7 @@ class Frames:
         self._next = place + 1
         if depth is None:
             raise InputError(f"{self._path}: frame {place} is truncated; copy it again, or use --frames")
-        return depth if self._pixels is None else undistorted(depth, self._pixels)
+        return depth if self._lens is None else self._lens.undistort(depth)
 
     def _decode(self, place: int) -> Iterator[NDArray[np.uint16]]:
         """Depth of the frames from the n-th on, up to the end or a damaged part of the file."""
@@ -183,25 +183,10 @@ def depth_camera(calibration: Calibration, stream: Any, path: Path) -> Intrinsic
     return Intrinsics(stream.width, stream.height, fx * binned, fy * binned, *centre)
 
 
-def lens_pixels(calibration: Calibration, camera: Intrinsics) -> Indices:
-    """Flat index (H, W) of the distorted pixel for each pixel of the pinhole camera; -1 for none."""
+def lens_of(calibration: Calibration, camera: Intrinsics) -> Lens:
+    """The lens of the depth camera."""
     k1, k2, k3, k4, k5, k6, _, _, p2, p1 = calibration.lens[4:14]
-    v, u = np.indices((camera.height, camera.width), dtype=np.float64)
-    x, y = (u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy
-    r2 = x * x + y * y
-    radial = (1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1.0 + r2 * (k4 + r2 * (k5 + r2 * k6)))
-    across = x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)
-    down = y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y
-    columns, rows = np.rint(across * camera.fx + camera.cx), np.rint(down * camera.fy + camera.cy)
-    seen = (columns >= 0) & (columns < camera.width) & (rows >= 0) & (rows < camera.height)
-    if calibration.radius:
-        seen &= r2 <= calibration.radius**2
-    return np.where(seen, rows * camera.width + columns, -1.0).astype(np.int64)
-
-
-def undistorted(depth: NDArray[np.uint16], pixels: Indices) -> NDArray[np.uint16]:
-    """The undistorted depth image (H, W); 0 for pixels outside the distorted image."""
-    return np.where(pixels >= 0, depth.ravel()[pixels], 0).astype(np.uint16)
+    return Lens(camera, (k1, k2, p1, p2, k3, k4, k5, k6), calibration.radius)
 
 
 def gravity_of(calibration: Calibration | None, samples: Array) -> Array | None:

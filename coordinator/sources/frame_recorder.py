@@ -10,7 +10,10 @@ from pathlib import Path
 
 from PIL import Image
 
+from common.errors import ProtocolError
 from common.frame import DepthFrame
+from common.protocol.frames import decode_colour
+from common.recent import put_recent
 from coordinator.files import CAMERA_FILE
 from coordinator.sources.camera import write_camera
 from coordinator.sources.live_stream import LiveCamera, find_misfit
@@ -25,7 +28,8 @@ class FrameRecorder:
 
     Images are named by the numbers of their frames. Frames of another camera, or of a publisher that started
     again, get a folder of their own: DIR-2 and so on. `put` never waits. Frames that cannot be written, or
-    come while too many wait, are counted; `report` is called with the first error.
+    come while too many wait, are counted; `report` is called with the first error. Colour images that come
+    before their frames are written to `color/`.
     """
 
     def __init__(self, folder: Path, report: Callable[[str], None]) -> None:
@@ -35,6 +39,7 @@ class FrameRecorder:
         self._put = 0
         self._last: DepthFrame | None = None  # that was written
         self._failed = False
+        self._colours = dict[int, bytes]()  # JPEG files by number, the last ones
         self._waiting = queue.Queue[DepthFrame | None](WAITING_FRAMES)
         self._thread = threading.Thread(target=self._write_all, daemon=True)
         self._thread.start()
@@ -44,6 +49,12 @@ class FrameRecorder:
         self._put += 1
         with suppress(queue.Full):
             self._waiting.put_nowait(frame)
+
+    def put_colour(self, payload: bytes) -> None:
+        """Keep the colour image in a message for its frame; malformed messages are ignored."""
+        with suppress(ProtocolError):
+            number, jpeg = decode_colour(payload)
+            put_recent(self._colours, number, jpeg, WAITING_FRAMES)
 
     def close(self) -> int:
         """Write what waits; returns the number of frames that were not written."""
@@ -71,6 +82,9 @@ class FrameRecorder:
             self.folders.append(folder)
         folder, name = self.folders[-1], f"{frame.number:06d}.png"
         Image.fromarray(frame.depth).save(folder / "depth" / name, compress_level=1)
+        if (jpeg := self._colours.get(frame.number)) is not None:
+            (folder / "color").mkdir(exist_ok=True)
+            (folder / "color" / name).with_suffix(".jpg").write_bytes(jpeg)
         with (folder / TIMES_FILE).open("a", encoding="utf-8") as times:
             times.write(f"{frame.time_s!r} {name}\n")
         self._last = frame
@@ -90,6 +104,10 @@ class RigRecorder:
         """Write the images of a frame soon, unless too many wait."""
         for view in frame.views:
             self._recorders[view.camera].put(view)
+
+    def put_colour(self, camera: str, payload: bytes) -> None:
+        """Keep the colour image in a message for its frame."""
+        self._recorders[camera].put_colour(payload)
 
     def close(self) -> int:
         """Write what waits; returns the number of images that were not written."""

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from common.camera import NOT_MOVED
 from common.frame import DepthFrame
 from common.protocol.keys import check_stream
+from coordinator.sources.devices.device import vendor_of
 
 SCHEME = "zenoh:"
 NEW_STREAM_FRAMES = 5  # that fit each other
@@ -26,9 +27,16 @@ CLOCK_S = 0.5  # more than the frames of one camera come later than those of ano
 
 
 def live_key(sequence: Path) -> str | None:
-    """The key of `zenoh:KEY`; None for recordings. InputError if the key is invalid."""
+    """The key of `zenoh:KEY`, or of a camera; None for recordings. InputError if the key is invalid."""
     text = str(sequence)
+    if vendor := vendor_of(text):
+        return f"gepf/live/{vendor}"
     return check_stream(text.removeprefix(SCHEME)) if text.startswith(SCHEME) else None
+
+
+def colour_key(key: str) -> str:
+    """The key of the colour images of the frames that are published on `key`."""
+    return f"{key}/color"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

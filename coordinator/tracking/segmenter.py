@@ -170,7 +170,9 @@ class Segmenter:
         """Segment one image of a frame, with the surfaces (V, 3) of bodies."""
         scope = self._scope.of(frame.camera)
         if frame.camera not in self._scenes:
-            up = None if scope.up is None else frame.T_camera_rig[:3, :3] @ scope.up
+            up = None if frame.gravity is None else -frame.gravity
+            if scope.up is not None:
+                up = frame.T_camera_rig[:3, :3] @ scope.up
             self._scenes[frame.camera] = Scene(scope.background, up)
         scene = self._scenes[frame.camera]
         frame, left_out = scope.limit(frame)

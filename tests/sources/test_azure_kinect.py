@@ -10,7 +10,7 @@ import pytest
 from common.camera import Intrinsics
 from common.errors import InputError
 from coordinator.sources import open_source
-from coordinator.sources.azure_kinect import Calibration, gravity_of, lens_pixels, undistorted
+from coordinator.sources.azure_kinect import Calibration, gravity_of, lens_of
 from coordinator.sources.camera import CameraOptions
 
 RECORDING = Path(__file__).parents[3] / "shared" / "data" / "azure_kinect" / "recording.mkv"
@@ -89,7 +89,7 @@ def test_the_lens_is_opencvs() -> None:
     terms = np.array([k1, k2, p1, p2, k3, k4, k5, k6])
     u, v = cv.initUndistortRectifyMap(matrix, terms, None, matrix, (320, 288), cv.CV_32FC1)
     depth = np.arange(320 * 288, dtype=np.uint32).reshape(288, 320)
-    found = undistorted(depth.astype(np.uint16), lens_pixels(LENS, camera))
+    found = lens_of(LENS, camera).undistort(depth.astype(np.uint16))
     columns, rows = np.rint(u).astype(int), np.rint(v).astype(int)
     inside = (columns >= 0) & (columns < 320) & (rows >= 0) & (rows < 288)
     expected = np.where(inside, depth[np.clip(rows, 0, 287), np.clip(columns, 0, 319)], 0).astype(np.uint16)
@@ -100,7 +100,7 @@ def test_depth_is_never_mixed() -> None:
     """At the edge between a near and a far object, undistorted depth is one of the two."""
     camera = Intrinsics(64, 64, 40.0, 40.0, 31.5, 31.5)
     depth = np.where(np.indices((64, 64))[1] < 32, 1000, 3000).astype(np.uint16)
-    assert set(np.unique(undistorted(depth, lens_pixels(LENS, camera)))) <= {0, 1000, 3000}
+    assert set(np.unique(lens_of(LENS, camera).undistort(depth))) <= {0, 1000, 3000}
 
 
 def test_a_camera_without_samples_has_no_gravity() -> None:

@@ -1,0 +1,198 @@
+"""Cameras: frames from recordings that a vendor's SDK plays back, lost cameras, and what is wrong."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image as Picture
+
+from common.camera import Intrinsics
+from common.errors import InputError
+from common.protocol.frames import decode_colour, decode_live
+from common.transport.opening import open_worker
+from coordinator.cli import main
+from coordinator.results.track import read_track
+from coordinator.sources import open_source
+from coordinator.sources.devices import device
+from coordinator.sources.devices.device import VENDORS, AttachedCamera, CameraLost, Image, explain_absence
+from tests.support.processes.programs import in_thread, wait_until
+from tests.support.stand_ins import CAMERA, StillWorkers, standing
+
+record = pytest.importorskip("tests.support.realsense").record
+DEPTH = [np.where(standing() > 0, standing() + n, 0).astype(np.uint16) for n in range(6)]
+TILTED = (0.0, -9.8 * np.cos(0.2), 9.8 * np.sin(0.2))  # measured by a camera that looks down by 0.2 rad
+
+
+def film(folder: Path, **given: object) -> str:
+    """A recording by the SDK of a person at two metres who moves away, 1 mm per image."""
+    return f"realsense:{record(folder / 'film.db3', DEPTH, CAMERA, 30, **given)}"
+
+
+def test_a_recording_is_played_back_as_it_was(tmp_path: Path) -> None:
+    """Depth, camera, unit, and times of the camera's clock are the rendered ones; gaps are kept."""
+    numbers, said = [7, 8, 9, 12, 13, 14], list[str]()
+    camera = AttachedCamera(film(tmp_path, numbers=numbers, unit_m=0.002, acceleration=TILTED), said.append)
+    frames = [frame for frame, _ in camera]
+    assert [frame.number for frame in frames] == [0, 1, 2, 5, 6, 7]
+    assert camera.dropped == 2
+    assert "Rendered 1234, 64x48 at 30 frames/s" in said[0]
+    assert "dropped" in said[1]
+    for frame, truth in zip(frames, DEPTH, strict=True):
+        np.testing.assert_array_equal(frame.depth, truth)
+        assert (frame.intrinsics, frame.depth_scale) == (CAMERA, 500.0)
+        assert frame.gravity is not None
+        np.testing.assert_allclose(frame.gravity, [0.0, np.cos(0.2), -np.sin(0.2)], atol=1e-6)
+    np.testing.assert_allclose(np.diff([frame.time_s for frame in frames]), 1.0 / 30.0, atol=1e-6)
+
+
+def test_distortion_is_removed(tmp_path: Path) -> None:
+    """A pixel beside the centre shows what the lens moved outwards."""
+    (frame, _), *_ = AttachedCamera(film(tmp_path, coefficients=(0.5, 0.0, 0.0, 0.0, 0.0)), print)
+    x = (50 - CAMERA.cx) / CAMERA.fx
+    there = round(x * (1.0 + 0.5 * x * x) * CAMERA.fx + CAMERA.cx)
+    assert there != 50
+    np.testing.assert_array_equal(frame.depth[24, 50], DEPTH[0][24, there])
+    assert not np.array_equal(frame.depth, DEPTH[0])
+
+
+def test_a_published_camera_is_tracked_and_kept(endpoint: str, tmp_path: Path) -> None:
+    """`gepf publish` sends each image with gravity, and before it its colours; then the end."""
+    colours = [np.full((48, 64, 3), (200, 20 * n, 10), np.uint8) for n in range(6)]
+    came, arrived = list[bytes](), list[bytes]()
+
+    def listen(stop: threading.Event) -> None:
+        with open_worker([endpoint]) as bus:
+            bus.subscribe("camera/depth/color", lambda _, payload: arrived.append(payload))
+            bus.subscribe("camera/depth", lambda _, payload: came.append(payload))
+            stop.wait()
+
+    spec = film(tmp_path, acceleration=TILTED, colour=colours)
+    with in_thread(listen):
+        assert main(["publish", spec, "--key", "camera/depth", "--listen", endpoint, "--color"]) == 0
+        wait_until(lambda: bool(came) and decode_live(came[-1]) is None)
+    for payload in came[:-1]:
+        frame = decode_live(payload)
+        assert frame is not None
+        np.testing.assert_array_equal(frame.depth, DEPTH[frame.number])
+        assert frame.gravity is not None
+        np.testing.assert_allclose(frame.gravity, [0.0, np.cos(0.2), -np.sin(0.2)], atol=1e-6)
+    (tmp_path / "first.jpg").write_bytes(decode_colour(arrived[0])[1])
+    found = np.asarray(Picture.open(tmp_path / "first.jpg"), dtype=np.float64)
+    assert np.median(np.abs(found - colours[0])[DEPTH[0] > 0]) < 20.0  # a file with losses
+    assert len(came) > 1
+    assert len(arrived) >= len(came) - 1
+
+
+class Silent:
+    """An outlet to which nobody listens."""
+
+    has_subscriber = False
+
+    def put(self, payload: bytes) -> None:
+        """Send nothing."""
+
+    def put_blocking(self, payload: bytes) -> None:
+        """Send nothing."""
+
+
+class Off(StillWorkers):
+    """Workers on a bus without others."""
+
+    def speak(self, key: str) -> Silent:
+        """To no one."""
+        del key
+        return Silent()
+
+
+def test_a_camera_is_tracked_in_one_command(tmp_path: Path) -> None:
+    """The kept frames are recorded ones, and each is in the results; gravity gives the vertical."""
+    spec, out, kept = film(tmp_path, acceleration=TILTED, pause_s=0.3), tmp_path / "run", tmp_path / "kept"
+    (tmp_path / "init.json").write_text('{"root_tz": 2.0, "r_elbow_flexion": 0.5}')
+    assert Off().track(Path(spec), out, "--init", str(tmp_path / "init.json"), "--record", str(kept)) in (
+        0,
+        3,
+    )
+    track, frames = read_track(out), [*open_source(kept)]
+    assert track.frame.tolist() == [frame.number for frame in frames]
+    assert len(frames) > 1
+    assert all(np.array_equal(frame.depth, DEPTH[frame.number]) for frame in frames)
+    assert track.up is not None
+    np.testing.assert_allclose(track.up, [0.0, -np.cos(0.2), np.sin(0.2)], atol=1e-6)
+
+
+@dataclass
+class Loose:
+    """A camera that is lost after two images, with numbers and a clock that start again."""
+
+    intrinsics: Intrinsics = CAMERA
+    depth_scale: float = 1000.0
+    mode: str = "loose"
+    images: int = 0
+
+    def start(self) -> None:
+        """Start."""
+
+    def read(self) -> Image:
+        """The next image."""
+        self.images += 1
+        if self.images > 2:
+            raise CameraLost("no image comes")
+        return Image(40 + self.images, 9.0 + self.images / 30.0, DEPTH[0])
+
+    def close(self) -> None:
+        """Stop."""
+
+
+def test_a_camera_that_comes_back_is_picked_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Absent for two tries, then it goes on, with ascending numbers and times; nothing counts as dropped."""
+    openings: Iterator[Loose | None] = iter([Loose(), None, None, Loose(), Loose()])
+
+    def reopen(*_: object, **__: object) -> Loose:
+        if (opened := next(openings)) is None:
+            raise InputError("no camera")
+        return opened
+
+    monkeypatch.setattr(device, "open_camera", reopen)
+    monkeypatch.setattr(device, "RETRY_S", 0.01)
+    camera, frames = AttachedCamera("realsense:", print), []
+    for frame, _ in camera:
+        frames.append(frame)
+        if len(frames) == 5:
+            camera.close()
+    assert [frame.number for frame in frames] == [0, 1, 2, 3, 4]
+    times = [frame.time_s for frame in frames]
+    assert times == sorted(times)
+    assert camera.dropped == 0
+
+
+@contextmanager
+def no_package(name: str) -> Iterator[None]:
+    """Without a package."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(__import__("sys").modules, name, None)
+        yield
+
+
+def test_each_problem_has_one_line_with_its_remedy(tmp_path: Path) -> None:
+    """No package, no device, a device without permission, and one that is in use."""
+    with no_package("pyk4a"), pytest.raises(InputError, match=r"pip install 'gepf\[azure-kinect\]'"):
+        AttachedCamera("azure-kinect:", print)
+    with pytest.raises(InputError, match="no RealSense camera is connected"):
+        AttachedCamera("realsense:", print)
+    with pytest.raises(InputError, match="no such file"):
+        AttachedCamera("realsense:nowhere.bag", print)
+    usb, node = tmp_path / "devices" / "1-4", tmp_path / "nodes" / "001" / "004"
+    usb.mkdir(parents=True)
+    node.parent.mkdir(parents=True)
+    for name, value in {"idVendor": "8086", "idProduct": "0b07", "busnum": "1", "devnum": "4"}.items():
+        (usb / name).write_text(f"{value}\n")
+    assert "udev rules" in explain_absence(VENDORS["realsense"], usb.parent, tmp_path / "nodes")
+    node.touch()
+    assert "in use" in explain_absence(VENDORS["realsense"], usb.parent, tmp_path / "nodes")
+    assert "no Orbbec" in explain_absence(VENDORS["orbbec"], usb.parent, tmp_path / "nodes")
