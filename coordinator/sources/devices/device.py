@@ -8,7 +8,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
 from typing import NamedTuple, Protocol
@@ -192,37 +192,35 @@ class AttachedCamera:
         self._closed.set()
 
     def __iter__(self) -> Iterator[tuple[DepthFrame, NDArray[np.uint8] | None]]:
-        began, upcoming = time.monotonic(), 0
+        began, last = time.monotonic(), None
         while self._camera is not None:
             with closing(self._camera) as camera:
                 try:
                     camera.start()
-                    for number, time_s, image in self._images(camera, began, upcoming):
-                        upcoming = number + 1
-                        depth, scale = image.depth, camera.depth_scale
-                        frame = DepthFrame(
-                            number, time_s, depth, scale, camera.intrinsics, gravity=image.gravity
-                        )
-                        yield frame, image.colour
+                    for image in self._images(camera, began, last):
+                        number, time_s, depth, gravity, colour = last = image
+                        frame = DepthFrame(number, time_s, depth, camera.depth_scale, camera.intrinsics)
+                        yield replace(frame, gravity=gravity), colour
                 except CameraLost as error:
                     self._report(f"{self._name}: {error}; waiting for it")
                 else:
                     return
             self._camera = self._reopen()
 
-    def _images(self, camera: Camera, began: float, upcoming: int) -> Iterator[tuple[int, float, Image]]:
-        """The images of one opening, numbered from `upcoming`, in seconds from `began`."""
-        first = last = None
-        offset_s = 0.0
+    def _images(self, camera: Camera, began: float, last: Image | None) -> Iterator[Image]:
+        """The images of one opening, with numbers after the `last` one, and times in seconds from `began`."""
+        before = None
         while not self._closed.is_set() and (image := camera.read()) is not None:
-            if first is None or last is None:
-                first, offset_s = image, time.monotonic() - began - image.time_s
-            elif image.number > last.number + 1:
+            if before is None:
+                shift = (0 if last is None else last.number + 1) - image.number
+                now = time.monotonic() - began
+                shift_s = (now if last is None else max(now, last.time_s + RETRY_S)) - image.time_s
+            elif image.number > before + 1:
                 if self.dropped == 0:
                     self._report(f"{self._name}: the camera dropped an image; is it in a USB 3 port?")
-                self.dropped += image.number - last.number - 1
-            last = image
-            yield upcoming + image.number - first.number, offset_s + image.time_s, image
+                self.dropped += image.number - before - 1
+            before = image.number
+            yield image._replace(number=image.number + shift, time_s=image.time_s + shift_s)
 
     def _open(self) -> Camera:
         camera = open_camera(self._name, colour=self._colour)
