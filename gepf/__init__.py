@@ -4,7 +4,7 @@ with Tracker(workers=2) as tracker:
     for frame in open_source("recording/"):
         estimate = tracker.track(frame)
 
-run = load("run/")
+run = track("recording/")  # or load("run/")
 print(run.angle("right_elbow_flexion", degrees=True))
 
 Only the names here are public. Wrong input raises InputError; every other error is another GepfError.
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from gepf.run import load as load
     from gepf.tracker import PeopleTracker as PeopleTracker
     from gepf.tracker import Tracker as Tracker
+    from gepf.tracker import track as track
 
 _PUBLIC = {
     "common.body": ("BodyModel",),
@@ -52,7 +53,7 @@ _PUBLIC = {
     "gepf.live_source": ("LiveSource", "live"),
     "gepf.named": ("Estimate",),
     "gepf.run": ("Run", "load"),
-    "gepf.tracker": ("PeopleTracker", "Tracker"),
+    "gepf.tracker": ("PeopleTracker", "Tracker", "track"),
 }
 _HOMES = {name: module for module, names in _PUBLIC.items() for name in names}
 """Public name -> its module, which is loaded when the name is first used."""

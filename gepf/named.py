@@ -10,11 +10,15 @@ from numpy.typing import NDArray
 
 from common.body import TRANSLATION, BodyModel
 from common.errors import InputError
+from common.kinematics import joint_positions
 from coordinator.bodies.angles import angles_of
 from coordinator.results.log import certainty_of
 from coordinator.tracking import estimate
+from gepf.display import page, skeletons
 
 Array = NDArray[np.float64]
+
+PALE = 0.5  # opacity of a hypothesis of weight 1
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -74,6 +78,19 @@ class Estimate(estimate.Estimate):
             angles = angles_of(self.model, self.held)
             value = angles.measure(self.pose[None])[0, index_of(name, known, "angle")]
         return float(np.degrees(value) if degrees else value)
+
+    def _repr_html_(self) -> str:
+        """The reported pose, the hypotheses in a paler colour, and the angles in degrees, for notebooks."""
+        poses = np.vstack([self.pose, self.hypothesis_pose])
+        strength = [1.0, *(PALE * self.hypothesis_weight).tolist()]
+        picture = skeletons(self.joint_names, joint_positions(self.model, poses), strength, apart=False)
+        facts = {"frame": self.frame, "status": self.status, "why": self.why or "-"}
+        facts |= {"residual": f"{1000.0 * self.residual:.0f} mm", "hypotheses": len(self.hypothesis_weight)}
+        angles = angles_of(self.model, self.held).measure(self.pose[None])[0]
+        degrees = (
+            f"{name} {value:.0f}" for name, value in zip(self.angle_names, np.degrees(angles), strict=True)
+        )
+        return page(picture, {**facts, "angles, degrees": ", ".join(degrees)}.items())
 
 
 def named(plain: estimate.Estimate, model: BodyModel, held: Mapping[str, float]) -> Estimate:

@@ -16,9 +16,11 @@ from common.errors import InputError
 from coordinator.bodies.swing_twist import isb_angles, isb_names
 from coordinator.exports import export_run
 from coordinator.exports.recorded import RecordedRun, read_run
+from coordinator.report.findings import describe_run
 from coordinator.results.angles import read_slides
 from coordinator.results.csv_file import write_csv
 from coordinator.results.summary import read_summary
+from gepf.display import PICTURED, page, skeletons
 from gepf.named import index_of, refuse_degrees
 
 if TYPE_CHECKING:
@@ -26,6 +28,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
+
+FACTS = 4  # frames, status, body, method
 
 
 class Run:
@@ -105,6 +109,16 @@ class Run:
     def smooth(self, cutoff_hz: float = 6.0) -> Run:
         """The run, low-pass filtered without delay; its folder is not changed."""
         return Run(read_run(self.folder, cutoff_hz))
+
+    def _repr_html_(self) -> str:
+        """Some poses, evenly spaced in time, and the main facts, for notebooks."""
+        there = np.flatnonzero(self.track.placed & np.isin(self.status, ("tracked", "ambiguous")))
+        shown = (
+            there[np.unique(np.linspace(0, len(there) - 1, PICTURED).astype(int))] if len(there) else there
+        )
+        joints = self.track.joint_positions[shown]
+        picture = skeletons(self.joint_names, joints, [1.0] * len(shown), apart=True)
+        return page(picture, describe_run(self.track, self.summary)[:FACTS])
 
     def to_dataframe(self) -> pd.DataFrame:
         """The columns of `poses.csv`, one row per frame; InputError if pandas is not installed."""

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack
 from functools import partial
 from itertools import groupby
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from rich.progress import track as progress
 
 from common.body import BodyModel
 from common.closing import Closing
+from common.cores import usable_cores
 from common.errors import InputError
 from common.frame import DepthFrame
 from common.settings import Settings, preset
@@ -20,12 +24,14 @@ from coordinator.bodies.choice import bodies_of, choose_bodies, choose_model, pe
 from coordinator.bodies.human.dofs import HUMAN
 from coordinator.bodies.human.measures import Measures
 from coordinator.bodies.tracked import Bodies
+from coordinator.files import with_parent
 from coordinator.filters.methods import apply_method
 from coordinator.results.log import assemble, floor_up
 from coordinator.results.recorder import save_run
 from coordinator.results.summary import PERSON
 from coordinator.results.track import TrackedBody
 from coordinator.security.access import TlsFiles
+from coordinator.sources import open_source
 from coordinator.sources.arrays import whole_depth
 from coordinator.sources.camera import DEFAULT_FPS, pinhole
 from coordinator.tracking import tracker as tracking
@@ -33,6 +39,7 @@ from coordinator.tracking.state import given_start, read_start
 from gepf.live_source import LiveSource
 from gepf.named import Estimate, named
 from gepf.refiners import Workers, open_refiner
+from gepf.run import Run, load
 
 Body = str | Path | Measures | BodyModel
 Start = Mapping[str, float] | str | Path
@@ -253,6 +260,28 @@ class PeopleTracker(FrameLoop):
             self._save((frame[place] for frame in given), place, folder / f"{PERSON}{place + 1}")
             for place in range(self.found)
         ]
+
+
+def track(
+    recording: str | Path, out: str | Path | None = None, *, quiet: bool = False, **options: Any
+) -> Run:
+    """Track a recording, with a progress bar, and return its run.
+
+    Args:
+        recording: Any format that `open_source` opens.
+        out: New folder for the run; None for a temporary one.
+        quiet: Show no progress.
+        options: Arguments of `Tracker`; `workers` is one lane per core by default.
+
+    Raises InputError for a recording or options that are wrong, before anything is tracked.
+    """
+    source = open_source(recording)
+    folder = Path(tempfile.mkdtemp(prefix="gepf-")) / "run" if out is None else Path(out)
+    with_parent(folder)
+    with Tracker(**{"workers": usable_cores(), "start": source.init} | options) as tracker:
+        frames = tracker.follow(source)
+        estimates = list(progress(frames, "tracking", len(source), transient=True, disable=quiet))
+        return load(tracker.save(estimates, folder))
 
 
 def bodies_to_track(model: Body, active: tuple[str, ...] | None, preset_name: str) -> Bodies:

@@ -190,7 +190,7 @@ def test_each_problem_has_one_line_with_its_remedy(tmp_path: Path) -> None:
     """No package, no device, a device without permission, and one that is in use."""
     with no_package("pyk4a"), pytest.raises(InputError, match=r"pip install 'gepf\[azure-kinect\]'"):
         AttachedCamera("azure-kinect:", print)
-    with pytest.raises(InputError, match="no RealSense camera is connected"):
+    with pytest.raises(InputError, match="no RealSense camera is connected to this host"):
         AttachedCamera("realsense:", print)
     with pytest.raises(InputError, match="no such file"):
         AttachedCamera("realsense:nowhere.bag", print)

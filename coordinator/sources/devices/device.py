@@ -170,7 +170,7 @@ def explain_absence(vendor: Vendor, devices: Path = USB_DEVICES, nodes: Path = U
                 "and plug the camera in again"
             )
         return f"a {vendor.cameras} camera is connected, but not this one, or it is in use; plug it in again"
-    return f"no {vendor.cameras} camera is connected; plug one in, or give VENDOR:FILE"
+    return f"no {vendor.cameras} camera is connected to this host; plug one in"
 
 
 class AttachedCamera:
