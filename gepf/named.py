@@ -18,8 +18,6 @@ from gepf.display import page, skeletons
 
 Array = NDArray[np.float64]
 
-PALE = 0.5  # opacity of a hypothesis of weight 1
-
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Estimate(estimate.Estimate):
@@ -82,7 +80,7 @@ class Estimate(estimate.Estimate):
     def _repr_html_(self) -> str:
         """The reported pose, the hypotheses in a paler colour, and the angles in degrees, for notebooks."""
         poses = np.vstack([self.pose, self.hypothesis_pose])
-        strength = [1.0, *(PALE * self.hypothesis_weight).tolist()]
+        strength = [1.0, *(0.5 * self.hypothesis_weight).tolist()]
         picture = skeletons(self.joint_names, joint_positions(self.model, poses), strength, apart=False)
         facts = {"frame": self.frame, "status": self.status, "why": self.why or "-"}
         facts |= {"residual": f"{1000.0 * self.residual:.0f} mm", "hypotheses": len(self.hypothesis_weight)}

@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-FACTS = 4  # frames, status, body, method
-
 
 class Run:
     """The results of `gepf track` or `Tracker.save` in a folder.
@@ -118,7 +116,7 @@ class Run:
         )
         joints = self.track.joint_positions[shown]
         picture = skeletons(self.joint_names, joints, [1.0] * len(shown), apart=True)
-        return page(picture, describe_run(self.track, self.summary)[:FACTS])
+        return page(picture, describe_run(self.track, self.summary)[:4])  # frames, status, body, method
 
     def to_dataframe(self) -> pd.DataFrame:
         """The columns of `poses.csv`, one row per frame; InputError if pandas is not installed."""
