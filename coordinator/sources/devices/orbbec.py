@@ -20,6 +20,7 @@ MODELS = ("NONE", "BROWN_CONRADY", "BROWN_CONRADY_K6")
 
 def open_device(which: str, colour: bool) -> Orbbec | None:
     """Open a camera by its serial number, or any, or a recording; None if there is no such camera."""
+    ob.Context.set_logger_to_file(ob.OBLogLevel.NONE, ".")  # else it makes a folder of logs here
     ob.Context.set_logger_level(ob.OBLogLevel.NONE)
     if Path(which).suffix:
         try:
