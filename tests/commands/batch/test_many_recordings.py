@@ -7,6 +7,7 @@ import json
 import os
 import shutil
 import subprocess
+import threading
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,8 +24,10 @@ from coordinator.commands.track import track
 from coordinator.commands.workers import connect_workers
 from coordinator.filters.methods import settings_for
 from coordinator.pool.options import Pool
-from tests.support.processes.programs import INSTANT
-from tests.support.stand_ins import StillWorkers, no_traces, sequence, workers  # noqa: F401 fixtures
+from coordinator.results.log import read_log
+from tests.support.processes.programs import INSTANT, in_thread
+from tests.support.processes.warm_processes import Workers
+from tests.support.stand_ins import Direct, StillWorkers, no_traces, sequence, workers  # noqa: F401 fixtures
 
 
 def copy_of(sequence: Path, name: str) -> Path:
@@ -100,7 +103,37 @@ def test_several_have_the_bytes_of_each_alone_and_one_fault_stops_no_other(
         assert whole.read_bytes() == single.read_bytes()
 
 
-@pytest.mark.usefixtures("no_traces")
+def test_workers_join_and_leave_during_a_list(sequence: Path, endpoint: str, tmp_path: Path) -> None:
+    """The only worker is killed when a run has frames, and two join: all have the bytes of one alone."""
+    recordings = [copy_of(sequence, f"walk{n}") for n in range(4)]
+    jobs = [small_job(each, tmp_path / "runs" / each.name, 0) for each in recordings]
+    jobs = [replace(job, pool=Pool(0, listen=endpoint)) for job in jobs]
+
+    def have_frames() -> bool:
+        logs = (job.out / "frames.log" for job in jobs)
+        return any((log := read_log(each)) is not None and log.frames for each in logs if each.exists())
+
+    crew = Workers((endpoint,), tmp_path / "workers.log")
+
+    def replace_worker(stop: threading.Event) -> None:
+        while not have_frames() and not stop.wait(0.01):
+            pass
+        crew.kill("first")
+        crew.start("second")
+        crew.start("third")
+
+    show = Show(Console(file=io.StringIO()))
+    with crew:
+        crew.start("first")
+        with in_thread(replace_worker):
+            assert track_many(jobs, 2, show) == 0
+    track(replace(jobs[0], out=tmp_path / "alone"), show, Direct().connect)
+    alone = (tmp_path / "alone" / "track.npz").read_bytes()
+    assert [(job.out / "track.npz").read_bytes() == alone for job in jobs] == [True] * 4
+    seen = [json.loads((job.out / "summary.json").read_text())["workers_seen"] for job in jobs]
+    assert {name for names in seen for name in names} == {"first", "second", "third"}
+
+
 def test_runs_are_compared_with_their_own_truths_alone(
     sequence: Path,
     tmp_path: Path,
