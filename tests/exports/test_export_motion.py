@@ -68,6 +68,37 @@ def test_opensims_coordinates_turn_as_its_model_does(tmp_path: Path) -> None:
         assert np.allclose(found, joints[:, at[1]] - joints[:, at[0]], atol=1e-6)
 
 
+def test_opensims_inverse_kinematics_takes_the_markers(tmp_path: Path) -> None:
+    """Its tool, on the file as it is, puts free bodies on the joints, as far apart as in the run."""
+    opensim = pytest.importorskip("opensim", reason="OpenSim's package exists for Linux on x86-64 only")
+    opensim.Logger.removeFileSink()
+    body = person()
+    track = write_run(tmp_path / "run", body, swing(body, 10))
+    export_run(tmp_path / "run", "trc", tmp_path / "run.trc")
+    model = opensim.Model()
+    for name in track.joint_names:
+        free = opensim.Body(f"{name}_body", 1.0, opensim.Vec3(0), opensim.Inertia(1))
+        model.addBody(free)
+        model.addJoint(opensim.FreeJoint(name, model.getGround(), free))
+        model.addMarker(opensim.Marker(name, free, opensim.Vec3(0)))
+    model.finalizeConnections()
+    tool = opensim.InverseKinematicsTool()
+    tool.setModel(model)
+    tool.setMarkerDataFileName(str(tmp_path / "run.trc"))
+    tool.setStartTime(float(track.time_s[0]))
+    tool.setEndTime(float(track.time_s[-1]))
+    tool.setResultsDir(str(tmp_path))
+    tool.setOutputMotionFileName(str(tmp_path / "ik.mot"))
+    assert tool.run()
+    labels, _, values = opensim_table(tmp_path / "ik.mot")
+    columns = [[labels.index(f"{name}_coord_{axis}") for axis in (3, 4, 5)] for name in track.joint_names]
+    found = values[:, np.array(columns)]
+    apart, truth = (
+        np.linalg.norm(p[:, :, None] - p[:, None], axis=-1) for p in (found, track.joint_positions)
+    )
+    np.testing.assert_allclose(apart, truth, atol=1e-4)
+
+
 def test_a_c3d_reader_finds_joints_and_angles(tmp_path: Path) -> None:
     """Joints in millimetres with their deviation as residual, angles beside them, gaps without values."""
     body = person()
