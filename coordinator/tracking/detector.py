@@ -28,7 +28,7 @@ from coordinator.bodies.human.measures import REFERENCE_STATURE
 from coordinator.bodies.tracked import Bodies, coarsen, pose_by_name
 from coordinator.scene.planes import Planes
 from coordinator.tracking.certainty.certainty import OFF
-from coordinator.tracking.gating import Gate, gate_pose, reject_points, reject_position
+from coordinator.tracking.gating import Gate, gate_pose, reject_parts, reject_points, reject_position
 from coordinator.tracking.observation import camera_points, middle_of
 from coordinator.tracking.pose_library import PoseLibrary, displaced, library_of
 from coordinator.tracking.refiner import Pending, Refiner
@@ -160,6 +160,7 @@ class Detector:
         gate = gate_pose(candidates.log_likelihood[0], candidates.residual[0], settings)
         if self._bodies.people:
             gate = gate.against(reject_points(subject, size[0]))
+            gate = gate.against(reject_parts(start.model, candidates.poses[0], subject, size[0]))
             if planes.has_floor:
                 joints, names = subject.frame.to_camera(candidates.joints[0]), start.model.joint_names
                 trunk = joints[names.index("head")] - joints[names.index("pelvis")]

@@ -6,12 +6,19 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import generate_binary_structure, maximum_filter, minimum_filter
 
-from common.frame import SubjectFrame
+from common.body import BodyModel
+from common.frame import EMPTY, SubjectFrame
+from common.kinematics import pose_vertices
 from common.settings import SOFT_NOISE_RATIO, RefineSettings
 from coordinator.scene.flatness import FLAT_SHARE, find_flat
 from coordinator.scene.noise import USUAL_GROWTH
 from coordinator.tracking.observation import observed_points
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 RESIDUAL_M = 0.03  # largest mean distance of observed points, in addition to the camera's noise
 MISFIT_M = 0.028  # root of the mean cost, which includes model surface in empty space
@@ -19,6 +26,11 @@ LEAST_PIXELS = 150  # smallest number that can show a body
 SPAN_SHARES = (0.35, 1.6)  # extent of a person in a frame over stature; else the depth scale is wrong
 HEAD_DOWN_M = -0.2  # height of the head above the pelvis
 FLOOR_M = (-0.25, 0.6)  # height of the lowest joint above the floor
+SHOWN_SHARE = 0.72  # least of head and of legs: at least 0.77 in real people, at most 0.69 in coats, dogs, chairs
+AGREES_M = 0.06  # largest distance in depth between the body and what shows it
+CELL_SHARE = 0.018  # of stature: side of the cells into which the body is drawn; its vertices fill them
+CROSS = generate_binary_structure(2, 1)  # a cell and its four neighbours
+PARTS = {"head": ("head",), "legs": ("hip", "knee", "ankle")}  # and their joints
 UNEXPLAINED = "the body does not fit the observed points"
 
 
@@ -65,6 +77,48 @@ def reject_points(subject: SubjectFrame, stature: float) -> str:
         if flat > FLAT_SHARE
         else ""
     )
+
+
+def reject_parts(model: BodyModel, pose: Array, subject: SubjectFrame, stature: float) -> str:
+    """Why a pose (D,) cannot be a person: the frame contradicts the head or the legs; empty if it does not.
+
+    A pose that hides all of the head or the legs behind the body itself is no evidence of a person.
+    """
+    surface, links = pose_vertices(model, pose[None])[0], model.skin_links[:, 0]
+    drawn, agrees = zip(*(compare(surface, each, CELL_SHARE * stature) for each in subject.views), strict=True)
+    of, right = links[np.concatenate(drawn)], np.concatenate(agrees)
+    for part, names in PARTS.items():
+        joints = [n for n, joint in enumerate(model.joint_names) if joint.split("_")[-1] in names]
+        mine = right[np.isin(of, model.joint_links[joints])]
+        if np.sum(mine) <= SHOWN_SHARE * len(mine):
+            return f"no {part} can be seen where the body should have them: an object, not a person"
+    return ""
+
+
+def compare(surface: Array, view: SubjectFrame, cell_m: float) -> tuple[Indices, NDArray[np.bool_]]:
+    """Some vertices (N,) of a surface (V, 3) that face a camera, and which of them its image agrees with (N,).
+
+    They are the nearest ones of each cell of the body's image, without the cells at its outline, which noise
+    and clothes move. Pixels that are hidden, unmeasured or outside of the image agree with anything.
+    """
+    frame, camera = view.frame, view.frame.intrinsics
+    x, y, z = frame.to_camera(surface).T
+    at = np.stack([camera.cy + camera.fy * y / z, camera.cx + camera.fx * x / z])  # rows, columns
+    cells = np.floor(at / (cell_m * camera.fx / np.median(z))).astype(np.int64)
+    row, column = cells - cells.min(axis=1, keepdims=True)
+    image = np.full((row.max() + 1, column.max() + 1), np.inf)
+    np.minimum.at(image, (row, column), z)
+    low, high = (each(image, footprint=CROSS)[row, column] for each in (minimum_filter, maximum_filter))
+    inner = np.flatnonzero((z == image[row, column]) & (z < low + AGREES_M) & np.isfinite(high))
+    row, column = np.rint(at[:, inner]).astype(np.int64)
+    height, width = frame.depth.shape
+    inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
+    left, top, right, bottom = view.view
+    empty = ~inside & (left <= column) & (column < right) & (top <= row) & (row < bottom)
+    pixels, depth = (row[inside], column[inside]), np.zeros(len(inner))
+    depth[inside] = frame.depth[pixels] / frame.depth_scale
+    empty[inside] = (depth[inside] == 0.0) & (True if view.kinds is None else view.kinds[pixels] == EMPTY)
+    return inner, ~empty & ((depth == 0.0) | (np.abs(depth - z[inner]) < AGREES_M))
 
 
 def reject_position(rises: float, lowest: float) -> str:
