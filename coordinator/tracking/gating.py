@@ -26,7 +26,9 @@ LEAST_PIXELS = 150  # smallest number that can show a body
 SPAN_SHARES = (0.35, 1.6)  # extent of a person in a frame over stature; else the depth scale is wrong
 HEAD_DOWN_M = -0.2  # height of the head above the pelvis
 FLOOR_M = (-0.25, 0.6)  # height of the lowest joint above the floor
-SHOWN_SHARE = 0.72  # least of head and of legs: at least 0.77 in real people, at most 0.69 in coats, dogs, chairs
+SHOWN_SHARE = (
+    0.72  # least of head and of legs: at least 0.77 in real people, at most 0.69 in coats, dogs, chairs
+)
 AGREES_M = 0.06  # largest distance in depth between the body and what shows it
 CELL_SHARE = 0.018  # of stature: side of the cells into which the body is drawn; its vertices fill them
 CROSS = generate_binary_structure(2, 1)  # a cell and its four neighbours
@@ -85,24 +87,26 @@ def reject_parts(model: BodyModel, pose: Array, subject: SubjectFrame, stature: 
     A pose that hides all of the head or the legs behind the body itself is no evidence of a person.
     """
     surface, links = pose_vertices(model, pose[None])[0], model.skin_links[:, 0]
-    drawn, agrees = zip(*(compare(surface, each, CELL_SHARE * stature) for each in subject.views), strict=True)
-    of, right = links[np.concatenate(drawn)], np.concatenate(agrees)
+    views = [compare(surface, each, CELL_SHARE * stature) for each in subject.views]
+    drawn, agrees = (np.concatenate(each) for each in zip(*views, strict=True))
     for part, names in PARTS.items():
         joints = [n for n, joint in enumerate(model.joint_names) if joint.split("_")[-1] in names]
-        mine = right[np.isin(of, model.joint_links[joints])]
+        mine = agrees[np.isin(links[drawn], model.joint_links[joints])]
         if np.sum(mine) <= SHOWN_SHARE * len(mine):
             return f"no {part} can be seen where the body should have them: an object, not a person"
     return ""
 
 
 def compare(surface: Array, view: SubjectFrame, cell_m: float) -> tuple[Indices, NDArray[np.bool_]]:
-    """Some vertices (N,) of a surface (V, 3) that face a camera, and which of them its image agrees with (N,).
+    """Some vertices (N,) of a surface (V, 3) that face a camera, and which of them agree with its image (N,).
 
     They are the nearest ones of each cell of the body's image, without the cells at its outline, which noise
-    and clothes move. Pixels that are hidden, unmeasured or outside of the image agree with anything.
+    and clothes move. Anything agrees with pixels that are hidden, unmeasured or outside of the image.
     """
     frame, camera = view.frame, view.frame.intrinsics
-    x, y, z = frame.to_camera(surface).T
+    places = frame.to_camera(surface)
+    ahead = np.flatnonzero(places[:, 2] > cell_m)
+    x, y, z = places[ahead].T
     at = np.stack([camera.cy + camera.fy * y / z, camera.cx + camera.fx * x / z])  # rows, columns
     cells = np.floor(at / (cell_m * camera.fx / np.median(z))).astype(np.int64)
     row, column = cells - cells.min(axis=1, keepdims=True)
@@ -118,7 +122,7 @@ def compare(surface: Array, view: SubjectFrame, cell_m: float) -> tuple[Indices,
     pixels, depth = (row[inside], column[inside]), np.zeros(len(inner))
     depth[inside] = frame.depth[pixels] / frame.depth_scale
     empty[inside] = (depth[inside] == 0.0) & (True if view.kinds is None else view.kinds[pixels] == EMPTY)
-    return inner, ~empty & ((depth == 0.0) | (np.abs(depth - z[inner]) < AGREES_M))
+    return ahead[inner], ~empty & ((depth == 0.0) | (np.abs(depth - z[inner]) < AGREES_M))
 
 
 def reject_position(rises: float, lowest: float) -> str:

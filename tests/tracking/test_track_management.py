@@ -7,10 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from common.frame import EMPTY, HIDDEN, SUBJECT
 from common.settings import RefineSettings
-from coordinator.tracking.gating import Gate, gate_pose, reject_points, reject_position
+from coordinator.bodies.human.template import human
+from coordinator.bodies.tracked import name_pose
+from coordinator.tracking.gating import Gate, gate_pose, reject_parts, reject_points, reject_position
 from coordinator.tracking.observation import isolate
 from coordinator.tracking.track_management import TrackManagement
+from tests.support.people import CAMERA, STANDING, show, subject_of
 from tests.support.rooms import Room
 
 
@@ -80,6 +84,35 @@ def test_what_is_no_person_is_said() -> None:
     assert said[0] == ""
     assert "one plane" in said[1]
     assert "depth_scale" in said[2]
+
+
+@pytest.mark.parametrize(
+    ("without", "label", "word"),
+    [("", EMPTY, ""), ("head", EMPTY, "head"), ("leg", EMPTY, "legs"), ("leg", HIDDEN, "")],
+    ids=["whole", "no head", "on a pole", "behind a table"],
+)
+def test_a_person_shows_head_and_legs_unless_something_hides_them(
+    without: str, label: int, word: str
+) -> None:
+    """A body on a pole is not a person who stands; behind a table it may be."""
+    model = human(1.82)
+    pose = name_pose(model, STANDING)
+    ((frame,), (joints,)) = show(model, pose[None])
+    x, y, z = joints[[model.joint_names.index(name) for name in ("pelvis", "neck", "left_knee")]].T
+    middle, neck, knee = CAMERA.cx + CAMERA.fx * x[0] / z[0], *(CAMERA.cy + CAMERA.fy * y / z)[1:]
+    row, column = np.indices(frame.depth.shape)
+    gone = {
+        "": np.zeros(frame.depth.shape, dtype=np.bool_),
+        "head": row < neck,
+        "leg": (row > 0.5 * (neck + knee) + 10) & (abs(column - middle) > 3),
+    }[without]
+    depth = np.where(gone, np.uint16(0), frame.depth)
+    kinds = np.where(depth > 0, SUBJECT, np.where(gone, label, EMPTY)).astype(np.uint8)
+    whole, view = subject_of(frame, 1_000), (0, 0, CAMERA.width, CAMERA.height)
+    subject = replace(whole, frame=replace(frame, depth=depth), view=view, kinds=kinds)
+    said = reject_parts(model, pose, subject, 1.82)
+    assert word in said
+    assert bool(said) == bool(word)
 
 
 @pytest.mark.parametrize(
