@@ -98,8 +98,9 @@ def test_a_person_shows_head_and_legs_unless_something_hides_them(
     model = human(1.82)
     pose = name_pose(model, STANDING)
     ((frame,), (joints,)) = show(model, pose[None])
-    x, y, z = joints[[model.joint_names.index(name) for name in ("pelvis", "neck", "left_knee")]].T
-    middle, neck, knee = CAMERA.cx + CAMERA.fx * x[0] / z[0], *(CAMERA.cy + CAMERA.fy * y / z)[1:]
+    across, down, away = joints[[model.joint_names.index(name) for name in ("neck", "left_knee")]].T
+    middle = CAMERA.cx + CAMERA.fx * across[0] / away[0]
+    neck, knee = CAMERA.cy + CAMERA.fy * down / away
     row, column = np.indices(frame.depth.shape)
     gone = {
         "": np.zeros(frame.depth.shape, dtype=np.bool_),
