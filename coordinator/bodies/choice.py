@@ -7,7 +7,7 @@ from pathlib import Path
 from common.body import ROOT_DOFS, BodyModel, unknown_dof
 from common.errors import InputError
 from coordinator.bodies.human.dofs import HUMAN, HUMAN_DOFS
-from coordinator.bodies.human.measures import REFERENCE_STATURE, Measures
+from coordinator.bodies.human.measures import DEVIATION, REFERENCE_STATURE, Measures
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human, human_of, person_of_size
 from coordinator.bodies.tracked import Bodies, OneBody
 from coordinator.files import read_numbers
@@ -76,6 +76,7 @@ def read_person(path: Path) -> Measures:
     InputError for implausible measures and unknown entries.
     """
     values = read_numbers(path, "give --model a file of a person's measures", "measure: metres")
+    values.pop(DEVIATION, None)
     try:
         return Measures.of(values.pop("stature", REFERENCE_STATURE), **values)
     except InputError as error:

@@ -17,6 +17,7 @@ import numpy as np
 from common.errors import InputError
 from common.settings import Settings
 from coordinator.bodies.human.dofs import HUMAN
+from coordinator.bodies.human.measures import DEVIATION
 from coordinator.files import LOG_FILE, sync_folder, write_atomically, write_json
 from coordinator.pool.options import PoolStatistics
 from coordinator.results.configuration import RunConfiguration, differences, versions
@@ -170,7 +171,8 @@ class Recorder:
             folder = folder_of(self.run, len(recorded.people), number)
             write_files(folder, track, TrackedBody(start.model, start.held), summary)
             if start.found and configuration["model"]["name"] == HUMAN:
-                write_json(folder / PERSON_FILE, {"stature": start.stature, "girth": start.girth})
+                size = {"stature": start.stature, "girth": start.girth}
+                write_json(folder / PERSON_FILE, {**size, DEVIATION: person.state.stature_deviation})
         if len(recorded.people) > 1:
             write_json(self.run / SUMMARY_FILE, {**facts, **summarise_all(recorded, found)})
         self._finished = bool(facts["complete"])

@@ -16,6 +16,7 @@ from coordinator.tracking.estimate import UNKNOWN, Estimate, Status
 
 if TYPE_CHECKING:  # it loads the compiler, which is slow
     from coordinator.results.log import Recorded, RecordedPerson
+    from coordinator.tracking.state import TrackerState
 
 STATUSES = get_args(Status)
 SUMMARY_FILE = "summary.json"
@@ -48,8 +49,7 @@ def summarise(recorded: Recorded, person: RecordedPerson) -> dict[str, object]:
         "model": {
             **configuration["model"],
             "hash": start.model.hash,
-            "stature_m": start.stature if start.found else None,
-            "girth": start.girth if start.found else None,
+            **describe_size(person.state),
             "active": start.model.dof_names,
         },
         "noise_m": {"depth": start.noise.depth, "lateral": start.noise.lateral},
@@ -82,16 +82,22 @@ def summarise_all(recorded: Recorded, found: Mapping[int, RecordedPerson]) -> di
 
 def describe_person(number: int, person: RecordedPerson) -> dict[str, object]:
     """One person in the summary of all."""
-    estimates, start = person.estimates, person.state.start
+    estimates = person.estimates
     seen = [estimate.frame for estimate in estimates if estimate.status not in ("absent", "searching")]
     return {
         "folder": f"{PERSON}{number}",
         "first_frame_tracked": seen[0] if seen else None,
-        "stature_m": start.stature if start.found else None,
-        "girth": start.girth if start.found else None,
+        **describe_size(person.state),
         "status": count_status(e.status for e in estimates),
         "doubts": count_doubts(estimates),
     }
+
+
+def describe_size(state: TrackerState) -> dict[str, float | None]:
+    """Stature, its standard deviation, and girth; None if nobody was detected."""
+    start = state.start
+    size = (start.stature, state.stature_deviation, start.girth) if start.found else (None, None, None)
+    return dict(zip(("stature_m", "stature_deviation_m", "girth"), size, strict=True))
 
 
 def count_status(statuses: Iterable[str]) -> dict[str, int]:

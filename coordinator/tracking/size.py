@@ -26,6 +26,10 @@ MEAN_STATURE_M = 1.69  # of men and women (ANSUR II)
 CHILD_STATURE_M = 1.45  # less than any of a thousand adults
 LEAST_CHANGE_SHARE = 0.005  # of stature; a smaller change does not justify a new body
 CONTRADICTION_SHARE = 0.03  # of stature; least change by a later window: three times a window's error
+DEVIATION_SHARES = (
+    0.08,
+    0.02,
+)  # of stature, before and after a measurement: errors of people of known stature
 UPRIGHT_SHARE = 0.97  # of the length at rest; a body that is bent more does not show its stature
 SEARCH_RADIUS_M = 0.3  # around head and ankle, for the end of the body
 AXIS_RADIUS_M = 0.14  # around the body's axis: the width of a head
@@ -40,6 +44,11 @@ class SizeEstimate:
     statures: tuple[float, ...] = ()
     settled: bool = False
     time_s: float = -np.inf  # time of the last measured frame
+
+    @property
+    def deviation_share(self) -> float:
+        """Standard deviation of the stature, as a share of it; large until a frame shows it."""
+        return DEVIATION_SHARES[bool(self.statures)]
 
     def is_due(self, time_s: float) -> bool:
         """Whether a frame at this time should be measured."""

@@ -135,6 +135,11 @@ class TrackerState:
     start: Start  # is recorded only when it changes
     checkpoint: Checkpoint
 
+    @property
+    def stature_deviation(self) -> float:
+        """Standard deviation of the stature, metres; 0 if it is not estimated."""
+        return self.checkpoint.size.deviation_share * self.start.stature if self.checkpoint.size else 0.0
+
 
 def load_generator(state: str) -> np.random.Generator:
     """A random generator from a saved state."""

@@ -54,7 +54,7 @@ def test_age_sets_the_proportions_of_a_child(tmp_path: Path) -> None:
         body = load_body(str(path))
         assert np.ptp(body.vertices[:, 1]) == pytest.approx(1.2, rel=0.005)
         legs.append(body.vertices[:, 1].max())
-        assert f"child of about {age} years" in Measures.of(1.2, age=age).in_words
+        assert f"child of about {age} years" in Measures.of(1.2, age=age).in_words()
     assert legs[0] < legs[1] - 0.01
 
 
@@ -82,7 +82,7 @@ def test_a_person_of_a_file_has_its_measures(tmp_path: Path) -> None:
     assert load_body(str(path)).hash == human_of(PERSON).hash
     bodies = choose_bodies(None, "default", str(path))
     assert bodies.measures == (1.75, 1.0)
-    path.write_text(json.dumps({"stature": 1.9, "girth": 0.85}))
+    path.write_text(json.dumps({"stature": 1.9, "girth": 0.85, "stature_deviation": 0.03}))
     assert load_body(str(path)).hash == human(1.9, 0.85).hash
 
 

@@ -114,10 +114,12 @@ def test_the_median_of_the_first_frames_becomes_the_stature_and_stays() -> None:
 def test_a_tracked_person_gets_the_right_stature_and_keeps_the_pose() -> None:
     """Measured while tracking; a settled stature does not change from frame to frame."""
     still = shown("standing").frames[0]
-    tracker, statures = OnePerson(DirectRefiner(), SETTINGS, BODIES), []
+    tracker, statures, deviations = OnePerson(DirectRefiner(), SETTINGS, BODIES), [], []
     for n in range(20):
         estimate = tracker.track(replace(still, number=n, time_s=0.1 * n))
         statures.append(tracker.start.stature)
+        deviations.append(tracker.state.stature_deviation)
+    assert abs(statures[-1] - CROWN * 1.82) < 2.0 * deviations[-1] < deviations[0]
     assert estimate.status == "tracked"
     assert statures[-1] == pytest.approx(CROWN * 1.82, abs=0.02)
     assert len(set(statures)) <= 3

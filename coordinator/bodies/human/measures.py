@@ -9,6 +9,8 @@ from coordinator.bodies.human.shape_space import shape_space
 
 REFERENCE_STATURE = 1.75  # metres, of a person of unknown stature
 
+DEVIATION = "stature_deviation"  # in a file of measures that was estimated: of the stature, metres
+
 BUILDS = {0.95: "slim", 1.15: "of average build", 1.3: "heavy"}
 """Upper limit of girth -> its name; people of more are very heavy."""
 
@@ -40,13 +42,13 @@ class Measures:
         """All but stature, girth and age, in this order."""
         return tuple(getattr(self, name) for name in LENGTHS)
 
-    @property
-    def in_words(self) -> str:
-        """Stature, age of a child, and build."""
+    def in_words(self, deviation_m: float = 0.0) -> str:
+        """Stature and its standard deviation, age of a child, and build."""
         grown = self.age >= shape_space().ages[-1]
         age = "adult" if grown else f"child of about {self.age:.0f} years"
         build = next((word for limit, word in BUILDS.items() if self.girth < limit), "very heavy")
-        return f"{self.stature:.2f} m, {age}, {build}"
+        doubt = f" (+- {100 * deviation_m:.0f} cm)" if deviation_m else ""
+        return f"{self.stature:.2f} m{doubt}, {age}, {build}"
 
     @classmethod
     def of(
