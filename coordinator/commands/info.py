@@ -88,7 +88,9 @@ def describe_tracked(run: Path, summary: Mapping[str, Any]) -> dict[str, object]
         "frames": summary.get("frames"),
         "people": [
             {
-                "size": Measures.of(one["stature_m"], one["girth"]).in_words(one["stature_deviation_m"])
+                "size": Measures.of(one["stature_m"], one["girth"]).in_words(
+                    one.get("stature_deviation_m", 0.0)
+                )
                 if one.get("girth")
                 else None,
                 "file": str(run / one.get("folder", "") / PERSON_FILE),
