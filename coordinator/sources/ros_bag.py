@@ -1,7 +1,7 @@
 """A ROS 1 or ROS 2 bag with depth images and their camera_info, read by rosbags without ROS.
 
 The `.bag` files of Intel RealSense cameras are such bags and specify their units of depth. Other bags hold
-millimetres as 16-bit images, or metres as floats. Lens distortion is not corrected.
+millimetres as 16-bit images, or metres as floats, compressed or not. Lens distortion is not corrected.
 """
 
 from __future__ import annotations
@@ -19,14 +19,12 @@ from numpy.typing import NDArray
 from common.camera import Intrinsics
 from common.errors import InputError
 from coordinator.sources.camera import MILLIMETRES, CameraOptions, pinhole
+from coordinator.sources.ros_images import COMPRESSED, ENCODINGS, FLOATS, IMAGE, encoding_of, pixels
 from coordinator.sources.source import Source, rate_of
 
 Result = TypeVar("Result")
 
-IMAGE, CAMERA, NUMBER = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo", "std_msgs/msg/Float32"
-FLOATS = "32FC1"  # metres
-ENCODINGS = ("mono16", "16UC1", FLOATS)
-COMPRESSED = "sensor_msgs/msg/CompressedImage"
+CAMERA, NUMBER = "sensor_msgs/msg/CameraInfo", "std_msgs/msg/Float32"
 UNITS_OPTION = "/Depth_Units/value"
 
 
@@ -41,11 +39,9 @@ def read_ros_bag(path: Path, options: CameraOptions) -> Source:
         return bag.guarded(lambda: pixels(image))
 
     first = bag.message(topic)
-    floats = first.encoding == FLOATS
-    if options.intrinsics is not None:
-        camera = options.camera((first.height, first.width), path)
-    else:
-        camera = camera_of(bag, topic)
+    floats = encoding_of(first) == FLOATS
+    own = options.intrinsics is None
+    camera = camera_of(bag, topic) if own else options.camera(read(0).shape, path)
     times = [(stamp - stamps[0]) * 1e-9 for stamp in stamps]
     scale = options.depth_scale or (1.0 if floats else units_of(bag, topic))
     return Source(path.stem, camera, range(len(times)), read, scale, rate_of(times), times)
@@ -99,16 +95,10 @@ class Bag:
 
 def depth_topic(bag: Bag) -> str:
     """The topic with depth images, preferably with depth in its name."""
-    images = sorted(bag.topics(IMAGE), key=lambda topic: "depth" not in topic.lower())
-    for topic in images:
-        if bag.message(topic).encoding in ENCODINGS:
+    images = [*bag.topics(IMAGE), *bag.topics(COMPRESSED)]
+    for topic in sorted(images, key=lambda topic: "depth" not in topic.lower()):
+        if encoding_of(bag.message(topic)) in ENCODINGS:
             return topic
-    packed = [topic for topic in bag.topics(COMPRESSED) if "depth" in topic.lower()]
-    if packed:
-        raise InputError(
-            f"{bag.path} holds depth as {packed[0]} only, which is not read; unpack it with ros2 run "
-            "image_transport republish compressedDepth raw while recording the topic again"
-        )
     raise InputError(f"{bag.path} holds no depth images (16UC1 or 32FC1); record the camera's depth topic")
 
 
@@ -121,8 +111,13 @@ def camera_of(bag: Bag, topic: str) -> Intrinsics:
             "record it with the depth, or add --intrinsics fx,fy,cx,cy"
         )
     info = bag.message(nearest(topic, infos))
-    matrix = np.reshape(info.K if hasattr(info, "K") else info.k, (3, 3))  # ROS 1, ROS 2
-    return pinhole(matrix, info.width, info.height, f"{bag.path}: camera_info, from a calibrated camera")
+    return camera_in(info, str(bag.path))
+
+
+def camera_in(info: Any, name: str) -> Intrinsics:
+    """The camera of a camera_info, of ROS 1 or ROS 2; InputError if it is not calibrated."""
+    matrix = np.reshape(info.K if hasattr(info, "K") else info.k, (3, 3))
+    return pinhole(matrix, info.width, info.height, f"{name}: camera_info, from a calibrated camera")
 
 
 def units_of(bag: Bag, topic: str) -> float:
@@ -144,18 +139,6 @@ def nearest(topic: str, others: list[str]) -> str:
         return len([*takewhile(bool, map(eq, topic.split("/"), other.split("/")))])
 
     return max(others, key=shared)
-
-
-def pixels(image: Any) -> NDArray[np.generic]:
-    """Depth (H, W) of a ROS image message, in integer units or metres."""
-    kind = np.dtype(np.float32 if image.encoding == FLOATS else np.uint16).newbyteorder(
-        ">" if image.is_bigendian else "<"
-    )
-    rows = np.asarray(image.data, dtype=np.uint8)[: image.height * image.step].reshape(
-        image.height, image.step
-    )
-    values = np.ascontiguousarray(rows[:, : kind.itemsize * image.width]).view(kind)
-    return values.reshape(image.height, image.width)
 
 
 def is_bag(path: Path) -> bool:

@@ -1,0 +1,85 @@
+"""Depth of ROS image messages, raw or compressed.
+
+Messages of the transport compressedDepth hold PNG or RVL after a header of 12 bytes. Depth of 32FC1 is
+compressed as inverse depth: it is a / (value - b) metres, with a and b of the header.
+"""
+
+from __future__ import annotations
+
+from io import BytesIO
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from common.bounds import MAX_PIXELS
+
+IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
+FLOATS = "32FC1"  # metres
+ENCODINGS = ("mono16", "16UC1", FLOATS)
+HEADER_BYTES = 12
+
+
+def encoding_of(message: Any) -> str:
+    """The encoding of an image message of either type."""
+    return str(getattr(message, "encoding", None) or message.format.partition(";")[0])
+
+
+def pixels(message: Any) -> NDArray[np.generic]:
+    """Depth (H, W) of an image message, in integer units or metres; any exception if it is damaged."""
+    encoding = encoding_of(message)
+    if encoding not in ENCODINGS:
+        raise ValueError(f"its encoding is {encoding}, not {', '.join(ENCODINGS)}")
+    if hasattr(message, "format"):
+        return decompressed(message, is_inverse=encoding == FLOATS)
+    kind = np.dtype(np.float32 if encoding == FLOATS else np.uint16).newbyteorder(
+        ">" if message.is_bigendian else "<"
+    )
+    rows = np.asarray(message.data, dtype=np.uint8)[: message.height * message.step].reshape(
+        message.height, message.step
+    )
+    values = np.ascontiguousarray(rows[:, : kind.itemsize * message.width]).view(kind)
+    return values.reshape(message.height, message.width)
+
+
+def decompressed(message: Any, *, is_inverse: bool) -> NDArray[np.generic]:
+    """Depth (H, W) of a compressed image, in integer units, or metres of inverse depth."""
+    content = np.asarray(message.data, dtype=np.uint8).tobytes()
+    packed = content[HEADER_BYTES:]
+    values = unpack_rvl(packed) if message.format.endswith(" rvl") else unpack_png(packed)
+    if not is_inverse:
+        return values
+    a, b = np.frombuffer(content[:HEADER_BYTES], "<f4")[1:]
+    inverse = np.where(values > 0, values - b, np.inf)
+    return np.asarray(a / inverse, dtype=np.float32)
+
+
+def unpack_png(packed: bytes) -> NDArray[np.uint16]:
+    """The image (H, W) of a 16-bit PNG."""
+    with Image.open(BytesIO(packed), formats=["PNG"]) as image:
+        check_size(*image.size)
+        if not image.mode.startswith("I"):
+            raise ValueError(f"its PNG has pixels of type {image.mode}, not of 16 bits")
+        return np.asarray(image).astype(np.uint16)
+
+
+def unpack_rvl(packed: bytes) -> NDArray[np.uint16]:
+    """The image (H, W) of RVL after its width and height."""
+    from coordinator.sources.rvl import decode_rvl  # it loads the compiler
+
+    words = np.frombuffer(packed, "<u4", len(packed) // 4)
+    if len(words) < 2:
+        raise ValueError("its RVL has no size")
+    width, height = words[:2].tolist()
+    check_size(width, height)
+    flat = np.zeros(width * height, dtype=np.uint16)
+    if not decode_rvl(np.ascontiguousarray(words[2:]), flat):
+        raise ValueError("its RVL has not as many pixels as it says")
+    return flat.reshape(height, width)
+
+
+def check_size(width: int, height: int) -> None:
+    """ValueError for an image without pixels, or with too many."""
+    if not 0 < width * height <= MAX_PIXELS:
+        raise ValueError(f"it has 1 to {MAX_PIXELS} pixels, not {width} by {height}")
