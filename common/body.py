@@ -23,6 +23,9 @@ ROOT_DOFS = ("root_tx", "root_ty", "root_tz", "root_rx", "root_ry", "root_rz")
 TRANSLATION, ROTATION = 0, 1
 LEAST_SPREAD = 1e-3
 
+REST_FROM_URDF = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
+"""URDF and ROS: x forward, y left, z up. Rest: x to the body's left, y down, z to its back."""
+
 
 @dataclass(frozen=True, eq=False)
 class BodyModel:

@@ -52,7 +52,7 @@ class LiveSource(LiveFrames, Closing):
             yield from from_first_seen(super().__iter__(), log.info)
 
     def _hear(self, place: int, _: str, payload: bytes) -> None:
-        self.receive(payload, place)
+        self.receive(payload, place=place)
 
     def close(self) -> None:
         """Stop receiving, and end the iteration after the waiting image, if any; callable from any thread."""

@@ -202,14 +202,19 @@ def decode_live(payload: bytes) -> DepthFrame | None:
 def depth_frame(number: int, time_s: float, message: ViewMessage | LiveFrameMessage) -> DepthFrame:
     """The depth image in a message, or ProtocolError."""
     camera = message.intrinsics
-    if camera.width < 1 or camera.height < 1 or camera.width * camera.height > MAX_PIXELS:
-        raise ProtocolError(
-            f"a frame has 1 to {MAX_PIXELS} pixels, this one {camera.width} by {camera.height}"
-        )
-    check("the depth scale", message.depth_scale, SMALLEST, LARGEST)
-    check("the focal lengths", np.array([camera.fx, camera.fy]), SMALLEST, LARGEST)
-    check("the camera's centre", np.array([camera.cx, camera.cy]), -LARGEST, LARGEST)
+    check_camera(camera, message.depth_scale)
     if not math.isfinite(time_s):
         raise ProtocolError("the frame's time must be finite")
     depth = unpack("depth", message.depth, "<u2", (camera.height, camera.width), {})
     return DepthFrame(number, time_s, depth, message.depth_scale, camera)
+
+
+def check_camera(camera: Intrinsics, depth_scale: float) -> None:
+    """ProtocolError if a frame cannot have this camera or this scale."""
+    if camera.width < 1 or camera.height < 1 or camera.width * camera.height > MAX_PIXELS:
+        raise ProtocolError(
+            f"a frame has 1 to {MAX_PIXELS} pixels, this one {camera.width} by {camera.height}"
+        )
+    check("the depth scale", depth_scale, SMALLEST, LARGEST)
+    check("the focal lengths", np.array([camera.fx, camera.fy]), SMALLEST, LARGEST)
+    check("the camera's centre", np.array([camera.cx, camera.cy]), -LARGEST, LARGEST)

@@ -23,6 +23,11 @@ class Bus(Closing):
         self._session = session
         self._declared: list[object] = []  # declarations end when they are garbage collected
 
+    @property
+    def identity(self) -> str:
+        """The identity of the session on the bus, in hexadecimal digits."""
+        return str(self._session.info.zid())
+
     def close(self) -> None:
         """End the session; otherwise the interpreter cannot exit."""
         with mapped("closing the session"):

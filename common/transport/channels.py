@@ -46,10 +46,10 @@ class Publisher:
         with mapped("looking for listeners"):
             return bool(self._publisher.matching_status.matching)  # type: ignore[attr-defined]
 
-    def put(self, payload: bytes) -> None:
-        """Publish a message."""
+    def put(self, payload: bytes, attachment: bytes | None = None) -> None:
+        """Publish a message, with an attachment that other protocols need."""
         with mapped(f"publishing on {self._publisher.key_expr}"):
-            self._publisher.put(payload)
+            self._publisher.put(payload, attachment=attachment)
 
     def put_blocking(self, payload: bytes) -> None:
         """Publish a message that waits if the link is overloaded."""

@@ -17,15 +17,21 @@ import numpy as np
 import yourdfpy
 from numpy.typing import NDArray
 
-from common.body import ROOT_DOFS, ROTATION, TRANSLATION, BodyModel, find_balls, surface_carriers
+from common.body import (
+    REST_FROM_URDF,
+    ROOT_DOFS,
+    ROTATION,
+    TRANSLATION,
+    BodyModel,
+    find_balls,
+    surface_carriers,
+)
 from common.errors import InputError
 from coordinator.bodies.robot_surface import joined, link_surfaces, load_urdf
 
 Array = NDArray[np.float64]
 
 XACRO = "http://www.ros.org/wiki/xacro"
-REST_FROM_URDF = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
-"""URDF: x forward, y left, z up. Rest: x to the body's left, y down, z to its back."""
 
 logger = logging.getLogger(__name__)
 

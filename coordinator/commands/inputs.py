@@ -9,6 +9,7 @@ from dataclasses import replace
 from functools import partial
 from itertools import groupby
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,18 +25,22 @@ from coordinator.commands.workers import Workers
 from coordinator.files import with_parent
 from coordinator.results.configuration import AUTOMATIC, Asked, live_run_configuration, run_configuration
 from coordinator.results.evaluation import Truth, read_truth
-from coordinator.results.live_results import Outlet, results_key
+from coordinator.results.live_results import Sender, results_key
 from coordinator.sources import Source, open_source
 from coordinator.sources.colour_folder import ColourFolder
 from coordinator.sources.devices.device import AttachedCamera, vendor_of
 from coordinator.sources.frame_recorder import RigRecorder
+from coordinator.sources.joint_states import JointStates
 from coordinator.sources.live import LiveFrames, from_first_seen
-from coordinator.sources.live_stream import LiveCamera, colour_key
+from coordinator.sources.live_stream import LiveCamera, colour_key, is_topic
 from coordinator.sources.picture_folders import read_depth
 from coordinator.sources.source import select_frames
 from coordinator.tracking.known_motion import KnownMotion
 from coordinator.tracking.reporting import Tracked
 from coordinator.tracking.state import read_start
+
+if TYPE_CHECKING:  # it loads the types of ROS
+    from coordinator.sources.ros2 import Node
 
 MEND_STREAM = "is its publisher running, with this key and endpoint, and is its depth above 0?"
 LEFT_OUT = {"skipped": "for newer frames", "rejected": "do not fit the stream", "malformed": "malformed"}
@@ -113,7 +118,7 @@ class RecordedInput(Input):
         self.numbers = numbers = select_frames(source.numbers, job.frames)
         self.total = len(numbers)
         super().__init__(job, source, source)
-        if job.joint_states is not None:
+        if isinstance(job.joint_states, JointStates):
             job.joint_states.check_names(self.bodies.dof_names)
         # with several people, the sequence's truth does not say whose it is
         own = source.truth if job.people == 1 else None
@@ -133,9 +138,11 @@ class RecordedInput(Input):
             return f"nothing to resume in {job.out}; starting again"
         return f"{super().announce(done)}; {counted(total, 'frame')} of {camera.width}x{camera.height}"
 
-    def streams(self, workers: Workers, done: int) -> Generator[Iterator[DepthFrame], None, None]:
+    def streams(
+        self, workers: Workers, node: Node | None, done: int
+    ) -> Generator[Iterator[DepthFrame], None, None]:
         """One stream: the frames that are not recorded yet."""
-        del workers
+        del workers, node
         yield map(self.source.frame, self.numbers[done:])
 
     def facts(self) -> dict[str, object]:
@@ -158,17 +165,23 @@ class LiveInput(Input):
                 raise InputError(f"{option} is for recorded sequences; leave it out with live input")
         if not vendor_of(job.sequence) and job.pool.listen is None and job.pool.connect is None:
             raise InputError("no publisher could connect; add --listen or --connect with an endpoint")
-        keys = [check_stream(each.key, guarded=job.pool.security is not None) for each in cameras]
+        keys = [each.key for each in cameras]
+        if not is_topic(keys[0]):
+            for key in keys:
+                check_stream(key, guarded=job.pool.security is not None)
+            job = replace(job, results=job.results or results_key(keys[0]))
         self.keys, self._show = " and ".join(keys), show
         if job.record is not None:
             with_parent(job.record)
-        super().__init__(replace(job, results=job.results or results_key(keys[0])), None, cameras[0])
+        super().__init__(job, None, cameras[0])
         self.live: LiveFrames = LiveFrames(cameras, show.say, idle=job.idle_timeout)
         self.configuration = live_run_configuration(str(job.sequence), cameras, self.asked())
         self._attached = AttachedCamera(job.sequence, show.say) if vendor_of(job.sequence) else None
         self._recorder = None if job.record is None else RigRecorder(job.record, cameras, show.say)
 
-    def streams(self, workers: Workers, done: int) -> Generator[Iterator[DepthFrame], None, None]:
+    def streams(
+        self, workers: Workers, node: Node | None, done: int
+    ) -> Generator[Iterator[DepthFrame], None, None]:
         """The newest frames until the publisher ends; each stream starts with its first frame with depth."""
         del done
         how = "the newest frame is tracked as soon as the workers are ready"
@@ -176,15 +189,15 @@ class LiveInput(Input):
         with ExitStack() as stack:
             if self._attached is not None:
                 stack.enter_context(self._published(self._attached, workers.speak(self.keys)))
-            for place, camera in enumerate(() if self._attached else self.live.cameras):
-                if self._recorder is not None:
-                    workers.listen(colour_key(camera.key), partial(self._recorder.put_colour, camera.camera))
-                workers.listen(camera.key, partial(self.live.receive, place=place))
+            elif node is not None and is_topic(self.keys):
+                self._subscribe(node)
+            else:
+                self._listen(workers)
             for _, frames in groupby(self.live, lambda _: self.live.stream):
                 yield map(self._take, from_first_seen(frames, self._show.say))
 
     @contextmanager
-    def _published(self, camera: AttachedCamera, outlet: Outlet) -> Iterator[None]:
+    def _published(self, camera: AttachedCamera, outlet: Sender) -> Iterator[None]:
         """Receive the frames of a camera, and publish them for others, on a thread of its own."""
 
         def put(payload: bytes) -> None:
@@ -199,6 +212,21 @@ class LiveInput(Input):
         finally:
             camera.close()
             thread.join()
+
+    def _listen(self, workers: Workers) -> None:
+        """Receive the frames of all cameras, and their colour if it is recorded."""
+        for place, camera in enumerate(self.live.cameras):
+            if self._recorder is not None:
+                workers.listen(colour_key(camera.key), partial(self._recorder.put_colour, camera.camera))
+            workers.listen(camera.key, partial(self.live.receive, place=place))
+
+    def _subscribe(self, node: Node) -> None:
+        """Receive frames and joint states from ROS 2."""
+        from coordinator.sources.ros2_input import DepthTopic, JointTopic
+
+        DepthTopic(node, self.keys, self.live)
+        if isinstance(self.job.joint_states, JointTopic):
+            self.job.joint_states.listen(node, self.bodies.dof_names, self._show.say)
 
     def _take(self, frame: DepthFrame) -> DepthFrame:
         """The frame, which is recorded; InputError if the room without people has another size."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import msgspec
 
@@ -21,7 +21,11 @@ from coordinator.results.configuration import AUTOMATIC
 from coordinator.scene.scope import WAYS, Scope
 from coordinator.sources import camera as cameras
 from coordinator.sources.joint_states import JointStates, read_joint_states
+from coordinator.sources.live_stream import is_topic, live_key
 from coordinator.sources.rig import live_cameras
+
+if TYPE_CHECKING:  # it loads the types of ROS
+    from coordinator.sources.ros2_input import JointTopic
 
 T = TypeVar("T")
 
@@ -43,15 +47,21 @@ class Job:
     resume: bool = False
     colour: Path | None = None  # colour frames for pictures
     given: cameras.CameraOptions = cameras.AS_RECORDED
-    results: str | None = None  # key on which they are published
+    results: str | None = None  # key or topic on which they are published
     results_json: bool = False
     scope: Scope = field(default_factory=Scope)  # without the background
     background: str | None = None  # a frame's number, a picture or a recording of the empty room
     people: int = 1  # largest number
     pictures: bool = True
-    joint_states: JointStates | None = None  # by encoders
+    joint_states: JointStates | JointTopic | None = None  # by encoders
     idle_timeout: float | None = None  # seconds without a frame until live input is over
     record: Path | None = None  # new folder for the tracked frames of live input
+    domain: int = 0  # of ROS 2
+
+    @property
+    def uses_ros(self) -> bool:
+        """Whether frames come from ROS 2, or results go there."""
+        return is_topic(live_key(self.sequence)) or is_topic(self.results)
 
 
 def choose_job(options: TrackOptions, camera: CameraOptions, security: SecurityOptions) -> Job:
@@ -80,7 +90,7 @@ def choose_job(options: TrackOptions, camera: CameraOptions, security: SecurityO
         resume=options.resume,
         colour=options.color,
         given=cameras.parse_camera_options(camera.intrinsics, camera.depth_scale),
-        results=options.results,
+        results=live_key(options.results or "") or options.results,
         results_json=options.results_json,
         scope=choose_scope(options),
         background=options.background,
@@ -88,11 +98,18 @@ def choose_job(options: TrackOptions, camera: CameraOptions, security: SecurityO
         pictures=options.pictures,
         idle_timeout=options.idle_timeout,
         record=options.record,
+        domain=options.domain,
     )
     if options.joint_states is not None:
-        if is_several(options) or live_cameras(job.sequence) or job.people > 1:
+        if is_several(options) or job.people > 1:
             raise InputError("--joint-states belongs to one body in one recording; track it alone")
-        job = replace(job, joint_states=read_joint_states(options.joint_states))
+        topic = live_key(options.joint_states)
+        keys = [each.key for each in live_cameras(job.sequence)]
+        if (topic or keys) and not (keys and all(map(is_topic, [topic, *keys]))):
+            raise InputError(
+                "--joint-states FILE is for recordings, --joint-states ros2:/TOPIC for frames from ROS 2"
+            )
+        job = replace(job, joint_states=choose_joint_states(options.joint_states, topic))
     if job.people > 1 and job.model != HUMAN:
         raise InputError("--people is for people whose size is measured; leave --model out")
     if job.people > 1 and job.init not in (None, AUTOMATIC):
@@ -101,11 +118,24 @@ def choose_job(options: TrackOptions, camera: CameraOptions, security: SecurityO
     return job
 
 
+def choose_joint_states(path: Path, topic: str | None) -> JointStates | JointTopic:
+    """The states of a file, or those that will come on a topic."""
+    if topic is None:
+        return read_joint_states(path)
+    from coordinator.sources.ros2_input import JointTopic
+
+    return JointTopic(topic)
+
+
 def check_outputs(job: Job, *, several: bool) -> None:
     """InputError for outputs that the input does not have, or that nobody could receive."""
-    if job.results is None and job.results_json:
+    if job.results_json and (job.results is None or is_topic(job.results)):
         raise InputError("--publish-json is the format of published results; add --publish KEY")
-    if job.results is not None:
+    if job.uses_ros and (job.pool.connect is None or job.pool.security is not None):
+        raise InputError(
+            "topics of ROS are reached at its router, without certificates; add --connect tcp/HOST:7447"
+        )
+    if job.results is not None and not is_topic(job.results):
         if job.pool.listen is None and job.pool.connect is None:
             raise InputError("no subscriber could connect; add --listen or --connect with an endpoint")
         check_stream(job.results, guarded=job.pool.security is not None)

@@ -49,8 +49,8 @@ Recordings = Annotated[
     list[Path],
     typer.Argument(
         metavar="SEQ...",
-        help="Recorded depth (docs/formats.md), or zenoh:KEY, realsense:[SERIAL], orbbec: or azure-kinect: "
-        "for live input. "
+        help="Recorded depth (docs/formats.md), or zenoh:KEY, ros2:/TOPIC, realsense:[SERIAL], orbbec: or "
+        "azure-kinect: for live input. "
         "Several recordings, or a .txt file with one per line, share the workers.",
     ),
 ]
@@ -114,10 +114,13 @@ class TrackOptions:
     joint_states: Annotated[
         Path | None,
         input_option(
-            metavar="FILE",
+            metavar="FILE|ros2:/TOPIC",
             help="Joint values by encoders, a CSV with time_s or a ROS bag; they predict the motion.",
         ),
     ] = None
+    domain: Annotated[
+        int, input_option(metavar="N", min=0, envvar="ROS_DOMAIN_ID", help="Domain of ros2:/TOPIC.")
+    ] = 0
     frames: Frames = None
     idle_timeout: Annotated[
         float | None,
@@ -246,8 +249,8 @@ class TrackOptions:
         str | None,
         output_option(
             "--publish",
-            metavar="KEY",
-            help="Publish results on this key during the run (default for zenoh:KEY: KEY/results).",
+            metavar="KEY|ros2:/TOPIC",
+            help="Publish results there during the run (default for zenoh:KEY: KEY/results).",
         ),
     ] = None
     results_json: Annotated[

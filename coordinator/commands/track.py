@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import gc
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
+from typing import TYPE_CHECKING
 
 from common.errors import InputError, SilentWorkers
 from coordinator.commands.console import INTERRUPTS, NOT_TRACKED
@@ -15,9 +17,10 @@ from coordinator.commands.inputs import MEND_STREAM, LiveInput, RecordedInput
 from coordinator.commands.job import Job, choose_job, is_several
 from coordinator.commands.options import CameraOptions, SecurityOptions, TrackOptions
 from coordinator.commands.progress import FrameRate, Show, counted
+from coordinator.commands.publish import open_session
 from coordinator.commands.workers import Connect, Workers
 from coordinator.pool.options import Pool
-from coordinator.results.live_results import LiveResults
+from coordinator.results.live_results import LiveResults, PackedOutlet
 from coordinator.results.log import RecordedPerson
 from coordinator.results.recorder import Recorder, is_complete
 from coordinator.results.summary import (
@@ -28,10 +31,14 @@ from coordinator.results.summary import (
     folder_of,
     mostly_tracked,
 )
+from coordinator.sources.live_stream import is_topic, live_key
 from coordinator.sources.rig import live_cameras
 from coordinator.tracking.cameras import Kind, describe_changes
 from coordinator.tracking.reporting import Tracked
 from coordinator.tracking.tracker import Tracker
+
+if TYPE_CHECKING:  # it loads the types of ROS
+    from coordinator.sources.ros2 import Node
 
 
 def run_track(
@@ -119,8 +126,12 @@ def track_frames(
     """
     job, before, goes_on = given.job, recorder.frames, False
     faults: Mapping[str, tuple[Kind, float]] = {}
-    with connect(job.pool, show) as workers, show.steps("frame", keep=True) as advance:
-        outlets, streams = open_outlets(job, workers), given.streams(workers, before)
+    with (
+        open_node(job, show) as node,
+        connect(job.pool, show) as workers,
+        show.steps("frame", keep=True) as advance,
+    ):
+        outlets, streams = open_outlets(job, workers, node), given.streams(workers, node, before)
         make = partial(
             Tracker,
             workers,
@@ -166,14 +177,39 @@ def publish(tracked: Sequence[Tracked], outlets: Sequence[LiveResults]) -> None:
             outlet.put(each.estimate, start.model, start.held)
 
 
-def open_outlets(job: Job, workers: Workers) -> list[LiveResults]:
+@contextmanager
+def open_node(job: Job, show: Show) -> Iterator[Node | None]:
+    """The node of ROS 2 through which frames come or results go; None without ROS.
+
+    It has its own session, because routers do not forward messages between peers, as ROS's nodes are.
+    """
+    if not job.uses_ros:
+        yield None
+        return
+    from coordinator.sources.ros2 import Node
+
+    partner, topic = "subscriber", job.results
+    if is_topic(key := live_key(job.sequence)):
+        partner, topic = "publisher", key
+    with open_session(replace(job.pool, listen=None), partner, topic or "", show) as bus:
+        yield Node(bus, job.domain)
+
+
+def open_outlets(job: Job, workers: Workers, node: Node | None) -> list[LiveResults]:
     """The outlets that publish estimates, one per person; empty if not requested."""
     if job.results is None:
         return []
     names = [job.results]
     if job.people > 1:
         names = [f"{job.results}/{PERSON}{number}" for number in range(1, job.people + 1)]
-    return [LiveResults(workers.speak(name), run=workers.run, as_json=job.results_json) for name in names]
+    if node is not None and is_topic(job.results):
+        from coordinator.results.ros2_results import RosOutlet
+
+        return [LiveResults(RosOutlet(node, name)) for name in names]
+    return [
+        LiveResults(PackedOutlet(workers.speak(name), as_json=job.results_json), run=workers.run)
+        for name in names
+    ]
 
 
 def describe_pool(pool: Pool) -> dict[str, object]:

@@ -9,7 +9,7 @@ from typing import Protocol
 from coordinator.commands.progress import Show
 from coordinator.pool.options import Pool, PoolStatistics
 from coordinator.pool.zenoh_refiner import ZenohRefiner
-from coordinator.results.live_results import Outlet
+from coordinator.results.live_results import Sender
 from coordinator.tracking.refiner import Refiner
 
 
@@ -30,7 +30,7 @@ class Workers(Refiner, Protocol):
         """Call `on_message(payload)` for each message on a key."""
         ...
 
-    def speak(self, key: str) -> Outlet:
+    def speak(self, key: str) -> Sender:
         """A publisher for a key."""
         ...
 

@@ -63,8 +63,8 @@ class EndMessage(msgspec.Struct, frozen=True, tag_field="kind", tag=END):
     version: int = VERSION
 
 
-class Outlet(Protocol):
-    """A destination of messages."""
+class Sender(Protocol):
+    """A publisher of bytes."""
 
     @property
     def has_subscriber(self) -> bool:
@@ -80,27 +80,61 @@ class Outlet(Protocol):
         ...
 
 
+class Outlet(Protocol):
+    """A destination of results in one format."""
+
+    @property
+    def has_subscriber(self) -> bool:
+        """Whether anyone receives them."""
+        ...
+
+    def put(self, message: ResultMessage, model: BodyModel) -> None:
+        """Publish a result of a body."""
+        ...
+
+    def end(self) -> None:
+        """Publish that there are no more results."""
+        ...
+
+
+class PackedOutlet:
+    """Publishes results as MessagePack or JSON."""
+
+    def __init__(self, sender: Sender, *, as_json: bool = False) -> None:
+        self._sender = sender
+        self._encode = msgspec.json.encode if as_json else msgspec.msgpack.encode
+
+    @property
+    def has_subscriber(self) -> bool:
+        """Whether anyone receives them."""
+        return self._sender.has_subscriber
+
+    def put(self, message: ResultMessage, model: BodyModel) -> None:
+        """Publish a result, which names the key of its body."""
+        del model
+        self._sender.put(self._encode(message))
+
+    def end(self) -> None:
+        """Publish that there are no more results."""
+        self._sender.put_blocking(self._encode(EndMessage()))
+
+
 def results_key(key: str) -> str:
     """The key for results of live input on a key, unless the user gives another one."""
     return f"{key}/results"
 
 
 class LiveResults:
-    """Publishes estimates as MessagePack or JSON; angles do not jump by full turns between frames.
+    """Publishes estimates; angles do not jump by full turns between frames.
 
     Nothing is published while nobody receives it. The bodies can be fetched from the run named `run`.
     """
 
     def __init__(
-        self,
-        outlet: Outlet,
-        *,
-        run: str | None = None,
-        as_json: bool = False,
-        clock: Callable[[], float] = time.time,
+        self, outlet: Outlet, *, run: str | None = None, clock: Callable[[], float] = time.time
     ) -> None:
         self._outlet, self._run, self._clock = outlet, run, clock
-        self._encode = msgspec.json.encode if as_json else msgspec.msgpack.encode
+        self.end = outlet.end
         self._last: NDArray[np.float64] | None = None
 
     def put(self, estimate: Estimate, model: BodyModel, held: Mapping[str, float]) -> None:
@@ -129,7 +163,7 @@ class LiveResults:
             ),
             body=None if self._run is None else of_run(self._run, f"model/{model.hash}"),
         )
-        self._outlet.put(self._encode(message))
+        self._outlet.put(message, model)
 
     def _follow(self, angles: Angles, track: Track) -> NDArray[np.float64]:
         """The angles (A,) of the frame, shifted by full turns towards the last known angles; NaN before."""
@@ -142,10 +176,6 @@ class LiveResults:
         if not track.unknown[0]:
             self._last = near
         return near
-
-    def end(self) -> None:
-        """Publish that there are no more messages."""
-        self._outlet.put_blocking(self._encode(EndMessage()))
 
 
 def by_name(names: tuple[str, ...], values: NDArray[np.float64]) -> dict[str, Any]:

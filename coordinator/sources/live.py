@@ -39,6 +39,7 @@ class LiveFrames:
     ) -> None:
         self.cameras = tuple(cameras)
         self.stream = 0  # of the last yielded frame
+        self.explain: Callable[[], str] = str  # why no frame comes, if the source knows
         self._rig = LiveRig(cameras)
         self._idle = math.inf if idle is None else idle
         self._notice = notice
@@ -70,11 +71,20 @@ class LiveFrames:
         with self._changed:
             self._wait(seconds)
 
-    def receive(self, payload: bytes, place: int = 0) -> None:
-        """Receive a message of a camera, by its place; an older frame that is still waiting is skipped."""
+    def receive(
+        self,
+        payload: bytes,
+        *,
+        place: int = 0,
+        decode: Callable[[bytes], DepthFrame | None] = decode_live,
+    ) -> None:
+        """Receive a message of a camera, by its place; an older frame that is still waiting is skipped.
+
+        `decode` returns its frame, or None at the end of the stream; ProtocolError if it is malformed.
+        """
         received, rig = time.monotonic(), self._rig
         try:
-            frame = decode_live(payload)
+            frame = decode(payload)
         except ProtocolError as error:
             with self._changed:
                 rig.counts["malformed"] += 1
@@ -113,10 +123,10 @@ class LiveFrames:
         keys = " and ".join(camera.key for camera in self.cameras)
         with self._changed:
             if not self._wait(min(self._notice, self._idle)) and self._notice < self._idle:
-                self._report(f"no frame comes on {keys}; waiting for one")
+                self._report(f"no frame comes on {keys}{self.explain()}; waiting for one")
                 self._wait(self._idle - self._notice)
             if not self._is_ready():
-                self._report(f"no frame came on {keys} for {self._idle:g} s; ending")
+                self._report(f"no frame came on {keys} for {self._idle:g} s{self.explain()}; ending")
                 self._ended = True
             frame = self._rig.take(time.monotonic())
             return None if frame is None else (self._rig.begun, frame, self._rig.lead.received)

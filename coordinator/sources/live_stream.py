@@ -18,7 +18,7 @@ from common.frame import DepthFrame
 from common.protocol.keys import check_stream
 from coordinator.sources.devices.device import vendor_of
 
-SCHEME = "zenoh:"
+SCHEME, ROS_SCHEME = "zenoh:", "ros2:"
 NEW_STREAM_FRAMES = 5  # that fit each other
 RECENT_FRAMES = 30  # from which rate and clock are measured
 SILENT_INTERVALS = 3.0  # without a frame
@@ -26,12 +26,22 @@ ORDER = "order"  # cause of a misfit
 CLOCK_S = 0.5  # more than the frames of one camera come later than those of another
 
 
-def live_key(sequence: Path) -> str | None:
-    """The key of `zenoh:KEY`, or of a camera; None for recordings. InputError if the key is invalid."""
+def live_key(sequence: Path | str) -> str | None:
+    """The key of `zenoh:KEY` or of a camera, or the topic of `ros2:/TOPIC`, which starts with a slash.
+
+    None for recordings; InputError if the key is invalid.
+    """
     text = str(sequence)
     if vendor := vendor_of(text):
         return f"gepf/live/{vendor}"
+    if text.startswith(ROS_SCHEME):
+        return "/" + check_stream(text.removeprefix(ROS_SCHEME).removeprefix("/"))
     return check_stream(text.removeprefix(SCHEME)) if text.startswith(SCHEME) else None
+
+
+def is_topic(key: str | None) -> bool:
+    """Whether a key is a topic of ROS."""
+    return key is not None and key.startswith("/")
 
 
 def colour_key(key: str) -> str:
@@ -41,7 +51,7 @@ def colour_key(key: str) -> str:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LiveCamera:
-    """A camera that publishes on a key, alone or in a rig; the other fields are those of `Source`."""
+    """A camera that publishes on a key or a topic, alone or in a rig; other fields are those of `Source`."""
 
     key: str
     camera: str = ""

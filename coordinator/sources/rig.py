@@ -15,7 +15,7 @@ from common.bounds import LARGEST, MAX_CAMERAS
 from common.errors import InputError
 from coordinator.files import write_json
 from coordinator.sources.camera import AS_RECORDED, CameraOptions
-from coordinator.sources.live_stream import LiveCamera, live_key
+from coordinator.sources.live_stream import LiveCamera, is_topic, live_key
 from coordinator.sources.source import Source
 
 Row = Annotated[list[float], Meta(min_length=4, max_length=4)]
@@ -92,9 +92,9 @@ def sequence_of(path: Path, camera: RigCamera) -> Path:
 
 
 def live_cameras(sequence: Path) -> tuple[LiveCamera, ...]:
-    """The camera of `zenoh:KEY`, or those of a rig file that lists only such; none for recordings.
+    """The camera of `zenoh:KEY` or `ros2:/TOPIC`, or those of a rig file with such keys; none for recordings.
 
-    InputError for an invalid key, and for a rig with live cameras and recordings.
+    InputError for an invalid key, and for a rig with live cameras and recordings, or with topics.
     """
     if (key := live_key(sequence)) is not None:
         return (LiveCamera(key),)
@@ -102,6 +102,8 @@ def live_cameras(sequence: Path) -> tuple[LiveCamera, ...]:
         return ()
     listed = read_rig_file(sequence).cameras
     keys = [live_key(Path(camera.sequence)) for camera in listed]
+    if any(map(is_topic, keys)):
+        raise InputError(f"{sequence}: cameras of ROS 2 are tracked alone; give ros2:/TOPIC, not a rig")
     if any(keys) and None in keys:
         odd = listed[keys.index(None)]
         raise InputError(f"{sequence}: '{odd.name}' is a recording, others are live; list one kind")

@@ -74,7 +74,7 @@ def unpack_rvl(packed: bytes) -> NDArray[np.uint16]:
     width, height = words[:2].tolist()
     check_size(width, height)
     flat = np.zeros(width * height, dtype=np.uint16)
-    if not decode_rvl(np.ascontiguousarray(words[2:]), flat):
+    if not decode_rvl(words[2:].astype(np.int64), flat):
         raise ValueError("its RVL has not as many pixels as it says")
     return flat.reshape(height, width)
 

@@ -9,8 +9,8 @@ from common.compiling import numba
 
 
 @numba.njit(cache=True, nogil=True)
-def decode_rvl(words: NDArray[np.uint32], out: NDArray[np.uint16]) -> bool:
-    """Fill out (P,) from words (W,); returns whether these hold exactly the pixels.
+def decode_rvl(words: NDArray[np.int64], out: NDArray[np.uint16]) -> bool:
+    """Fill out (P,) from words (W,) of 32 bits; returns whether these hold exactly the pixels.
 
     A word has eight nibbles, the first in the highest bits. A number has three bits per nibble, the lowest
     first, and the fourth bit says that it goes on. Numbers are runs: of pixels without depth, then of others,
@@ -22,8 +22,8 @@ def decode_rvl(words: NDArray[np.uint32], out: NDArray[np.uint16]) -> bool:
         while goes_on:
             if k == nibbles or shift > 30:
                 return False
-            nibble = (words[k >> 3] >> np.uint32(28 - 4 * (k & 7))) & np.uint32(15)
-            value |= np.int64(nibble & np.uint32(7)) << shift
+            nibble = int(words[k >> 3] >> (28 - 4 * (k & 7))) & 15
+            value |= (nibble & 7) << shift
             goes_on = nibble > 7
             k, shift = k + 1, shift + 3
         if left:

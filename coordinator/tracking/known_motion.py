@@ -43,7 +43,9 @@ class KnownMotion:
         before, after = pose.copy(), pose.copy()
         known = np.zeros(len(pose), dtype=bool)
         first, last = self.states.at(since_s), self.states.at(until_s)
-        for name, one, other in zip(self.states.names, first, last, strict=True):
+        for name, one, other in zip(
+            self.states.names, first, last, strict=False
+        ):  # no names before live states
             if name in model.dof_names and np.isfinite(one + other):
                 j = model.dof(name)
                 before[j], after[j], known[j] = one, other, True

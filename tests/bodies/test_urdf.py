@@ -11,9 +11,9 @@ import yourdfpy
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from common.body import ROOT_DOFS, ROTATION, TRANSLATION, BodyModel
+from common.body import REST_FROM_URDF, ROOT_DOFS, ROTATION, TRANSLATION, BodyModel
 from common.kinematics import joint_positions, link_transforms
-from coordinator.bodies.urdf import REST_FROM_URDF, read_urdf
+from coordinator.bodies.urdf import read_urdf
 from tests.support.refusals import refused
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

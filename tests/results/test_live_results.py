@@ -16,7 +16,7 @@ import pytest
 
 from common.kinematics import joint_positions
 from common.transport.opening import open_coordinator
-from coordinator.results.live_results import LiveResults, read_result
+from coordinator.results.live_results import LiveResults, PackedOutlet, read_result
 from coordinator.tracking.certainty.certainty import Certainty
 from coordinator.tracking.estimate import Estimate, Status
 from tests.support.bodies import person
@@ -66,7 +66,7 @@ def nobody(frame: int) -> Estimate:
 def test_before_anybody_is_found_all_is_null() -> None:
     """Such frames are published with nulls; angles begin with the first person."""
     heard = Heard()
-    results = LiveResults(heard, as_json=True)
+    results = LiveResults(PackedOutlet(heard, as_json=True))
     results.put(nobody(0), person(), {})
     results.put(estimate(1, 0.5), person(), {})
     absent, found = (msgspec.json.decode(payload) for payload in heard.payloads)
@@ -79,7 +79,7 @@ def test_before_anybody_is_found_all_is_null() -> None:
 def test_a_message_says_all_of_itself() -> None:
     """Names and values of all results of the frame; null for unknown ones."""
     heard = Heard()
-    results = LiveResults(heard, as_json=True, clock=lambda: 12.5)
+    results = LiveResults(PackedOutlet(heard, as_json=True), clock=lambda: 12.5)
     results.put(estimate(3, 0.5), person(), {})
     results.put(estimate(4, 0.5, "lost"), person(), {})
     results.end()
@@ -110,7 +110,7 @@ def test_a_message_says_all_of_itself() -> None:
 def test_angles_go_on_past_half_a_turn() -> None:
     """The turn of a person who keeps turning is continuous, without a jump of 360 degrees."""
     heard = Heard()
-    results = LiveResults(heard)
+    results = LiveResults(PackedOutlet(heard))
     for frame, turn in enumerate(np.linspace(0.0, 6.0, 12)):
         results.put(estimate(frame, float(turn)), person(), {})
     turns = [msgspec.msgpack.decode(payload)["angles"]["pelvis_turn"] for payload in heard.payloads]
@@ -138,7 +138,7 @@ def test_the_example_listens(endpoint: str, head_start: float) -> None:
     ):
         try:
             publisher = bus.publish("robot/person")
-            results, began = LiveResults(publisher), time.monotonic()
+            results, began = LiveResults(PackedOutlet(publisher)), time.monotonic()
             while not publisher.has_subscriber and time.monotonic() < began + 60.0:
                 time.sleep(0.02)
             results.put(nobody(6), person(), {})

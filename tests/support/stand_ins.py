@@ -23,7 +23,7 @@ from coordinator.bodies.tracked import name_pose
 from coordinator.cli import main
 from coordinator.commands.progress import Show
 from coordinator.pool.options import Pool, PoolStatistics
-from coordinator.results.live_results import Outlet
+from coordinator.results.live_results import Sender
 from coordinator.tracking.preparation import Unmoved
 from coordinator.tracking.refiner import Pending
 from gepf.direct import DirectRefiner
@@ -61,7 +61,7 @@ class StandIn(ABC):
         """Do nothing."""
         del key, on_message
 
-    def speak(self, key: str) -> Outlet:
+    def speak(self, key: str) -> Sender:
         """There is no bus."""
         raise NotImplementedError(key)
 

@@ -22,7 +22,7 @@ from common.transport.opening import open_worker
 from coordinator.cli import main
 from coordinator.commands.live_scene import LiveScene
 from coordinator.results.configuration import PATH
-from coordinator.results.live_results import LiveResults
+from coordinator.results.live_results import LiveResults, PackedOutlet
 from coordinator.results.track import read_track, read_tracked_body
 from coordinator.sources import open_source
 from coordinator.synthesis.rendering import DepthRenderer
@@ -95,8 +95,8 @@ def test_live_frames_and_results_are_shown_as_they_come(
                 known = Estimate(
                     f, 0.0, "tracked", pose, track.joint_positions[f], pose[None], np.ones(1), 0.0
                 )
-                LiveResults(results, run="r").put(known, model, {})
-            LiveResults(results).end()
+                LiveResults(PackedOutlet(results), run="r").put(known, model, {})
+            LiveResults(PackedOutlet(results)).end()
             stop.wait()  # the body is fetched from here
 
     view = ["view", f"zenoh:{KEY}", "--listen", endpoint, "--save", str(tmp_path / "live.rrd")]

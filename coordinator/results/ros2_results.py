@@ -1,0 +1,184 @@
+"""The result of each frame as messages of ROS 2; docs/live.md describes them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from common.body import REST_FROM_URDF, ROOT_DOFS, TRANSLATION, BodyModel
+from common.kinematics import link_transforms, pose_vertices
+from coordinator.bodies.tracked import coarsen
+from coordinator.results.live_results import ResultMessage
+from coordinator.sources.ros2 import Node
+from coordinator.tracking.certainty.certainty import FLAGGED
+from coordinator.tracking.estimate import UNKNOWN
+
+JOINTS, FRAMES = "sensor_msgs/msg/JointState", "tf2_msgs/msg/TFMessage"
+CERTAINTY, MARKERS = "diagnostic_msgs/msg/DiagnosticArray", "visualization_msgs/msg/MarkerArray"
+MARKER, STATUS = "visualization_msgs/msg/Marker", "diagnostic_msgs/msg/DiagnosticStatus"
+BODY, DOUBTS = "body", "doubtful joints"
+COLOURS = {BODY: (0.8, 0.45, 0.2, 0.6), DOUBTS: (1.0, 0.1, 0.1, 0.9)}
+DOUBT_M = 0.12  # diameter of the sphere around a doubtful joint
+SURFACE_M = 0.04  # between the vertices of the body: 200 kB per frame instead of 460
+PLACEHOLDER = (1e300, 2e300, 3e300)  # a point
+
+Point = Sequence[float]
+
+
+class RosOutlet:
+    """Publishes results on topics below `topic`, and the frames of joints on /tf.
+
+    While the pose is unknown there are no joint states and frames, and the markers are deleted. The names of
+    frames begin with the topic.
+    """
+
+    def __init__(self, node: Node, topic: str) -> None:
+        self._make, self._header, self._name = node.make, node.header, topic[1:]
+        self._marked, self._states = node.type(MARKER), node.type(STATUS)
+        self._joints = node.advertise(f"{topic}/joint_states", JOINTS)
+        self._frames = node.advertise("/tf", FRAMES)
+        self._certainty = node.advertise(f"{topic}/certainty", CERTAINTY)
+        self._markers = node.advertise(f"{topic}/markers", MARKERS)
+        self.topics = self._joints, self._frames, self._certainty, self._markers
+
+    @property
+    def has_subscriber(self) -> bool:
+        """Whether anyone receives any of them."""
+        return any(topic.has_subscriber for topic in self.topics)
+
+    def put(self, message: ResultMessage, model: BodyModel) -> None:
+        """Publish a result on the topics that have subscribers."""
+        header = self._header(message.time_s)
+        if self._certainty.has_subscriber:
+            self._certainty.put(self._make(CERTAINTY, header, self._statuses(message)))
+        if message.status in UNKNOWN:
+            self._clear(header)
+            return
+        pose = np.array([[*message.pose.values()]], dtype=np.float64)
+        if self._joints.has_subscriber:
+            values = {
+                name: value for name, value in joint_values(message, model).items() if value is not None
+            }
+            positions, nothing = np.array([*values.values()], dtype=np.float64), np.empty(0)
+            self._joints.put(self._make(JOINTS, header, [*values], positions, nothing, nothing))
+        if self._frames.has_subscriber:
+            turns = link_transforms(model, pose)[0][model.joint_links, :, :3] @ REST_FROM_URDF
+            placed = zip(message.joints.items(), Rotation.from_matrix(turns).as_quat().tolist(), strict=True)
+            frames = [self._frame(header, name, place, turn) for (name, place), turn in placed if place]
+            self._frames.put(self._make(FRAMES, frames))
+        if self._markers.has_subscriber:
+            doubts = [place for name, place in message.joints.items() if place and is_doubtful(message, name)]
+            body = self._marker(header, BODY, self._marked.ADD, [PLACEHOLDER])
+            spheres = self._marker(
+                header, DOUBTS, self._marked.ADD if doubts else self._marked.DELETE, doubts
+            )
+            coarse = surface_of(model)
+            corners = pose_vertices(coarse, pose)[0][coarse.triangles.ravel()]
+            self._markers.put(
+                self._make(MARKERS, [body, spheres]), lambda payload: with_points(payload, corners)
+            )
+
+    def end(self) -> None:
+        """Delete the markers."""
+        self._clear(self._header(0.0))
+
+    def _clear(self, header: Any) -> None:
+        self._markers.put(self._make(MARKERS, [self._marker(header, BODY, self._marked.DELETEALL, [])]))
+
+    def _statuses(self, message: ResultMessage) -> list[Any]:
+        """The status of the body, then that of each joint."""
+        is_known, states = message.status not in UNKNOWN, self._states
+        level = states.OK if message.status == "tracked" else states.WARN if is_known else states.ERROR
+        parts = [self._status("body", level, message.why or message.status, {"residual_m": message.residual})]
+        for name, doubt in message.joint_off_probability.items():
+            values = {
+                "off_probability": doubt,
+                "deviation_m": message.joint_deviation[name],
+                "seen": message.joint_seen[name],
+            }
+            level = states.WARN if is_doubtful(message, name) else states.OK
+            parts.append(self._status(name, level, "may be wrong" if level else "", values))
+        return parts
+
+    def _status(self, name: str, level: int, words: str, values: dict[str, float | None]) -> Any:
+        listed = [
+            self._make("diagnostic_msgs/msg/KeyValue", key, "" if value is None else f"{value:.4g}")
+            for key, value in values.items()
+        ]
+        named = f"{self._name}/{name}", words, ""
+        return self._states(level, *named, listed)
+
+    def _frame(self, header: Any, name: str, place: Point, turn: Point) -> Any:
+        """The frame of a joint; `turn` is a quaternion x, y, z, w."""
+        moved = self._make("geometry_msgs/msg/Vector3", *place)
+        turned = self._make("geometry_msgs/msg/Quaternion", *turn)
+        transform = self._make("geometry_msgs/msg/Transform", moved, turned)
+        return self._make("geometry_msgs/msg/TransformStamped", header, f"{self._name}/{name}", transform)
+
+    def _marker(self, header: Any, name: str, action: int, points: Sequence[Point]) -> Any:
+        make, no_bytes = self._make, np.empty(0, dtype=np.uint8)
+        kind, size = (
+            (self._marked.TRIANGLE_LIST, 1.0) if name == BODY else (self._marked.SPHERE_LIST, DOUBT_M)
+        )
+        place = make("geometry_msgs/msg/Point", 0.0, 0.0, 0.0)
+        pose = make("geometry_msgs/msg/Pose", place, make("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.0, 1.0))
+        return self._marked(
+            header,
+            f"{self._name}/{name}",
+            0,
+            kind,
+            action,
+            pose,
+            make("geometry_msgs/msg/Vector3", size, size, size),
+            make("std_msgs/msg/ColorRGBA", *COLOURS[name]),
+            make("builtin_interfaces/msg/Duration", 0, 0),  # until it is deleted
+            False,
+            [make("geometry_msgs/msg/Point", *point) for point in points],
+            [],
+            "",
+            make("sensor_msgs/msg/CompressedImage", header, "", no_bytes),
+            [],
+            "",
+            "",
+            make("visualization_msgs/msg/MeshFile", "", no_bytes),
+            False,
+        )
+
+
+@lru_cache(maxsize=2)
+def surface_of(model: BodyModel) -> BodyModel:
+    """The body with fewer vertices."""
+    return coarsen(model, SURFACE_M)
+
+
+def joint_values(message: ResultMessage, model: BodyModel) -> dict[str, float | None]:
+    """Angles in radians, and displacements of a robot's joints in metres."""
+    slides = [
+        name
+        for name, kind in zip(model.dof_names, model.kinds, strict=True)
+        if kind == TRANSLATION and name not in ROOT_DOFS
+    ]
+    return {**{name: message.pose[name] for name in slides}, **message.angles}
+
+
+def is_doubtful(message: ResultMessage, joint: str) -> bool:
+    """Whether a joint may be wrong, or nothing is known about it."""
+    doubt = message.joint_off_probability[joint]
+    return doubt is None or doubt >= FLAGGED
+
+
+def with_points(payload: bytes, points: NDArray[np.float64]) -> bytes:
+    """An encoded message with points (N, 3) in place of a list of one placeholder.
+
+    As objects, the thousands of corners of a surface would take longer to encode than the pose to find.
+    """
+    one, placeholder = np.uint32(1).tobytes(), np.array(PLACEHOLDER).tobytes()
+    at = payload.index(placeholder)
+    counted = payload.rindex(one, 0, at)
+    filled = payload[:counted] + np.uint32(len(points)).tobytes() + payload[counted + 4 : at]
+    return filled + points.astype("<f8").tobytes() + payload[at + len(placeholder) :]

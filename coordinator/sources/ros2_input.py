@@ -1,0 +1,116 @@
+"""Live input from ROS 2: depth images with the camera of their camera_info, and joint states."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Collection
+from itertools import count
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.errors import InputError, ProtocolError
+from common.frame import DepthFrame
+from common.protocol.frames import check_camera
+from coordinator.sources.camera import MILLIMETRES
+from coordinator.sources.joint_states import STATES, JointStates
+from coordinator.sources.live import LiveFrames
+from coordinator.sources.ros2 import SECOND_NS, Node, nanoseconds
+from coordinator.sources.ros_bag import CAMERA, camera_in
+from coordinator.sources.ros_images import COMPRESSED, IMAGE, pixels
+from coordinator.sources.source import UNITS_PER_METRE, to_units
+
+TRANSPORT = "/compressedDepth"  # end of the topic of compressed images
+STATES_KEPT = 1000  # 1 s of a fast controller
+
+
+class DepthTopic:
+    """Gives the images of a topic to live frames, numbered in the order of their reception.
+
+    The camera is that of the camera_info beside the images; images that come before it are left out.
+    """
+
+    def __init__(self, node: Node, topic: str, frames: LiveFrames) -> None:
+        self._node, self._topic, self._frames = node, topic, frames
+        self._kind = COMPRESSED if topic.endswith(TRANSPORT) else IMAGE
+        self._camera_topic = topic.removesuffix(TRANSPORT).rpartition("/")[0] + "/camera_info"
+        self._camera: bytes | None = None  # the last message of it
+        self._waits = False  # images for the camera
+        self._numbers = count()
+        frames.explain = self._explain
+        node.subscribe(self._camera_topic, CAMERA, self._receive_camera)
+        node.subscribe(topic, self._kind, self._receive)
+
+    def _receive_camera(self, payload: bytes) -> None:
+        self._camera = payload
+
+    def _receive(self, payload: bytes) -> None:
+        self._waits = self._camera is None
+        if not self._waits:
+            self._frames.receive(payload, decode=self._decode)
+
+    def _decode(self, payload: bytes) -> DepthFrame:
+        """The frame of an image, or ProtocolError."""
+        node, message = self._node, self._node.read(payload, self._kind)
+        try:
+            camera = camera_in(node.read(self._camera or b"", CAMERA), self._camera_topic)
+            depth, scale = pixels(message), MILLIMETRES
+        except Exception as error:  # any, for a damaged image
+            raise ProtocolError(str(error)) from error
+        if depth.dtype.kind == "f":
+            depth, scale = to_units(depth.astype(np.float64)), UNITS_PER_METRE
+        check_camera(camera, scale)
+        if depth.shape != (camera.height, camera.width):
+            size = f"{depth.shape[1]}x{depth.shape[0]}"
+            raise ProtocolError(f"it is {size}, but its camera_info {camera.width}x{camera.height}")
+        now = nanoseconds(message.header.stamp)
+        node.began_ns, node.frame_id = node.began_ns or now, message.header.frame_id or node.frame_id
+        time_s = (now - node.began_ns) / SECOND_NS
+        return DepthFrame(next(self._numbers), time_s, depth.astype(np.uint16), scale, camera)
+
+    def _explain(self) -> str:
+        """Why no frame comes, as far as it is known."""
+        if self._waits:
+            return f", because no camera_info comes on {self._camera_topic}"
+        if self._topic in self._node.topics(self._kind):
+            return ""
+        there = ", ".join(self._node.topics(IMAGE, COMPRESSED))
+        return ", which nobody publishes" + (f"; images are on {there}" if there else "")
+
+
+class JointTopic:
+    """The latest joint states of a topic, radians and metres, named as in the first that fits the body."""
+
+    def __init__(self, topic: str) -> None:
+        self.hash = topic  # in place of that of recorded states
+        self.names: tuple[str, ...] = ()
+        self._states: deque[tuple[int, NDArray[np.float64]]] = deque(maxlen=STATES_KEPT)  # times in ns
+
+    def listen(self, node: Node, known: Collection[str], report: Callable[[str], None]) -> None:
+        """Receive states; `report` is called once with a message if no joint is one of the known ones."""
+        self._node, self._known, self._report, self._reported = node, known, report, False
+        node.subscribe(self.hash, STATES, self._receive)
+
+    def _receive(self, payload: bytes) -> None:
+        try:
+            message = self._node.read(payload, STATES)
+            values = np.asarray(message.position, dtype=np.float64)
+            if not self.names:
+                names = tuple(message.name)
+                JointStates(names, values, values[:, None]).check_names(self._known)
+                self.names = names
+        except (InputError, ProtocolError) as error:
+            if not self._reported:
+                self._report(str(error))
+            self._reported = True
+            return
+        if tuple(message.name) == self.names and len(values) == len(self.names) and np.isfinite(values).all():
+            self._states.append((nanoseconds(message.header.stamp), values))
+
+    def at(self, time_s: float) -> NDArray[np.float64]:
+        """Interpolated values (K,) at a time; NaN before the first and after the last."""
+        states = sorted(self._states, key=lambda state: state[0])
+        if not states:
+            return np.full(len(self.names), np.nan)
+        times = (np.array([time for time, _ in states]) - self._node.began_ns) / SECOND_NS
+        return JointStates(self.names, times, np.array([values for _, values in states])).at(time_s)

@@ -1,0 +1,165 @@
+"""Results as messages of ROS 2, heard and answered by a peer of other people (zenoh-ros2-sdk) at a router."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import zenoh_ros2_sdk as peer
+from rosbags.typesys import Stores, get_typestore
+from scipy.spatial import KDTree
+from scipy.spatial.transform import Rotation
+
+from common.transport.opening import open_router, open_worker
+from coordinator.cli import main
+from coordinator.results.live_results import LiveResults
+from coordinator.results.ros2_results import RosOutlet
+from coordinator.results.track import read_track
+from coordinator.sources.ros2 import Node
+from tests.results.test_live_results import estimate, nobody
+from tests.sources.test_live import AT_TWO_METRES, Finder, at_work, plate
+from tests.sources.test_live import image as plate_image
+from tests.support.bodies import person
+from tests.support.processes.programs import in_thread, wait_until
+
+TOPICS = {
+    "/gepf/joint_states": "sensor_msgs/msg/JointState",
+    "/gepf/certainty": "diagnostic_msgs/msg/DiagnosticArray",
+    "/gepf/markers": "visualization_msgs/msg/MarkerArray",
+    "/tf": "tf2_msgs/msg/TFMessage",
+}
+DEPTH = "/camera/depth/image_rect_raw"
+
+
+class Peer:
+    """A robot: keeps what it hears of results, and publishes images."""
+
+    def __init__(self, port: int) -> None:
+        self.at: dict[str, Any] = {"router_ip": "127.0.0.1", "router_port": port}
+        self.heard: dict[str, list[Any]] = {topic: [] for topic in TOPICS}
+        self.subscribers = [
+            peer.ROS2Subscriber(topic, kind, self.heard[topic].append, **self.at)
+            for topic, kind in TOPICS.items()
+        ]
+        self.images = peer.ROS2Publisher(DEPTH, "sensor_msgs/msg/Image", **self.at)
+        self.cameras = peer.ROS2Publisher(
+            f"{DEPTH[:13]}/camera_info", "sensor_msgs/msg/CameraInfo", **self.at
+        )
+        self.make = peer.ZenohSession.get_instance().store.types
+
+    def show(self, number: int) -> None:
+        """Publish the picture of a plate, and its camera."""
+        make, frame = self.make, plate_image(number)
+        stamp = make["builtin_interfaces/msg/Time"](1_764_000_000 + number, 123_456_789)
+        header = make["std_msgs/msg/Header"](stamp, "optical")
+        seen, (height, width) = frame.intrinsics, frame.depth.shape
+        matrix = np.array([seen.fx, 0, seen.cx, 0, seen.fy, seen.cy, 0, 0, 1])
+        known = {"header": header, "height": height, "width": width}
+        self.cameras.publish(
+            **known,
+            distortion_model="plumb_bob",
+            d=np.zeros(5),
+            k=matrix,
+            r=np.eye(3).ravel(),
+            p=np.zeros(12),
+            binning_x=0,
+            binning_y=0,
+            roi=make["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False),
+        )
+        data = frame.depth.astype("<u2").view(np.uint8).ravel()
+        self.images.publish(**known, encoding="16UC1", is_bigendian=0, step=2 * width, data=data)
+
+
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Peer]:
+    """A peer at a router. It computes hashes of types from their definitions, which it would download."""
+    folder, types = tmp_path_factory.mktemp("messages"), get_typestore(Stores.ROS2_JAZZY)
+    for kind in types.types:
+        package, group, name = kind.split("/")
+        file = folder / package / group / f"{name}.msg"
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(types.generate_msgdef(kind, ros_version=2)[0].split("=" * 80)[0])
+    peer.get_registry().messages_dir = folder
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    with open_router([f"tcp/127.0.0.1:{port}"]):
+        robot = Peer(port)
+        yield robot
+        peer.ZenohSession.get_instance().close()
+
+
+def test_a_robot_hears_all_about_a_person(robot: Peer) -> None:
+    """Frames are at the joints with ROS's axes, the surface is the body's, doubtful joints are marked.
+
+    When the person is lost, only the certainty goes on, and the markers are deleted.
+    """
+    model, seen, away = person(), estimate(3, 0.0), np.array([0.0, 0.0, 2.0])
+    seen.pose[model.dof("root_tz")] = away[2]
+    placed = replace(seen, joint_positions=seen.joint_positions + away)
+    with open_worker([f"tcp/127.0.0.1:{robot.at['router_port']}"]) as bus:
+        outlet = RosOutlet(Node(bus, 0), "/gepf")
+        wait_until(lambda: all(name in dict(peer.get_topic_names_and_types(**robot.at)) for name in TOPICS))
+        results = LiveResults(outlet)
+        wait_until(lambda: all(each.has_subscriber for each in outlet.topics))
+        for each in (placed, nobody(4)):
+            results.put(each, model, {})
+        results.end()
+        wait_until(lambda: [len(got) for got in robot.heard.values()] == [1, 2, 3, 1])
+    states, frames = robot.heard["/gepf/joint_states"][0], robot.heard["/tf"][0].transforms
+    assert dict(zip(states.name, states.position, strict=True))["right_elbow_flexion"] == pytest.approx(0.0)
+    assert (states.header.stamp.nanosec, states.header.frame_id) == (100_000_000, "camera")
+    assert [frame.child_frame_id for frame in frames] == [f"gepf/{name}" for name in model.joint_names]
+    moved = [frame.transform.translation for frame in frames]
+    assert np.allclose([[at.x, at.y, at.z] for at in moved], placed.joint_positions)
+    turn = frames[0].transform.rotation
+    ahead_left_up = Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]).as_matrix().T
+    assert np.allclose(ahead_left_up, [[0, 0, -1], [1, 0, 0], [0, -1, 0]])  # the person faces the camera
+    body, doubts = robot.heard["/gepf/markers"][0].markers
+    corners = [[at.x, at.y, at.z] for at in body.points]
+    surface = model.vertices + away
+    assert np.max(KDTree(surface).query(corners)[0]) < 1e-9
+    assert np.allclose([np.min(corners, 0), np.max(corners, 0)], [surface.min(0), surface.max(0)], atol=0.04)
+    assert (doubts.action, len(doubts.points)) == (0, len(model.joint_names))  # all by 0.25
+    assert [each.markers[0].action for each in robot.heard["/gepf/markers"][1:]] == [3, 3]
+    certain, lost = robot.heard["/gepf/certainty"]
+    wrist = next(each for each in certain.status if each.name == "gepf/right_wrist")
+    values = {each.key: float(each.value) for each in wrist.values}
+    assert (wrist.level, values) == (1, {"off_probability": 0.25, "deviation_m": 0.05, "seen": 0.75})
+    assert (certain.status[0].level, lost.status[0].level, lost.status[0].message) == (0, 2, "absent")
+
+
+def test_a_robot_has_its_images_tracked(robot: Peer, tmp_path: Path) -> None:
+    """It finds our subscription in the graph, and hears where the plate is, at the time of its own images."""
+    router, shown = f"tcp/127.0.0.1:{robot.at['router_port']}", list[int]()
+
+    def show(stop: Any) -> None:
+        info = None
+        while not stop.wait(0.1) and not (info and info.subscriber_count):
+            info = peer.get_topic_info(DEPTH, **robot.at)
+        while not stop.wait(0.1):
+            robot.show(len(shown))
+            shown.append(len(shown))
+            if len(robot.heard["/tf"]) > 4:
+                return
+
+    robot.heard["/tf"].clear()
+
+    options = {"--connect": router, "--publish": "ros2:/gepf", "--particles": 20, **plate(tmp_path)}
+    options |= {"--out": tmp_path / "run", "--workers": 0, "--idle-timeout": 3}
+    given = (str(part) for pair in options.items() for part in pair)
+    with at_work(router, Finder()), in_thread(show):
+        assert main(["track", f"ros2:{DEPTH}", "--no-pictures", *given]) == 0
+    track = read_track(tmp_path / "run")
+    assert len(track.frame) > 4
+    for each in robot.heard["/tf"]:
+        (frame,) = each.transforms
+        assert frame.header.frame_id == "optical"
+        assert frame.header.stamp.nanosec == 123_456_789
+        assert 1_764_000_000 <= frame.header.stamp.sec < 1_764_000_000 + len(shown)
+        at = frame.transform.translation
+        assert np.allclose([at.x, at.y, at.z], AT_TWO_METRES[:3])

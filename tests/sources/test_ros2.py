@@ -1,0 +1,220 @@
+"""ROS 2 as its middleware over Zenoh speaks it: keys, tokens, images, joint states, and a peer of others."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from io import BytesIO
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+
+from common.transport.bus import Bus
+from common.transport.opening import open_router, open_worker
+from coordinator.sources.live import LiveFrames
+from coordinator.sources.live_stream import LiveCamera
+from coordinator.sources.ros2 import Node
+from coordinator.sources.ros2_input import DepthTopic, JointTopic
+from coordinator.sources.ros_images import pixels
+from tests.support.processes.programs import wait_until
+
+IMAGE, CAMERA, TOPIC = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo", "/camera/depth/image_rect_raw"
+TALKER = (
+    "0/chatter/std_msgs::msg::dds_::String_/"
+    "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
+)
+"""The key of an example in the middleware's documentation of its design."""
+DEPTH = np.array([[0, 7, 65535], [1, 0, 0]], dtype=np.uint16)
+RVL = bytes.fromhex("0300000002000000ff8ee113f3ffbff300000020")
+"""The same, with columns and rows before it, compressed by the program of the method's inventor."""
+
+
+@contextmanager
+def meeting(endpoint: str) -> Iterator[tuple[Bus, Node, Node]]:
+    """At a router: a bare session, a robot's node and ours."""
+    with ExitStack() as stack:
+        stack.enter_context(open_router([endpoint]))
+        buses = [stack.enter_context(open_worker([endpoint])) for _ in range(3)]
+        yield buses[0], Node(buses[1], 0), Node(buses[2], 0)
+
+
+def image(node: Node, depth: NDArray[np.generic], time_s: float = 0.0, encoding: str = "16UC1") -> Any:
+    """An image message."""
+    flat = np.frombuffer(depth.tobytes(), np.uint8)
+    step = depth.shape[1] * depth.dtype.itemsize
+    return node.make(IMAGE, node.header(time_s), *depth.shape, encoding, 0, step, flat)
+
+
+def camera_info(node: Node, shape: tuple[int, ...] = DEPTH.shape) -> Any:
+    """The message of a calibrated camera."""
+    matrix = np.array([50.0, 0, 1.0, 0, 51.0, 0.5, 0, 0, 1])
+    region = node.make("sensor_msgs/msg/RegionOfInterest", 0, 0, 0, 0, False)
+    unused = np.zeros(5), matrix, np.eye(3).ravel(), np.zeros(12), 0, 0, region
+    return node.make(CAMERA, node.header(0.0), *shape, "plumb_bob", *unused)
+
+
+def test_keys_tokens_and_attachments_are_those_of_the_design(endpoint: str) -> None:
+    """A message arrives on the documented key; the documented token names node, topic, type and settings."""
+    heard: list[bytes] = []
+    tokens: list[str] = []
+    with meeting(endpoint) as (bare, robot, _):
+        bare.subscribe(TALKER, lambda _, payload: heard.append(payload))
+        bare.watch("@ros2_lv/0/*/0/*/MP/**", lambda token, _: tokens.append(token))
+        talker = robot.advertise("/chatter", "std_msgs/msg/String")
+        wait_until(lambda: talker.has_subscriber and bool(tokens))
+        talker.put(robot.make("std_msgs/msg/String", "hello"))
+        wait_until(lambda: bool(heard))
+    assert heard == [b"\0\1\0\0" + struct.pack("<I", 6) + b"hello\0"]
+    _, name, kind_and_hash = TALKER.split("/", 2)
+    assert tokens[0].split("/", 5)[5] == f"MP/%/%/gepf/%{name}/{kind_and_hash}/::,10:,:,:,,"
+
+
+def compressed(form: str, packed: bytes, quantisation: tuple[float, float] = (0.0, 0.0)) -> Any:
+    """A message of the transport compressedDepth."""
+    data = np.frombuffer(struct.pack("<iff", 0, *quantisation) + packed, np.uint8)
+    return SimpleNamespace(format=form, data=data)
+
+
+def png(values: NDArray[np.uint16]) -> bytes:
+    """A 16-bit PNG."""
+    file = BytesIO()
+    Image.fromarray(values).save(file, "PNG")
+    return file.getvalue()
+
+
+def test_compressed_depth_is_unpacked() -> None:
+    """PNG and RVL give the pixels; floats are inverse depth, a / (value - b), and NaN or 0 where none is."""
+    assert np.array_equal(pixels(compressed("16UC1; compressedDepth png", png(DEPTH))), DEPTH)
+    assert np.array_equal(pixels(compressed("16UC1; compressedDepth rvl", RVL)), DEPTH)
+    metres = pixels(compressed("32FC1; compressedDepth png", png(DEPTH), (14.0, 5.0)))
+    assert metres[0, 1] == pytest.approx(7.0)
+    assert metres[1, 1] == 0.0
+
+
+@pytest.mark.parametrize("cut", range(len(RVL)))
+def test_damaged_rvl_is_refused(cut: int) -> None:
+    """A message that is cut short, or whose runs are longer than its image, is not read beyond its end."""
+    with pytest.raises(ValueError, match="its RVL has"):
+        pixels(compressed("16UC1; compressedDepth rvl", RVL[:cut]))
+    longer = RVL[:8] + bytes([0xFF] * cut)
+    with pytest.raises(ValueError, match="its RVL has"):
+        pixels(compressed("16UC1; compressedDepth rvl", longer))
+
+
+METRES = np.array([[0.0, np.nan, 1.5], [np.inf, 2.0, -1.0]], dtype=np.float32)
+
+
+@contextmanager
+def listening(ours: Node, robot: Node, *limits: float) -> Iterator[tuple[LiveFrames, list[str], Any]]:
+    """Live frames of the topic, what is reported meanwhile, and a function that publishes."""
+    reports, sent = list[str](), {TOPIC: IMAGE, "/camera/depth/camera_info": CAMERA}
+    frames = LiveFrames([LiveCamera(TOPIC)], reports.append, *limits)
+    DepthTopic(ours, TOPIC, frames)
+    publishers = [robot.advertise(*named) for named in sent.items()]
+    wait_until(lambda: all(each.has_subscriber for each in publishers) and ours.topics(IMAGE) == [TOPIC])
+
+    def publish(message: Any, camera: Any = None) -> None:
+        if camera is not None:
+            publishers[1].put(camera)
+        publishers[0].put(message)
+        frames.wait(0.1)
+
+    yield frames, reports, publish
+    frames.end()
+
+
+@pytest.mark.parametrize(
+    ("encoding", "depth", "metres"),
+    [
+        ("16UC1", DEPTH, DEPTH / 1000),
+        ("mono16", DEPTH, DEPTH / 1000),
+        ("32FC1", METRES, [[0.0, 0.0, 1.5], [0.0, 2.0, 0.0]]),
+    ],
+)
+def test_images_become_frames_with_exact_times(
+    endpoint: str, encoding: str, depth: NDArray[np.generic], metres: Any
+) -> None:
+    """In metres, with their camera; the header of a result is that of its image, to the nanosecond."""
+    with meeting(endpoint) as (_, robot, ours), listening(ours, robot) as (frames, _, publish):
+        robot.began_ns, robot.frame_id = 1_764_000_000_123_456_789, "optical"
+        for time_s in (0.0, 1 / 3, 5000 / 3):
+            before, message = frames.counts["received"], image(robot, depth, time_s, encoding)
+            while frames.counts["received"] == before:  # the camera may come after the image
+                publish(message, camera_info(robot))
+            frame = next(iter(frames))
+            assert frame.time_s == pytest.approx(time_s, abs=1e-9)
+            assert ours.header(frame.time_s) == message.header
+            assert np.allclose(frame.metres(), metres, atol=1e-4)
+            assert (frame.intrinsics.fx, frame.intrinsics.cy) == (50.0, 0.5)
+
+
+def test_a_topic_that_nobody_publishes_is_named_beside_those_that_exist(endpoint: str) -> None:
+    """When none came for a while, and at the end of the run."""
+    with meeting(endpoint) as (_, robot, ours):
+        robot.advertise("/head/depth", IMAGE)
+        wait_until(lambda: ours.topics(IMAGE) == ["/head/depth"])
+        reports = list[str]()
+        frames = LiveFrames([LiveCamera(TOPIC)], reports.append, 0.1, idle=0.3)
+        DepthTopic(ours, TOPIC, frames)
+        assert list(frames) == []
+        why = "which nobody publishes; images are on /head/depth"
+        assert reports[0] == f"no frame comes on {TOPIC}, {why}; waiting for one"
+        assert reports[1] == f"no frame came on {TOPIC} for 0.3 s, {why}; ending"
+
+
+def test_images_without_a_camera_are_left_out(endpoint: str) -> None:
+    """The line names the topic on which the camera was expected."""
+    with (
+        meeting(endpoint) as (_, robot, ours),
+        listening(ours, robot, 0.1, 0.3) as (frames, reports, publish),
+    ):
+        publish(image(robot, DEPTH))
+        assert list(frames) == []
+        assert "because no camera_info comes on /camera/depth/camera_info; waiting" in reports[0]
+
+
+@pytest.mark.parametrize(
+    ("depth", "encoding", "words"),
+    [
+        (DEPTH, "rgb8", "its encoding is rgb8, not mono16, 16UC1, 32FC1"),
+        (DEPTH.T, "16UC1", "it is 2x3, but its camera_info 3x2"),
+        (DEPTH[:1], "mono16", "it is 3x1, but its camera_info 3x2"),
+    ],
+)
+def test_images_that_are_no_depth_of_their_camera_are_refused(
+    endpoint: str, depth: NDArray[np.generic], encoding: str, words: str
+) -> None:
+    """The line says what is wrong with them."""
+    with meeting(endpoint) as (_, robot, ours), listening(ours, robot) as (frames, reports, publish):
+        while not reports:
+            publish(image(robot, depth, encoding=encoding), camera_info(robot))
+        assert reports == [f"a message on {TOPIC} makes no sense: {words}"]
+        assert frames.counts["received"] == 0
+
+
+def test_joint_states_are_interpolated_at_the_times_of_frames(endpoint: str) -> None:
+    """Between two states; unknown after the last. States of other joints, as a gripper's, are left out."""
+    with meeting(endpoint) as (_, robot, ours):
+        states = robot.advertise("/joint_states", "sensor_msgs/msg/JointState")
+        topic, reports = JointTopic("/joint_states"), list[str]()
+        topic.listen(ours, ["root_tx", "elbow"], reports.append)
+        wait_until(lambda: states.has_subscriber)
+        robot.began_ns = ours.began_ns = 1_764_000_000_000_000_000
+        nothing = np.empty(0)
+        for time_s, name, value in ((0.0, "finger", 9.0), (0.0, "elbow", 1.0), (0.1, "elbow", 2.0)):
+            position = np.array([value])
+            states.put(
+                robot.make(
+                    "sensor_msgs/msg/JointState", robot.header(time_s), [name], position, nothing, nothing
+                )
+            )
+        wait_until(lambda: topic.names == ("elbow",) and bool(np.isfinite(topic.at(0.05)).all()))
+        assert topic.at(0.025) == pytest.approx([1.25])
+        assert np.isnan(topic.at(0.2)).all()
+        assert len(reports) == 1
+        assert "unknown degree of freedom 'finger'" in reports[0]
