@@ -151,13 +151,12 @@ def find_balls(
         triple = slice(j, j + 3)
         chained = parents[j + 1] == j and parents[j + 2] == j + 1
         bare = np.all(children[j : j + 2] == 1) and not np.isin([j, j + 1], carriers).any()
-        orthonormal = np.allclose(axes[triple] @ axes[triple].T, np.eye(3), atol=1e-9)
-        together = np.allclose(points[triple], points[j], atol=1e-9)
-        if np.all(kinds[triple] == ROTATION) and chained and bare and orthonormal and together:
-            balls.append(j)
-            j += 3
-        else:
-            j += 1
+        if chained and bare and np.all(kinds[triple] == ROTATION):
+            orthonormal = np.allclose(axes[triple] @ axes[triple].T, np.eye(3), atol=1e-9)
+            if orthonormal and np.allclose(points[triple], points[j], atol=1e-9):
+                balls.append(j)
+                j += 2
+        j += 1
     return np.array(balls, dtype=np.int64)
 
 

@@ -78,19 +78,19 @@ def centre(cell: float, image: Image, middle: Array) -> None:
         middle[1] += down / count * cell
 
 
-@numba.njit(cache=True, nogil=True)
-def compare(cells: Image, occupied: Array, image: Image, bound: float, out: Array) -> None:
+@numba.njit(cache=True, nogil=True, fastmath={"nnan", "nsz"})
+def compare(cells: Image, occupied: Image, image: Image, bound: float, out: Image) -> None:
     """Fill out (N,) with the differences of descriptors from an image: the sum of min(|dz|, bound)^2.
 
     cells: Descriptors (ROWS * COLUMNS, N); occupied: number of cells of each that are not empty.
     """
-    worst, depths = bound * bound, image.ravel()
+    worst, depths, none = np.float32(bound * bound), image.ravel(), np.float32(0.0)
     for n in range(len(out)):
         out[n] = worst * occupied[n]
     for k in range(len(depths)):
         if depths[k] < EMPTY:
             line, depth = cells[k], depths[k]
             for n in range(len(out)):
-                apart = np.float64(line[n] - depth)
-                both = worst if line[n] < EMPTY else 0.0
+                apart = line[n] - depth
+                both = worst if line[n] < EMPTY else none
                 out[n] += min(apart * apart, worst) - both

@@ -80,7 +80,7 @@ class PoseLibrary:
     poses: Array  # (N, D)
     middles: Array  # (N, 3)
     cells: NDArray[np.float32]  # (ROWS * COLUMNS, N)
-    occupied: Array  # (N,)
+    occupied: NDArray[np.float32]  # (N,)
     cell_m: float
 
     def match(
@@ -100,7 +100,8 @@ class PoseLibrary:
         """
         turn = look_straight(points.mean(axis=0), roll)
         seen = np.ascontiguousarray(points @ turn.T)
-        difference, middles = np.empty((len(scales), len(self.poses))), np.empty((len(scales), 3))
+        difference = np.empty((len(scales), len(self.poses)), dtype=np.float32)
+        middles = np.empty((len(scales), 3))
         image = np.empty((ROWS, COLUMNS), dtype=np.float32)
         for k, scale in enumerate(scales):
             cells = describe(seen / scale, self.cell_m, image, middles[k])
@@ -244,7 +245,7 @@ def describe_poses(model: BodyModel, poses: Array, cell_m: float) -> PoseLibrary
     """Compute the descriptors of poses (N, D)."""
     count, every = len(poses), stride(model)
     images, middles = np.empty((count, ROWS, COLUMNS), dtype=np.float32), np.empty((count, 3))
-    occupied = np.empty(count)
+    occupied = np.empty(count, dtype=np.float32)
     links, vertices = model.skin_links[::every, 0].copy(), model.vertices[::every].copy()
     describe_each(vertices, links, link_transforms(model, poses), cell_m, images, middles, occupied)
     cells = np.ascontiguousarray(images.reshape(count, ROWS * COLUMNS).T)
@@ -264,7 +265,7 @@ def describe_each(
     cell_m: float,
     images: NDArray[np.float32],
     middles: Array,
-    occupied: Array,
+    occupied: NDArray[np.float32],
 ) -> None:
     """Fill images (N, ROWS, COLUMNS), middles (N, 3) and occupied (N,) of a body in each pose.
 
