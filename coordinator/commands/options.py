@@ -327,7 +327,7 @@ class SynthOptions:
         int, typer.Option(metavar="N", help="Cameras around the person; several make a rig.")
     ] = 1
     apart: Annotated[float, typer.Option(metavar="DEG", help="Degrees from camera to camera.")] = 90.0
-    late: Annotated[float, typer.Option(metavar="MS", help="Each camera is so much later.")] = 0.0
+    late: Annotated[float | None, typer.Option(metavar="MS", help="Each camera is so much later.")] = None
     room: Annotated[bool, typer.Option("--room", help="Add floor, ceiling and walls.")] = False
 
 

@@ -33,7 +33,7 @@ from coordinator.results.summary import (
 )
 from coordinator.sources.live_stream import is_topic, live_key
 from coordinator.sources.rig import live_cameras
-from coordinator.tracking.cameras import Kind, describe_changes
+from coordinator.tracking.faults import Kind, describe_changes
 from coordinator.tracking.reporting import Tracked
 from coordinator.tracking.tracker import Tracker
 

@@ -48,7 +48,7 @@ def synthesise(  # noqa: PLR0913 one parameter an option
     kinect: bool = False,
     cameras: int = 1,
     apart: float = 90.0,
-    late: float = 0.0,
+    late: float | None = None,
     room: bool = False,
 ) -> None:
     """Write the first `frames` of a scene as a sequence folder with truth and start.
@@ -68,6 +68,7 @@ def synthesise(  # noqa: PLR0913 one parameter an option
     noise = SensorNoise(noise_depth or 0.0, noise_lateral or 0.0)
     if seed < 0:
         raise InputError(f"seed {seed} is negative; choose 0 or more")
+    late = late or 0.0
     if not (1 <= cameras <= MAX_CAMERAS and 0.0 <= late < 1000.0):
         raise InputError(
             f"choose 1 to {MAX_CAMERAS} cameras that are 0 to 1000 ms late, not {cameras}, {late:g}"

@@ -10,8 +10,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Literal
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,37 +19,14 @@ from common.body import BodyModel
 from common.compiling import numba
 from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import pose_vertices
+from coordinator.tracking.faults import CONTRADICTS, NO_DEPTH, REPEATS, CameraState, CameraStates
 from coordinator.tracking.gating import RESIDUAL_M
 from coordinator.tracking.observation import camera_points
 
 Array = NDArray[np.float64]
-Kind = Literal["gives no depth", "repeats an image", "contradicts the others"]
-
-NO_DEPTH: Kind = "gives no depth"
-REPEATS: Kind = "repeats an image"
-CONTRADICTS: Kind = "contradicts the others"
-PERSISTS_S = 0.5  # until a fault is reported
 EVERY_ROW = 8  # of an image is compared with the image before
 EVERY_TRIANGLE = 3  # of the body is compared with the points
 POINTS = 100  # of a camera, to compare with the pose
-REMEDY = "; gepf calibrate finds its place again from recordings of the cameras"
-
-
-@dataclass(frozen=True, slots=True)
-class CameraState:
-    """A camera after a frame."""
-
-    image: int  # checksum of a part of its last image
-    good_s: float  # time of the last frame without a fault
-    fault: Kind | None = None
-
-    def lasts(self, time_s: float) -> bool:
-        """Whether the fault has lasted so long that it is reported."""
-        return self.fault is not None and time_s - self.good_s >= PERSISTS_S
-
-
-CameraStates = dict[str, CameraState]
-"""By the camera's name."""
 
 
 def watch(
@@ -121,25 +97,3 @@ def nearest_mean(points: Array, others: Array) -> float:
             least = min(least, x * x + y * y + z * z)
         total += np.sqrt(least)
     return total / len(points) if len(points) and len(others) else 0.0
-
-
-def faults_of(states: Mapping[str, CameraState], time_s: float) -> dict[str, tuple[Kind, float]]:
-    """The lasting faults of cameras at the time of a frame, each with its start."""
-    return {
-        name: (state.fault, state.good_s)
-        for name, state in states.items()
-        if state.fault is not None and state.lasts(time_s)
-    }
-
-
-def describe_changes(
-    before: Mapping[str, tuple[Kind, float]], now: Mapping[str, tuple[Kind, float]]
-) -> list[str]:
-    """Messages on the faults that were found since another frame, and on those that have ended."""
-    found = [
-        f"camera {name} {kind} since {since:.2f} s"
-        + (f" and is left out{REMEDY}" if kind == CONTRADICTS else "")
-        for name, (kind, since) in now.items()
-        if name not in before or before[name][0] != kind
-    ]
-    return found + [f"camera {name} is used again" for name in before if name not in now]

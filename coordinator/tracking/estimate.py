@@ -8,8 +8,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from coordinator.tracking.cameras import Kind
 from coordinator.tracking.certainty.certainty import Certainty
+from coordinator.tracking.faults import Kind
 
 Status = Literal["tracked", "ambiguous", "lost", "searching", "absent"]
 

@@ -11,11 +11,11 @@ from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import joint_positions
 from coordinator.filters.belief import Belief
 from coordinator.stopwatch import Stopwatch
-from coordinator.tracking.cameras import faults_of
 from coordinator.tracking.certainty.certainty import FIT, OFF, SUSPECTED, Certainty, unknown_certainty
 from coordinator.tracking.certainty.features import FrameContext, measure_features
 from coordinator.tracking.certainty.surface import seen_shares
 from coordinator.tracking.estimate import MAX_HYPOTHESES, UNKNOWN, Estimate, Status
+from coordinator.tracking.faults import faults_of
 from coordinator.tracking.state import TrackerState
 from coordinator.tracking.track_management import TrackManagement
 

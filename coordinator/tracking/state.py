@@ -18,7 +18,7 @@ from coordinator.bodies.human.measures import REFERENCE_STATURE
 from coordinator.bodies.tracked import Bodies, pose_by_name
 from coordinator.files import read_numbers
 from coordinator.scene.scene import SceneChanges
-from coordinator.tracking.cameras import CameraStates
+from coordinator.tracking.faults import CameraStates
 from coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise
 from coordinator.tracking.size import SizeEstimate
 from coordinator.tracking.track_management import TrackManagement

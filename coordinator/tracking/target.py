@@ -28,10 +28,11 @@ from coordinator.filters.methods import METHODS, apply_method, pace_iterations
 from coordinator.scene.planes import Planes
 from coordinator.scene.scene import SceneChanges
 from coordinator.stopwatch import Stopwatch
-from coordinator.tracking.cameras import CameraStates, find_contradicting
+from coordinator.tracking.cameras import find_contradicting
 from coordinator.tracking.certainty.features import FrameContext
 from coordinator.tracking.detector import Candidates, Detection, Detector, Search, Stage
 from coordinator.tracking.estimate import MAX_HYPOTHESES, Status
+from coordinator.tracking.faults import CameraStates
 from coordinator.tracking.gating import LEAST_PIXELS, gate_pose
 from coordinator.tracking.known_motion import KnownMotion
 from coordinator.tracking.loop import Pace

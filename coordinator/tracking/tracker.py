@@ -19,7 +19,8 @@ from coordinator.bodies.tracked import Bodies
 from coordinator.scene.scene import NOTHING, SETTLED_FRAMES
 from coordinator.scene.scope import Scope
 from coordinator.stopwatch import Stopwatch
-from coordinator.tracking.cameras import CameraStates, watch
+from coordinator.tracking.cameras import watch
+from coordinator.tracking.faults import CameraStates
 from coordinator.tracking.known_motion import KnownMotion
 from coordinator.tracking.loop import Live, Lookahead, Pace
 from coordinator.tracking.observation import middle_of

@@ -17,8 +17,9 @@ from common.kinematics.rotations import euler_matrix
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
 from coordinator.synthesis.rendering import DepthRenderer
-from coordinator.tracking.cameras import CameraStates, describe_changes, faults_of, watch
+from coordinator.tracking.cameras import watch
 from coordinator.tracking.estimate import Estimate
+from coordinator.tracking.faults import CameraStates, describe_changes, faults_of
 from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
 from tests.support.people import CAMERA, SETTINGS, STANDING, frame_of, known

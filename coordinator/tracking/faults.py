@@ -1,0 +1,54 @@
+"""The faults of the cameras of a rig, and how they are reported."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+Kind = Literal["gives no depth", "repeats an image", "contradicts the others"]
+
+NO_DEPTH: Kind = "gives no depth"
+REPEATS: Kind = "repeats an image"
+CONTRADICTS: Kind = "contradicts the others"
+PERSISTS_S = 0.5  # until a fault is reported
+REMEDY = "; gepf calibrate finds its place again from recordings of the cameras"
+
+
+@dataclass(frozen=True, slots=True)
+class CameraState:
+    """A camera after a frame."""
+
+    image: int  # checksum of a part of its last image
+    good_s: float  # time of the last frame without a fault
+    fault: Kind | None = None
+
+    def lasts(self, time_s: float) -> bool:
+        """Whether the fault has lasted so long that it is reported."""
+        return self.fault is not None and time_s - self.good_s >= PERSISTS_S
+
+
+CameraStates = dict[str, CameraState]
+"""By the camera's name."""
+
+
+def faults_of(states: Mapping[str, CameraState], time_s: float) -> dict[str, tuple[Kind, float]]:
+    """The lasting faults of cameras at the time of a frame, each with its start."""
+    return {
+        name: (state.fault, state.good_s)
+        for name, state in states.items()
+        if state.fault is not None and state.lasts(time_s)
+    }
+
+
+def describe_changes(
+    before: Mapping[str, tuple[Kind, float]], now: Mapping[str, tuple[Kind, float]]
+) -> list[str]:
+    """Messages on the faults that were found since another frame, and on those that have ended."""
+    found = [
+        f"camera {name} {kind} since {since:.2f} s"
+        + (f" and is left out{REMEDY}" if kind == CONTRADICTS else "")
+        for name, (kind, since) in now.items()
+        if name not in before or before[name][0] != kind
+    ]
+    return found + [f"camera {name} is used again" for name in before if name not in now]
