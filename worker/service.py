@@ -14,6 +14,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -99,20 +100,23 @@ class Service:
         self._bus.serve_requests(keys.of_worker(self._name, "refine"), self._accept)
         self._bus.announce(keys.of_worker(self._name, f"lanes/{self._kernel.lanes}"))
         self._bus.announce(keys.of_worker(self._name, "alive"))  # last, as requests follow
-        spare = threading.Thread(target=self._serve_spare, daemon=True)
-        spare.start()
-        while not (self._stopped or self.abandoned):
+        with ThreadPoolExecutor(1) as threads:
+            spare = threads.submit(self._serve_spare)
             try:
-                self._tasks.get(timeout=LOOK_S).do()
-            except Empty:
-                self.abandoned = self._is_link_dead()
-        spare.join()
+                while not (self._stopped or self.abandoned or spare.done()):
+                    try:
+                        self._tasks.get(timeout=LOOK_S).do()
+                    except Empty:
+                        self.abandoned = self._is_link_dead()
+            finally:
+                self.stop()  # the other thread, too
+            spare.result()  # raises its error
 
     def _serve_spare(self) -> None:
         """Serve spare requests until `run` ends. Threads that are started from here have its priority."""
         if sys.platform == "linux":  # elsewhere, a priority is that of the process
             os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), LOW_PRIORITY)
-        while not (self._stopped or self.abandoned):
+        while not self._stopped:
             with suppress(Empty):
                 self._spare_tasks.get(timeout=LOOK_S).do()
 

@@ -23,10 +23,6 @@ class CameraState:
     good_s: float  # time of the last frame without a fault
     fault: Kind | None = None
 
-    def lasts(self, time_s: float) -> bool:
-        """Whether the fault has lasted so long that it is reported."""
-        return self.fault is not None and time_s - self.good_s >= PERSISTS_S
-
 
 CameraStates = dict[str, CameraState]
 """By the camera's name."""
@@ -37,7 +33,7 @@ def faults_of(states: Mapping[str, CameraState], time_s: float) -> dict[str, tup
     return {
         name: (state.fault, state.good_s)
         for name, state in states.items()
-        if state.fault is not None and state.lasts(time_s)
+        if state.fault is not None and time_s - state.good_s >= PERSISTS_S
     }
 
 

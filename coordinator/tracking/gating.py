@@ -26,9 +26,7 @@ LEAST_PIXELS = 150  # smallest number that can show a body
 SPAN_SHARES = (0.35, 1.6)  # extent of a person in a frame over stature; else the depth scale is wrong
 HEAD_DOWN_M = -0.2  # height of the head above the pelvis
 FLOOR_M = (-0.25, 0.6)  # height of the lowest joint above the floor
-SHOWN_SHARE = (
-    0.72  # least of head and of legs: at least 0.77 in real people, at most 0.69 in coats, dogs, chairs
-)
+SHOWN_SHARE = 0.72  # least of head and of legs: real people have 0.77 or more; coats, dogs, chairs 0.69
 AGREES_M = 0.06  # largest distance in depth between the body and what shows it
 CELL_SHARE = 0.018  # of stature: side of the cells into which the body is drawn; its vertices fill them
 CROSS = generate_binary_structure(2, 1)  # a cell and its four neighbours
@@ -93,7 +91,7 @@ def reject_parts(model: BodyModel, pose: Array, subject: SubjectFrame, stature: 
         joints = [n for n, joint in enumerate(model.joint_names) if joint.split("_")[-1] in names]
         mine = agrees[np.isin(links[drawn], model.joint_links[joints])]
         if np.sum(mine) <= SHOWN_SHARE * len(mine):
-            return f"no {part} can be seen where the body should have them: an object, not a person"
+            return f"where the {part} of the body should be, there is something else: an object, not a person"
     return ""
 
 

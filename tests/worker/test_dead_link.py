@@ -9,12 +9,13 @@ from typing import Any
 
 import pytest
 
+from common.errors import BusError
 from common.protocol import keys
 from common.transport.opening import open_coordinator, open_router, open_worker
 from tests.support.processes.instant_worker import KERNEL
 from tests.support.processes.programs import INSTANT, started, wait_until
 from tests.support.processes.serving import expected, pool, refined_bytes, running
-from worker.service import Service
+from worker.service import Service, Task
 
 
 @pytest.mark.slow
@@ -58,3 +59,17 @@ def test_a_worker_leaves_a_run_that_is_announced_and_does_not_answer(
         service = Service(own, "w", KERNEL)
         service.run()
         assert service.abandoned
+
+
+@pytest.mark.timeout(60)
+def test_a_worker_whose_spare_requests_fail_on_the_bus_ends_with_the_error(endpoint: str) -> None:
+    """As it does for other requests: it can be started again, but must not go on without serving searches."""
+
+    def fail() -> None:
+        raise BusError("the link is broken")
+
+    with open_coordinator([endpoint]), open_worker([endpoint]) as own:
+        service = Service(own, "w", KERNEL)
+        service._spare_tasks.put(Task("r", fail))
+        with pytest.raises(BusError, match="the link is broken"):
+            service.run()
