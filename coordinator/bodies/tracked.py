@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 SIZES = 32  # bodies that are kept
 
 
+@lru_cache(SIZES)
 def coarsen(model: BodyModel, cell_m: float) -> BodyModel:
     """The same body with one vertex for each link and cell: the one nearest the mean of the vertices there.
 

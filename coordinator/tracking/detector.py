@@ -11,9 +11,9 @@ when it goes on. So a caller can do other work meanwhile. A search that is dropp
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import msgspec
 import numpy as np
@@ -43,9 +43,9 @@ STATURE_STEPS = (0.97, 1.0, 1.03)  # factors of the best of these
 GIRTHS = (0.9, 1.05, 1.2, 1.4)
 USUAL_GIRTH = GIRTHS[1]
 CANDIDATES, TURNED = 120, 20  # in the first orientation of the image, and in each other
-SURVIVORS, FINALISTS = 32, 6  # distinct candidates after the first stage, and after the second
+SURVIVORS, FINALISTS = 16, 4  # distinct candidates after the first stage, and after the second
 SIZED = 2  # finalists that are refined with several sizes
-FIRST_ITERATIONS, ITERATIONS = 3, 12  # of the first stage, and of the next ones
+FIRST_ITERATIONS, ITERATIONS, LAST_ITERATIONS = 3, 12, 6  # of the first stage, the next ones, and the last
 FEW_POINTS = 1_000  # on which candidates are refined
 DISTINCT_M = 0.05  # mean distance of the joints; nearer candidates are the same
 FACING_LOG_LIKELIHOOD = 2.0  # least difference that distinguishes front from back
@@ -136,7 +136,6 @@ class Detector:
         degrees = (0, 90, 180, 270) if settings.rotate_deg is None else (settings.rotate_deg,)
         self._ways_up = tuple(float(np.radians(each)) for each in degrees)
         self._usual = bodies.measures or (REFERENCE_STATURE, USUAL_GIRTH)
-        self._coarse = lru_cache(len(STATURES_M))(self._coarsen)
 
     @cached_property
     def _library(self) -> PoseLibrary:
@@ -155,7 +154,7 @@ class Detector:
         size, found = yield from self._search(subject, settings, self._sizes, ways)
         model = self._bodies.for_start(*size)
         start = detected_start(model, found[0], size, self._bodies, noise)
-        settled = iterations(settings, ITERATIONS)
+        settled = iterations(settings, LAST_ITERATIONS)
         candidates = yield from self._refine_tracked(subject, start, found, settled)
         gate = gate_pose(candidates.log_likelihood[0], candidates.residual[0], settings)
         if self._bodies.people:
@@ -188,7 +187,7 @@ class Detector:
         model = self._bodies.for_start(*size)
         known = np.array([values.get(name, 0.0) for name in model.dof_names])
         _, found = yield from self._search(subject, settings, [size], ways, known)
-        settled = iterations(rules, ITERATIONS)
+        settled = iterations(rules, LAST_ITERATIONS)
         candidates = yield from self._refine_tracked(subject, start, found, settled)
         gate = gate_pose(candidates.log_likelihood[0], candidates.residual[0], rules)
         return Detection(start, candidates, gate)
@@ -222,7 +221,7 @@ class Detector:
         known = self._bodies.measures
         return [known] if known else [(stature, USUAL_GIRTH) for stature in STATURES_M]
 
-    def _coarsen(self, stature: float, girth: float) -> BodyModel:
+    def _coarse(self, stature: float, girth: float) -> BodyModel:
         """The body of candidates of this size."""
         return coarsen(self._bodies.for_start(stature, girth), self._library.cell_m)
 
@@ -240,12 +239,12 @@ class Detector:
         rotated.
         """
         names = self._bodies.for_start(*sizes[0]).joint_names
-        poses, of = self._match(subject, sizes, ways_up, last)
+        matched = self._match(subject, sizes, ways_up, last)
         few, models = thin(subject, FEW_POINTS), [self._coarse(*size) for size in sizes]
         first, then = (iterations(settings, count) for count in (FIRST_ITERATIONS, ITERATIONS))
-        found = yield from self._refine_candidates(few, models, poses, of, first)
+        found = yield from self._refine_candidates(few, models, matched, first)
         found = found.distinct(names, SURVIVORS)
-        found = yield from self._refine_candidates(few, models, found.poses, found.sizes, then)
+        found = yield from self._refine_candidates(few, models, [(found.poses, found.sizes)], then)
         found = found.distinct(names, FINALISTS)
         size, poses = sizes[found.sizes[0]], found.poses
         if len(sizes) > 1:
@@ -267,7 +266,7 @@ class Detector:
         of = np.tile(np.arange(len(sizes)), len(poses))
         models = [self._bodies.for_start(*size) for size in sizes]
         all_poses = np.repeat(poses, len(sizes), axis=0)
-        found = yield from self._refine_candidates(subject, models, all_poses, of, settings)
+        found = yield from self._refine_candidates(subject, models, [(all_poses, of)], settings)
         return sizes[found.sizes[0]], found.poses[:1]
 
     def _match(
@@ -276,18 +275,15 @@ class Detector:
         sizes: Sequence[tuple[float, float]],
         ways_up: Sequence[float],
         last: Array | None,
-    ) -> tuple[Array, Indices]:
-        """Candidates (N, D) from the library, in all orientations, and the last pose; their sizes (N,)."""
+    ) -> Iterator[tuple[Array, Indices]]:
+        """Candidates (N, D) and their sizes (N,): from the library in each orientation, and the last pose."""
         points, placed = camera_points(subject), subject.frame.T_rig_camera
         scales = [stature / self._usual[0] if self._bodies.people else 1.0 for stature, _ in sizes]
-        matched = [
-            self._library.match(points, scales, way, CANDIDATES if n == 0 else TURNED, placed)
-            for n, way in enumerate(ways_up)
-        ]
+        for n, way in enumerate(ways_up):
+            yield self._library.match(points, scales, way, CANDIDATES if n == 0 else TURNED, placed)
         if last is not None:
             poses = displaced(self._bodies.for_start(*sizes[0]), last, points, self._library.cell_m, placed)
-            matched.append((poses, np.zeros(len(poses), dtype=np.int64)))
-        return np.concatenate([poses for poses, _ in matched]), np.concatenate([of for _, of in matched])
+            yield poses, np.zeros(len(poses), dtype=np.int64)
 
     def _refine_tracked(
         self, subject: SubjectFrame, start: Start, poses: Array, settings: RefineSettings
@@ -299,23 +295,28 @@ class Detector:
             if name in searched.dof_names:
                 taken[:, j] = poses[:, searched.dof(name)]
         sizes = np.zeros(len(taken), dtype=np.int64)
-        return (yield from self._refine_candidates(subject, [model], taken, sizes, settings))
+        return (yield from self._refine_candidates(subject, [model], [(taken, sizes)], settings))
 
     def _refine_candidates(
         self,
         subject: SubjectFrame,
         models: Sequence[BodyModel],
-        poses: Array,
-        of: Indices,
+        groups: Iterable[tuple[Array, Indices]],
         settings: RefineSettings,
     ) -> Generator[Stage, None, Candidates]:
-        """Refine poses (N, D) of bodies with these indices (N,), in requests of bounded duration."""
+        """Refine poses (N, D) of bodies with these indices (N,), in requests of bounded duration.
+
+        Each group is sent as soon as it is known.
+        """
         most, sent = max(1, REQUEST_ITERATIONS // (settings.icp_iterations + 1)), list[tuple[int, Pending]]()
-        for size in np.unique(of).tolist():
-            mine = poses[of == size]
-            for first in range(0, len(mine), most):
-                some = mine[first : first + most]
-                sent.append((size, self._refiner.submit(subject, models[size], some, settings, spare=True)))
+        for poses, of in groups:
+            for size in np.unique(of).tolist():
+                mine = poses[of == size]
+                for first in range(0, len(mine), most):
+                    some = mine[first : first + most]
+                    sent.append(
+                        (size, self._refiner.submit(subject, models[size], some, settings, spare=True))
+                    )
         try:
             yield Stage(tuple(pending for _, pending in sent))
             return ordered([candidates_of(models[size], pending.result(), size) for size, pending in sent])
