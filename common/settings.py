@@ -77,7 +77,7 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 PRESETS = {
     "default": Settings(
         preset="default",
-        points=4_000,
+        points=3_000,
         pace_iterations=2.0,
         refine=RefineSettings(
             icp_iterations=4,

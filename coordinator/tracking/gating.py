@@ -85,6 +85,8 @@ def reject_parts(model: BodyModel, pose: Array, subject: SubjectFrame, stature: 
     A pose that hides all of the head or the legs behind the body itself is no evidence of a person.
     """
     surface, links = pose_vertices(model, pose[None])[0], model.skin_links[:, 0]
+    surface = np.concatenate([surface, surface[model.triangles].mean(axis=1)])
+    links = np.concatenate([links, links[model.triangles[:, 0]]])
     views = [compare(surface, each, CELL_SHARE * stature) for each in subject.views]
     drawn, agrees = (np.concatenate(each) for each in zip(*views, strict=True))
     for part, names in PARTS.items():

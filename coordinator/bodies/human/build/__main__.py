@@ -38,7 +38,7 @@ Children: the medians of the World Health Organization's growth standards. Adult
 """
 CLOTHES_M = 0.008
 GAP_M = 0.02  # half the width of gaps in which clothes hang, and between fingers
-CELL = 0.0170
+CELL = 0.0225
 """Approximate distance of neighbouring vertices, as a share of stature."""
 STEP = 0.01  # of stature, of a length, for its effect
 BARE = ("skull", "hand", "foot", "toes")
