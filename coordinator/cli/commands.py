@@ -1,30 +1,16 @@
-"""The commands of `gepf` and their options."""
+"""The commands of `gepf`."""
 
 from __future__ import annotations
 
 import sys
 from dataclasses import asdict
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
+from coordinator.commands import options as given
 from coordinator.commands.console import leave_processors, loading, say
-from coordinator.commands.options import (
-    CameraOptions,
-    Force,
-    Model,
-    PicturesOptions,
-    PublishOptions,
-    Quiet,
-    Recording,
-    Run,
-    SecurityOptions,
-    SynthOptions,
-    TrackOptions,
-    ViewOptions,
-    grouped,
-)
+from coordinator.commands.options import CameraOptions, Quiet, SecurityOptions, grouped
 
 if TYPE_CHECKING:
     from coordinator.commands.progress import Show
@@ -45,29 +31,21 @@ def on_stderr(*, quiet: bool = False) -> Show:
 
 
 @app.command(rich_help_panel=TRACK)
-def demo(
-    out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder for the demo (default: gepf-demo).")
-    ] = None,
-    scene: Annotated[
-        str, typer.Option(metavar="person|arm", help="People who move fast, or the paper's arm with noise.")
-    ] = "person",
-    *,
-    quiet: Quiet = False,
-) -> None:
+@grouped
+def demo(options: given.DemoOptions, quiet: Quiet = False) -> None:
     """Track rendered sequences with one particle and with many; show errors and draw pictures."""
     show = on_stderr(quiet=quiet)
     show.say("rendering a scene and tracking it in two ways; loading")
     with loading():
         from coordinator.commands.demo import run_demo
 
-    run_demo(out, show, scene)
+    run_demo(options.out, show, options.scene)
 
 
 @app.command(rich_help_panel=TRACK)
 @grouped
 def track(
-    context: typer.Context, options: TrackOptions, camera: CameraOptions, security: SecurityOptions
+    context: typer.Context, options: given.TrackOptions, camera: CameraOptions, security: SecurityOptions
 ) -> None:
     """Track a recorded sequence, or depth frames as they are published."""
     show = on_stderr(quiet=options.quiet)
@@ -81,50 +59,28 @@ def track(
 
 @app.command(rich_help_panel=SEQUENCES)
 @grouped
-def info(
-    sequence: Recording,
-    camera: CameraOptions,
-    *,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
-    thumbnail: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw a frame as PNG.")] = None,
-    picture: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Draw the detected floor, walls and people as PNG.")
-    ] = None,
-) -> None:
+def info(options: given.InfoOptions, camera: CameraOptions) -> None:
     """Show facts about a sequence and its scene: camera, depth, floor, walls, people; or about a run."""
     from coordinator.commands.info import run_info
 
-    run_info(sequence, camera, thumbnail, picture, as_json=as_json)
-
-
-@app.command(rich_help_panel=SEQUENCES)
-def calibrate(
-    context: typer.Context,
-    sequences: Annotated[
-        list[Path],
-        typer.Argument(metavar="A B [C ...]", help="A recording of each camera, at the same time."),
-    ],
-    out: Annotated[Path, typer.Option("--out", metavar="FILE.json", help="Rig to write.")],
-    given: Annotated[
-        Path | None,
-        typer.Option("--from", metavar="FILE|DIR", help="Places from Kalibr, ROS or 4 x 4 matrices instead."),
-    ] = None,
-    *,
-    force: Force = False,
-    quiet: Quiet = False,
-) -> None:
-    """Find the places and clocks of cameras, from a person who moves in front of all of them."""
-    show = on_stderr(quiet=quiet)
-    show.say(f"calibrating {len(sequences)} cameras; loading")
-    with loading():
-        from coordinator.commands.calibrate import run_calibrate
-        from coordinator.commands.workers import connect_workers
-    run_calibrate(sequences, given, out, show, context.obj or connect_workers, force=force)
+    run_info(options, camera)
 
 
 @app.command(rich_help_panel=SEQUENCES)
 @grouped
-def synth(options: SynthOptions, quiet: Quiet = False) -> None:
+def calibrate(context: typer.Context, options: given.CalibrateOptions, quiet: Quiet = False) -> None:
+    """Find the places and clocks of cameras, from a person who moves in front of all of them."""
+    show = on_stderr(quiet=quiet)
+    show.say(f"calibrating {len(options.sequences)} cameras; loading")
+    with loading():
+        from coordinator.commands.calibrate import run_calibrate
+        from coordinator.commands.workers import connect_workers
+    run_calibrate(options, show, context.obj or connect_workers)
+
+
+@app.command(rich_help_panel=SEQUENCES)
+@grouped
+def synth(options: given.SynthOptions, quiet: Quiet = False) -> None:
     """Render a sequence with ground truth and a start pose."""
     from coordinator.synthesis.sequence import synthesise
 
@@ -143,39 +99,36 @@ def help_with_models(context: typer.Context) -> None:
 
 
 @model_app.command()
-def show(
-    out: Annotated[Path, typer.Option("--out", metavar="FILE.png", help="Picture to write.")],
-    model: Model = "human",
-    *,
-    force: Force = False,
-) -> None:
+@grouped
+def show(options: given.ShowOptions) -> None:
     """Draw a body at rest from three sides."""
     from coordinator.files import require_new
 
-    require_new(out, force=force)
+    require_new(options.out, force=options.force)
     from coordinator.bodies.choice import choose_model, load_body
     from coordinator.pictures.portrait import draw_portrait
 
-    draw_portrait(load_body(choose_model(model)), out)
+    draw_portrait(load_body(choose_model(options.model)), options.out)
 
 
 @model_app.command()
-def dofs(model: Model = "human") -> None:
+@grouped
+def dofs(options: given.DofsOptions) -> None:
     """List a body's degrees of freedom, for --dof and init.json."""
     from coordinator.bodies.human.dofs import HUMAN, HUMAN_DOFS
 
     names = HUMAN_DOFS
-    if model != HUMAN:  # a person's are known without the body, which takes seconds to build
+    if options.model != HUMAN:  # a person's are known without the body, which takes seconds to build
         from coordinator.bodies.choice import choose_model, load_body
 
-        names = load_body(choose_model(model)).dof_names
+        names = load_body(choose_model(options.model)).dof_names
     sys.stdout.write("".join(f"{name}\n" for name in names))
 
 
 @app.command(rich_help_panel=HOSTS)
 @grouped
 def publish(
-    options: PublishOptions, camera: CameraOptions, security: SecurityOptions, quiet: Quiet = False
+    options: given.PublishOptions, camera: CameraOptions, security: SecurityOptions, quiet: Quiet = False
 ) -> None:
     """Publish a camera, or a recorded sequence in real time, as input for gepf track zenoh:KEY."""
     from coordinator.commands.publish import run_publish
@@ -184,86 +137,52 @@ def publish(
 
 
 @app.command(rich_help_panel=HOSTS)
-def certificates(
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder; valid certificates in it are kept.")],
-    workers: Annotated[
-        str, typer.Option(metavar="N|NAME,...", help="Their number (worker-0, ...) or their names.")
-    ] = "1",
-    hosts: Annotated[
-        str, typer.Option(metavar="HOST,...", help="Other hosts where a coordinator or router listens.")
-    ] = "",
-    days: Annotated[int, typer.Option(min=1, help="Days of validity.")] = 30,
-    mount: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Path of the folder in a router's container.")
-    ] = None,
-) -> None:
+@grouped
+def certificates(options: given.CertificatesOptions) -> None:
     """Create certificates for an authority, coordinator, router and workers."""
     from coordinator.security.access import choose_names
     from coordinator.security.certificates import make_certificates
 
-    named = tuple(host.strip() for host in hosts.split(",") if host.strip())
-    new = make_certificates(out, choose_names(workers), named, days, mount)
+    hosts = tuple(host.strip() for host in options.hosts.split(",") if host.strip())
+    new = make_certificates(options.out, choose_names(options.workers), hosts, options.days, options.mount)
     made = ", ".join(new) or "nothing, all certificates are valid"
-    say("gepf", f"new in {out}: {made}; keep ca.key secret")
+    say("gepf", f"new in {options.out}: {made}; keep ca.key secret")
 
 
 @app.command(rich_help_panel=HOSTS)
 @grouped
-def router(
-    listen: Annotated[str, typer.Option(metavar="ENDPOINT", help="Where to listen, e.g. tls/0.0.0.0:7447.")],
-    security: SecurityOptions,
-    connect: Annotated[str | None, typer.Option(metavar="ENDPOINT", help="Another router to join.")] = None,
-) -> None:
+def router(options: given.RouterOptions, security: SecurityOptions) -> None:
     """Run a router between coordinators and workers until it is stopped."""
     import signal
 
     from common.transport.opening import open_router
     from common.transport.session import ROUTER
 
-    secured = security.choose(listen, connect, holder=ROUTER)
+    secured = security.choose(options.listen, options.connect, holder=ROUTER)
     stop = {signal.SIGTERM, signal.SIGINT}
     signal.pthread_sigmask(signal.SIG_BLOCK, stop)
-    with open_router([listen], [connect] if connect else [], secured):
-        say("gepf", f"routing on {listen}")
+    with open_router([options.listen], [options.connect] if options.connect else [], secured):
+        say("gepf", f"routing on {options.listen}")
         signal.sigwait(stop)
 
 
 @app.command(rich_help_panel=FINISHED)
-def evaluate(
-    runs: Annotated[list[Path], typer.Argument(metavar="DIR...", help="Folders of results of gepf track.")],
-    truth: Annotated[
-        Path | None,
-        typer.Option("--truth", metavar="FILE", help="Ground truth (default: the sequence's own)."),
-    ] = None,
-    *,
-    csv: Annotated[
-        bool, typer.Option("--csv", help="Print CSV, one line per run; required for several runs.")
-    ] = False,
-) -> None:
+@grouped
+def evaluate(options: given.EvaluateOptions) -> None:
     """Compare runs with ground truth; prints one JSON object, or with --csv a table."""
     from coordinator.commands.evaluate import run_evaluate
 
-    run_evaluate(runs, truth, as_csv=csv)
+    run_evaluate(options)
 
 
 @app.command(rich_help_panel=FINISHED)
-def export(
-    run: Run,
-    form: Annotated[
-        str, typer.Option("--to", metavar="FORMAT", help="csv, mot, c3d, trc, bvh, glb, gltf or json.")
-    ],
-    out: Annotated[Path, typer.Option(metavar="FILE", help="File to write.")],
-    smooth: Annotated[
-        float | None, typer.Option(metavar="HZ", help="Low pass without delay, e.g. 6 (default: as tracked).")
-    ] = None,
-    *,
-    force: Force = False,
-    quiet: Quiet = False,
-) -> None:
+@grouped
+def export(options: given.ExportOptions, quiet: Quiet = False) -> None:
     """Write the angles and poses of a run for other programs."""
     from coordinator.exports import export_run
 
-    track = export_run(run, form, out, smooth_hz=smooth, force=force).track
+    out, form, smooth = options.out, options.form, options.smooth
+    track = export_run(options.run, form, out, smooth_hz=smooth, force=options.force).track
     gone = f", {lost} of them lost" if (lost := int(track.unknown.sum())) else ""
     low_pass = f", low pass {smooth:g} Hz" if smooth else ""
     kilobytes = out.stat().st_size / 1000
@@ -274,7 +193,7 @@ def export(
 
 @app.command(rich_help_panel=FINISHED)
 @grouped
-def pictures(options: PicturesOptions, quiet: Quiet = False) -> None:
+def pictures(options: given.PicturesOptions, quiet: Quiet = False) -> None:
     """Draw the pictures of a run again, into its folder."""
     with loading():
         from coordinator.commands.finished import run_pictures
@@ -283,7 +202,7 @@ def pictures(options: PicturesOptions, quiet: Quiet = False) -> None:
 
 @app.command(rich_help_panel=FINISHED)
 @grouped
-def view(options: ViewOptions, security: SecurityOptions, quiet: Quiet = False) -> None:
+def view(options: given.ViewOptions, security: SecurityOptions, quiet: Quiet = False) -> None:
     """Show a run, or live input while it is tracked: points, model, hypotheses, residuals, angles, status."""
     if str(options.run).startswith("zenoh:"):
         leave_processors()  # even loading would slow down a tracker on this host
@@ -293,15 +212,9 @@ def view(options: ViewOptions, security: SecurityOptions, quiet: Quiet = False) 
 
 
 @app.command(rich_help_panel=FINISHED)
-def report(
-    run: Run,
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="Page to write (default: DIR/report.html).")
-    ] = None,
-    *,
-    quiet: Quiet = False,
-) -> None:
+@grouped
+def report(options: given.ReportOptions, quiet: Quiet = False) -> None:
     """Write one HTML page about a run: animation, angles with deviations, timings, settings."""
     from coordinator.commands.finished import run_report
 
-    run_report(run, out, on_stderr(quiet=quiet))
+    run_report(options.run, options.out, on_stderr(quiet=quiet))

@@ -17,6 +17,7 @@ from coordinator.bodies.choice import choose_bodies
 from coordinator.bodies.human.dofs import HUMAN
 from coordinator.calibration.extrinsics import read_places
 from coordinator.calibration.rig import CameraPlace, calibrate
+from coordinator.commands.options import CalibrateOptions
 from coordinator.commands.progress import Show
 from coordinator.commands.workers import Connect
 from coordinator.files import require_new, with_parent
@@ -27,14 +28,13 @@ from coordinator.sources.rig import RigCamera, find_fault, write_rig
 Array = NDArray[np.float64]
 
 
-def run_calibrate(
-    sequences: Sequence[Path], given: Path | None, out: Path, show: Show, connect: Connect, *, force: bool
-) -> None:
-    """Write the rig file, and print a line for each camera. With `given`, it has the places.
+def run_calibrate(options: CalibrateOptions, show: Show, connect: Connect) -> None:
+    """Write the rig file, and print a line for each camera.
 
     Raises InputError for wrong input, and if the recordings do not determine a place.
     """
-    require_new(out, force=force)
+    sequences, given, out = options.sequences, options.given, options.out
+    require_new(out, force=options.force)
     with_parent(out)
     sources = open_all(sequences)
     if given is not None:

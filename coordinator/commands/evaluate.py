@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import logging
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 
 import msgspec
@@ -13,6 +13,7 @@ import msgspec
 from common.camera import NOT_MOVED
 from common.errors import InputError
 from coordinator.commands.finished import camera_in, find_sequence, own_truth
+from coordinator.commands.options import EvaluateOptions
 from coordinator.results.configuration import digest_frame
 from coordinator.results.evaluation import Evaluation, check_truth_of, evaluate, read_truth
 from coordinator.results.summary import read_summary
@@ -22,12 +23,13 @@ from coordinator.sources import find_format, open_source
 logger = logging.getLogger(__name__)
 
 
-def run_evaluate(runs: Sequence[Path], truth: Path | None, *, as_csv: bool) -> None:
+def run_evaluate(options: EvaluateOptions) -> None:
     """Print the errors of runs. Raises InputError if they cannot be compared.
 
     A table omits runs without truth and names them, unless no run has truth.
     """
-    if len(runs) > 1 and not as_csv:
+    runs, truth = options.runs, options.truth
+    if len(runs) > 1 and not options.csv:
         raise InputError("several runs are printed as a table; add --csv")
     tracks = {run: read_track(run) for run in runs}
     sources = {run: find_sequence(run) for run in tracks}
@@ -47,7 +49,7 @@ def run_evaluate(runs: Sequence[Path], truth: Path | None, *, as_csv: bool) -> N
         raise InputError(
             f"the sequence of {runs[0]} has no truth for this body, or was moved; give it with --truth"
         )
-    if as_csv:
+    if options.csv:
         write_table(found)
     else:
         sys.stdout.write(msgspec.json.format(msgspec.json.encode(found[runs[0]])).decode() + "\n")

@@ -15,7 +15,7 @@ from PIL import Image
 from common.errors import InputError
 from coordinator.bodies.human.measures import Measures
 from coordinator.commands.console import loading
-from coordinator.commands.options import CameraOptions
+from coordinator.commands.options import CameraOptions, InfoOptions
 from coordinator.results.summary import FOUND, PERSON_FILE, find_summary
 from coordinator.sources import Format, Source, find_format
 from coordinator.sources.camera import doubt_camera, doubt_range, parse_camera_options
@@ -31,14 +31,13 @@ LOOKED_AT = 60  # first frames, in which a person is searched for
 PROMISING = 0.25  # score above which a candidate is probably a person
 
 
-def run_info(
-    sequence: Path, camera: CameraOptions, thumbnail: Path | None, picture: Path | None, *, as_json: bool
-) -> None:
+def run_info(options: InfoOptions, camera: CameraOptions) -> None:
     """Print facts about a sequence and its scene; draw its middle frame, and the scene.
 
     Facts about the recording are printed first, because analysing the scene takes longer. Of a rig, print
     those of each camera, and draw the first one; of a run, who was tracked.
     """
+    sequence, as_json = options.sequence, options.as_json
     if (run := find_summary(sequence)) is not None:
         facts = describe_tracked(sequence, run)
         if as_json:
@@ -48,11 +47,11 @@ def run_info(
         return
     form = find_format(sequence)
     source = form.open(sequence, parse_camera_options(camera.intrinsics, camera.depth_scale))
-    if thumbnail is not None:
+    if options.thumbnail is not None:
         from coordinator.pictures.shading import shade_depth
 
         middle = source.frame(source.numbers[len(source) // 2])
-        save(shade_depth(middle.metres(), middle.intrinsics), thumbnail)
+        save(shade_depth(middle.metres(), middle.intrinsics), options.thumbnail)
     cameras = []
     for each in source.views:
         alone = single(each)
@@ -61,10 +60,10 @@ def run_info(
             print_facts(facts)
         with loading():
             view, found = look(alone)
-        if picture is not None and each is source:
+        if options.picture is not None and each is source:
             from coordinator.pictures.scene import draw_scene
 
-            save(draw_scene(view, found), picture)
+            save(draw_scene(view, found), options.picture)
         scene = describe_scene(view, found)
         cameras.append(facts | scene)
         if not as_json:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Callable
-from dataclasses import MISSING, dataclass, fields, is_dataclass
+from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
@@ -20,12 +20,33 @@ from common.errors import InputError
 if TYPE_CHECKING:
     from common.transport.session import Security
 
-security_option = partial(typer.Option, rich_help_panel="Security")
-input_option = partial(typer.Option, rich_help_panel="Input")
-scene_option = partial(typer.Option, rich_help_panel="Scene")
-method_option = partial(typer.Option, rich_help_panel="Method")
-worker_option = partial(typer.Option, rich_help_panel="Workers")
-output_option = partial(typer.Option, rich_help_panel="Output")
+REQUIRED = MISSING
+
+
+def option(metavar: str, text: str, *names: str, default: Any = None, panel: str = "", **limits: Any) -> Any:
+    """A field with an option: the name of its value, its help, its names if they differ from the field's."""
+    shown = typer.Option(*names, metavar=metavar or None, help=text, rich_help_panel=panel or None, **limits)
+    return field(default=default, metadata={"typer": shown})
+
+
+def argument(metavar: str, text: str, default: Any = REQUIRED) -> Any:
+    """A field with an argument: the name of its value, and its help."""
+    return field(default=default, metadata={"typer": typer.Argument(metavar=metavar, help=text)})
+
+
+security_option = partial(option, panel="Security")
+input_option = partial(option, panel="Input")
+scene_option = partial(option, panel="Scene")
+method_option = partial(option, panel="Method")
+worker_option = partial(option, panel="Workers")
+output_option = partial(option, panel="Output")
+
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Show only errors.", rich_help_panel="Output")]
+RUN = "Results of gepf track."
+FORCE = "Replace FILE if it exists."
+MOVED = "The sequence, if it was moved."
+FRAMES = "Frames A to B - 1."
+OTHER_SIDE = "Connect to a tracker's --listen, or a router."
 
 
 def seed_range(text: str) -> range:
@@ -36,56 +57,34 @@ def seed_range(text: str) -> range:
     return range(int(first), int(end))
 
 
-Model = Annotated[str, typer.Argument(metavar="human|FILE", help="Template, URDF, or a person's measures.")]
-Recording = Annotated[Path, typer.Argument(metavar="SEQ", help="Recorded depth (docs/formats.md).")]
-Run = Annotated[Path, typer.Argument(metavar="DIR", help="Results of gepf track.")]
-Force = Annotated[bool, typer.Option("--force", help="Replace FILE if it exists.")]
-Quiet = Annotated[bool, output_option("--quiet", "-q", help="Show only errors.")]
-Frames = Annotated[str | None, input_option(metavar="A:B", help="Frames A to B - 1.")]
-Moved = Annotated[
-    Path | None, typer.Option("--sequence", metavar="SEQ", help="The sequence, if it was moved.")
-]
-Recordings = Annotated[
-    list[Path],
-    typer.Argument(
-        metavar="SEQ...",
-        help="Recorded depth (docs/formats.md), or zenoh:KEY, ros2:/TOPIC, realsense:[SERIAL], orbbec: or "
-        "azure-kinect: for live input. "
-        "Several recordings, or a .txt file with one per line, share the workers.",
-    ),
-]
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DemoOptions:
+    """Options of `gepf demo`."""
+
+    out: Path | None = option("DIR", "Folder for the demo (default: gepf-demo).")
+    scene: str = option(
+        "person|arm", "People who move fast, or the paper's arm with noise.", default="person"
+    )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class CameraOptions:
     """Camera parameters that replace those of a recording."""
 
-    intrinsics: Annotated[
-        str | None,
-        typer.Option(metavar="fx,fy,cx,cy", help="Camera parameters in pixels (default: as recorded)."),
-    ] = None
-    depth_scale: Annotated[
-        float | None,
-        typer.Option(metavar="N", help="Units of depth per metre (default: as recorded)."),
-    ] = None
+    intrinsics: str | None = option("fx,fy,cx,cy", "Camera parameters in pixels (default: as recorded).")
+    depth_scale: float | None = option("N", "Units of depth per metre (default: as recorded).")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SecurityOptions:
     """Options for the encryption of connections."""
 
-    tls_ca: Annotated[
-        Path | None,
-        security_option(metavar="FILE", help="Certificate of the authority that signs all certificates."),
-    ] = None
-    tls_cert: Annotated[Path | None, security_option(metavar="FILE", help="Certificate of this program.")] = (
-        None
+    tls_ca: Path | None = security_option("FILE", "Certificate of the authority that signs all certificates.")
+    tls_cert: Path | None = security_option("FILE", "Certificate of this program.")
+    tls_key: Path | None = security_option("FILE", "Key of this certificate.")
+    insecure: bool = security_option(
+        "", "Listen without encryption: anyone on the network can connect.", "--insecure", default=False
     )
-    tls_key: Annotated[Path | None, security_option(metavar="FILE", help="Key of this certificate.")] = None
-    insecure: Annotated[
-        bool,
-        security_option("--insecure", help="Listen without encryption: anyone on the network can connect."),
-    ] = False
 
     def choose(self, listen: str | None, connect: str | None, **holder: str) -> Security | None:
         """Certificates and access rules for these endpoints; InputError if they do not fit together."""
@@ -99,286 +98,262 @@ class SecurityOptions:
 class TrackOptions:
     """Options of `gepf track` without camera and security: input, scene, method, workers, output."""
 
-    sequences: Recordings
-    dof: Annotated[
-        str | None,
-        input_option(metavar="NAME,...", help="Track only these, hold the rest; joints: all but the root."),
-    ] = None
-    model: Annotated[
-        str, input_option(metavar="human|FILE", help="Body to track: a URDF file, or a file of measures.")
-    ] = "human"
-    init: Annotated[
-        str | None,
-        input_option(metavar="auto|FILE", help="Pose to start from (default: SEQ/init.json, else auto)."),
-    ] = None
-    joint_states: Annotated[
-        Path | None,
-        input_option(
-            metavar="FILE|ros2:/TOPIC",
-            help="Joint values by encoders, a CSV with time_s or a ROS bag; they predict the motion.",
-        ),
-    ] = None
-    domain: Annotated[
-        int, input_option(metavar="N", min=0, envvar="ROS_DOMAIN_ID", help="Domain of ros2:/TOPIC.")
-    ] = 0
-    frames: Frames = None
-    idle_timeout: Annotated[
-        float | None,
-        input_option(
-            metavar="SECONDS", help="End live input after this time without a frame (default: wait)."
-        ),
-    ] = None
-    record: Annotated[
-        Path | None,
-        output_option(metavar="DIR", help="Keep the tracked frames of live input in a new folder."),
-    ] = None
-    rotate: Annotated[
-        str,
-        input_option(
-            metavar="0|90|180|270|auto",
-            help="Clockwise rotation in degrees that makes the image upright (default: found).",
-        ),
-    ] = "auto"
-    color: Annotated[
-        Path | None, input_option(metavar="DIR", help="Draw results over these colour frames.")
-    ] = None
-    person: Annotated[
-        str,
-        scene_option(
-            metavar="X,Y|nearest|largest|moving",
-            help="The person to track; X,Y is a pixel of the first frame (default: the most likely).",
-        ),
-    ] = "best"
-    people: Annotated[
-        int,
-        scene_option(
-            metavar="N",
-            min=1,
-            help="Track up to N people at once, each into its own folder in --out: person1, ...",
-        ),
-    ] = 1
-    background: Annotated[
-        str | None,
-        scene_option(
-            metavar="FRAME|SEQ",
-            help="The room without people: the number of a frame, a depth PNG, or a sequence.",
-        ),
-    ] = None
-    near: Annotated[float | None, scene_option(metavar="M", help="Ignore everything nearer, metres.")] = None
-    far: Annotated[float | None, scene_option(metavar="M", help="Ignore everything farther, metres.")] = None
-    roi: Annotated[
-        str | None,
-        scene_option(metavar="LEFT,TOP,RIGHT,BOTTOM", help="Use only this part of the image, pixels."),
-    ] = None
-    method: Annotated[
-        str, method_option(help="gepf (many hypotheses), gradient (one), condensation or annealed.")
-    ] = "gepf"
-    preset: Annotated[str, method_option(help="default, or paper (its constants).")] = "default"
-    particles: Annotated[
-        int | None,
-        method_option(metavar="N", min=1, help="Particles per frame; for annealed in each of its 10 layers."),
-    ] = None
-    points: Annotated[
-        int | None, method_option(metavar="N", min=1, help="Largest number of observed points.")
-    ] = None
-    noise_depth: Annotated[
-        float | None,
-        method_option(
-            metavar="M", help="Noise of the camera in depth (default: measured in the first frame)."
-        ),
-    ] = None
-    noise_lateral: Annotated[
-        float | None, method_option(metavar="M", help="Lateral noise of the camera.")
-    ] = None
-    seed: Annotated[
-        int,
-        method_option(
-            min=0, max=2**32 - 1, help="Seed of all random numbers: the same seed gives the same bytes."
-        ),
-    ] = 0
-    seeds: Annotated[
-        range | None,
-        method_option(
-            metavar="A:B",
-            parser=seed_range,
-            help="Track with each of the seeds A to B - 1, in folders within --out.",
-        ),
-    ] = None
-    deadline: Annotated[
-        float | None,
-        method_option(
-            metavar="MS", help="Finish a frame with the particles that are refined within this time."
-        ),
-    ] = None
-    workers: Annotated[
-        int | None,
-        worker_option(
-            metavar="N", min=0, help="Lanes of the local worker (default: one per core); 0 for none."
-        ),
-    ] = None
-    at_once: Annotated[
-        int | None,
-        worker_option(
-            metavar="N",
-            min=1,
-            help="Number of recordings tracked at once (default: as many as keep the workers busy).",
-        ),
-    ] = None
-    listen: Annotated[
-        str | None,
-        worker_option(metavar="ENDPOINT", help="Let other workers join, e.g. at tls/0.0.0.0:7447."),
-    ] = None
-    connect: Annotated[str | None, worker_option(metavar="ENDPOINT", help="Use the workers at a router.")] = (
-        None
+    sequences: list[Path] = argument(
+        "SEQ...",
+        "Recorded depth (docs/formats.md), or zenoh:KEY, ros2:/TOPIC, realsense:[SERIAL], orbbec: or "
+        "azure-kinect: for live input. "
+        "Several recordings, or a .txt file with one per line, share the workers.",
     )
-    worker_timeout: Annotated[
-        float | None,
-        worker_option(metavar="SECONDS", help="Stop after this time without any worker (default: wait)."),
-    ] = None
-    out: Annotated[Path, output_option(metavar="DIR", help="New folder for the results.")]
-    resume: Annotated[bool, output_option("--resume", help="Continue the run in --out, if there is one.")] = (
-        False
+    dof: str | None = input_option("NAME,...", "Track only these, hold the rest; joints: all but the root.")
+    model: str = input_option(
+        "human|FILE", "Body to track: a URDF file, or a file of measures.", default="human"
     )
-    pictures: Annotated[
-        bool,
-        output_option(
-            "--pictures/--no-pictures", help="Draw pictures at the end; gepf pictures draws them later."
-        ),
-    ] = True
-    results: Annotated[
-        str | None,
-        output_option(
-            "--publish",
-            metavar="KEY|ros2:/TOPIC",
-            help="Publish results there during the run (default for zenoh:KEY: KEY/results).",
-        ),
-    ] = None
-    results_json: Annotated[
-        bool, output_option("--publish-json", help="Publish results as JSON instead of MessagePack.")
-    ] = False
+    init: str | None = input_option("auto|FILE", "Pose to start from (default: SEQ/init.json, else auto).")
+    joint_states: Path | None = input_option(
+        "FILE|ros2:/TOPIC",
+        "Joint values by encoders, a CSV with time_s or a ROS bag; they predict the motion.",
+    )
+    domain: int = input_option("N", "Domain of ros2:/TOPIC.", default=0, min=0, envvar="ROS_DOMAIN_ID")
+    frames: str | None = input_option("A:B", FRAMES)
+    idle_timeout: float | None = input_option(
+        "SECONDS", "End live input after this time without a frame (default: wait)."
+    )
+    record: Path | None = output_option("DIR", "Keep the tracked frames of live input in a new folder.")
+    rotate: str = input_option(
+        "0|90|180|270|auto",
+        "Clockwise rotation in degrees that makes the image upright (default: found).",
+        default="auto",
+    )
+    color: Path | None = input_option("DIR", "Draw results over these colour frames.")
+    person: str = scene_option(
+        "X,Y|nearest|largest|moving",
+        "The person to track; X,Y is a pixel of the first frame (default: the most likely).",
+        default="best",
+    )
+    people: int = scene_option(
+        "N", "Track up to N people at once, each into its own folder in --out: person1, ...", default=1, min=1
+    )
+    background: str | None = scene_option(
+        "FRAME|SEQ", "The room without people: the number of a frame, a depth PNG, or a sequence."
+    )
+    near: float | None = scene_option("M", "Ignore everything nearer, metres.")
+    far: float | None = scene_option("M", "Ignore everything farther, metres.")
+    roi: str | None = scene_option("LEFT,TOP,RIGHT,BOTTOM", "Use only this part of the image, pixels.")
+    method: str = method_option(
+        "NAME", "gepf (many hypotheses), gradient (one), condensation or annealed.", default="gepf"
+    )
+    preset: str = method_option("NAME", "default, or paper (its constants).", default="default")
+    particles: int | None = method_option(
+        "N", "Particles per frame; for annealed in each of its 10 layers.", min=1
+    )
+    points: int | None = method_option("N", "Largest number of observed points.", min=1)
+    noise_depth: float | None = method_option(
+        "M", "Noise of the camera in depth (default: measured in the first frame)."
+    )
+    noise_lateral: float | None = method_option("M", "Lateral noise of the camera.")
+    seed: int = method_option(
+        "N",
+        "Seed of all random numbers: the same seed gives the same bytes.",
+        default=0,
+        min=0,
+        max=2**32 - 1,
+    )
+    seeds: range | None = method_option(
+        "A:B", "Track with each of the seeds A to B - 1, in folders within --out.", parser=seed_range
+    )
+    deadline: float | None = method_option(
+        "MS", "Finish a frame with the particles that are refined within this time."
+    )
+    workers: int | None = worker_option(
+        "N", "Lanes of the local worker (default: one per core); 0 for none.", min=0
+    )
+    at_once: int | None = worker_option(
+        "N", "Number of recordings tracked at once (default: as many as keep the workers busy).", min=1
+    )
+    listen: str | None = worker_option("ENDPOINT", "Let other workers join, e.g. at tls/0.0.0.0:7447.")
+    connect: str | None = worker_option("ENDPOINT", "Use the workers at a router.")
+    worker_timeout: float | None = worker_option(
+        "SECONDS", "Stop after this time without any worker (default: wait)."
+    )
+    out: Path = output_option("DIR", "New folder for the results.", default=REQUIRED)
+    resume: bool = output_option("", "Continue the run in --out, if there is one.", "--resume", default=False)
+    pictures: bool = output_option(
+        "",
+        "Draw pictures at the end; gepf pictures draws them later.",
+        "--pictures/--no-pictures",
+        default=True,
+    )
+    results: str | None = output_option(
+        "KEY|ros2:/TOPIC",
+        "Publish results there during the run (default for zenoh:KEY: KEY/results).",
+        "--publish",
+    )
+    results_json: bool = output_option(
+        "", "Publish results as JSON instead of MessagePack.", "--publish-json", default=False
+    )
     quiet: Quiet = False
-    as_json: Annotated[
-        bool, output_option("--json", help="Print the summary as a JSON object at the end.")
-    ] = False
+    as_json: bool = output_option(
+        "", "Print the summary as a JSON object at the end.", "--json", default=False
+    )
 
 
-@dataclass(frozen=True, slots=True)
-class PublishOptions:
-    """Options of `gepf publish` without security."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InfoOptions:
+    """Options of `gepf info` without camera."""
 
-    sequence: Annotated[
-        Path,
-        typer.Argument(
-            metavar="SEQ|CAMERA", help="Recorded depth, or realsense:[SERIAL|FILE], orbbec: or azure-kinect:."
-        ),
-    ]
-    key: Annotated[str, typer.Option(metavar="KEY", help="Key to publish on, e.g. camera/depth.")]
-    rate: Annotated[
-        float | None,
-        typer.Option(metavar="FPS", help="Frames per second (default: as recorded)."),
-    ] = None
-    frames: Frames = None
-    color: Annotated[
-        bool,
-        typer.Option("--color", help="Publish a camera's colour images, registered to depth, on KEY/color."),
-    ] = False
-    listen: Annotated[
-        str | None, typer.Option(metavar="ENDPOINT", help="Let trackers connect, e.g. tcp/127.0.0.1:7448.")
-    ] = None
-    connect: Annotated[
-        str | None, typer.Option(metavar="ENDPOINT", help="Connect to a tracker's --listen, or a router.")
-    ] = None
+    sequence: Path = argument("SEQ", "Recorded depth (docs/formats.md).")
+    as_json: bool = option("", "One JSON object.", "--json", default=False)
+    thumbnail: Path | None = option("FILE", "Draw a frame as PNG.")
+    picture: Path | None = option("FILE", "Draw the detected floor, walls and people as PNG.")
 
 
-@dataclass(frozen=True, slots=True)
-class PicturesOptions:
-    """All options of `gepf pictures`."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CalibrateOptions:
+    """Options of `gepf calibrate`."""
 
-    run: Run
-    sequence: Moved = None
-    color: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Draw over these colour frames (default: as tracked).")
-    ] = None
+    sequences: list[Path] = argument("A B [C ...]", "A recording of each camera, at the same time.")
+    out: Path = option("FILE.json", "Rig to write.", default=REQUIRED)
+    given: Path | None = option("FILE|DIR", "Places from Kalibr, ROS or 4 x 4 matrices instead.", "--from")
+    force: bool = option("", FORCE, "--force", default=False)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SynthOptions:
     """All options of `gepf synth`."""
 
-    scene: Annotated[
-        str, typer.Argument(metavar="SCENE", help="arm, turn, person, two, or roam with --model.")
-    ]
-    out: Annotated[Path, typer.Option(metavar="SEQ", help="New folder for the sequence.")]
-    frames: Annotated[int | None, typer.Option(metavar="N", help="Only the first N frames.")] = None
-    noise_depth: Annotated[
-        float | None,
-        typer.Option(metavar="M", help="Standard deviation of the noise in depth (default: none)."),
-    ] = None
-    noise_lateral: Annotated[float | None, typer.Option(metavar="M", help="Lateral noise.")] = None
-    kinect: Annotated[bool, typer.Option("--kinect", help="Noise, quantisation and gaps of a Kinect.")] = (
-        False
+    scene: str = argument("SCENE", "arm, turn, person, two, or roam with --model.")
+    out: Path = option("SEQ", "New folder for the sequence.", default=REQUIRED)
+    frames: int | None = option("N", "Only the first N frames.")
+    noise_depth: float | None = option("M", "Standard deviation of the noise in depth (default: none).")
+    noise_lateral: float | None = option("M", "Lateral noise.")
+    kinect: bool = option("", "Noise, quantisation and gaps of a Kinect.", "--kinect", default=False)
+    model: str | None = option("human|FILE.urdf", "Body of the scene roam, in which all joints move.")
+    seed: int = option("N", "Seed of noise and motion.", default=0)
+    cameras: int = option("N", "Cameras around the person; several make a rig.", default=1)
+    apart: float = option("DEG", "Degrees from camera to camera.", default=90.0)
+    late: float | None = option("MS", "Each camera is so much later.")
+    room: bool = option("", "Add floor, ceiling and walls.", "--room", default=False)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DofsOptions:
+    """Options of `gepf model dofs`."""
+
+    model: str = argument("human|FILE", "Template, URDF, or a person's measures.", default="human")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShowOptions(DofsOptions):
+    """Options of `gepf model show`."""
+
+    out: Path = option("FILE.png", "Picture to write.", default=REQUIRED)
+    force: bool = option("", FORCE, "--force", default=False)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PublishOptions:
+    """Options of `gepf publish` without security."""
+
+    sequence: Path = argument(
+        "SEQ|CAMERA", "Recorded depth, or realsense:[SERIAL|FILE], orbbec: or azure-kinect:."
     )
-    model: Annotated[
-        str | None,
-        typer.Option(metavar="human|FILE.urdf", help="Body of the scene roam, in which all joints move."),
-    ] = None
-    seed: Annotated[int, typer.Option(help="Seed of noise and motion.")] = 0
-    cameras: Annotated[
-        int, typer.Option(metavar="N", help="Cameras around the person; several make a rig.")
-    ] = 1
-    apart: Annotated[float, typer.Option(metavar="DEG", help="Degrees from camera to camera.")] = 90.0
-    late: Annotated[float | None, typer.Option(metavar="MS", help="Each camera is so much later.")] = None
-    room: Annotated[bool, typer.Option("--room", help="Add floor, ceiling and walls.")] = False
+    key: str = option("KEY", "Key to publish on, e.g. camera/depth.", default=REQUIRED)
+    rate: float | None = option("FPS", "Frames per second (default: as recorded).")
+    frames: str | None = input_option("A:B", FRAMES)
+    color: bool = option(
+        "",
+        "Publish a camera's colour images, registered to depth, on KEY/color.",
+        "--color",
+        default=False,
+    )
+    listen: str | None = option("ENDPOINT", "Let trackers connect, e.g. tcp/127.0.0.1:7448.")
+    connect: str | None = option("ENDPOINT", OTHER_SIDE)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CertificatesOptions:
+    """Options of `gepf certificates`."""
+
+    out: Path = option("DIR", "Folder; valid certificates in it are kept.", default=REQUIRED)
+    workers: str = option("N|NAME,...", "Their number (worker-0, ...) or their names.", default="1")
+    hosts: str = option("HOST,...", "Other hosts where a coordinator or router listens.", default="")
+    days: int = option("N", "Days of validity.", default=30, min=1)
+    mount: Path | None = option("DIR", "Path of the folder in a router's container.")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RouterOptions:
+    """Options of `gepf router` without security."""
+
+    listen: str = option("ENDPOINT", "Where to listen, e.g. tls/0.0.0.0:7447.", default=REQUIRED)
+    connect: str | None = option("ENDPOINT", "Another router to join.")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EvaluateOptions:
+    """Options of `gepf evaluate`."""
+
+    runs: list[Path] = argument("DIR...", "Folders of results of gepf track.")
+    truth: Path | None = option("FILE", "Ground truth (default: the sequence's own).")
+    csv: bool = option("", "Print CSV, one line per run; required for several runs.", "--csv", default=False)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExportOptions:
+    """Options of `gepf export`."""
+
+    run: Path = argument("DIR", RUN)
+    form: str = option("FORMAT", "csv, mot, c3d, trc, bvh, glb, gltf or json.", "--to", default=REQUIRED)
+    out: Path = option("FILE", "File to write.", default=REQUIRED)
+    smooth: float | None = option("HZ", "Low pass without delay, e.g. 6 (default: as tracked).")
+    force: bool = option("", FORCE, "--force", default=False)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PicturesOptions:
+    """Options of `gepf pictures`."""
+
+    run: Path = argument("DIR", RUN)
+    sequence: Path | None = option("SEQ", MOVED)
+    color: Path | None = option("DIR", "Draw over these colour frames (default: as tracked).")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ViewOptions:
     """Options of `gepf view` without security."""
 
-    run: Annotated[
-        Path, typer.Argument(metavar="DIR|zenoh:KEY", help="Results of gepf track, or a key with live input.")
-    ]
-    sequence: Moved = None
-    results: Annotated[
-        str | None,
-        typer.Option(metavar="KEY", help="Key of live results, as in --publish (default: KEY/results)."),
-    ] = None
-    listen: Annotated[
-        str | None, typer.Option(metavar="ENDPOINT", help="Let trackers and publishers connect.")
-    ] = None
-    connect: Annotated[
-        str | None, typer.Option(metavar="ENDPOINT", help="Connect to a tracker's --listen, or a router.")
-    ] = None
-    save: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write a .rrd file for the rerun viewer instead.")
-    ] = None
-    port: Annotated[
-        int, typer.Option(min=1, max=65534, help="Port of the viewer; the next port is used, too.")
-    ] = 9090
-    browser: Annotated[bool, typer.Option(help="Open a browser on this host.")] = True
+    run: Path = argument("DIR|zenoh:KEY", "Results of gepf track, or a key with live input.")
+    sequence: Path | None = option("SEQ", MOVED)
+    results: str | None = option("KEY", "Key of live results, as in --publish (default: KEY/results).")
+    listen: str | None = option("ENDPOINT", "Let trackers and publishers connect.")
+    connect: str | None = option("ENDPOINT", OTHER_SIDE)
+    save: Path | None = option("FILE", "Write a .rrd file for the rerun viewer instead.")
+    port: int = option("N", "Port of the viewer; the next port is used, too.", default=9090, min=1, max=65534)
+    browser: bool = option("", "Open a browser on this host.", default=True)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReportOptions:
+    """Options of `gepf report`."""
+
+    run: Path = argument("DIR", RUN)
+    out: Path | None = option("FILE", "Page to write (default: DIR/report.html).")
 
 
 def grouped(command: Callable[..., None]) -> Callable[..., None]:
     """A command for typer, with the fields of the dataclasses that are the parameters of `command`.
 
-    Names of fields must differ within a command. `Annotated` in their types holds the options for typer.
+    Names of fields must differ within a command.
     """
     kinds = get_type_hints(command, include_extras=True)
     flat, groups = list[inspect.Parameter](), dict[str, Any]()
     for name, parameter in inspect.signature(command).parameters.items():
         kind = kinds[name]
-        if not is_dataclass(kind):
+        if is_dataclass(kind):
+            groups[name] = kind
+            flat += parameters_of(kind)
+        else:
             flat.append(parameter.replace(kind=parameter.KEYWORD_ONLY, annotation=kind))
-            continue
-        groups[name] = kind
-        inner = get_type_hints(kind, include_extras=True)
-        for field in fields(kind):
-            default = parameter.empty if field.default is MISSING else field.default
-            flat.append(
-                inspect.Parameter(
-                    field.name, parameter.KEYWORD_ONLY, default=default, annotation=inner[field.name]
-                )
-            )
 
     def run(**values: Any) -> None:
         for name, value in values.items():
@@ -394,3 +369,18 @@ def grouped(command: Callable[..., None]) -> Callable[..., None]:
     run.__annotations__ = {parameter.name: parameter.annotation for parameter in flat}
     run.__signature__ = inspect.Signature(flat)  # type: ignore[attr-defined]
     return run
+
+
+def parameters_of(kind: Any) -> list[inspect.Parameter]:
+    """A parameter for each field of a dataclass."""
+    types, found = get_type_hints(kind, include_extras=True), list[inspect.Parameter]()
+    for each in fields(kind):
+        default = inspect.Parameter.empty if each.default is MISSING else each.default
+        shown = each.metadata.get("typer")
+        annotation = types[each.name] if shown is None else Annotated[types[each.name], shown]
+        found.append(
+            inspect.Parameter(
+                each.name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation
+            )
+        )
+    return found
