@@ -8,7 +8,7 @@ import os
 import zlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, get_type_hints
 from zipfile import BadZipFile
 
 import msgspec
@@ -59,6 +59,12 @@ KINDS = {"names": "U", "texts": "U", "whole numbers": "iu", "numbers": "iuf", "r
 """Types of values in an array, and the kinds of numpy's types for each."""
 
 READ_AS = {"whole numbers": np.int64, "numbers": np.float64}
+
+
+def layout_of(record: type) -> dict[str, str]:
+    """The layout of a file with the fields of a class, each of which is annotated with its own."""
+    hints = get_type_hints(record, include_extras=True)
+    return {name: hint.__metadata__[0] for name, hint in hints.items()}
 
 
 def read_arrays(path: Path, layout: Mapping[str, str] | None = None) -> dict[str, NDArray[Any]]:

@@ -64,10 +64,10 @@ def run_demo(
     out, seeds = out or Path("gepf-demo"), seeds or SEEDS[scene]
     make_room(out)
     is_arm = scene == ARM
-    noise = (NOISE.depth, NOISE.lateral) if is_arm else (None, None)
+    depth, lateral = (NOISE.depth, NOISE.lateral) if is_arm else (None, None)
     with show.steps(f"rendering {scene}") as advance:
         for k, seed in enumerate(seeds):
-            synthesise(scene, out / f"sequence-{seed}", frames, *noise, seed, kinect=not is_arm)
+            synthesise(scene, out / f"sequence-{seed}", frames, depth, lateral, seed, kinect=not is_arm)
             advance(k + 1, len(seeds))
     ways = {FILTER: settings_for("gepf"), LONE: settings_for("gradient") if is_arm else lone_settings()}
     active = ARM_DOFS if is_arm else None

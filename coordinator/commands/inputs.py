@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import threading
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
@@ -11,6 +12,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,10 +25,21 @@ from coordinator.commands.progress import FrameRate, Show, counted, describe
 from coordinator.commands.publish import play
 from coordinator.commands.workers import Workers
 from coordinator.files import with_parent
-from coordinator.results.configuration import AUTOMATIC, Asked, live_run_configuration, run_configuration
+from coordinator.results.configuration import (
+    AUTOMATIC,
+    GIVEN,
+    PATH,
+    PEOPLE,
+    RunConfiguration,
+    digest,
+    digest_frame,
+    digest_rig,
+    versions,
+)
 from coordinator.results.evaluation import Truth, read_truth
 from coordinator.results.live_results import Sender, results_key
 from coordinator.sources import Source, open_source
+from coordinator.sources.camera import AS_RECORDED
 from coordinator.sources.colour_folder import ColourFolder
 from coordinator.sources.devices.device import AttachedCamera, vendor_of
 from coordinator.sources.frame_recorder import RigRecorder
@@ -90,21 +103,25 @@ class Input:
         speed = rate.per_second if self.live is None else rate.latest_per_second
         return "".join([describe(tracked[0].estimate, speed, rate.latency_s), *others])
 
-    def asked(self) -> Asked:
-        """The options that affect the results, apart from the frames."""
-        job, states = self.job, None if self.job.joint_states is None else self.job.joint_states.hash
-        deadline = job.pool.deadline
-        return Asked(
-            job.settings,
-            self.bodies,
-            job.model,
-            job.active,
-            self.start,
-            deadline,
-            self.scope,
-            states,
-            job.people,
-        )
+    def configure(self, recording: Mapping[str, object]) -> RunConfiguration:
+        """The configuration of the run: what is tracked, and all options that affect the results."""
+        job, content, deadline = self.job, self.bodies.content, self.job.pool.deadline
+        start = json.dumps(self.start, sort_keys=True).encode()
+        configuration = {
+            **recording,
+            "model": {"name": Path(job.model).name, "content": content and content[:12]},
+            "dof": None if job.active is None else ",".join(job.active),
+            "init": AUTOMATIC if self.start is None else digest(start),
+            "joint_states": None if job.joint_states is None else job.joint_states.hash,
+            "settings": msgspec.to_builtins(job.settings),
+            "scene": self.scope.describe(),
+            "deadline_ms": None if deadline is None else 1000 * deadline,
+            "versions": {"gepf": versions().get("gepf")},
+        }
+        if job.people > 1:
+            configuration[PEOPLE] = job.people
+        plain: RunConfiguration = msgspec.json.decode(msgspec.json.encode(configuration))
+        return plain
 
 
 class RecordedInput(Input):
@@ -125,7 +142,19 @@ class RecordedInput(Input):
         self.truth = None if own is None else read_truth(own, source.T_rig_camera)
         self.colours = ColourFolder(job.colour, source.intrinsics, numbers) if job.colour else None
         first = source.frame(numbers[0])
-        self.configuration = run_configuration(job.sequence, first, numbers, self.asked(), job.given)
+        path, given = job.sequence.resolve(), job.given
+        recording: dict[str, object] = {
+            "sequence": path.name,
+            PATH: str(path),
+            "first_frame": digest_frame(first),
+            "frame_range": f"{numbers[0]}:{numbers[-1] + 1}",
+        }
+        if first.camera:
+            recording["rig"] = digest_rig(first)
+        if given != AS_RECORDED:
+            lens = given.intrinsics and list(given.intrinsics)
+            recording[GIVEN] = {"lens": lens, "depth_scale": given.depth_scale}
+        self.configuration = self.configure(recording)
 
     def announce(self, done: int) -> str:
         """A message on the frames and how they are tracked, or where a resumed run continues."""
@@ -175,7 +204,8 @@ class LiveInput(Input):
             with_parent(job.record)
         super().__init__(job, None, cameras[0])
         self.live: LiveFrames = LiveFrames(cameras, show.say, idle=job.idle_timeout)
-        self.configuration = live_run_configuration(str(job.sequence), cameras, self.asked())
+        rig = {c.camera: [c.key, c.T_rig_camera.tolist(), c.offset_s] for c in cameras if c.camera}
+        self.configuration = self.configure({"sequence": str(job.sequence), **({"rig": rig} if rig else {})})
         self._attached = AttachedCamera(job.sequence, show.say) if vendor_of(job.sequence) else None
         self._recorder = None if job.record is None else RigRecorder(job.record, cameras, show.say)
 

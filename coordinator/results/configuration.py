@@ -3,24 +3,14 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import platform
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgspec
 
 from common.frame import DepthFrame
-from common.settings import Settings
-from coordinator.sources.camera import AS_RECORDED, CameraOptions
-
-if TYPE_CHECKING:  # it loads the compiler, which is slow
-    from coordinator.bodies.tracked import Bodies
-    from coordinator.scene.scope import Scope
-    from coordinator.sources.live_stream import LiveCamera
 
 PACKAGES = ("gepf", "eclipse-zenoh", "msgpack", "msgspec", "numba", "numpy", "scipy")
 PEOPLE = "people"  # the requested number, if it is not one
@@ -67,74 +57,6 @@ def digest_rig(frame: DepthFrame) -> str:
 def digest(content: bytes) -> str:
     """A short hash of the content."""
     return hashlib.sha256(content).hexdigest()[:12]
-
-
-@dataclass(frozen=True, slots=True)
-class Asked:
-    """The options of a run that affect its results, apart from its input."""
-
-    settings: Settings
-    bodies: Bodies
-    model: str  # as the user named it
-    active: Sequence[str] | None
-    start: Mapping[str, float] | None  # None to detect it
-    deadline: float | None  # seconds
-    scope: Scope
-    joint_states: str | None  # a hash of the encoders' values
-    people: int  # largest number
-
-
-def run_configuration(
-    sequence: Path,
-    first: DepthFrame,
-    numbers: Sequence[int],
-    asked: Asked,
-    given: CameraOptions = AS_RECORDED,
-) -> RunConfiguration:
-    """The configuration of a run, without workers and output folder."""
-    recording: RunConfiguration = {
-        "sequence": sequence.resolve().name,
-        PATH: str(sequence.resolve()),
-        "first_frame": digest_frame(first),
-        "frame_range": f"{numbers[0]}:{numbers[-1] + 1}",
-    }
-    if first.camera:
-        recording["rig"] = digest_rig(first)
-    if given != AS_RECORDED:
-        recording[GIVEN] = {
-            "lens": given.intrinsics and list(given.intrinsics),
-            "depth_scale": given.depth_scale,
-        }
-    return recording | requested_configuration(asked)
-
-
-def live_run_configuration(sequence: str, cameras: Sequence[LiveCamera], asked: Asked) -> RunConfiguration:
-    """The configuration of a run on live input, which cannot be resumed."""
-    placed = {each.camera: [each.key, each.T_rig_camera.tolist(), each.offset_s] for each in cameras}
-    rig = {name: place for name, place in placed.items() if name}
-    return {"sequence": sequence, **({"rig": rig} if rig else {})} | requested_configuration(asked)
-
-
-def requested_configuration(asked: Asked) -> RunConfiguration:
-    """The part of a configuration that does not depend on the input."""
-    content, start = asked.bodies.content, asked.start
-    configuration = {
-        "model": {
-            "name": Path(asked.model).name,
-            "content": None if content is None else content[:12],
-        },
-        "dof": None if asked.active is None else ",".join(asked.active),
-        "init": AUTOMATIC if start is None else digest(json.dumps(start, sort_keys=True).encode()),
-        "joint_states": asked.joint_states,
-        "settings": msgspec.to_builtins(asked.settings),
-        "scene": asked.scope.describe(),
-        "deadline_ms": None if asked.deadline is None else 1000 * asked.deadline,
-        "versions": {"gepf": versions().get("gepf")},
-    }
-    if asked.people > 1:
-        configuration[PEOPLE] = asked.people
-    plain: RunConfiguration = msgspec.json.decode(msgspec.json.encode(configuration))
-    return plain
 
 
 def differences(recorded: Mapping[str, Any], asked: RunConfiguration) -> str:

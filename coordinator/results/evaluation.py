@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated
 
 import msgspec
 import numpy as np
@@ -18,30 +19,23 @@ from common.body import ROOT_DOFS
 from common.camera import NOT_MOVED, moved
 from common.errors import InputError
 from coordinator.bodies.from_joints import angles_from_joints
-from coordinator.files import read_arrays
+from coordinator.files import layout_of, read_arrays
 from coordinator.results.track import TRACK_FILE, Track
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Truth:
-    """True joints, and poses if known, of F frames; NaN if unknown."""
+    """True joints, and poses if known, of F frames; NaN if unknown. Metres and radians, camera frame.
 
-    frame: NDArray[np.int64]  # (F,)
-    joint_names: tuple[str, ...]
-    joint_positions: NDArray[np.float64]  # (F, J, 3) metres, camera frame
-    dof_names: tuple[str, ...]  # empty if the pose is unknown
-    pose: NDArray[np.float64]  # (F, D) metres and radians
-    slides: tuple[str, ...] = ROOT_DOFS[:3]  # the degrees of freedom that are not angles
+    Each field has the layout of its array in a file.
+    """
 
-
-TRUTH_LAYOUT = {
-    "joint_names": "names (J)",
-    "joint_positions": "numbers (F, J, 3)",
-    "frame": "?whole numbers (F)",
-    "dof_names": "?names (D)",
-    "pose": "?numbers (F, D)",
-    "slides": "?names (S)",
-}
+    frame: Annotated[NDArray[np.int64], "?whole numbers (F)"]
+    joint_names: Annotated[tuple[str, ...], "names (J)"]
+    joint_positions: Annotated[NDArray[np.float64], "numbers (F, J, 3)"]
+    dof_names: Annotated[tuple[str, ...], "?names (D)"]  # empty if the pose is unknown
+    pose: Annotated[NDArray[np.float64], "?numbers (F, D)"]
+    slides: Annotated[tuple[str, ...], "?names (S)"] = ROOT_DOFS[:3]  # what is not an angle
 
 
 def read_truth(path: Path, placed: NDArray[np.float64] = NOT_MOVED) -> Truth:
@@ -49,7 +43,7 @@ def read_truth(path: Path, placed: NDArray[np.float64] = NOT_MOVED) -> Truth:
 
     Joints are moved by the transform `placed` (4, 4), as from the camera of the file into the rig.
     """
-    arrays = read_arrays(path, TRUTH_LAYOUT)
+    arrays = read_arrays(path, layout_of(Truth))
     if "dof_names" in arrays and "pose" not in arrays:
         raise InputError(f"{path} has no 'pose', but dof_names; give both or neither")
     names = ("joint_names", "dof_names", "slides")

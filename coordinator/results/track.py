@@ -7,14 +7,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from itertools import groupby
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Annotated, Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from common.body import BodyModel
 from common.errors import InputError
-from coordinator.files import LOG_FILE, read_arrays
+from coordinator.files import LOG_FILE, layout_of, read_arrays
 from coordinator.tracking.estimate import UNKNOWN
 
 Array = NDArray[np.float64]
@@ -24,58 +24,35 @@ TRACK_FILE = "track.npz"
 logger = logging.getLogger(__name__)
 
 
-TRACK_LAYOUT = {
-    "frame": "whole numbers (F)",
-    "time_s": "numbers (F)",
-    "dof_names": "names (D)",
-    "pose": "numbers (F, D)",
-    "joint_names": "names (J)",
-    "joint_positions": "numbers (F, J, 3)",
-    "hypothesis_pose": "numbers (F, M, D)",
-    "hypothesis_weight": "numbers (F, M)",
-    "status": "texts (F)",
-    "joint_deviation": "numbers (F, J)",
-    "joint_off_probability": "numbers (F, J)",
-    "joint_seen": "numbers (F, J)",
-    "angle_names": "names (A)",
-    "angle": "numbers (F, A)",
-    "angle_deviation": "numbers (F, A)",
-    "particles_answered": "?whole numbers (F)",
-    "up": "?numbers (3)",
-    "camera_names": "?names (C)",
-    "joint_seen_by": "?numbers (F, C, J)",
-    "camera_fault": "?texts (F, C)",
-}
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Track:
-    """The content of `track.npz`, see `TRACK_LAYOUT`: F frames, D degrees of freedom, J joints, A angles.
+    """The content of `track.npz`: F frames, D degrees of freedom, J joints, A angles, C cameras of a rig.
 
     Metres and radians, in the frame of the camera or rig. Frames have up to M hypotheses; missing
-    ones are NaN.
+    ones are NaN. Each field has the layout of its array.
     """
 
-    frame: NDArray[np.int64]
-    time_s: Array
-    dof_names: tuple[str, ...]
-    pose: Array
-    joint_names: tuple[str, ...]
-    joint_positions: Array
-    hypothesis_pose: Array
-    hypothesis_weight: Array
-    status: NDArray[np.str_]  # tracked, ambiguous, lost, searching or absent
-    joint_deviation: Array  # one standard deviation; NaN where unknown
-    joint_off_probability: Array  # of an error above 15 cm; NaN if unknown
-    joint_seen: Array  # visible share of its surface; NaN if unknown
-    angle_names: tuple[str, ...]
-    angle: Array  # continuous from frame to frame
-    angle_deviation: Array  # one standard deviation; NaN where unknown
-    particles_answered: NDArray[np.int64] | None = None  # before the deadline; None without one
-    up: Array | None = None  # unit vector away from the ground; None if unknown
-    camera_names: tuple[str, ...] | None = None  # of a rig
-    joint_seen_by: Array | None = None  # visible share of its surface for each camera of a rig
-    camera_fault: NDArray[np.str_] | None = None  # of each camera of a rig; empty if there is none
+    frame: Annotated[NDArray[np.int64], "whole numbers (F)"]
+    time_s: Annotated[Array, "numbers (F)"]
+    dof_names: Annotated[tuple[str, ...], "names (D)"]
+    pose: Annotated[Array, "numbers (F, D)"]
+    joint_names: Annotated[tuple[str, ...], "names (J)"]
+    joint_positions: Annotated[Array, "numbers (F, J, 3)"]
+    hypothesis_pose: Annotated[Array, "numbers (F, M, D)"]
+    hypothesis_weight: Annotated[Array, "numbers (F, M)"]
+    status: Annotated[NDArray[np.str_], "texts (F)"]  # tracked, ambiguous, lost, searching or absent
+    joint_deviation: Annotated[Array, "numbers (F, J)"]  # one standard deviation; NaN where unknown
+    joint_off_probability: Annotated[Array, "numbers (F, J)"]  # of an error above 15 cm; NaN if unknown
+    joint_seen: Annotated[Array, "numbers (F, J)"]  # visible share of its surface; NaN if unknown
+    angle_names: Annotated[tuple[str, ...], "names (A)"]
+    angle: Annotated[Array, "numbers (F, A)"]  # continuous from frame to frame
+    angle_deviation: Annotated[Array, "numbers (F, A)"]  # one standard deviation; NaN where unknown
+    # before the deadline; None without one
+    particles_answered: Annotated[NDArray[np.int64] | None, "?whole numbers (F)"] = None
+    up: Annotated[Array | None, "?numbers (3)"] = None  # unit vector away from the ground; None if unknown
+    camera_names: Annotated[tuple[str, ...] | None, "?names (C)"] = None
+    joint_seen_by: Annotated[Array | None, "?numbers (F, C, J)"] = None  # joint_seen for each camera
+    camera_fault: Annotated[NDArray[np.str_] | None, "?texts (F, C)"] = None  # empty if there is none
 
     @property
     def unknown(self) -> NDArray[np.bool_]:
@@ -143,7 +120,7 @@ def read_track(folder: Path) -> Track:
         inside = sorted(each.parent for each in folder.glob(f"*/{TRACK_FILE}"))
         where = f"a run in it, such as {inside[0]}" if inside else "the --out folder of a finished gepf track"
         raise InputError(f"{folder} holds no {TRACK_FILE}; give {where}")
-    arrays = read_arrays(folder / TRACK_FILE, TRACK_LAYOUT)
+    arrays = read_arrays(folder / TRACK_FILE, layout_of(Track))
     names = {name: tuple(values.tolist()) for name, values in arrays.items() if name.endswith("_names")}
     track = Track(**arrays | names)  # type: ignore[arg-type]
     finite = track.placed & np.isfinite(track.joint_positions).all(axis=(1, 2))
