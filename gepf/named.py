@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
 
 import numpy as np
+from markupsafe import Markup
 from numpy.typing import NDArray
 
 from common.body import TRANSLATION, BodyModel
 from common.errors import InputError
-from common.kinematics import joint_positions
 from coordinator.bodies.angles import angles_of
 from coordinator.results.log import certainty_of
 from coordinator.tracking import estimate
-from gepf.display import page, skeletons
 
 Array = NDArray[np.float64]
 
@@ -78,23 +77,26 @@ class Estimate(estimate.Estimate):
         return float(np.degrees(value) if degrees else value)
 
     def _repr_html_(self) -> str:
-        """The reported pose, the hypotheses in a paler colour, and the angles in degrees, for notebooks."""
-        poses = np.vstack([self.pose, self.hypothesis_pose])
-        strength = [1.0, *(0.5 * self.hypothesis_weight).tolist()]
-        picture = skeletons(self.joint_names, joint_positions(self.model, poses), strength, apart=False)
+        """The main facts, and the angles in degrees, for notebooks."""
         facts = {"frame": self.frame, "status": self.status, "why": self.why or "-"}
         facts |= {"residual": f"{1000.0 * self.residual:.0f} mm", "hypotheses": len(self.hypothesis_weight)}
         angles = angles_of(self.model, self.held).measure(self.pose[None])[0]
         degrees = (
             f"{name} {value:.0f}" for name, value in zip(self.angle_names, np.degrees(angles), strict=True)
         )
-        return page(picture, {**facts, "angles, degrees": ", ".join(degrees)}.items())
+        return table({**facts, "angles, degrees": ", ".join(degrees)}.items())
 
 
 def named(plain: estimate.Estimate, model: BodyModel, held: Mapping[str, float]) -> Estimate:
     """An estimate with its body."""
     values = {f.name: getattr(plain, f.name) for f in fields(estimate.Estimate)}
     return Estimate(**values, model=model, held=held)
+
+
+def table(rows: Iterable[tuple[str, object]]) -> str:
+    """Names and values as HTML."""
+    lines = (Markup("<tr><th>{}</th><td>{}</td></tr>").format(name, value) for name, value in rows)
+    return f"<table>{Markup('').join(lines)}</table>"
 
 
 def refuse_degrees(name: str) -> InputError:

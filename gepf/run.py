@@ -20,8 +20,7 @@ from coordinator.report.findings import describe_run
 from coordinator.results.angles import read_slides
 from coordinator.results.csv_file import write_csv
 from coordinator.results.summary import read_summary
-from gepf.display import PICTURED, page, skeletons
-from gepf.named import index_of, refuse_degrees
+from gepf.named import index_of, refuse_degrees, table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -109,14 +108,8 @@ class Run:
         return Run(read_run(self.folder, cutoff_hz))
 
     def _repr_html_(self) -> str:
-        """Some poses, evenly spaced in time, and the main facts, for notebooks."""
-        there = np.flatnonzero(self.track.placed & np.isin(self.status, ("tracked", "ambiguous")))
-        shown = (
-            there[np.unique(np.linspace(0, len(there) - 1, PICTURED).astype(int))] if len(there) else there
-        )
-        joints = self.track.joint_positions[shown]
-        picture = skeletons(self.joint_names, joints, [1.0] * len(shown), apart=True)
-        return page(picture, describe_run(self.track, self.summary)[:4])  # frames, status, body, method
+        """The main facts, for notebooks."""
+        return table(describe_run(self.track, self.summary)[:4])  # frames, status, body, method
 
     def to_dataframe(self) -> pd.DataFrame:
         """The columns of `poses.csv`, one row per frame; InputError if pandas is not installed."""

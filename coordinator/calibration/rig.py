@@ -12,14 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from common.camera import inverse, moved
 from common.errors import InputError
 from common.settings import Settings
 from coordinator.bodies.tracked import Bodies
 from coordinator.calibration.skeletons import Alignment, align, motion_of
 from coordinator.calibration.surface import Placement, Sight, place, surfaces_of
-from coordinator.scene.planes import Planes
-from coordinator.scene.scene import SceneChange
 from coordinator.sources.source import Source
 from coordinator.tracking.estimate import UNKNOWN
 from coordinator.tracking.observation import camera_points
@@ -45,15 +42,13 @@ class CameraPlace:
 
     placed: T_rig_camera (4, 4). deviations: (7,) of the rotation about the rig's axes and of the position at
     the person, radians and metres; and of the clock, seconds; None if they are not known. advice: what would
-    make the largest of them smaller. floor: tilt and height at the person of the floor that it sees, relative
-    to the first camera's, radians and metres, as a check; None if one of them sees none.
+    make the largest of them smaller.
     """
 
     placed: Array
     offset_s: float
     deviations: Array | None = None
     advice: str = ""
-    floor: tuple[float, float] | None = None
 
 
 def calibrate(
@@ -88,17 +83,8 @@ def calibrate(
         placed, offsets = found.placed, offsets + found.steps[:, 6]
         if np.all(np.abs(found.steps) < SETTLED):
             break
-    scenes = dict(seen for each in tracked for seen in each.state.checkpoint.scenes.items())
-    last = [scenes.get(name, SceneChange()) for name in names]
-    floors = [Planes(each.planes, each.has_floor) for each in last]
-    person = np.nanmean([each.estimate.joint_positions[0] for each in tracked], axis=0)
-    places = {}
-    for c, name in enumerate(names):
-        apart = compare_floors(floors[0], floors[c], placed[c], person)
-        places[name] = judge(
-            name, CameraPlace(placed[c], float(offsets[c]), found.deviations[c], floor=apart)
-        )
-    return places
+    places = zip(placed, offsets.tolist(), found.deviations, strict=True)
+    return {name: judge(name, CameraPlace(*place)) for name, place in zip(names, places, strict=True)}
 
 
 def follow(source: Source, refiner: Refiner, settings: Settings, bodies: Bodies) -> list[Tracked]:
@@ -144,17 +130,6 @@ def require(name: str, first: str, found: Alignment | None) -> Alignment:
             "at best; record one person who moves in front of both"
         )
     return found
-
-
-def compare_floors(first: Planes, other: Planes, placed: Array, person: Array) -> tuple[float, float] | None:
-    """Tilt and height of a camera's floor relative to the first camera's; None if one of them sees none.
-
-    placed: T_first_other (4, 4). person: (3,) where the heights are compared.
-    """
-    if not (first.has_floor and other.has_floor):
-        return None
-    tilt = np.arccos(min(1.0, float(first.up @ placed[:3, :3] @ other.up)))
-    return float(tilt), float(first.above(person) - other.above(moved(person, inverse(placed))))
 
 
 def judge(name: str, found: CameraPlace) -> CameraPlace:

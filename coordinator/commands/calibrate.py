@@ -91,7 +91,4 @@ def describe(place: CameraPlace) -> str:
         return text
     angle, metres = np.degrees(spread[:3].max()), 100.0 * spread[3:6].max()
     text += f"; deviations {angle:.2f} deg, {metres:.1f} cm at the person, {1000.0 * spread[6]:.1f} ms"
-    if place.floor is not None:
-        tilt, height = np.degrees(place.floor[0]), 100.0 * place.floor[1]
-        text += f"; its floor is {tilt:.1f} deg and {height:+.1f} cm from the first camera's"
     return f"{text}; to reduce them, {place.advice}"

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import nbclient
@@ -19,21 +17,19 @@ EXAMPLE = Path(__file__).parents[2] / "examples" / "notebook.ipynb"
 
 @pytest.mark.slow
 def test_the_example_runs_and_shows_its_results() -> None:
-    """A run and an estimate with skeletons, a table of numbers, and a figure."""
+    """A run and an estimate, a table of numbers, and a figure."""
     notebook = nbformat.read(EXAMPLE, 4)  # type: ignore[no-untyped-call]
     nbclient.NotebookClient(notebook, timeout=500).execute()
     shown = [o["data"] for cell in notebook.cells for o in cell.get("outputs", []) if "data" in o]
     pages = [data["text/html"] for data in shown if "text/html" in data]
-    pictured = [page for page in pages if page.startswith("<svg")]
-    assert len(pictured) == 2
-    assert "20 in 0.8 s" in pictured[0]
-    assert "right_elbow_flexion" in pictured[1]
+    assert "20 in 0.8 s" in pages[0]
+    assert any("angles, degrees" in page and "right_elbow_flexion" in page for page in pages)
     assert any("right_wrist_z" in page for page in pages)
     assert sum("image/png" in data for data in shown) == 1
 
 
 def test_one_line_tracks_a_recording(tmp_path: Path) -> None:
-    """Into the given folder; the poses are the rendered ones, and drawn with their true proportions."""
+    """Into the given folder, which is new; the run shows itself."""
     write_small_sequence(tmp_path / "arm", 3)
     run = gepf.track(tmp_path / "arm", tmp_path / "run", quiet=True, workers=None)
     assert np.array_equal(gepf.load(tmp_path / "run").track.pose, run.track.pose)
@@ -41,10 +37,4 @@ def test_one_line_tracks_a_recording(tmp_path: Path) -> None:
     assert start is not None
     with pytest.raises(gepf.InputError, match="in use"):
         gepf.track(tmp_path / "arm", tmp_path / "run", quiet=True)
-    svg = ET.fromstring(re.findall("<svg.*</svg>", run._repr_html_())[0])
-    drawn = [re.findall(r"M([-\d.]+),([-\d.]+)L([-\d.]+),([-\d.]+)", path.attrib["d"]) for path in svg]
-    ends = np.array(drawn[-1], dtype=np.float64).reshape(-1, 2, 2)  # of the bones of the first frame
-    spans = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    neck, head = run.joint("neck")[0, :2], run.joint("head")[0, :2]
-    assert np.abs(spans - np.linalg.norm(head - neck)).min() < 2e-3
-    assert len(drawn) == 3
+    assert "3 in" in run._repr_html_()

@@ -10,10 +10,9 @@ from common.camera import inverse, moved
 from common.errors import InputError
 from coordinator.bodies.choice import choose_bodies
 from coordinator.bodies.human.dofs import HUMAN
-from coordinator.calibration.rig import CameraPlace, compare_floors, judge
+from coordinator.calibration.rig import CameraPlace, judge
 from coordinator.calibration.skeletons import Motion, align
 from coordinator.calibration.surface import Placement, Sight, Surface, place
-from coordinator.scene.planes import Planes
 from tests.support.rigs import around
 
 Array = NDArray[np.float64]
@@ -119,12 +118,6 @@ def test_stated_deviations_are_those_of_the_errors() -> None:
     assert np.mean(np.array(shares) < 2.0) > 0.90
 
 
-def floor_seen_from(placed: Array) -> Planes:
-    """The floor 1 m below the rig's origin, as a camera at T_rig_camera sees it: a x + b y + c z = 1."""
-    normal = placed[:3, :3].T @ [0.0, 1.0, 0.0]
-    return Planes((normal / (1.0 - placed[1, 3]))[None], has_floor=True)
-
-
 def test_the_first_round_measures_the_thickness() -> None:
     """Of a person who is 6 mm outside of the model; once it is known, the surfaces stay where they are."""
     sights = seen_by([np.eye(4), TRUE], [0.0, 0.0], np.full((2, 16), 0.006), np.zeros((30, 3)))
@@ -144,19 +137,6 @@ def test_a_thicker_body_is_farther_out_everywhere() -> None:
     assert np.allclose(np.linalg.norm(moves, axis=1), 0.006, atol=1e-6)
     assert np.ptp(thick.vertices, axis=0) == pytest.approx(np.ptp(slim.vertices, axis=0) + 0.009, abs=0.004)
     assert np.array_equal(thick.joint_points, slim.joint_points)
-
-
-def test_floors_check_a_place() -> None:
-    """They agree at the true place; a camera that is placed 2 cm too high sees its floor 2 cm too high."""
-    first, other, person = floor_seen_from(np.eye(4)), floor_seen_from(TRUE), np.array([0.3, 0.2, 2.5])
-    exact = compare_floors(first, other, TRUE, person)
-    assert exact == pytest.approx((0.0, 0.0), abs=1e-6)
-    raised = TRUE.copy()
-    raised[1, 3] -= 0.02
-    found = compare_floors(first, other, raised, person)
-    assert found is not None
-    assert abs(found[1]) == pytest.approx(0.02)
-    assert compare_floors(first, Planes(), TRUE, person) is None
 
 
 def test_what_is_not_determined_is_refused_with_what_would_help() -> None:
