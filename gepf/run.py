@@ -142,12 +142,12 @@ class Run:
 
     def plot(self, names: Iterable[str] | None = None) -> Figure:
         """A figure of angles (`names`, or all) in degrees over seconds, each with its deviation."""
-        from coordinator.pictures.plots import plot_angles
+        from coordinator.pictures.plots import angle_curves, plot_curves
 
         chosen = self.angle_names if names is None else tuple(names)
         for name in chosen:
             index_of(name, self.angle_names, "angle")
-        return plot_angles(self.track, chosen)
+        return plot_curves(self.track, angle_curves(self.track, chosen))
 
 
 def column(values: Array, name: str, names: tuple[str, ...], kind: str) -> Array:

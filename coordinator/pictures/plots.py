@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
 from pathlib import Path
@@ -94,24 +94,23 @@ def shade_status(axes: Axes, track: Track) -> None:
             axes.axvspan(*ends, color=STATUS[status], alpha=FAINT, linewidth=0)
 
 
-def plot_angles(track: Track, names: tuple[str, ...]) -> Figure:
-    """A figure with one plot per angle, in degrees; right and left are side by side with one scale."""
-    at = [track.angle_names.index(name) for name in names]
-    value, deviation = np.degrees(track.angle[:, at]), np.degrees(track.angle_deviation[:, at])
-    curves = [Curve(*each) for each in zip(names, "°" * len(names), value.T, deviation.T, strict=True)]
-    paired = all(name.startswith(SIDES) for name in names)
-    return plot_curves(track, curves, 2 if paired else 3, paired=paired)
+def angle_curves(track: Track, names: Iterable[str]) -> list[Curve]:
+    """Angles of a track with their deviations."""
+    at = {name: track.angle_names.index(name) for name in names}
+    value, deviation = np.degrees(track.angle), np.degrees(track.angle_deviation)
+    return [Curve(name, "°", value[:, a], deviation[:, a]) for name, a in at.items()]
 
 
-def plot_slides(track: Track, slides: Slides) -> Figure:
-    """A figure with one plot per prismatic joint, in centimetres."""
+def slide_curves(slides: Slides) -> list[Curve]:
+    """Prismatic joints with their deviations."""
     values = zip(slides.names, 100.0 * slides.value.T, 100.0 * slides.deviation.T, strict=True)
-    return plot_curves(track, [Curve(name, " cm", *each) for name, *each in values], 3)
+    return [Curve(name, " cm", *each) for name, *each in values]
 
 
-def plot_curves(track: Track, curves: Sequence[Curve], columns: int, *, paired: bool = False) -> Figure:
-    """A figure with one plot per curve; `paired`: the plots of a row have one scale."""
-    columns = max(1, min(columns, len(curves)))
+def plot_curves(track: Track, curves: Sequence[Curve], columns: int | None = None) -> Figure:
+    """A figure with one plot per curve; right and left are side by side with one scale."""
+    paired = columns is None and all(curve.name.startswith(SIDES) for curve in curves)
+    columns = max(1, min(columns or (2 if paired else 3), len(curves)))
     rows = max(1, -(-len(curves) // columns))
     with styled():
         figure = Figure()

@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from coordinator.results.angles import Slides
+from coordinator.pictures.plots import SIDES, Curve
 from coordinator.results.summary import describe_status
 from coordinator.results.track import Track
 from coordinator.tracking.certainty.certainty import FLAGGED
 
-Array = NDArray[np.float64]
 Summary = dict[str, Any]
 
 TRUSTED_SHARE = 0.9  # of tracked frames; below it a run is reliable in part, below 0.5 not at all
-
-SIDES = ("right_", "left_")
 
 
 def describe_run(track: Track, summary: Summary) -> list[tuple[str, str]]:
@@ -34,24 +29,18 @@ def describe_run(track: Track, summary: Summary) -> list[tuple[str, str]]:
         ("status", describe_status(track.status)),
         ("body", f"{model.get('name', 'unknown')}{stature}, {len(track.dof_names)} degrees of freedom"),
         ("method", f"{method}, preset {preset}, particles: {particles}"),
-        *((f"camera {name}", text) for name, text in describe_cameras(track, summary)),
+        *describe_cameras(summary),
         ("seed", str(summary.get("seed"))),
         ("speed", f"{summary.get('frame_rate', 0.0):.1f} frames a second"),
         ("service", f"{workers} worker{'s' * (workers != 1)}, {sent} batches, {again} sent again"),
     ]
 
 
-def describe_cameras(track: Track, summary: Summary) -> Iterator[tuple[str, str]]:
+def describe_cameras(summary: Summary) -> Iterator[tuple[str, str]]:
     """What each camera of a rig contributed, and its faults: names and texts."""
-    names, shares = track.camera_names or (), track.joint_seen_by
-    for name, seen in zip(names, () if shares is None else np.swapaxes(shares, 0, 1), strict=True):
-        facts = summary.get("cameras", {}).get(name, {})
-        frames = int(np.sum(np.any(seen > 0.0, axis=1)))
-        text = f"shows the body in {frames} frames, {np.mean(seen):.0%} of the surface that faces it"
-        faults = (
-            f"; {f['fault']} from {f['from_s']:.1f} to {f['to_s']:.1f} s" for f in facts.get("faults", ())
-        )
-        yield name, text + "".join(faults)
+    for name, facts in summary.get("cameras", {}).items():
+        faults = (f"; {f['fault']} from {f['from_s']:.1f} to {f['to_s']:.1f} s" for f in facts["faults"])
+        yield f"camera {name}", f"shows the body in {facts['frames_shown']} frames" + "".join(faults)
 
 
 def group_angles(names: tuple[str, ...]) -> list[tuple[str, tuple[str, ...]]]:
@@ -62,37 +51,20 @@ def group_angles(names: tuple[str, ...]) -> list[tuple[str, tuple[str, ...]]]:
     return [group for group in (("trunk" if limbs else "joints", others), ("limbs", limbs)) if group[1]]
 
 
-@dataclass(frozen=True, slots=True)
-class Range:
-    """The range of an angle or a prismatic joint, in degrees or centimetres."""
-
-    name: str
-    unit: str
-    form: str  # of a number
-    least: float
-    greatest: float
-    fastest: float  # per second
-    deviation: float  # one standard deviation, the median
-
-
-def list_ranges(track: Track, slides: Slides) -> Iterator[Range]:
-    """Ranges of all angles, in the order of the plots, and of prismatic joints, over the known frames."""
-    known, names = ~track.unknown, track.angle_names
+def list_ranges(track: Track, curves: Iterable[Curve]) -> Iterator[tuple[str, ...]]:
+    """Name, ends, range, fastest change and median deviation of each curve over the known frames, as text."""
+    known = ~track.unknown
     if not known.any():
         return
     steps = np.maximum(np.diff(track.time_s[known]), 1e-9)
-
-    def reach(name: str, unit: str, form: str, value: Array, deviation: Array) -> Range:
-        fastest = (np.abs(np.diff(value[known])) / steps).max(initial=0.0)
-        ends = value[known].min(), value[known].max(), fastest, np.median(deviation[known])
-        return Range(name.replace("_", " "), unit, form, *map(float, ends))
-
-    for name in (name for _, members in group_angles(names) for name in members):
-        a = names.index(name)
-        value, deviation = np.degrees(track.angle[:, a]), np.degrees(track.angle_deviation[:, a])
-        yield reach(name, "°", "%.0f", value, deviation)
-    for name, value, deviation in zip(slides.names, slides.value.T, slides.deviation.T, strict=True):
-        yield reach(name, " cm", "%.1f", 100.0 * value, 100.0 * deviation)
+    for curve in curves:
+        value, deviation = curve.reported[known], np.median(np.asarray(curve.deviation)[known])
+        fastest = (np.abs(np.diff(value)) / steps).max(initial=0.0)
+        least, greatest, reach, speed, off = (
+            f"{number:.{curve.unit != '°':d}f}{curve.unit}"
+            for number in (value.min(), value.max(), np.ptp(value), fastest, deviation)
+        )
+        yield curve.name.replace("_", " "), f"{least} … {greatest}", reach, f"{speed}/s", off
 
 
 def find_doubts(track: Track) -> Iterator[tuple[str, str]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import json
-from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +16,12 @@ from matplotlib.figure import Figure
 from common.errors import InputError
 from coordinator.bodies.angles import is_person
 from coordinator.files import ERRORS_FILE, FILM_FILE, HYPOTHESES_FILE, SHEET_FILE, write_atomically
-from coordinator.pictures.plots import plot_angles, plot_slides, styled
+from coordinator.pictures.plots import angle_curves, plot_curves, slide_curves, styled
 from coordinator.report.findings import describe_run, find_banner, find_doubts, group_angles, list_ranges
-from coordinator.results.angles import Slides, read_slides
+from coordinator.results.angles import read_slides
 from coordinator.results.configuration import flatten
 from coordinator.results.summary import people_in, read_summary
-from coordinator.results.track import Track, read_track
+from coordinator.results.track import read_track
 
 PICTURES = (FILM_FILE, SHEET_FILE, HYPOTHESES_FILE, ERRORS_FILE)
 MEDIA = {".png": "image/png", ".mp4": "video/mp4"}
@@ -58,25 +58,20 @@ def describe_person(folder: Path) -> dict[str, Any]:
     """The data of the page for one person."""
     track, summary = read_track(folder), read_summary(folder)
     slides = read_slides(folder, track)
+    parts = {group: angle_curves(track, members) for group, members in group_angles(track.angle_names)}
+    if slides.names:
+        parts["sliding joints"] = slide_curves(slides)
     return {
         "folder": folder,
         "person": is_person(track.dof_names),
         "facts": describe_run(track, summary),
         "banner": find_banner(track, summary),
         "doubts": list(find_doubts(track)),
-        "ranges": list(list_ranges(track, slides)),
+        "ranges": list(list_ranges(track, chain.from_iterable(parts.values()))),
         "pictures": {name: embed(folder / name) for name in PICTURES},
-        "plots": list(plot(track, slides)),
+        "plots": [(part, as_svg(plot_curves(track, curves))) for part, curves in parts.items()],
         "slides": bool(slides.names),
     }
-
-
-def plot(track: Track, slides: Slides) -> Iterator[tuple[str, Markup]]:
-    """Drawings of the angles of each part of the body, with its name, and of the prismatic joints."""
-    for group, members in group_angles(track.angle_names):
-        yield group, as_svg(plot_angles(track, members))
-    if slides.names:
-        yield "sliding joints", as_svg(plot_slides(track, slides))
 
 
 def as_svg(figure: Figure) -> Markup:

@@ -22,7 +22,7 @@ from common.kinematics import pose_vertices
 from coordinator.bodies.angles import angles_of
 from coordinator.pictures.film import spread, tile, write_film
 from coordinator.pictures.overlay import View, paint, view_around
-from coordinator.pictures.plots import STATUS, curves_of, plot_angles
+from coordinator.pictures.plots import STATUS, angle_curves, curves_of, plot_curves
 from coordinator.pictures.portrait import draw_portrait
 from coordinator.pictures.run import draw_run
 from coordinator.pictures.shading import draw_body, shade_depth
@@ -309,7 +309,7 @@ def test_a_frame_of_another_status_is_seen_behind_the_curves(tmp_path: Path) -> 
     status = np.array(["tracked"] * 10 + ["ambiguous"] + ["tracked"] * 9)
     zeros = np.zeros((20, 1))
     track = replace(track, status=status, angle_names=("a",), angle=zeros, angle_deviation=zeros)
-    plot_angles(track, ("a",)).savefig(tmp_path / "plot.png")
+    plot_curves(track, angle_curves(track, ("a",))).savefig(tmp_path / "plot.png")
     row = pixels(tmp_path / "plot.png")[60]
     amber = np.all(np.abs(row - [0xFC, 0xEF, 0xD1]) < 8, axis=1).sum()
     assert amber / len(row) == pytest.approx(1 / 20, rel=0.25)

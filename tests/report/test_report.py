@@ -16,8 +16,8 @@ from coordinator.bodies.angles import angles_of
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from coordinator.bodies.urdf import read_urdf
 from coordinator.cli import main
+from coordinator.pictures.plots import angle_curves
 from coordinator.report.findings import find_banner, find_doubts, list_ranges
-from coordinator.results.angles import Slides
 from coordinator.results.track import Track
 from tests.support.runs import make_track, swing, write_run
 
@@ -159,16 +159,11 @@ def test_a_banner_says_whether_to_trust_a_run(tracked: int, complete: bool, says
 
 def test_ranges_are_those_of_the_known_frames() -> None:
     """Smallest, largest and fastest value; lost frames do not count."""
-    none = Slides((), np.empty((4, 0)), np.empty((4, 0)))
     track = elbow_track([10.0, 40.0, 170.0, 20.0], ["tracked", "ambiguous", "lost", "tracked"])
-    (row,) = list_ranges(track, none)
-    assert (row.name, round(row.least), round(row.greatest), round(row.fastest)) == (
-        "right elbow flexion",
-        10,
-        40,
-        900,
-    )
-    assert list(list_ranges(elbow_track([1.0], ["lost"]), none)) == []
+    (row,) = list_ranges(track, angle_curves(track, track.angle_names))
+    assert row == ("right elbow flexion", "10° … 40°", "30°", "900°/s", "8°")
+    lost = elbow_track([1.0], ["lost"])
+    assert list(list_ranges(lost, angle_curves(lost, lost.angle_names))) == []
 
 
 def test_a_robot_has_no_sides(tmp_path: Path) -> None:
