@@ -27,7 +27,10 @@ HYPOTHESES_FILE, ERRORS_FILE = "hypotheses.png", "errors.png"
 
 
 def write_atomically(path: Path, write: Callable[[BinaryIO], object]) -> None:
-    """Let `write` fill a temporary file, sync it, and rename it to `path`."""
+    """Let `write` fill a temporary file, sync it, and rename it to `path`.
+
+    InputError if the folder is missing or cannot be written.
+    """
     draft = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         with draft.open("wb") as file:
@@ -36,6 +39,8 @@ def write_atomically(path: Path, write: Callable[[BinaryIO], object]) -> None:
             os.fsync(file.fileno())
         draft.replace(path)
         sync_folder(path.parent)
+    except (FileNotFoundError, NotADirectoryError, IsADirectoryError, PermissionError) as error:
+        raise InputError(f"cannot write {path}: {error.strerror}; choose another place") from error
     finally:
         draft.unlink(missing_ok=True)
 

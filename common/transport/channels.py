@@ -5,12 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from types import TracebackType
-from typing import Literal, Self
+from typing import Literal
 
 import zenoh
 from zenoh import handlers
 
+from common.closing import Closing
 from common.errors import BusError
 
 ANSWER_S = 2.0  # for quick answers of other programs
@@ -58,19 +58,15 @@ class Publisher:
             self._session.put(key, payload, congestion_control=block)
 
 
-class IncomingRequest:
+class IncomingRequest(Closing):
     """One request, a context manager; it ends without an answer if neither method is called."""
 
     def __init__(self, query: zenoh.Query) -> None:
         self._query = query
         self.payload = b"" if query.payload is None else query.payload.to_bytes()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def close(self) -> None:
+        """End it."""
         self._query.drop()  # type: ignore[no-untyped-call]
 
     def reply(self, payload: bytes) -> None:

@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
-from PIL import Image
 
-from common.errors import InputError
 from coordinator.bodies.human.measures import Measures
 from coordinator.commands.console import loading
 from coordinator.commands.options import CameraOptions, InfoOptions
+from coordinator.pictures.film import save_png
 from coordinator.results.summary import FOUND, PERSON_FILE, find_summary
 from coordinator.sources import Format, Source, find_format
 from coordinator.sources.camera import doubt_camera, doubt_range, parse_camera_options
@@ -51,7 +50,7 @@ def run_info(options: InfoOptions, camera: CameraOptions) -> None:
         from coordinator.pictures.shading import shade_depth
 
         middle = source.frame(source.numbers[len(source) // 2])
-        save(shade_depth(middle.metres(), middle.intrinsics), options.thumbnail)
+        save_png(shade_depth(middle.metres(), middle.intrinsics), options.thumbnail)
     cameras = []
     for each in source.views:
         alone = single(each)
@@ -63,7 +62,7 @@ def run_info(options: InfoOptions, camera: CameraOptions) -> None:
         if options.picture is not None and each is source:
             from coordinator.pictures.scene import draw_scene
 
-            save(draw_scene(view, found), options.picture)
+            save_png(draw_scene(view, found), options.picture)
         scene = describe_scene(view, found)
         cameras.append(facts | scene)
         if not as_json:
@@ -169,14 +168,6 @@ def in_words(value: object) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     return "unknown" if value is None else str(value)
-
-
-def save(picture: Image.Image, path: Path) -> None:
-    """Write a PNG; InputError if that is impossible."""
-    try:
-        picture.save(path, "PNG")
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror}; choose another file") from error
 
 
 def describe(form: Format, source: Source) -> dict[str, object]:

@@ -140,7 +140,7 @@ class RecordedInput(Input):
         # with several people, the sequence's truth does not say whose it is
         own = source.truth if job.people == 1 else None
         self.truth = None if own is None else read_truth(own, source.T_rig_camera)
-        self.colours = ColourFolder(job.colour, source.intrinsics, numbers) if job.colour else None
+        self.colours = ColourFolder(job.color, source.intrinsics, numbers) if job.color else None
         first = source.frame(numbers[0])
         path, given = job.sequence.resolve(), job.given
         recording: dict[str, object] = {
@@ -176,7 +176,7 @@ class RecordedInput(Input):
 
     def facts(self) -> dict[str, object]:
         """The path of the colour frames for pictures."""
-        return {"color": None if self.job.colour is None else str(self.job.colour)}
+        return {"color": None if self.job.color is None else str(self.job.color)}
 
 
 class LiveInput(Input):
@@ -186,7 +186,7 @@ class LiveInput(Input):
         for option, given in (
             ("--frames", job.frames),
             ("--resume", job.resume),
-            ("--color", job.colour),
+            ("--color", job.color),
             ("--intrinsics", job.given.intrinsics),
             ("--depth-scale", job.given.depth_scale),
         ):

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import msgspec
 
@@ -34,7 +34,7 @@ ROTATIONS = ("auto", "0", "90", "180", "270")
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """One `gepf track`."""
+    """One `gepf track`. Fields with the names of options have their values, checked or interpreted."""
 
     sequence: Path
     out: Path
@@ -45,7 +45,7 @@ class Job:
     init: str | None = None  # a file, AUTOMATIC, or None for the sequence's own file, if there is one
     frames: str | None = None
     resume: bool = False
-    colour: Path | None = None  # colour frames for pictures
+    color: Path | None = None  # colour frames for pictures
     given: cameras.CameraOptions = cameras.AS_RECORDED
     results: str | None = None  # key or topic on which they are published
     results_json: bool = False
@@ -78,28 +78,19 @@ def choose_job(options: TrackOptions, camera: CameraOptions, security: SecurityO
         options.worker_timeout,
         None if options.deadline is None else options.deadline / 1000,
     )
-    job = Job(
-        sequence=options.sequences[0],
-        out=options.out,
-        settings=choose_settings(options),
-        pool=pool,
-        model=choose_model(options.model),
-        active=split(options.dof, "--dof", str) if options.dof is not None else None,
-        init=options.init,
-        frames=options.frames,
-        resume=options.resume,
-        colour=options.color,
-        given=cameras.parse_camera_options(camera.intrinsics, camera.depth_scale),
-        results=live_key(options.results or "") or options.results,
-        results_json=options.results_json,
-        scope=choose_scope(options),
-        background=options.background,
-        people=options.people,
-        pictures=options.pictures,
-        idle_timeout=options.idle_timeout,
-        record=options.record,
-        domain=options.domain,
-    )
+    as_given = {name: value for name, value in asdict(options).items() if name in Job.__dataclass_fields__}
+    interpreted: dict[str, Any] = {
+        "sequence": options.sequences[0],
+        "settings": choose_settings(options),
+        "pool": pool,
+        "model": choose_model(options.model),
+        "active": split(options.dof, "--dof", str) if options.dof is not None else None,
+        "given": cameras.parse_camera_options(camera.intrinsics, camera.depth_scale),
+        "results": live_key(options.results or "") or options.results,
+        "scope": choose_scope(options),
+        "joint_states": None,
+    }
+    job = Job(**as_given | interpreted)
     if options.joint_states is not None:
         if is_several(options) or job.people > 1:
             raise InputError("--joint-states belongs to one body in one recording; track it alone")

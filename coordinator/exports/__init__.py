@@ -45,8 +45,5 @@ def export_run(
     run = read_run(folder, smooth_hz)
     module, _, name = EXPORTS[form].partition(".")
     write: Export = getattr(import_module(f"coordinator.exports.{module}"), name)
-    try:
-        write_atomically(path, lambda file: write(run, file))
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror}; choose another --out") from error
+    write_atomically(path, lambda file: write(run, file))
     return run

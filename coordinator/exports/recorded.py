@@ -33,7 +33,6 @@ class RecordedRun:
     name: str
     track: Track
     folder: Path
-    raw: Track  # as it was tracked
     placed: NDArray[np.bool_]  # (F,) frames that have a pose; the others get the first one
     smoothed_hz: float | None = None
 
@@ -77,12 +76,8 @@ def read_run(folder: Path, smooth_hz: float | None = None) -> RecordedRun:
     """The run in a folder, low-pass filtered if requested; InputError if it is missing or damaged."""
     found = read_track(folder)
     track = filled(found)
-    shown = track if smooth_hz is None else smoothed(track, folder, smooth_hz)
-    return RecordedRun(folder.resolve().name, shown, folder, track, found.placed, smooth_hz)
+    if smooth_hz is not None:
+        from coordinator.exports.smoothing import smooth_track  # loads slowly
 
-
-def smoothed(track: Track, folder: Path, cutoff_hz: float) -> Track:
-    """The low-pass filtered track; the filters are imported here because they load slowly."""
-    from coordinator.exports.smoothing import smooth_track
-
-    return smooth_track(track, read_tracked_body(folder).model, cutoff_hz)
+        track = smooth_track(track, read_tracked_body(folder).model, smooth_hz)
+    return RecordedRun(folder.resolve().name, track, folder, found.placed, smooth_hz)

@@ -9,15 +9,13 @@ import msgspec
 import numpy as np
 
 from coordinator.exports.recorded import RecordedRun
-from coordinator.results.csv_file import in_degrees, named, write_csv
-from coordinator.results.track import Track, emptied
+from coordinator.results.csv_file import write_csv
+from coordinator.results.track import Track
 
 
 def export_csv(run: RecordedRun, file: BinaryIO) -> None:
-    """Write the CSV of a run; if it is filtered, also the tracked angles, in columns `..._raw_deg`."""
-    raw_track = emptied(run.raw, run.placed)
-    raw = {f"{name}_raw": values for name, values in named(raw_track.angle_names, raw_track.angle).items()}
-    write_csv(run.told, file, in_degrees(raw) if run.smoothed_hz else {})
+    """Write the CSV of a run."""
+    write_csv(run.told, file)
 
 
 def export_json(run: RecordedRun, file: BinaryIO) -> None:

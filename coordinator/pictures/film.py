@@ -35,6 +35,11 @@ def write_film(
     write_atomically(file, lambda opened: opened.write(encoded.getbuffer()))
 
 
+def save_png(picture: Image.Image, file: Path) -> None:
+    """Write one picture."""
+    write_atomically(file, lambda opened: picture.save(opened, "PNG"))
+
+
 def spread(count: int, wanted: int) -> list[int]:
     """At most `wanted` positions out of `count`, evenly distributed, with the first and the last."""
     return sorted(set(np.rint(np.linspace(0, count - 1, min(count, wanted))).astype(int).tolist()))

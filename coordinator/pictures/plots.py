@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from common.body import ROOT_DOFS
 from coordinator.bodies.angles import angles_of
 from coordinator.results.angles import Slides, measure, near_to, slides_of
-from coordinator.results.evaluation import Truth, compare, known_mean
+from coordinator.results.evaluation import Truth, compare
 from coordinator.results.track import Track, TrackedBody
 
 Array = NDArray[np.float64]
@@ -178,35 +178,25 @@ def true_poses(track: Track, truth: Truth | None) -> Array:
 
 
 def draw_errors(track: Track, truth: Truth, file: Path) -> None:
-    """Write a PNG with the errors of joints, angles and prismatic joints: the mean, and each one."""
+    """Write a PNG with the error of each joint, angle and prismatic joint over time, and the means."""
     errors = compare(track, truth)
     joints = tuple(name for name in track.joint_names if name in truth.joint_names)
     time_s = track.time_s[np.isin(track.frame, errors.frame)]
-    kinds: list[tuple[str, str, tuple[str, ...], Array, Array | None]] = [
-        ("joints", "cm", joints, 100.0 * errors.joint_m, None),
-        ("angles", "degrees", errors.dof_names, errors.angle_deg, errors.best_angle_deg),
-        ("sliding joints", "cm", errors.slide_names, 100.0 * errors.slide_m, None),
+    kinds: list[tuple[str, str, tuple[str, ...], Array]] = [
+        ("joints", "cm", joints, 100.0 * errors.joint_m),
+        ("angles", "degrees", errors.dof_names, errors.angle_deg),
+        ("sliding joints", "cm", errors.slide_names, 100.0 * errors.slide_m),
     ]
     kinds = [kind for kind in kinds if kind[2]]
     with styled():
         figure = Figure()
-        figure.set_size_inches(figure.get_figwidth() * len(kinds) / 2, 5 * figure.get_figheight())
-        axes = figure.subplots(2, len(kinds), sharex=True, squeeze=False, height_ratios=(1, 2))
-        for (above, below), (kind, unit, names, values, best) in zip(axes.T, kinds, strict=True):
-            for label, each, colour in (
-                ("reported", values, REPORTED),
-                ("best hypothesis", best, HYPOTHESIS),
-            ):
-                if each is not None:
-                    mean = known_mean(each, axis=1)
-                    above.plot(time_s, mean, color=colour, label=f"{label}, mean {np.nanmean(mean):.1f}")
-            shade_status(above, track)
-            above.set(title=f"error of {kind}", ylabel=unit, ylim=(0.0, None))
-            above.legend()
-            shown = below.pcolormesh(time_s, np.arange(len(names)), values.T, cmap="magma_r", vmin=0.0)
-            below.set_yticks(range(len(names)), [name.replace("_", " ") for name in names], fontsize="small")
-            below.invert_yaxis()
-            below.grid(visible=False)
-            below.set_xlabel("seconds")
-            figure.colorbar(shown, ax=below, label=unit)
+        figure.set_size_inches(figure.get_figwidth() * len(kinds) / 2, 4 * figure.get_figheight())
+        every = figure.subplots(1, len(kinds), squeeze=False)[0]
+        for axes, (kind, unit, names, values) in zip(every, kinds, strict=True):
+            shown = axes.pcolormesh(time_s, np.arange(len(names)), values.T, cmap="magma_r", vmin=0.0)
+            axes.set(title=f"error of {kind}, mean {np.nanmean(values):.1f} {unit}", xlabel="seconds")
+            axes.set_yticks(range(len(names)), [name.replace("_", " ") for name in names], fontsize="small")
+            axes.invert_yaxis()
+            axes.grid(visible=False)
+            figure.colorbar(shown, ax=axes, label=unit)
         figure.savefig(file)

@@ -10,8 +10,7 @@ from PIL import Image, ImageDraw
 from common.body import BodyModel
 from common.camera import Intrinsics
 from common.kinematics import pose_vertices
-from coordinator.files import write_atomically
-from coordinator.pictures.film import tile
+from coordinator.pictures.film import save_png, tile
 from coordinator.pictures.overlay import FINER, SKELETON_COLOUR, draw_skeleton, project_joints
 from coordinator.pictures.shading import BACKGROUND, draw_body
 from coordinator.synthesis.rendering import fit_in_view
@@ -22,9 +21,7 @@ TURNS_DEG = (0, 40, 90)
 
 def draw_portrait(model: BodyModel, file: Path) -> None:
     """Write a PNG: the body from the front, obliquely and from the side, with joints as dots."""
-    sheet = tile([paint(model, turn) for turn in TURNS_DEG])
-    file.parent.mkdir(parents=True, exist_ok=True)
-    write_atomically(file, lambda opened: sheet.save(opened, "PNG"))
+    save_png(tile([paint(model, turn) for turn in TURNS_DEG]), file)
 
 
 def paint(model: BodyModel, turn_deg: float) -> Image.Image:

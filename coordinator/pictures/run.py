@@ -13,8 +13,8 @@ from common.body import BodyModel
 from common.camera import inverse
 from common.errors import InputError
 from common.frame import DepthFrame
-from coordinator.files import ERRORS_FILE, FILM_FILE, HYPOTHESES_FILE, SHEET_FILE, write_atomically
-from coordinator.pictures.film import spread, tile, write_film
+from coordinator.files import ERRORS_FILE, FILM_FILE, HYPOTHESES_FILE, SHEET_FILE
+from coordinator.pictures.film import save_png, spread, tile, write_film
 from coordinator.pictures.overlay import FINER, View, paint, view_around
 from coordinator.pictures.plots import draw_errors, draw_hypotheses
 from coordinator.pictures.shading import shade_depth
@@ -69,7 +69,7 @@ def draw_run(
 
     files = [out / FILM_FILE, out / SHEET_FILE]
     write_film(paint_all(), size_of(views), track.time_s[filmed], files[0])
-    write_atomically(files[1], lambda opened: tile(kept).save(opened, "PNG"))
+    save_png(tile(kept), files[1])
     advance(steps - 1, steps)
     if track.placed.any():
         files.append(out / HYPOTHESES_FILE)

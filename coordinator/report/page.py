@@ -13,7 +13,6 @@ from jinja2 import Environment, PackageLoader, select_autoescape
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from common.errors import InputError
 from coordinator.bodies.angles import is_person
 from coordinator.files import ERRORS_FILE, FILM_FILE, HYPOTHESES_FILE, SHEET_FILE, write_atomically
 from coordinator.pictures.plots import angle_curves, plot_curves, slide_curves, styled
@@ -48,10 +47,7 @@ def write_report(run: Path, out: Path) -> None:
         settings=[(name, str(value)) for name, value in flatten(summary.get("settings", {}))],
         whole=json.dumps(summary, indent=2),
     )
-    try:
-        write_atomically(out, lambda opened: opened.write(page.encode()))
-    except OSError as error:
-        raise InputError(f"cannot write {out} ({error.strerror}); give a writable file with --out") from None
+    write_atomically(out, lambda opened: opened.write(page.encode()))
 
 
 def describe_person(folder: Path) -> dict[str, Any]:

@@ -18,14 +18,14 @@ from coordinator.results.track import Track
 Columns = dict[str, NDArray[np.float64]]
 
 
-def write_csv(track: Track, file: BinaryIO, more: Columns | None = None) -> None:
-    """Frame, time and status, then the columns of `angle_columns`, `joint_columns`, the pose, and `more`.
+def write_csv(track: Track, file: BinaryIO) -> None:
+    """Frame, time and status, then the columns of `angle_columns`, `joint_columns`, and the pose.
 
     Numbers are written so that reading them gives the same float64.
     """
     text = io.TextIOWrapper(file, encoding="utf-8", newline="")
     writer = csv.writer(text, lineterminator="\n")
-    columns = angle_columns(track) | joint_columns(track) | named(track.dof_names, track.pose) | (more or {})
+    columns = angle_columns(track) | joint_columns(track) | named(track.dof_names, track.pose)
     writer.writerow(["frame", "time_s", "status", *columns])
     values = np.stack(list(columns.values()), axis=1)
     for f, frame in enumerate(track.frame.tolist()):
@@ -38,17 +38,13 @@ def angle_columns(track: Track) -> Columns:
     angles = named(track.angle_names, track.angle)
     off = named(track.angle_names, track.angle_deviation)
     isb = named(isb_names(track.angle_names), isb_angles(track.angle_names, track.angle))
-    return in_degrees(angles | isb | {f"{name}_deviation": values for name, values in off.items()})
+    columns = angles | isb | {f"{name}_deviation": values for name, values in off.items()}
+    return {f"{name}_deg": np.degrees(values) for name, values in columns.items()}
 
 
 def named(names: tuple[str, ...], values: NDArray[np.float64]) -> Columns:
     """Columns (F,) of values (F, N) by their names."""
     return dict(zip(names, values.T, strict=True))
-
-
-def in_degrees(radians: Columns) -> Columns:
-    """The columns in degrees, with names that say so."""
-    return {f"{name}_deg": np.degrees(values) for name, values in radians.items()}
 
 
 def joint_columns(track: Track) -> Columns:

@@ -6,7 +6,7 @@ import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from functools import partial
+from itertools import count
 from pathlib import Path
 
 import imageio.v3 as iio
@@ -26,7 +26,7 @@ from coordinator.synthesis.noise import add_noise
 from coordinator.synthesis.person_scene import person
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes import ROAM_FRAMES, SCENES, Scene, roam
-from coordinator.synthesis.surround import furnished, surround
+from coordinator.synthesis.surround import Seen, furnished, surround
 from coordinator.synthesis.two_people import two
 from coordinator.tracking.sensor_noise import SensorNoise
 
@@ -75,20 +75,22 @@ def synthesise(  # noqa: PLR0913 one parameter an option
         )
     shown = find_scene(scene, model, seed, frames)
     shown = furnished(shown) if room else shown
-    views = list(surround(shown, cameras, apart, late / 1000.0)) if cameras > 1 else []
+    one = Seen("", shown, np.eye(4), 0.0)
+    views = list(surround(shown, cameras, apart, late / 1000.0)) if cameras > 1 else [one]
+    done, total = count(1), len(views) * len(shown.poses)
     out = Path(out)
     with_parent(out)
     unfinished = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
     try:
         for n, view in enumerate(views):
-            (unfinished / view.name).mkdir()
-            made = partial(shift_progress, advance, n, len(views)) if advance else None
-            write_sequence(view.scene, noise, seed + n, unfinished / view.name, made, kinect=kinect)
-        if views:
+            folder = unfinished / view.name
+            for _ in write_depth(view.scene, noise, seed + n, folder / "depth", kinect=kinect):
+                if advance is not None:
+                    advance(next(done), total)
+            write_facts(view.scene, folder)
+        if cameras > 1:
             listed = [RigCamera(v.name, v.name, v.T_rig_camera.tolist(), v.offset_s) for v in views]
             write_rig(unfinished / RIG_FILE, listed, {})
-        else:
-            write_sequence(shown, noise, seed, unfinished, advance, kinect=kinect)
         unfinished.chmod(0o755)
         unfinished.replace(out)
     except BaseException:
@@ -96,24 +98,8 @@ def synthesise(  # noqa: PLR0913 one parameter an option
         raise
 
 
-def shift_progress(
-    advance: Callable[[int, int], None], before: int, folders: int, done: int, total: int
-) -> None:
-    """Count the frames of one of several folders."""
-    advance(before * total + done, folders * total)
-
-
-def write_sequence(
-    scene: Scene,
-    noise: SensorNoise,
-    seed: int,
-    folder: Path,
-    advance: Callable[[int, int], None] | None,
-    *,
-    kinect: bool,
-) -> None:
-    """Write depth, camera, truth of everybody and start into a folder."""
-    write_depth(scene, noise, seed, folder / "depth", advance, kinect=kinect)
+def write_facts(scene: Scene, folder: Path) -> None:
+    """Write camera, truth of everybody and start into a folder."""
     write_camera(folder / CAMERA_FILE, scene.camera, DEPTH_SCALE, scene.fps)
     write_truth(scene, folder / TRUTH_FILE)
     for number, other in enumerate(scene.others, 2):
@@ -144,21 +130,17 @@ def find_scene(name: str, model: str | None, seed: int, frames: int | None) -> S
 
 
 def write_depth(
-    scene: Scene,
-    noise: SensorNoise,
-    seed: int,
-    folder: Path,
-    advance: Callable[[int, int], None] | None,
-    *,
-    kinect: bool = False,
-) -> None:
-    """Write depth/000000.png and so on; the noise of a frame depends only on the seed and its number."""
-    folder.mkdir()
+    scene: Scene, noise: SensorNoise, seed: int, folder: Path, *, kinect: bool = False
+) -> Iterator[int]:
+    """Write depth/000000.png and so on, and yield the number of each.
+
+    The noise of a frame depends only on the seed and its number.
+    """
+    folder.mkdir(parents=True)
     for number, depth_m in enumerate(render(scene)):
         noisy = add_noise(depth_m, scene.camera, noise, np.random.default_rng([seed, number]), kinect=kinect)
         iio.imwrite(folder / f"{number:06d}.png", to_units(noisy))
-        if advance is not None:
-            advance(number + 1, len(scene.poses))
+        yield number
 
 
 def render(scene: Scene) -> Iterator[NDArray[np.float64]]:

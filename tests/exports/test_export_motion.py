@@ -143,7 +143,7 @@ def tremor(frames: int = 200) -> tuple[Array, Array]:
 
 
 def test_a_low_pass_takes_the_tremor_and_shifts_nothing(tmp_path: Path) -> None:
-    """The slow motion stays within half a degree, in phase; the tremor of 3 degrees is gone; raw is kept."""
+    """The slow motion stays within half a degree, in phase; the tremor of 3 degrees is gone."""
     body = person()
     slow, fast = tremor()
     poses = np.zeros((len(slow), len(body.dof_names)))
@@ -154,7 +154,6 @@ def test_a_low_pass_takes_the_tremor_and_shifts_nothing(tmp_path: Path) -> None:
     elbow = run.track.angle[:, run.track.angle_names.index("right_elbow_flexion")]
     inner = slice(20, -20)
     assert np.abs(np.degrees(elbow - slow))[inner].max() < 0.5
-    assert np.array_equal(run.raw.pose, poses)
     same = run.track.pose[:, body.dof("r_elbow_flexion")]
     assert np.allclose(same, elbow, atol=1e-9)
 
@@ -220,7 +219,7 @@ def test_what_is_there_stays_unless_forced(tmp_path: Path, capsys: pytest.Captur
     assert written.out == ""
     assert "9 frames, 1 of them lost, low pass 6 Hz" in said
     head = out.read_text().splitlines()[0].split(",")
-    assert {"upper_deg", "upper_raw_deg"} <= set(head)
+    assert "upper_deg" in head
 
 
 def test_frames_before_a_person_was_found_are_empty_in_csv_and_json(tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ def write_small_sequence(folder: Path, frames: int) -> None:
     poses = whole.poses[np.minimum(there, 2 * len(whole.poses) - 2 - there)]
     scene = Scene(whole.model, Intrinsics(64, 64, 98.75, 98.75, 31.5, 31.5), 25.0, poses, poses[0].copy())
     folder.mkdir(parents=True)
-    write_depth(scene, SensorNoise(0.0, 0.0), 0, folder / "depth", None)
+    list(write_depth(scene, SensorNoise(0.0, 0.0), 0, folder / "depth"))
     write_camera(folder / "camera_intrinsic.json", scene.camera, DEPTH_SCALE, scene.fps)
     write_start(scene.model, poses[0], folder / "init.json")
 

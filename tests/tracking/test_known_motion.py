@@ -39,7 +39,7 @@ def fast(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder, whole = tmp_path_factory.mktemp("fast"), roam(read_urdf(ARM), 1, EVERY * FRAMES)
     poses = whole.poses[::EVERY].copy()
     scene = Scene(whole.model, whole.camera, whole.fps / EVERY, poses, poses[0].copy())
-    write_depth(scene, NO_NOISE, 0, folder / "depth", None, kinect=True)
+    list(write_depth(scene, NO_NOISE, 0, folder / "depth", kinect=True))
     write_camera(folder / "camera_intrinsic.json", scene.camera, DEPTH_SCALE, scene.fps)
     write_truth(scene, folder / "truth.npz")
     write_start(scene.model, poses[0], folder / "init.json")
