@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import lru_cache
+from collections.abc import Callable
+from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,41 +14,27 @@ from common.recent import FRAMES_KEPT
 from common.refinement import Refined
 from common.settings import RefineSettings
 from worker.kernel.icp import refine
-from worker.kernel.observation import Observation, observe
+from worker.kernel.observation import observe
 
 
-@dataclass(slots=True, eq=False)
 class DirectRequest:
     """Particles that are refined when their result, or whether it is ready, is first requested."""
 
-    model: BodyModel
-    observation: Observation
-    poses: NDArray[np.float64]  # (N, D)
-    settings: RefineSettings
-    covariance: bool
-    velocity: NDArray[np.float64] | None  # (D,)
-    refined: Refined | None = None
+    def __init__(self, refine: Callable[[], Refined]) -> None:
+        self._refine = refine
+        self._refined: Refined | None = None
 
     @property
     def is_ready(self) -> bool:
         """Whether the particles are refined; if they are not, they are now, one request at a time."""
-        if self.refined is not None:
-            return True
+        was_ready = self._refined is not None
         self.result()
-        return False
+        return was_ready
 
     def result(self) -> Refined:
         """Refine the particles, unless that is done."""
-        if self.refined is None:
-            self.refined = refine(
-                self.model,
-                self.observation,
-                self.poses,
-                self.settings,
-                covariance=self.covariance,
-                velocity=self.velocity,
-            )
-        return self.refined
+        self._refined = self._refined or self._refine()
+        return self._refined
 
     def cancel(self) -> None:
         """Nothing is under way."""
@@ -76,4 +62,5 @@ class DirectRefiner:
     ) -> DirectRequest:
         """Keep poses (N, D), to be refined on a frame."""
         del spare
-        return DirectRequest(model, self._observe(subject), poses, settings, covariance, velocity)
+        how = partial(refine, covariance=covariance, velocity=velocity)
+        return DirectRequest(partial(how, model, self._observe(subject), poses, settings))

@@ -44,14 +44,13 @@ def run_calibrate(options: CalibrateOptions, show: Show, connect: Connect) -> No
             found = calibrate(
                 sources, workers, preset("default"), choose_bodies(None, "default", HUMAN), show.say
             )
-    cameras, facts = list[RigCamera](), dict[str, object]()
+    cameras = list[RigCamera]()
     for (name, place), sequence in zip(found.items(), sequences, strict=True):
         path = os.path.relpath(sequence.resolve(), out.resolve().parent)
         cameras.append(RigCamera(name, path, place.placed.tolist(), place.offset_s))
         if (wrong := find_fault(cameras[-1])) is not None:
             raise InputError(f"{given}: {wrong}")
-        facts |= {} if place.deviations is None else {name: deviations_of(place.deviations)}
-    write_rig(out, cameras, {"deviations": facts} if facts else {})
+    write_rig(out, cameras)
     for name, place in list(found.items())[1:]:
         sys.stdout.write(f"{name}: {describe(place)}\n")
     show.say(f"the rig is in {out}; gepf track {out} --out run/ tracks with all cameras")
@@ -70,15 +69,6 @@ def open_all(sequences: Sequence[Path]) -> dict[str, Source]:
             raise InputError(f"{source.name} is a rig already; give the recordings of single cameras")
         found[source.name if names.count(source.name) == 1 else f"camera{n}"] = source
     return found
-
-
-def deviations_of(deviations: Array) -> dict[str, list[float] | float]:
-    """Standard deviations (7,) by name."""
-    return {
-        "rotation_deg": np.degrees(deviations[:3]).round(4).tolist(),
-        "position_at_person_m": deviations[3:6].round(5).tolist(),
-        "time_offset_s": round(float(deviations[6]), 6),
-    }
 
 
 def describe(place: CameraPlace) -> str:

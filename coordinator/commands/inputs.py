@@ -19,12 +19,13 @@ from numpy.typing import NDArray
 from common.errors import InputError
 from common.frame import DepthFrame
 from common.protocol.keys import check_stream
+from common.transport.channels import Publisher
 from coordinator.bodies.choice import choose_bodies
 from coordinator.commands.job import Job
 from coordinator.commands.progress import FrameRate, Show, counted, describe
 from coordinator.commands.publish import play
-from coordinator.commands.workers import Workers
 from coordinator.files import with_parent
+from coordinator.pool.zenoh_refiner import ZenohRefiner
 from coordinator.results.configuration import (
     AUTOMATIC,
     GIVEN,
@@ -37,7 +38,7 @@ from coordinator.results.configuration import (
     versions,
 )
 from coordinator.results.evaluation import Truth, read_truth
-from coordinator.results.live_results import Sender, results_key
+from coordinator.results.live_results import results_key
 from coordinator.sources import Source, open_source
 from coordinator.sources.camera import AS_RECORDED
 from coordinator.sources.colour_folder import ColourFolder
@@ -168,7 +169,7 @@ class RecordedInput(Input):
         return f"{super().announce(done)}; {counted(total, 'frame')} of {camera.width}x{camera.height}"
 
     def streams(
-        self, workers: Workers, node: Node | None, done: int
+        self, workers: ZenohRefiner, node: Node | None, done: int
     ) -> Generator[Iterator[DepthFrame], None, None]:
         """One stream: the frames that are not recorded yet."""
         del workers, node
@@ -210,7 +211,7 @@ class LiveInput(Input):
         self._recorder = None if job.record is None else RigRecorder(job.record, cameras, show.say)
 
     def streams(
-        self, workers: Workers, node: Node | None, done: int
+        self, workers: ZenohRefiner, node: Node | None, done: int
     ) -> Generator[Iterator[DepthFrame], None, None]:
         """The newest frames until the publisher ends; each stream starts with its first frame with depth."""
         del done
@@ -227,7 +228,7 @@ class LiveInput(Input):
                 yield map(self._take, from_first_seen(frames, self._show.say))
 
     @contextmanager
-    def _published(self, camera: AttachedCamera, outlet: Sender) -> Iterator[None]:
+    def _published(self, camera: AttachedCamera, outlet: Publisher) -> Iterator[None]:
         """Receive the frames of a camera, and publish them for others, on a thread of its own."""
 
         def put(payload: bytes) -> None:
@@ -243,7 +244,7 @@ class LiveInput(Input):
             camera.close()
             thread.join()
 
-    def _listen(self, workers: Workers) -> None:
+    def _listen(self, workers: ZenohRefiner) -> None:
         """Receive the frames of all cameras, and their colour if it is recorded."""
         for place, camera in enumerate(self.live.cameras):
             if self._recorder is not None:

@@ -33,8 +33,7 @@ class LiveScene:
         self._frames: dict[int, bytes] = {}  # by number, the newest last
         self._frame_at = self._result_at = time.monotonic()  # when the last one came
         self._tracked = False  # whether a result has ever come
-        self._missing: str | None = None  # the last report of it
-        self._malformed = False
+        self._said = set[str]()
         self.ended = False  # nothing more comes, unless the publisher or tracker is started again
 
     def take_results(self) -> dict[str, Result]:
@@ -49,7 +48,11 @@ class LiveScene:
                 self._receive_frame(key, payload)
             for key, payload in messages:
                 self._receive_result(key, payload, taken)
-        self._report_missing()
+        now = time.monotonic()
+        if now - self._frame_at > self._notice:
+            self._say_once("no frame comes; is its publisher running, with this key and endpoint?")
+        elif now - self._result_at > self._notice:
+            self._say_once("frames come, but no results; is gepf track running? Give --results its --publish")
         return taken
 
     @property
@@ -82,10 +85,13 @@ class LiveScene:
             taken[key] = result
 
     def report_malformed(self, key: str, error: Exception) -> None:
-        """Report a malformed message, once."""
-        if not self._malformed:
-            self._malformed = True
-            self._report(f"a message on {key} makes no sense: {error}")
+        """Report a malformed message, once for each key."""
+        self._say_once(f"a message on {key} makes no sense", f": {error}")
+
+    def _say_once(self, line: str, detail: str = "") -> None:
+        if line not in self._said:
+            self._said.add(line)
+            self._report(line + detail)
 
     def _decode(self, key: str, payload: bytes) -> DepthFrame | None:
         try:
@@ -93,13 +99,3 @@ class LiveScene:
         except ProtocolError as error:
             self.report_malformed(key, error)
             return None
-
-    def _report_missing(self) -> None:
-        now, missing = time.monotonic(), None
-        if now - self._frame_at > self._notice:
-            missing = "no frame comes; is its publisher running, with this key and endpoint?"
-        elif now - self._result_at > self._notice:
-            missing = "frames come, but no results; is gepf track running? Give --results its --publish"
-        if missing is not None and missing != self._missing:
-            self._report(missing)
-        self._missing = missing

@@ -18,8 +18,9 @@ from coordinator.commands.job import Job, choose_job, is_several
 from coordinator.commands.options import CameraOptions, SecurityOptions, TrackOptions
 from coordinator.commands.progress import FrameRate, Show, counted
 from coordinator.commands.publish import open_session
-from coordinator.commands.workers import Connect, Workers
+from coordinator.commands.workers import Connect
 from coordinator.pool.options import Pool
+from coordinator.pool.zenoh_refiner import ZenohRefiner
 from coordinator.results.live_results import LiveResults, PackedOutlet
 from coordinator.results.log import RecordedPerson
 from coordinator.results.recorder import Recorder, is_complete
@@ -195,7 +196,7 @@ def open_node(job: Job, show: Show) -> Iterator[Node | None]:
         yield Node(bus, job.domain)
 
 
-def open_outlets(job: Job, workers: Workers, node: Node | None) -> list[LiveResults]:
+def open_outlets(job: Job, workers: ZenohRefiner, node: Node | None) -> list[LiveResults]:
     """The outlets that publish estimates, one per person; empty if not requested."""
     if job.results is None:
         return []

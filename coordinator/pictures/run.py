@@ -6,7 +6,6 @@ import logging
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
-import numpy as np
 from PIL import Image
 
 from common.body import BodyModel
@@ -90,16 +89,6 @@ def size_of(views: Mapping[str, View]) -> tuple[int, int]:
     return sum(view.width // FINER for view in each), max(view.height // FINER for view in each)
 
 
-def describe_camera(track: Track, f: int, camera: str) -> str:
-    """What a camera of a rig contributed to frame number `f`, or its fault; empty for a camera alone."""
-    if track.camera_names is None or camera not in track.camera_names:
-        return camera
-    c, shares, faults = track.camera_names.index(camera), track.joint_seen_by, track.camera_fault
-    fault = "" if faults is None else str(faults[f, c])
-    seen = 0.0 if shares is None else float(np.mean(shares[f, c]))
-    return f"{camera} {fault}" if fault else f"{camera}: {seen:.0%} of the surface that faces it"
-
-
 def paint_views(
     frame: DepthFrame,
     views: Mapping[str, View],
@@ -108,17 +97,19 @@ def paint_views(
     f: int,
     first: Image.Image | None,
 ) -> Image.Image:
-    """The pictures of all cameras side by side; black for a camera without a frame.
+    """The pictures of all cameras side by side, with their faults; black for a camera without a frame.
 
     The first camera's image may be given, as one in colour.
     """
     picture, left, images = Image.new("RGB", size_of(views)), 0, {each.camera: each for each in frame.views}
+    names = track.camera_names or ()
+    faults = {} if track.camera_fault is None else dict(zip(names, track.camera_fault[f], strict=True))
     for camera, view in views.items():
         image, seen = first if left == 0 else None, images.get(camera)
         if image is None and seen is not None:
             image = shade_depth(seen.metres(), seen.intrinsics)
         if image is not None:
-            note = describe_camera(track, f, camera)
+            note = f"{camera} {faults.get(camera, '')}".strip()
             picture.paste(paint(image, view, model, track, f, note), (left, 0))
         left += view.width // FINER
     return picture

@@ -9,13 +9,12 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from common.body import BodyModel
+from common.closing import Closing
 from common.frame import SubjectFrame
 from common.protocol import keys
 from common.protocol.messages import RefineRequest
@@ -29,7 +28,7 @@ from coordinator.pool.publication import Publication
 from coordinator.pool.rpc_client import Refinement, RpcClient
 
 
-class ZenohRefiner:
+class ZenohRefiner(Closing):
     """Refines particles with the workers on the bus; a context manager.
 
     Results are in the order of the particles and do not depend on the workers. `report` is called with a
@@ -40,14 +39,10 @@ class ZenohRefiner:
         self.run = keys.check_name("run", pool.run or uuid.uuid4().hex[:12])
         self._pool = pool
         self._report = report
-        self._stack = ExitStack()
         self._lost_links: set[str] = set()
-
-    def __enter__(self) -> Self:
         with ExitStack() as stack:
             folder = Path(stack.enter_context(private_folder()))
             local = f"{LOCAL}/{folder / 'bus'}"
-            pool = self._pool
             if pool.shared_at:
                 self._bus = stack.enter_context(open_coordinator([], [pool.shared_at]))
             else:
@@ -56,7 +51,7 @@ class ZenohRefiner:
                     open_coordinator([*own, *pool.listen_endpoints], pool.connect_endpoints, pool.security)
                 )
             if pool.connect and not self._bus.is_linked():
-                self._report(f"no answer at {pool.connect} yet; retrying")
+                report(f"no answer at {pool.connect} yet; retrying")
             if pool.connect and not pool.listen and not pool.shared_at:
                 self._bus.watch_links(self._report_link)
             self._publication = Publication(self._bus, self.run)
@@ -64,13 +59,11 @@ class ZenohRefiner:
             of_our_own = replace(pool, workers=0) if pool.shared_at else pool
             self._local = LocalWorker(of_our_own, f"{self.run}-0", local, folder)
             stack.callback(self._local.stop)
-            self._client = RpcClient(self._bus, pool, self._local, self._report)
+            self._client = RpcClient(self._bus, pool, self._local, report)
             self._stack = stack.pop_all()
-        return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def close(self) -> None:
+        """Stop the local worker, and leave the bus."""
         self._stack.close()
 
     def _report_link(self, endpoint: str, linked: bool) -> None:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from common.body import BodyModel
 from common.errors import ProtocolError
 from common.protocol.keys import of_run
+from common.transport.channels import Publisher
 from coordinator.bodies.angles import Angles, angles_of
 from coordinator.results.log import assemble
 from coordinator.results.track import Track
@@ -63,23 +64,6 @@ class EndMessage(msgspec.Struct, frozen=True, tag_field="kind", tag=END):
     version: int = VERSION
 
 
-class Sender(Protocol):
-    """A publisher of bytes."""
-
-    @property
-    def has_subscriber(self) -> bool:
-        """Whether anyone receives the messages."""
-        ...
-
-    def put(self, payload: bytes) -> None:
-        """Publish a message; it may be dropped."""
-        ...
-
-    def put_blocking(self, payload: bytes) -> None:
-        """Publish a message that is not dropped."""
-        ...
-
-
 class Outlet(Protocol):
     """A destination of results in one format."""
 
@@ -100,23 +84,23 @@ class Outlet(Protocol):
 class PackedOutlet:
     """Publishes results as MessagePack or JSON."""
 
-    def __init__(self, sender: Sender, *, as_json: bool = False) -> None:
-        self._sender = sender
+    def __init__(self, publisher: Publisher, *, as_json: bool = False) -> None:
+        self._publisher = publisher
         self._encode = msgspec.json.encode if as_json else msgspec.msgpack.encode
 
     @property
     def has_subscriber(self) -> bool:
         """Whether anyone receives them."""
-        return self._sender.has_subscriber
+        return self._publisher.has_subscriber
 
     def put(self, message: ResultMessage, model: BodyModel) -> None:
         """Publish a result, which names the key of its body."""
         del model
-        self._sender.put(self._encode(message))
+        self._publisher.put(self._encode(message))
 
     def end(self) -> None:
         """Publish that there are no more results."""
-        self._sender.put_blocking(self._encode(EndMessage()))
+        self._publisher.put_blocking(self._encode(EndMessage()))
 
 
 def results_key(key: str) -> str:

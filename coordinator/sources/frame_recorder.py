@@ -118,7 +118,7 @@ class RigRecorder:
             if each.camera and self._recorders[each.camera].folders
         ]
         if listed:
-            write_rig(self._folder / RIG_FILE, listed, {})
+            write_rig(self._folder / RIG_FILE, listed)
         return unwritten
 
     @property

@@ -133,6 +133,6 @@ def read_rig(path: Path, options: CameraOptions) -> Source:
     return cameras[0].changed(name=path.stem, others=tuple(cameras[1:]))
 
 
-def write_rig(path: Path, cameras: list[RigCamera], facts: dict[str, object]) -> None:
-    """Write a rig file, with further facts about its calibration."""
-    write_json(path, {"cameras": msgspec.to_builtins(cameras), **facts})
+def write_rig(path: Path, cameras: list[RigCamera]) -> None:
+    """Write a rig file."""
+    write_json(path, {"cameras": cameras})

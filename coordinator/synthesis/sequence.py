@@ -90,7 +90,7 @@ def synthesise(  # noqa: PLR0913 one parameter an option
             write_facts(view.scene, folder)
         if cameras > 1:
             listed = [RigCamera(v.name, v.name, v.T_rig_camera.tolist(), v.offset_s) for v in views]
-            write_rig(unfinished / RIG_FILE, listed, {})
+            write_rig(unfinished / RIG_FILE, listed)
         unfinished.chmod(0o755)
         unfinished.replace(out)
     except BaseException:

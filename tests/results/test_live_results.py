@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -65,7 +66,7 @@ def nobody(frame: int) -> Estimate:
 
 def test_before_anybody_is_found_all_is_null() -> None:
     """Such frames are published with nulls; angles begin with the first person."""
-    heard = Heard()
+    heard: Any = Heard()
     results = LiveResults(PackedOutlet(heard, as_json=True))
     results.put(nobody(0), person(), {})
     results.put(estimate(1, 0.5), person(), {})
@@ -78,7 +79,7 @@ def test_before_anybody_is_found_all_is_null() -> None:
 
 def test_a_message_says_all_of_itself() -> None:
     """Names and values of all results of the frame; null for unknown ones."""
-    heard = Heard()
+    heard: Any = Heard()
     results = LiveResults(PackedOutlet(heard, as_json=True), clock=lambda: 12.5)
     results.put(estimate(3, 0.5), person(), {})
     results.put(estimate(4, 0.5, "lost"), person(), {})
@@ -109,7 +110,7 @@ def test_a_message_says_all_of_itself() -> None:
 
 def test_angles_go_on_past_half_a_turn() -> None:
     """The turn of a person who keeps turning is continuous, without a jump of 360 degrees."""
-    heard = Heard()
+    heard: Any = Heard()
     results = LiveResults(PackedOutlet(heard))
     for frame, turn in enumerate(np.linspace(0.0, 6.0, 12)):
         results.put(estimate(frame, float(turn)), person(), {})

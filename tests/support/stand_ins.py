@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from typing import Self
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,7 +23,6 @@ from coordinator.bodies.tracked import name_pose
 from coordinator.cli import main
 from coordinator.commands.progress import Show
 from coordinator.pool.options import Pool, PoolStatistics
-from coordinator.results.live_results import Sender
 from coordinator.tracking.preparation import Unmoved
 from coordinator.tracking.refiner import Pending
 from gepf.direct import DirectRefiner
@@ -61,12 +60,12 @@ class StandIn(ABC):
         """Do nothing."""
         del key, on_message
 
-    def speak(self, key: str) -> Sender:
+    def speak(self, key: str) -> Any:
         """There is no bus."""
         raise NotImplementedError(key)
 
     @contextmanager
-    def connect(self, pool: Pool, show: Show) -> Iterator[Self]:
+    def connect(self, pool: Pool, show: Show) -> Iterator[Any]:
         """Stand in for a pool of workers."""
         del pool
         show.say("workers are there")
@@ -134,7 +133,7 @@ class StillWorkers(StandIn):
         return main(["track", str(sequence), "--out", str(out), "--no-pictures", *options], self.connect)
 
     @contextmanager
-    def connect(self, pool: Pool, show: Show) -> Iterator[Self]:
+    def connect(self, pool: Pool, show: Show) -> Iterator[Any]:
         """Note what pool is asked for."""
         self.asked = pool
         with super().connect(pool, show):
