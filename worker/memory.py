@@ -101,7 +101,7 @@ class Memory:
 
         Raises ProtocolError if it is invalid or does not fit the poses, BusError if it is not found.
         """
-        wanted = request.model_hash
+        wanted = request.model
         model = self._models.get(wanted)
         if model is None:
             name = f"model {wanted[:12]} of run {request.run}"

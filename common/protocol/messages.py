@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
-from typing import Annotated
+from typing import Annotated, Any
 
 import msgspec
 import numpy as np
@@ -74,7 +74,7 @@ class RefineRequest:
 
     run: str
     frame: int
-    model_hash: str
+    model: str
     settings: RefineSettings
     poses: NDArray[np.float64]  # (N, D)
     covariance: bool = False  # whether the covariance of each particle is requested
@@ -88,17 +88,9 @@ class RefineRequest:
 
 def encode_request(request: RefineRequest) -> bytes:
     """A batch for one worker."""
-    message = RequestMessage(
-        run=request.run,
-        frame=request.frame,
-        model=request.model_hash,
-        settings=request.settings,
-        poses=pack(request.poses),
-        covariance=request.covariance,
-        spare=request.spare,
-        velocity=None if request.velocity is None else pack(request.velocity),
-    )
-    return encode(message)
+    values = {field.name: getattr(request, field.name) for field in fields(request)}
+    packed: dict[str, Any] = {name: pack(v) if isinstance(v, np.ndarray) else v for name, v in values.items()}
+    return encode(RequestMessage(**packed))
 
 
 def decode_request(payload: bytes) -> RefineRequest:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from common.body import ROTATION, BodyModel
 from common.kinematics import dof_transforms
@@ -134,6 +135,14 @@ def in_parents(bones: tuple[Bone, ...], rotations: Array, places: Array) -> tupl
             local_turns[:, b] = back @ rotations[:, b]
             local_places[:, b] = np.einsum("fij,fj->fi", back, places[:, b] - places[:, bone.parent])
     return local_turns, local_places
+
+
+def continuous(rotations: Rotation) -> Array:
+    """Unit quaternions (F, 4), x y z w, of rotations (F,), each on the side of the one before."""
+    values: Array = rotations.as_quat()
+    flips = np.sum(values[1:] * values[:-1], axis=1) < 0.0
+    values[1:] *= np.where(np.cumsum(flips) % 2, -1.0, 1.0)[:, None]
+    return values
 
 
 def children(bones: tuple[Bone, ...], b: int) -> list[int]:

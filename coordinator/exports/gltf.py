@@ -41,7 +41,7 @@ from scipy.spatial.transform import Rotation
 
 from common.activation import merge_weights
 from common.body import BodyModel, vertex_normals
-from coordinator.exports.bones import Bone, bones_of, children, motion_of, offset, slides
+from coordinator.exports.bones import Bone, bones_of, children, continuous, motion_of, offset, slides
 from coordinator.exports.recorded import CAMERA_TO_Y_UP, RecordedRun
 
 Array = NDArray[np.float64]
@@ -74,7 +74,7 @@ def scene_of(run: RecordedRun) -> GLTF2:
     ]
     if bones[0].dof < 0:  # the fixed root is rotated here, once
         level = run.to_y_up @ CAMERA_TO_Y_UP
-        gltf.nodes[0].rotation = quaternions(level[None])[0].tolist()
+        gltf.nodes[0].rotation = Rotation.from_matrix(level).as_quat().tolist()
         gltf.nodes[0].translation = (level @ bones[0].origin).tolist()
     if len(model.triangles):
         looks = PbrMetallicRoughness(baseColorFactor=COLOUR, metallicFactor=0.0, roughnessFactor=0.8)
@@ -172,15 +172,8 @@ def animation_of(arrays: Arrays, run: RecordedRun, model: BodyModel, bones: tupl
 
     for b, bone in enumerate(bones):
         if bone.moves:
-            add(b, "rotation", quaternions(turns[:, b]), "VEC4")
+            quaternions = continuous(Rotation.from_matrix(turns[:, b]))
+            add(b, "rotation", quaternions.astype(np.float32), "VEC4")
         if bone.moves and slides(bones, bone, places[:, b]):
             add(b, "translation", places[:, b].astype(np.float32), "VEC3")
     return animation
-
-
-def quaternions(turns: Array) -> NDArray[np.float32]:
-    """Unit quaternions (F, 4), x y z w, each on the side of the one before."""
-    values: Array = Rotation.from_matrix(turns).as_quat()
-    flips = np.sum(values[1:] * values[:-1], axis=1) < 0
-    values[1:] *= np.where(np.cumsum(flips) % 2, -1.0, 1.0)[:, None]
-    return values.astype(np.float32)

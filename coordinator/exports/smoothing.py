@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 from common.body import BodyModel
 from common.errors import InputError
 from coordinator.bodies.swing_twist import nearest_turn
+from coordinator.exports.bones import continuous
 from coordinator.results.track import Track
 
 Array = NDArray[np.float64]
@@ -87,10 +88,8 @@ def smooth_pose(model: BodyModel, poses: Array, low_pass: LowPass) -> Array:
 def smooth_ball(axes: Array, angles: Array, low_pass: LowPass) -> Array:
     """Filter angles (F, 3) about the axes (3, 3) of a spherical joint, as quaternions of continuous sign."""
     turns = [Rotation.from_rotvec(angles[:, a, None] * axis) for a, axis in enumerate(axes)]
-    quaternions = (turns[0] * turns[1] * turns[2]).as_quat()
-    flips = np.cumprod(np.where(np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0.0, -1.0, 1.0))
-    quaternions[1:] *= flips[:, None]
-    return angles_about(axes, Rotation.from_quat(low_pass(quaternions)), angles)
+    quaternions = low_pass(continuous(turns[0] * turns[1] * turns[2]))
+    return angles_about(axes, Rotation.from_quat(quaternions), angles)
 
 
 def angles_about(axes: Array, rotations: Rotation, near: Array) -> Array:

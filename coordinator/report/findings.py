@@ -14,8 +14,6 @@ from coordinator.tracking.certainty.certainty import FLAGGED
 
 Summary = dict[str, Any]
 
-TRUSTED_SHARE = 0.9  # of tracked frames; below it a run is reliable in part, below 0.5 not at all
-
 
 def describe_run(track: Track, summary: Summary) -> list[tuple[str, str]]:
     """The main facts about a run: names and values."""
@@ -75,11 +73,10 @@ def find_doubts(track: Track) -> Iterator[tuple[str, str]]:
     """
     for status, first, last in track.stretches():
         if status != "tracked":
-            frames, times = track.frame[[first, last]], track.time_s[[first, last]]
-            text = f"{times[0]:.2f} s (frame {frames[0]}): {status}"
-            if first < last:
-                text = f"{times[0]:.2f} to {times[1]:.2f} s (frames {frames[0]} to {frames[1]}): {status}"
-            yield status, text
+            times, frames = (values[sorted({first, last})] for values in (track.time_s, track.frame))
+            when = " to ".join(f"{time_s:.2f}" for time_s in times)
+            which = " to ".join(map(str, frames))
+            yield status, f"{when} s (frame{'s' * (len(frames) - 1)} {which}): {status}"
     chance = np.nan_to_num(track.joint_off_probability)
     shares = (chance > FLAGGED).mean(axis=0)
     for j in np.argsort(-shares, kind="stable"):
@@ -88,16 +85,3 @@ def find_doubts(track: Track) -> Iterator[tuple[str, str]]:
             name = track.joint_names[j].replace("_", " ")
             where = f"most likely in frame {track.frame[worst]} ({chance[worst, j]:.0%})"
             yield "ambiguous", f"{name} may be more than 15 cm off in {shares[j]:.0%} of the frames, {where}"
-
-
-def find_banner(track: Track, summary: Summary) -> tuple[str, str] | None:
-    """A warning if a run is not reliable, completely or in part, and the status that gives its colour."""
-    share = float(np.mean(track.status == "tracked")) if len(track.status) else 0.0
-    if share < 0.5:
-        why = f": {next(iter(summary['doubts']))}" if summary.get("doubts") else ""
-        return "lost", f"Do not trust this run: {share:.0%} of its frames are tracked{why}."
-    if share < TRUSTED_SHARE:
-        return "ambiguous", f"Trust this run in parts: {share:.0%} of its frames are tracked."
-    if not summary.get("complete", True):
-        return "ambiguous", "This run ended before its last frame."
-    return None

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from coordinator.bodies.angles import is_person
 from coordinator.files import ERRORS_FILE, FILM_FILE, HYPOTHESES_FILE, SHEET_FILE, write_atomically
 from coordinator.pictures.plots import angle_curves, plot_curves, slide_curves, styled
-from coordinator.report.findings import describe_run, find_banner, find_doubts, group_angles, list_ranges
+from coordinator.report.findings import describe_run, find_doubts, group_angles, list_ranges
 from coordinator.results.angles import read_slides
 from coordinator.results.configuration import flatten
 from coordinator.results.summary import people_in, read_summary
@@ -61,7 +61,6 @@ def describe_person(folder: Path) -> dict[str, Any]:
         "folder": folder,
         "person": is_person(track.dof_names),
         "facts": describe_run(track, summary),
-        "banner": find_banner(track, summary),
         "doubts": list(find_doubts(track)),
         "ranges": list(list_ranges(track, chain.from_iterable(parts.values()))),
         "pictures": {name: embed(folder / name) for name in PICTURES},

@@ -144,7 +144,7 @@ class Villain:
                 with suppress(ProtocolError):
                     name = decode_model(payload).hash
                 self._models = {MODEL.hash: encode_model(MODEL), name: payload}
-                return self.ask(encode_request(replace(self.honest, model_hash=name)))
+                return self.ask(encode_request(replace(self.honest, model=name)))
 
     def ask(self, payload: bytes) -> tuple[str, bytes]:
         """Send a request and wait for its answer; ProtocolError if no coordinator would take it."""

@@ -17,7 +17,7 @@ from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from coordinator.bodies.urdf import read_urdf
 from coordinator.cli import main
 from coordinator.pictures.plots import angle_curves
-from coordinator.report.findings import find_banner, find_doubts, list_ranges
+from coordinator.report.findings import find_doubts, list_ranges
 from coordinator.results.track import Track
 from tests.support.runs import make_track, swing, write_run
 
@@ -138,23 +138,6 @@ def elbow_track(degrees: list[float], status: list[str] | None = None, off: floa
     deviation_ = np.full_like(angle, np.radians(off))
     names = ("right_elbow_flexion",)
     return replace(plain, angle_names=names, angle=angle, angle_deviation=deviation_)
-
-
-@pytest.mark.parametrize(
-    ("tracked", "complete", "says"),
-    [
-        (10, True, None),
-        (10, False, "ended before its last frame"),
-        (8, True, "Trust this run in parts: 80%"),
-        (3, True, "Do not trust this run: 30%"),
-    ],
-)
-def test_a_banner_says_whether_to_trust_a_run(tracked: int, complete: bool, says: str | None) -> None:
-    """By the share of tracked frames; a run that ended early is reported."""
-    track = track_of(["tracked"] * tracked + ["lost"] * (10 - tracked))
-    banner = find_banner(track, {"complete": complete})
-    assert (banner is None) == (says is None)
-    assert says is None or (banner is not None and says in banner[1])
 
 
 def test_ranges_are_those_of_the_known_frames() -> None:
