@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
@@ -21,7 +19,6 @@ from coordinator.pictures.overlay import OTHERS_COLOUR, SKELETON_COLOUR, bones
 from coordinator.pictures.plots import STATUS
 from coordinator.pictures.shading import MODEL_COLOUR, Colour
 from coordinator.results.track import Track
-from coordinator.sources import Source
 from coordinator.tracking.certainty.certainty import FLAGGED
 from coordinator.tracking.observation import observed_points
 from coordinator.tracking.segmenter import PosedBody, Segmenter
@@ -61,22 +58,6 @@ def layout(middle: Array | None = None, up: Array | None = None, *, live: bool =
     if live:
         time = rrb.TimePanel(timeline=SINCE, play_state="following", state="collapsed")
     return rrb.Blueprint(rrb.Horizontal(scene, side), time, collapse_panels=True)
-
-
-def log_run(
-    to: rr.RecordingStream,
-    track: Track,
-    model: BodyModel,
-    source: Source | None,
-    advance: Callable[[int, int], None],
-) -> None:
-    """Log all frames; without a source, only the results."""
-    view, person = FrameLog(to), PersonLog(to)
-    for f in range(len(track.frame)):
-        frame = None if source is None else source.frame(int(track.frame[f]))
-        view.log(int(track.frame[f]), float(track.time_s[f]), frame)
-        person.log(track, f, model, frame)
-        advance(f + 1, len(track.frame))
 
 
 class FrameLog:

@@ -16,7 +16,7 @@ from common.errors import InputError
 from common.settings import Settings
 from coordinator.bodies.tracked import Bodies
 from coordinator.calibration.skeletons import Alignment, align, motion_of
-from coordinator.calibration.surface import Placement, Sight, place, surfaces_of
+from coordinator.calibration.surface import Sight, place, surfaces_of
 from coordinator.sources.source import Source
 from coordinator.tracking.estimate import UNKNOWN
 from coordinator.tracking.observation import camera_points
@@ -78,30 +78,22 @@ def calibrate(
             for (name, source), place, offset in zip(sources.items(), placed, offsets, strict=True)
         ]
         tracked = follow(views[0].changed(others=tuple(views[1:])), refiner, settings, bodies)
-        found = place_all(tracked, names, placed, shape_known=n > 0)
+        found = place(list(sights_of(tracked, names)), placed, shape_known=n > 0)
+        if found is None:
+            raise InputError(
+                f"{' and '.join(names)} do not show enough of the person at the same time; record again"
+            )
         bodies = bodies.thicker(found.outside) if n == 0 else bodies
-        placed, offsets = found.placed, offsets + found.steps[:, 6]
+        placed, offsets, deviations = found.placed, offsets + found.steps[:, 6], found.deviations
         if np.all(np.abs(found.steps) < SETTLED):
             break
-    places = zip(placed, offsets.tolist(), found.deviations, strict=True)
+    places = zip(placed, offsets.tolist(), deviations, strict=True)
     return {name: judge(name, CameraPlace(*place)) for name, place in zip(names, places, strict=True)}
 
 
 def follow(source: Source, refiner: Refiner, settings: Settings, bodies: Bodies) -> list[Tracked]:
     """Track one person through a source."""
     return [tracked for (tracked,) in Tracker(refiner, settings, bodies).follow(source)]
-
-
-def place_all(
-    tracked: Sequence[Tracked], names: Sequence[str], placed: Array, *, shape_known: bool
-) -> Placement:
-    """Place the cameras by the surface that all tracked; InputError if they show too little."""
-    found = place(list(sights_of(tracked, names)), placed, shape_known=shape_known)
-    if found is None:
-        raise InputError(
-            f"{' and '.join(names)} do not show enough of the person at the same time; record again"
-        )
-    return found
 
 
 def sights_of(tracked: Sequence[Tracked], names: Sequence[str]) -> Iterable[Sight]:

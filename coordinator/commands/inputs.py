@@ -223,7 +223,11 @@ class LiveInput(Input):
             elif node is not None and is_topic(self.keys):
                 self._subscribe(node)
             else:
-                self._listen(workers)
+                for place, camera in enumerate(self.live.cameras):
+                    if self._recorder is not None:
+                        put = partial(self._recorder.put_colour, camera.camera)
+                        workers.listen(colour_key(camera.key), put)
+                    workers.listen(camera.key, partial(self.live.receive, place=place))
             for _, frames in groupby(self.live, lambda _: self.live.stream):
                 yield map(self._take, from_first_seen(frames, self._show.say))
 
@@ -243,13 +247,6 @@ class LiveInput(Input):
         finally:
             camera.close()
             thread.join()
-
-    def _listen(self, workers: ZenohRefiner) -> None:
-        """Receive the frames of all cameras, and their colour if it is recorded."""
-        for place, camera in enumerate(self.live.cameras):
-            if self._recorder is not None:
-                workers.listen(colour_key(camera.key), partial(self._recorder.put_colour, camera.camera))
-            workers.listen(camera.key, partial(self.live.receive, place=place))
 
     def _subscribe(self, node: Node) -> None:
         """Receive frames and joint states from ROS 2."""

@@ -100,22 +100,18 @@ def choose_job(options: TrackOptions, camera: CameraOptions, security: SecurityO
             raise InputError(
                 "--joint-states FILE is for recordings, --joint-states ros2:/TOPIC for frames from ROS 2"
             )
-        job = replace(job, joint_states=choose_joint_states(options.joint_states, topic))
+        if topic is None:
+            job = replace(job, joint_states=read_joint_states(options.joint_states))
+        else:
+            from coordinator.sources.ros2_input import JointTopic
+
+            job = replace(job, joint_states=JointTopic(topic))
     if job.people > 1 and job.model != HUMAN:
         raise InputError("--people is for people whose size is measured; leave --model out")
     if job.people > 1 and job.init not in (None, AUTOMATIC):
         raise InputError("--init is the pose of one person; with --people all are detected, so leave it out")
     check_outputs(job, several=is_several(options))
     return job
-
-
-def choose_joint_states(path: Path, topic: str | None) -> JointStates | JointTopic:
-    """The states of a file, or those that will come on a topic."""
-    if topic is None:
-        return read_joint_states(path)
-    from coordinator.sources.ros2_input import JointTopic
-
-    return JointTopic(topic)
 
 
 def check_outputs(job: Job, *, several: bool) -> None:

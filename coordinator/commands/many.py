@@ -47,7 +47,7 @@ class Ended:
 
 
 def choose_runs(job: Job, sequences: Sequence[Path], seeds: range | None) -> list[Job]:
-    """One run per recording and seed. InputError for an unreadable list, or equal names."""
+    """One run per recording and seed, with a folder. InputError for an unreadable list, or equal names."""
     paths = [path for given in sequences for path in (read_list(given) if is_list(given) else [given])]
     if any(map(live_cameras, paths)):
         raise InputError("live input is tracked alone; give zenoh:KEY or a rig, and nothing else")
@@ -57,13 +57,14 @@ def choose_runs(job: Job, sequences: Sequence[Path], seeds: range | None) -> lis
     if twice:
         raise InputError(f"two recordings have the name '{twice[0]}'; track them into different folders")
     runs = [replace(job, sequence=path, out=job.out / name) for path, name in zip(paths, names, strict=True)]
-    return runs if seeds is None else [with_seed(run, seed) for run in runs for seed in seeds]
-
-
-def with_seed(job: Job, seed: int) -> Job:
-    """The run with another seed, in a folder named after the seed."""
-    settings = msgspec.structs.replace(job.settings, seed=seed)
-    return replace(job, settings=settings, out=job.out.with_name(f"{job.out.name}-seed{seed}"))
+    if seeds is None:
+        return runs
+    of_seeds = [(seed, msgspec.structs.replace(job.settings, seed=seed)) for seed in seeds]
+    return [
+        replace(run, settings=settings, out=run.out.with_name(f"{run.out.name}-seed{seed}"))
+        for run in runs
+        for seed, settings in of_seeds
+    ]
 
 
 def read_list(file: Path) -> Sequence[Path]:

@@ -19,7 +19,6 @@ from coordinator.commands.options import CameraOptions, SecurityOptions, TrackOp
 from coordinator.commands.progress import FrameRate, Show, counted
 from coordinator.commands.publish import open_session
 from coordinator.commands.workers import Connect
-from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
 from coordinator.results.live_results import LiveResults, PackedOutlet
 from coordinator.results.log import RecordedPerson
@@ -106,7 +105,10 @@ def record(
         INTERRUPTS.noted, finished = False, True  # the end of live input
     finally:
         complete = finished if total is None else recorder.frames == total
-        facts = {"complete": complete, "pool": describe_pool(given.job.pool), **given.facts()}
+        pool = given.job.pool
+        asked = {name: getattr(pool, name) for name in ("workers", "listen", "connect", "worker_timeout")}
+        encrypted = {"encrypted": pool.security is not None}
+        facts = {"complete": complete, "pool": asked | encrypted, **given.facts()}
         recorded = recorder.finish(facts, rate.per_second or 0.0)
         if recorded and not complete and total is not None:
             kept = max(len(each.estimates) for each in recorded.values())  # as in the log
@@ -211,12 +213,6 @@ def open_outlets(job: Job, workers: ZenohRefiner, node: Node | None) -> list[Liv
         LiveResults(PackedOutlet(workers.speak(name), as_json=job.results_json), run=workers.run)
         for name in names
     ]
-
-
-def describe_pool(pool: Pool) -> dict[str, object]:
-    """The options of the workers, without certificates and keys."""
-    asked = {name: getattr(pool, name) for name in ("workers", "listen", "connect", "worker_timeout")}
-    return {**asked, "encrypted": pool.security is not None}
 
 
 def draw(given: RecordedInput | LiveInput, recorded: Mapping[int, RecordedPerson], show: Show) -> None:

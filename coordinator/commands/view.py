@@ -28,7 +28,7 @@ from coordinator.results.live_results import Result, results_key
 from coordinator.results.track import filled, read_track, read_tracked_body
 from coordinator.sources.frame_recorder import WAITING_FRAMES
 from coordinator.sources.live_stream import live_key
-from coordinator.viewing import FrameLog, PersonLog, layout, log_run
+from coordinator.viewing import FrameLog, PersonLog, layout
 
 logger = logging.getLogger(__name__)
 
@@ -59,7 +59,12 @@ def view_run(options: ViewOptions, show: Show) -> None:
     recording, address = open_viewer(options, layout(middle, track.up))
     model = read_tracked_body(options.run).model
     with show.steps("preparing frames") as advance:
-        log_run(recording, track, model, source, advance)
+        view, person = FrameLog(recording), PersonLog(recording)
+        for f, number in enumerate(track.frame.tolist()):
+            frame = None if source is None else source.frame(number)
+            view.log(number, float(track.time_s[f]), frame)
+            person.log(track, f, model, frame)
+            advance(f + 1, len(track.frame))
         recording.flush()
     if address is not None:
         show.say(f"see {address}")

@@ -24,7 +24,9 @@ Array = NDArray[np.float64]
 
 def write_c3d(run: RecordedRun, file: BinaryIO) -> None:
     """All frames from the first to the last, at the run's rate."""
-    slots, count = even_slots(run)
+    times = run.track.time_s - run.track.time_s[0]
+    every = np.rint(times * run.rate).astype(np.int64)  # index of each frame among evenly spaced ones
+    slots, count = every[~run.track.unknown], int(every[-1]) + 1
     joints = run.track.joint_positions @ run.to_opensim.T * 1000.0
     names, angles = angle_points(run)
     points = np.full((3, len(run.track.joint_names) + len(names), count), np.nan)
@@ -55,13 +57,6 @@ def write_c3d(run: RecordedRun, file: BinaryIO) -> None:
         draft = Path(folder) / "run.c3d"
         content.write(str(draft))
         file.write(draft.read_bytes())
-
-
-def even_slots(run: RecordedRun) -> tuple[NDArray[np.int64], int]:
-    """Index of each frame among evenly spaced frames, and the number of these."""
-    times = run.track.time_s - run.track.time_s[0]
-    slots = np.rint(times * run.rate).astype(np.int64)
-    return slots[~run.track.unknown], int(slots[-1]) + 1
 
 
 def angle_points(run: RecordedRun) -> tuple[list[str], Array]:

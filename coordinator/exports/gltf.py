@@ -117,7 +117,9 @@ class Arrays:
 
 def add_surface(gltf: GLTF2, arrays: Arrays, model: BodyModel, bones: tuple[Bone, ...]) -> None:
     """The mesh in the rest pose, and its skin."""
-    moving = skinned_bones(model, bones)
+    carrying = {int(dof) for dof in model.link_dofs[model.skin_links[model.skin_weights > 0]]}
+    first = {bone.dof: b for b, bone in reversed(list(enumerate(bones)))}
+    moving = sorted(first[dof] for dof in carrying)  # one bone for the last degree of freedom of each link
     joints, weights = skin_of(model, bones, moving)
     vertices = model.vertices @ CAMERA_TO_Y_UP
     attributes = Attributes(
@@ -133,13 +135,6 @@ def add_surface(gltf: GLTF2, arrays: Arrays, model: BodyModel, bones: tuple[Bone
     back = np.tile(np.eye(4, dtype=np.float32), (len(moving), 1, 1))
     back[:, 3, :3] = [-bones[b].origin for b in moving]  # column by column
     gltf.skins = [Skin(joints=moving, skeleton=0, inverseBindMatrices=arrays.add(back, "MAT4"))]
-
-
-def skinned_bones(model: BodyModel, bones: tuple[Bone, ...]) -> list[int]:
-    """Bones with skin, one for the last degree of freedom of each link."""
-    carrying = {int(dof) for dof in model.link_dofs[model.skin_links[model.skin_weights > 0]]}
-    first = {bone.dof: b for b, bone in reversed(list(enumerate(bones)))}
-    return sorted(first[dof] for dof in carrying)
 
 
 def skin_of(

@@ -14,7 +14,6 @@ coordinates, which means missing markers.
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator
 from typing import BinaryIO
 
 import numpy as np
@@ -74,15 +73,11 @@ def opensim_coordinates(run: RecordedRun) -> dict[str, Array]:
             columns |= dict(zip(BALLS[ball.names[0]], values.T, strict=True))
     pelvis = track.joint_positions[:, track.joint_names.index("pelvis")] @ run.to_opensim.T
     columns |= dict(zip(PELVIS, pelvis.T, strict=True))
-    return columns | dict(hinge_coordinates(track.dof_names, track.pose))
-
-
-def hinge_coordinates(dof_names: tuple[str, ...], poses: Array) -> Iterator[tuple[str, Array]]:
-    """Coordinates of joints with one degree of freedom."""
-    for d, name in enumerate(dof_names):
+    for d, name in enumerate(track.dof_names):
         side, _, motion = name.partition("_")
         if side in ("l", "r") and motion in HINGES:
-            yield f"{HINGES[motion]}_{side}", np.degrees(np.unwrap(poses[:, d]))
+            columns[f"{HINGES[motion]}_{side}"] = np.degrees(np.unwrap(track.pose[:, d]))
+    return columns
 
 
 def turned_zxy(angles: Angles, ball: SphericalJoint, poses: Array) -> Array:

@@ -129,17 +129,12 @@ def plot_curves(track: Track, curves: Sequence[Curve], columns: int | None = Non
 def draw_hypotheses(track: Track, body: TrackedBody, truth: Truth | None, file: Path) -> None:
     """Write a PNG: the angles that vary most and the prismatic joints, with all hypotheses."""
     figure = plot_curves(track, curves_of(track, body, truth), 1)
-    name_colours(figure, track)
-    with styled():
-        figure.savefig(file)
-
-
-def name_colours(figure: Figure, track: Track) -> None:
-    """Add a legend of lines, dots and background colours below a figure."""
     handles = [*figure.axes[0].get_legend_handles_labels()[0]]
     seen = set(track.status.tolist()) - {"tracked"}
     handles += [Patch(color=STATUS[name], alpha=FAINT, label=name) for name in STATUS if name in seen]
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False)
+    with styled():
+        figure.savefig(file)
 
 
 def curves_of(track: Track, body: TrackedBody, truth: Truth | None) -> list[Curve]:

@@ -66,7 +66,8 @@ class LocalWorker:
             end(self.process)
 
     def _restart(self, ended: subprocess.Popen[bytes]) -> str:
-        how = describe_end(ended.returncode)
+        code = ended.returncode
+        how = f"was ended by {signal.Signals(-code).name}" if code < 0 else f"ended with exit code {code}"
         self._failed_starts += not self._served
         if self._failed_starts >= FAILED_STARTS:
             lines = self._log.read_text(errors="replace").split("\n")
@@ -98,11 +99,6 @@ def end(process: subprocess.Popen[bytes]) -> None:
     except subprocess.TimeoutExpired:
         process.kill()
         process.wait()
-
-
-def describe_end(code: int) -> str:
-    """How a process ended, as text."""
-    return f"was ended by {signal.Signals(-code).name}" if code < 0 else f"ended with exit code {code}"
 
 
 def private_folder() -> tempfile.TemporaryDirectory[str]:

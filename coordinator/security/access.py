@@ -32,11 +32,6 @@ def list_workers(path: Path) -> tuple[str, ...]:
     return tuple(check_worker(name) for name in names if name and not name.startswith("#"))
 
 
-def write_roster(path: Path, workers: tuple[str, ...]) -> None:
-    """Write names, one per line."""
-    path.write_text("".join(f"{worker}\n" for worker in workers))
-
-
 def choose_names(workers: str) -> tuple[str, ...]:
     """Names of workers between commas, or `worker-0` and so on for a number."""
     if workers.isascii() and workers.isdigit():

@@ -31,7 +31,7 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 from common.errors import InputError
 from common.transport.credentials import Credentials
 from common.transport.session import COORDINATOR, ROUTER, Security, session_settings
-from coordinator.security.access import ROSTER, list_workers, write_roster
+from coordinator.security.access import ROSTER, list_workers
 
 CLOCK_SKEW = dt.timedelta(hours=1)  # by which the clock of another host may be slow
 AUTHORITY = "ca"
@@ -117,8 +117,11 @@ def make_certificates(
     new = [name for name in hosts_of if not is_good(folder / f"{name}.pem", hosts_of[name], authority)]
     for name in new:
         save(folder, name, issue(name, hosts_of[name], authority, lifetime))
-    write_roster(folder / ROSTER, listed)
-    (folder / ROUTER_FILE).write_text(router_settings(mount or folder.absolute(), listed))
+    (folder / ROSTER).write_text("".join(f"{worker}\n" for worker in listed))
+    place = mount or folder.absolute()
+    own = Credentials(place / f"{AUTHORITY}.pem", place / f"{ROUTER}.pem", place / f"{ROUTER}.key")
+    settings = session_settings("router", [ROUTER_ENDPOINT], [], Security(own, listed))
+    (folder / ROUTER_FILE).write_text(json.dumps(settings, indent=1) + "\n")
     return new
 
 
@@ -174,10 +177,3 @@ def save(folder: Path, name: str, issued: Issued) -> None:
     with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
         file.write(issued.key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption()))
     (folder / f"{name}.pem").write_bytes(issued.certificate.public_bytes(Encoding.PEM))
-
-
-def router_settings(mount: Path, workers: tuple[str, ...]) -> str:
-    """The configuration of a Zenoh router: TLS on all addresses, access for these workers."""
-    own = Credentials(mount / f"{AUTHORITY}.pem", mount / f"{ROUTER}.pem", mount / f"{ROUTER}.key")
-    settings = session_settings("router", [ROUTER_ENDPOINT], [], Security(own, workers))
-    return json.dumps(settings, indent=1) + "\n"

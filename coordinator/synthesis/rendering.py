@@ -44,20 +44,14 @@ class DepthRenderer(Closing):
         )
         scene = pyrender.Scene()
         node = scene.add(pyrender.Mesh([surface]))
-        scene.add(opengl_camera(pyrender, self.camera))
+        at = self.camera
+        scene.add(pyrender.IntrinsicsCamera(at.fx, at.fy, at.cx + 0.5, at.cy + 0.5, znear=NEAR_M, zfar=FAR_M))
         _, depth = self._renderer.render(scene, pyrender.RenderFlags.SEG, {node: (255, 255, 255)})
         return np.ascontiguousarray(depth, dtype=np.float32)
 
     def close(self) -> None:
         """Release the OpenGL context."""
         self._renderer.delete()
-
-
-def opengl_camera(pyrender: Any, camera: Intrinsics) -> Any:
-    """The camera of pyrender for our camera."""
-    return pyrender.IntrinsicsCamera(
-        camera.fx, camera.fy, camera.cx + 0.5, camera.cy + 0.5, znear=NEAR_M, zfar=FAR_M
-    )
 
 
 def load_pyrender() -> Any:
