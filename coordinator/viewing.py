@@ -97,7 +97,6 @@ class PersonLog:
         self._to, self._name = to, name and f"/{name}"
         self._segmenter = Segmenter(preset("default").points)
         self._status = ""
-        self._named = False  # the curves
 
     def log(self, track: Track, f: int, model: BodyModel | None, frame: DepthFrame | None) -> None:
         """Log frame `f` of a track; without the body only joints, without the frame no observed points."""
@@ -149,11 +148,8 @@ class PersonLog:
         values = np.where(model.kinds == ROTATION, np.rad2deg(track.pose[f]), track.pose[f])
         root = np.array([name.startswith("root_") for name in track.dof_names])
         for what, chosen in (("root", root), ("angles", ~root)):
-            if not self._named:
-                names = [name for name, is_one in zip(track.dof_names, chosen, strict=True) if is_one]
-                self._log(what, "", rr.SeriesLines(names=names), static=True)
+            self._log(what, "", rr.SeriesLines(names=np.array(track.dof_names)[chosen].tolist()), static=True)
             self._log(what, "", rr.Scalars(values[chosen]))
-        self._named = True
         count = float(np.isfinite(track.hypothesis_weight[f]).sum())
         self._log("quality", "hypotheses", rr.Scalars(count))
 

@@ -85,7 +85,7 @@ def of_camchain(chain: Mapping[str, Any], names: Sequence[str], path: Path) -> d
 def of_transforms(
     transforms: Sequence[Mapping[str, Any]], names: Sequence[str], path: Path
 ) -> dict[str, Place]:
-    """ROS: each transform maps from child_frame_id to header.frame_id."""
+    """ROS: each transform maps from child_frame_id to header.frame_id; a camera is named as its frame."""
     parents = dict[str, tuple[str, Array]]()
     for each in transforms:
         at, turn, step = each["transform"]["translation"], each["transform"]["rotation"], np.eye(4)
@@ -94,7 +94,13 @@ def of_transforms(
         parents[each["child_frame_id"]] = each["header"]["frame_id"], step
     found, roots = dict[str, Place](), set[str]()
     for name in names:
-        frame, placed = frame_of(name, parents, path), np.eye(4)
+        optical, placed = f"{name}_depth_optical_frame", np.eye(4)
+        if name not in parents and optical not in parents:
+            raise InputError(
+                f"{path} has no frame {name} or {optical}, but {', '.join(sorted(parents))}; "
+                "rename the recording's folder as its frame"
+            )
+        frame = name if name in parents else optical
         for _ in range(len(parents)):
             if frame not in parents:
                 break
@@ -105,17 +111,3 @@ def of_transforms(
     if len(roots) > 1:
         raise InputError(f"{path} does not connect the frames of all cameras; add the transform between them")
     return found
-
-
-def frame_of(name: str, frames: Mapping[str, object], path: Path) -> str:
-    """The frame of a camera's depth image: NAME, else the only NAME_...depth...optical_frame."""
-    if name in frames:
-        return name
-    optical = [each for each in frames if each.startswith(f"{name}_") and each.endswith("optical_frame")]
-    depth = [each for each in optical if "depth" in each] or optical
-    if len(depth) != 1:
-        raise InputError(
-            f"{path} has no frame {name} or {name}_depth_optical_frame, but {', '.join(sorted(frames))}; "
-            "rename the recording's folder as its frame"
-        )
-    return depth[0]

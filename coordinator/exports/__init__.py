@@ -9,7 +9,7 @@ from typing import BinaryIO
 
 from common.errors import InputError
 from coordinator.exports.recorded import RecordedRun, read_run
-from coordinator.files import write_atomically
+from coordinator.files import require_new, write_atomically
 
 Export = Callable[[RecordedRun, BinaryIO], None]
 
@@ -40,8 +40,7 @@ def export_run(
     """
     if form not in EXPORTS:
         raise InputError(f"unknown format '{form}'; choose from {', '.join(EXPORTS)}")
-    if path.exists() and not force:
-        raise InputError(f"{path} is there already; replace it with --force, or choose another --out")
+    require_new(path, force=force)
     run = read_run(folder, smooth_hz)
     module, _, name = EXPORTS[form].partition(".")
     write: Export = getattr(import_module(f"coordinator.exports.{module}"), name)

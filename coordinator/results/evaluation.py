@@ -207,8 +207,7 @@ def by_dof(names: tuple[str, ...], errors: NDArray[np.float64]) -> dict[str, flo
 
 def share_within(errors: NDArray[np.float64], limit: float) -> float | None:
     """Share of the known errors that are at most `limit`."""
-    known = errors[~np.isnan(errors)]
-    return float(np.mean(known <= limit)) if len(known) else None
+    return overall(np.where(np.isnan(errors), np.nan, errors <= limit))
 
 
 def known_mean(values: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
