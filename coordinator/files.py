@@ -7,6 +7,7 @@ import math
 import os
 import zlib
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO, get_type_hints
 from zipfile import BadZipFile
@@ -42,7 +43,8 @@ def write_atomically(path: Path, write: Callable[[BinaryIO], object]) -> None:
     except (FileNotFoundError, NotADirectoryError, IsADirectoryError, PermissionError) as error:
         raise InputError(f"cannot write {path}: {error.strerror}; choose another place") from error
     finally:
-        draft.unlink(missing_ok=True)
+        with suppress(OSError):
+            draft.unlink()
 
 
 def write_json(path: Path, content: object) -> None:
