@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from dataclasses import asdict
 from typing import TYPE_CHECKING
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from coordinator.commands import options as given
-from coordinator.commands.console import leave_processors, loading, say
+from coordinator.commands.console import loading, say
 from coordinator.commands.options import CameraOptions, Quiet, SecurityOptions, grouped
 
 if TYPE_CHECKING:
@@ -205,7 +206,8 @@ def pictures(options: given.PicturesOptions, quiet: Quiet = False) -> None:
 def view(options: given.ViewOptions, security: SecurityOptions, quiet: Quiet = False) -> None:
     """Show a run, or live input while it is tracked: points, model, hypotheses, residuals, angles, status."""
     if str(options.run).startswith("zenoh:"):
-        leave_processors()  # even loading would slow down a tracker on this host
+        # only when no other program wants to: even loading would slow down a tracker on this host
+        os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
     from coordinator.commands.view import run_view
 
     run_view(options, security, on_stderr(quiet=quiet))

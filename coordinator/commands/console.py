@@ -74,11 +74,6 @@ def loading() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
-def leave_processors() -> None:
-    """Run only when no other program wants to; holds for all threads that are started later."""
-    os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
-
-
 def is_heard(number: signal.Signals) -> bool:
     """Whether a signal is not ignored, and this thread may set its handler."""
     here = threading.current_thread() is threading.main_thread()

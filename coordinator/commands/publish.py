@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import io
 import time
 from collections.abc import Callable, Iterable, Iterator
 from itertools import count
 
+import imageio.v3 as iio
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from common.errors import InputError
 from common.frame import DepthFrame
@@ -99,19 +98,13 @@ def play(images: Iterable[Shot], put: Put, put_last: Put, put_colour: Put | None
     try:
         for frame, colour in images:
             if colour is not None and put_colour is not None:
-                put_colour(encode_colour(frame.number, to_jpeg(colour)))
+                jpeg = iio.imwrite("<bytes>", colour, extension=".jpg", quality=90)
+                put_colour(encode_colour(frame.number, jpeg))
             put(encode_live(frame))
             number += 1
     finally:
         put_last(encode_live_end())
     return number
-
-
-def to_jpeg(colour: NDArray[np.uint8]) -> bytes:
-    """An image (H, W, 3), RGB, as a file."""
-    file = io.BytesIO()
-    Image.fromarray(colour).save(file, "JPEG", quality=90)
-    return file.getvalue()
 
 
 def paced(frames: Iterable[DepthFrame], rate: float | None) -> Iterator[DepthFrame]:

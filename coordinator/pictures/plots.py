@@ -143,7 +143,10 @@ def curves_of(track: Track, body: TrackedBody, truth: Truth | None) -> list[Curv
     The truth is shown if it has all degrees of freedom of the track.
     """
     angles = angles_of(body.model, body.held, track.up)
-    reported, true_pose = track.angle, true_poses(track, truth)
+    reported, true_pose = track.angle, np.full(track.pose.shape, np.nan)
+    if truth is not None and set(track.dof_names) <= set(truth.dof_names):
+        _, mine, theirs = np.intersect1d(track.frame, truth.frame, return_indices=True)
+        true_pose[mine] = truth.pose[theirs][:, [truth.dof_names.index(name) for name in track.dof_names]]
     true, known = np.full(reported.shape, np.nan), np.isfinite(true_pose).all(axis=1)
     if known.any():
         true[known] = angles.near(angles.measure(true_pose[known]), reported[known])
@@ -161,15 +164,6 @@ def curves_of(track: Track, body: TrackedBody, truth: Truth | None) -> list[Curv
         )
         curves.append(Curve(name, " cm", line, hypotheses=dots, true=dashes))
     return curves
-
-
-def true_poses(track: Track, truth: Truth | None) -> Array:
-    """True poses (F, D) of the track's frames; NaN if unknown."""
-    poses = np.full(track.pose.shape, np.nan)
-    if truth is not None and set(track.dof_names) <= set(truth.dof_names):
-        _, mine, theirs = np.intersect1d(track.frame, truth.frame, return_indices=True)
-        poses[mine] = truth.pose[theirs][:, [truth.dof_names.index(name) for name in track.dof_names]]
-    return poses
 
 
 def draw_errors(track: Track, truth: Truth, file: Path) -> None:
