@@ -16,7 +16,6 @@ from common.errors import InputError
 from coordinator.bodies.swing_twist import isb_angles, isb_names
 from coordinator.exports import export_run
 from coordinator.exports.recorded import RecordedRun, read_run
-from coordinator.report.findings import describe_run
 from coordinator.results.angles import read_slides
 from coordinator.results.csv_file import write_csv
 from coordinator.results.summary import read_summary
@@ -109,6 +108,8 @@ class Run:
 
     def _repr_html_(self) -> str:
         """The main facts, for notebooks."""
+        from coordinator.report.findings import describe_run
+
         return table(describe_run(self.track, self.summary)[:4])  # frames, status, body, method
 
     def to_dataframe(self) -> pd.DataFrame:

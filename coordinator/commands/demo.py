@@ -77,7 +77,7 @@ def run_demo(
         for k, seed in enumerate(seeds)
         for way, settings in ways.items()
     ]
-    for run in run_pool(jobs, None, show, quiet=True):
+    for run in run_pool(jobs, show, quiet=True):
         if run.code not in (0, NOT_TRACKED):
             raise GepfError(f"{run.job.out} ended with exit code {run.code}")
     scores = np.array([[score(scene, out, way, seed) for way in (LONE, FILTER)] for seed in seeds])

@@ -14,7 +14,6 @@ import numpy as np
 from coordinator.bodies.human.measures import Measures
 from coordinator.commands.console import loading
 from coordinator.commands.options import CameraOptions, InfoOptions
-from coordinator.pictures.film import save_png
 from coordinator.results.summary import FOUND, PERSON_FILE, find_summary
 from coordinator.sources import Format, Source, find_format
 from coordinator.sources.camera import doubt_camera, doubt_range, parse_camera_options
@@ -46,11 +45,6 @@ def run_info(options: InfoOptions, camera: CameraOptions) -> None:
         return
     form = find_format(sequence)
     source = form.open(sequence, parse_camera_options(camera.intrinsics, camera.depth_scale))
-    if options.thumbnail is not None:
-        from coordinator.pictures.shading import shade_depth
-
-        middle = source.frame(source.numbers[len(source) // 2])
-        save_png(shade_depth(middle.metres(), middle.intrinsics), options.thumbnail)
     cameras = []
     for each in source.views:
         alone = single(each)
@@ -60,6 +54,7 @@ def run_info(options: InfoOptions, camera: CameraOptions) -> None:
         with loading():
             view, found = look(alone)
         if options.picture is not None and each is source:
+            from coordinator.pictures.film import save_png
             from coordinator.pictures.scene import draw_scene
 
             save_png(draw_scene(view, found), options.picture)

@@ -79,14 +79,14 @@ def read_list(file: Path) -> Sequence[Path]:
     return found
 
 
-def track_many(jobs: Sequence[Job], at_once: int | None, show: Show) -> int:
+def track_many(jobs: Sequence[Job], show: Show) -> int:
     """Track all and show a table; returns the most severe exit code: 130, then 1, 2, 3.
 
     The results are the bytes of single runs. A run that fails does not stop the others. An interrupt ends all
     runs; their frames are kept for `--resume`.
     """
     show.say(f"tracking {len(jobs)} recordings into {jobs[0].out.parent}")
-    ended = run_pool(jobs, at_once, show, quiet=show.console.quiet)
+    ended = run_pool(jobs, show, quiet=show.console.quiet)
     table = Table("recording", "frames", "tracked", "seconds", "", box=None)
     for run in ended:
         table.add_row(*describe_run(run))
@@ -95,10 +95,10 @@ def track_many(jobs: Sequence[Job], at_once: int | None, show: Show) -> int:
     return INTERRUPTED if INTERRUPTED in codes else min(codes, default=0)
 
 
-def run_pool(jobs: Sequence[Job], at_once: int | None, show: Show, *, quiet: bool) -> list[Ended]:
+def run_pool(jobs: Sequence[Job], show: Show, *, quiet: bool) -> list[Ended]:
     """Track all runs with one pool and return their ends in order. With `quiet`, runs report only errors."""
     pool, running, ended = jobs[0].pool, dict[ForkServerProcess, Ended](), dict[Path, Ended]()
-    limit = at_once or max(2, pool.lanes + 1)  # lanes have work while a run is between two frames
+    limit = max(2, pool.lanes + 1)  # lanes have work while a run is between two frames
     waiting = list(reversed(jobs))
     CONTEXT.set_forkserver_preload([__name__])
     with shared_pool(pool) as (endpoint, worker):

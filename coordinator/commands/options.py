@@ -167,9 +167,6 @@ class TrackOptions:
     workers: int | None = worker_option(
         "N", "Lanes of the local worker (default: one per core); 0 for none.", min=0
     )
-    at_once: int | None = worker_option(
-        "N", "Number of recordings tracked at once (default: as many as keep the workers busy).", min=1
-    )
     listen: str | None = worker_option("ENDPOINT", "Let other workers join, e.g. at tls/0.0.0.0:7447.")
     connect: str | None = worker_option("ENDPOINT", "Use the workers at a router.")
     worker_timeout: float | None = worker_option(
@@ -203,7 +200,6 @@ class InfoOptions:
 
     sequence: Path = argument("SEQ", "Recorded depth (docs/formats.md).")
     as_json: bool = option("", "One JSON object.", "--json", default=False)
-    thumbnail: Path | None = option("FILE", "Draw a frame as PNG.")
     picture: Path | None = option("FILE", "Draw the detected floor, walls and people as PNG.")
 
 

@@ -53,7 +53,7 @@ def run_track(
         from coordinator.commands.many import choose_runs, track_many
 
         jobs = choose_runs(job, options.sequences, options.seeds)
-        code = track_many(jobs, options.at_once, show)
+        code = track_many(jobs, show)
     else:
         jobs, code = [job], 0 if track(job, show, connect) else NOT_TRACKED
     if options.as_json:

@@ -90,7 +90,7 @@ def test_several_have_the_bytes_of_each_alone_and_one_fault_stops_no_other(
     jobs = [small_job(each, tmp_path / "runs" / each.name, seed) for seed, each in enumerate(recordings)]
     written = io.StringIO()
     show = Show(Console(file=written, width=300))
-    assert track_many(jobs, None, show) == 2
+    assert track_many(jobs, show) == 2
     lines = written.getvalue().splitlines()
     table = lines[[line.strip().startswith("recording  ") for line in lines].index(True) :]
     assert [line.split()[0] for line in table[1:]] == list(names)  # though the damaged one ends first
@@ -126,7 +126,7 @@ def test_workers_join_and_leave_during_a_list(sequence: Path, endpoint: str, tmp
     with crew:
         crew.start("first")
         with in_thread(replace_worker):
-            assert track_many(jobs, 2, show) == 0
+            assert track_many(jobs, show) == 0
     track(replace(jobs[0], out=tmp_path / "alone"), show, Direct().connect)
     alone = (tmp_path / "alone" / "track.npz").read_bytes()
     assert [(job.out / "track.npz").read_bytes() == alone for job in jobs] == [True] * 4
