@@ -199,7 +199,7 @@ def test_results_are_written_again_if_the_run_was_killed_while_writing_them(
     out = tmp_path / "out"
     assert track(workers, sequence, tmp_path / "calm") == 0
     workers.before = lambda number: (out / "poses.csv").mkdir(exist_ok=True) if number == 4 else None
-    assert track(workers, sequence, out) == 1
+    assert track(workers, sequence, out) == 2
     (out / "poses.csv").rmdir()
     (out / "track.npz").unlink()
     interrupt(workers, 0)
