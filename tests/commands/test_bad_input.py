@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
-import json
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import NoReturn
 
 import numpy as np
 import pytest
-from PIL import Image
 
+from common.camera import Intrinsics
 from coordinator.bodies.human.template import human
 from coordinator.cli import main
+from tests.support.recordings import write_open3d
 from tests.support.runs import swing, write_run
+from tests.support.stand_ins import no_workers
 
-CAMERA: dict[str, object] = {
-    "width": 8,
-    "height": 6,
-    "intrinsic_matrix": [10.0, 0, 0, 0, 10.0, 0, 4.0, 3.0, 1],
-    "depth_scale": 1000,
-}
+CAMERA = Intrinsics(8, 6, 10.0, 10.0, 4.0, 3.0)
 Damage = Callable[[Path], object]
 
 
@@ -31,19 +26,10 @@ def _no_traces(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("GEPF_DEBUG", raising=False)
 
 
-def no_workers(*_: object) -> NoReturn:
-    """No worker is started for wrong input."""
-    raise AssertionError("workers were asked for")
-
-
 @pytest.fixture
 def sequence(tmp_path: Path) -> Path:
     """Four whole frames and a start."""
-    folder = tmp_path / "wall"
-    (folder / "depth").mkdir(parents=True)
-    for number in range(4):
-        Image.fromarray(np.full((6, 8), 2000, np.uint16)).save(picture(folder, number))
-    (folder / "camera_intrinsic.json").write_text(json.dumps(CAMERA))
+    folder = write_open3d(tmp_path / "wall", np.full((4, 6, 8), 2000, np.uint16), CAMERA)
     (folder / "init.json").write_text('{"root_tz": 2.0}')
     return folder
 
@@ -69,11 +55,6 @@ def refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Callable[...,
 def contents(folder: Path) -> dict[Path, bytes]:
     """All that a folder holds, at any depth."""
     return {path: path.read_bytes() if path.is_file() else b"" for path in folder.rglob("*")}
-
-
-def picture(folder: Path, number: int) -> Path:
-    """The file of a frame."""
-    return folder / "depth" / f"{number:06d}.png"
 
 
 def with_file(name: str, content: str) -> Damage:
@@ -154,20 +135,30 @@ def test_an_output_folder_that_cannot_be_had_is_refused(
         assert "cannot write to" in refused("track", sequence, "--out", out)
 
 
-def test_the_other_commands_refuse_in_the_same_way(tmp_path: Path, refused: Callable[..., str]) -> None:
-    """Unknown runs, scenes, formats and commands, and missing arguments."""
-    run, truth = tmp_path / "run", tmp_path / "truth.npz"
-    assert "no such folder" in refused("evaluate", run, "--truth", truth)
-    assert "no such folder" in refused("export", run, "--to", "csv", "--out", tmp_path / "x.csv")
-    assert "unknown scene 'leg'; choose from arm" in refused("synth", "leg", "--out", tmp_path / "seq")
-    assert "--frames" in refused("synth", "arm", "--out", tmp_path / "seq", "--frames", "x")
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        ("evaluate {}/run --truth {}/truth.npz", "no such folder"),
+        ("evaluate {}/run", "no such folder"),
+        ("export {}/run --to csv --out {}/x.csv", "no such folder"),
+        ("export run --out x", "Missing option '--to' FORMAT: csv, mot, c3d, trc, bvh"),
+        ("export run --to avi --out x", "choose from bvh, c3d, csv"),
+        ("synth leg --out {}/seq", "unknown scene 'leg'; choose from arm"),
+        ("synth arm --out {}/seq --frames x", "--frames"),
+        ("demo --out {}", "files that are not from a demo; choose another --out"),
+        ("demo --scene dog", "unknown scene 'dog'; choose from person, arm"),
+        ("trak", "No such command 'trak'. Did you mean 'track'?"),
+        ("nonsense", "No such command 'nonsense'; there are demo, track, info"),
+        ("track --out {}/out", "Missing argument"),
+        ("track seq", "Missing option '--out' DIR: New folder for the results."),
+    ],
+)
+def test_all_commands_refuse_in_the_same_way(
+    tmp_path: Path, refused: Callable[..., str], line: str, says: str
+) -> None:
+    """Unknown runs, scenes, formats and commands, missing arguments; the line has the choices."""
     (tmp_path / "thesis.tex").touch()
-    assert "files that are not from a demo; choose another --out" in refused("demo", "--out", tmp_path)
-    assert "unknown scene 'dog'; choose from person, arm" in refused("demo", "--scene", "dog")
-    assert "No such command 'trak'. Did you mean 'track'?" in refused("trak")
-    assert "Missing argument" in refused("track", "--out", tmp_path / "out")
-    assert "Missing option '--out'" in refused("track", tmp_path)
-    assert "no such folder" in refused("evaluate", run)
+    assert says in refused(*line.replace("{}", str(tmp_path)).split())
 
 
 def test_what_is_no_truth_is_refused_in_our_words(tmp_path: Path, refused: Callable[..., str]) -> None:

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-import json
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from PIL import Image
 
 import gepf
-from common.kinematics import joint_positions, pose_vertices
+from common.camera import back_project, inverse, moved
+from common.kinematics import joint_positions
+from common.kinematics.rotations import euler_matrix
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
 from coordinator.cli import main
-from coordinator.synthesis.rendering import DepthRenderer
 from tests.support.pairs import raised
-from tests.support.people import CAMERA, STANDING
+from tests.support.people import CAMERA, STANDING, rendered
+from tests.support.recordings import write_open3d
 from tests.support.rooms import along
 from tests.support.stand_ins import Direct
 
@@ -35,31 +35,24 @@ def film(turn: float, move: float) -> tuple[Array, Array]:
     """Depth (F, H, W) of a person in a room whose camera turns and moves, and joints (F, J, 3), metres."""
     model = human(1.82)
     poses = np.array([name_pose(model, raised(STANDING, n)) for n in range(FRAMES)])
-    surfaces, joints, pictures = pose_vertices(model, poses), joint_positions(model, poses), []
-    v, u = np.indices((CAMERA.height, CAMERA.width))
-    rays = np.stack([(u - CAMERA.cx) / CAMERA.fx, (v - CAMERA.cy) / CAMERA.fy, np.ones(u.shape)], axis=-1)
-    with DepthRenderer(CAMERA) as renderer:
-        for n in range(FRAMES):
-            c, s, place = np.cos(turn * n), np.sin(turn * n), np.array([move * n, 0.0, 0.0])
-            ahead = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])  # turns to the room's axes
-            around = rays @ ahead.T
-            room = np.minimum(along(FLOOR, around[..., 1]), along(WALL, around[..., 2]))
-            person = renderer.depth((surfaces[n] - place) @ ahead, model.triangles)
-            pictures.append(np.where(person > 0.0, person, room))
-            joints[n] = (joints[n] - place) @ ahead
+    joints, pictures = joint_positions(model, poses), []
+    rays = back_project(np.ones((CAMERA.height, CAMERA.width)), CAMERA)
+    for n, pose in enumerate(poses):
+        placed = np.eye(4)
+        placed[:3, :3] = euler_matrix(np.array([0.0, turn * n, 0.0]))
+        placed[0, 3] = move * n
+        around = rays @ placed[:3, :3].T
+        room = np.minimum(along(FLOOR, around[..., 1]), along(WALL, around[..., 2]))
+        (person,) = rendered(model, pose[None], placed=placed)
+        pictures.append(np.where(person > 0.0, person, room))
+        joints[n] = moved(joints[n], inverse(placed))
     return np.array(pictures), joints
 
 
 def write(folder: Path, depth: Array, top: int = 0, bottom: int = CAMERA.height) -> Path:
     """Some rows of a film as a sequence."""
-    (folder / "depth").mkdir(parents=True)
-    for n, picture in enumerate(depth):
-        units = np.rint(1000.0 * picture[top:bottom]).astype(np.uint16)
-        Image.fromarray(units).save(folder / "depth" / f"{n:06d}.png")
-    matrix = [CAMERA.fx, 0, 0, 0, CAMERA.fy, 0, CAMERA.cx, CAMERA.cy - top, 1]
-    camera = {"width": CAMERA.width, "height": bottom - top, "depth_scale": 1000, "fps": RATE}
-    (folder / "camera_intrinsic.json").write_text(json.dumps({**camera, "intrinsic_matrix": matrix}))
-    return folder
+    units = np.rint(1000.0 * depth[:, top:bottom]).astype(np.uint16)
+    return write_open3d(folder, units, CAMERA.crop(0, top, CAMERA.width, bottom - top), RATE)
 
 
 def track(sequence: Path, out: Path) -> gepf.Run:

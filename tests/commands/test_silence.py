@@ -51,22 +51,30 @@ def job(sequence: Path, out: Path) -> Job:
     return Job(sequence, out, settings, Pool(1, worker_command=INSTANT), pictures=False)
 
 
-def test_a_run_connects_anew_and_has_the_same_bytes(sequence: Path, tmp_path: Path) -> None:
-    """Recorded frames are kept, and the tracker continues from the last of them."""
-    written, opened = io.StringIO(), list[int]()
+def test_a_run_connects_anew_and_has_the_same_bytes(sequence: Path, endpoint: str, tmp_path: Path) -> None:
+    """Recorded frames are kept, and the tracker continues from the last; so does publication, to one end."""
+    written, opened, heard = io.StringIO(), list[int](), list[str]()
 
     def connect(pool: Pool, show: Show) -> ZenohRefiner:
         opened.append(1)
         return connect_workers(pool, show) if len(opened) > 1 else FallsSilent(pool, show, 3)
 
-    show = Show(Console(file=written, width=300))
-    track(job(sequence, tmp_path / "broken"), show, connect)
+    show, pool = Show(Console(file=written, width=300)), Pool(1, connect=endpoint, worker_command=INSTANT)
+    published = replace(job(sequence, tmp_path / "broken"), results="robot/person", pool=pool)
+    with open_router([endpoint]), open_worker([endpoint]) as bus:
+        bus.subscribe(
+            "robot/person", lambda _, payload: heard.append(msgspec.msgpack.decode(payload)["kind"])
+        )
+        track(published, show, connect)
+        wait_until(lambda: END in heard)
     track(job(sequence, tmp_path / "calm"), show, connect_workers)
     broken, calm = (tmp_path / name / "track.npz" for name in ("broken", "calm"))
     assert broken.read_bytes() == calm.read_bytes()
     assert len(opened) == 2
     assert "none answers; reconnecting" in written.getvalue()
     assert "going on with frame" in written.getvalue()
+    assert heard.count(KIND) > 0
+    assert heard.index(END) == len(heard) - 1
 
 
 def test_it_gives_up_at_last_and_keeps_what_there_is(sequence: Path, tmp_path: Path) -> None:
@@ -81,27 +89,6 @@ def test_it_gives_up_at_last_and_keeps_what_there_is(sequence: Path, tmp_path: P
         track(job(sequence, tmp_path / "out"), Show(Console(file=io.StringIO())), connect)
     assert len(opened) > 1
     assert len(read_track(tmp_path / "out").frame) > 0
-
-
-def test_who_listens_hears_one_end(sequence: Path, endpoint: str, tmp_path: Path) -> None:
-    """Publication continues over the new connection, and ends with the run."""
-    heard, opened = list[str](), list[int]()
-
-    def connect(pool: Pool, show: Show) -> ZenohRefiner:
-        opened.append(1)
-        return ZenohRefiner(pool, show.say) if len(opened) > 1 else FallsSilent(pool, show, 3)
-
-    pool = Pool(1, connect=endpoint, worker_command=INSTANT)
-    published = replace(job(sequence, tmp_path / "out"), results="robot/person", pool=pool)
-    with open_router([endpoint]), open_worker([endpoint]) as bus:
-        bus.subscribe(
-            "robot/person", lambda _, payload: heard.append(msgspec.msgpack.decode(payload)["kind"])
-        )
-        track(published, Show(Console(file=io.StringIO())), connect)
-        wait_until(lambda: END in heard)
-    assert len(opened) == 2
-    assert heard.count(KIND) > 0
-    assert heard.index(END) == len(heard) - 1
 
 
 @pytest.mark.slow

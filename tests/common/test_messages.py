@@ -27,6 +27,7 @@ from common.protocol.messages import (
     encode_request,
 )
 from common.protocol.models import decode_model, encode_model
+from examples import live_publisher
 from tests.support.asked import sure
 from tests.support.messages import (
     COUNT,
@@ -77,16 +78,11 @@ def packed(array: NDArray[Any]) -> list[object]:
     return [array.dtype.str, list(array.shape), array.tobytes()]
 
 
-def reply(pose: float = 0.0, log_likelihood: float = -1.0, residual: float = 0.1) -> list[object]:
-    """The row of a reply about three particles of six values each."""
-    return packed(np.repeat([pose, log_likelihood, residual], [COUNT * DOFS, COUNT, COUNT]))
-
-
-def roots(diagonal: float, beside: float = 0.0) -> list[object]:
-    """Those of a sure reply, the last with this on its diagonal and left of that."""
+def roots(diagonal: float, beside: float = 0.0) -> Callable[[dict[str, Any]], None]:
+    """A change of those of a sure reply, the last with this on its diagonal and left of that."""
     changed_roots = sure(POSES)
     changed_roots[-1, -2:] = beside, diagonal
-    return packed(changed_roots)
+    return set_to("covariance_roots", value=packed(changed_roots))
 
 
 def same(one: object, other: object) -> bool:
@@ -175,26 +171,17 @@ def test_other_version_names_both(kind: str) -> None:
     refuse(kind, payload, f"protocol version {own + 1}, expected {own}")
 
 
-def test_a_camera_that_speaks_as_documented_is_understood() -> None:
-    """The live message is as in `docs/live.md`, independent of the version of coordinator and workers."""
+def test_the_example_speaks_as_documented_and_is_understood() -> None:
+    """The live message has its own version, independent of that of coordinator and workers."""
     table = (Path(__file__).parents[2] / "docs" / "live.md").read_text()
     assert "| `version` | integer | 1 |" in table
-    depth = np.full((2, 3), 1500, "<u2")
-    camera = {"width": 3, "height": 2, "fx": 5.0, "fy": 5.0, "cx": 1.0, "cy": 0.5}
-    message = {
-        "kind": "live-frame",
-        "version": 1,
-        "number": 7,
-        "time_s": 0.25,
-        "depth_scale": 1000.0,
-        "intrinsics": camera,
-        "depth": ["<u2", [2, 3], depth.tobytes()],
-    }
-    frame = decode_live(msgpack.packb(message))
+    depth = np.full((2, 3), 1500, np.uint16)
+    frame = decode_live(live_publisher.message(7, 0.25, depth))
     assert frame is not None
-    assert (frame.number, frame.time_s) == (7, 0.25)
+    assert (frame.number, frame.time_s, frame.depth_scale) == (7, 0.25, 1000.0)
     np.testing.assert_array_equal(frame.depth, depth)
-    assert decode_live(msgpack.packb({"kind": "live-end", "version": 1})) is None
+    assert decode_live(live_publisher.END) is None
+    assert all(f"| `{name}`" in table for name in msgpack.unpackb(live_publisher.message(7, 0.25, depth)))
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -243,111 +230,73 @@ def test_too_large_is_refused_unread() -> None:
     refuse("frame", bytes(2**27), "134217728 bytes is above the limit of")
 
 
-BAD = {
-    "bytes": ("request", set_to("poses", 2, value=b"123"), "has 3 bytes, expected 144"),
-    "negative": ("request", set_to("poses", 1, value=[-3, -6]), "Expected `int` >= 0"),
-    "dtype": ("request", set_to("poses", 0, value="|O"), "Invalid enum value '|O'"),
-    "nan pose": ("request", set_to("poses", value=packed(POSES * np.nan)), "poses must be .*not nan"),
-    "run": ("request", set_to("run", value="a/**"), "matching regex"),
-    "hash": ("request", set_to("model", value="abc"), "matching regex"),
-    "iterations": (
-        "request",
-        set_to("settings", "icp_iterations", value=10**9),
-        "icp_iterations must be 0 to 100, not 1000000000",
-    ),
-    "choice": ("request", set_to("settings", "descent", value="fast"), "Invalid enum value 'fast'"),
-    "picked range": (
-        "frame",
-        set_to("views", 0, "picked", value=packed(np.array([5000], np.uint32))),
-        "picked must be 0 to 1023, not 5000",
-    ),
-    "picked order": (
-        "frame",
-        set_to("views", 0, "picked", value=packed(np.array([5, 5], np.uint32))),
-        "ascending order",
-    ),
-    "depth size": ("frame", set_to("views", 0, "intrinsics", "width", value=31), r"expected \(32, 31\)"),
-    "focal": ("frame", set_to("views", 0, "intrinsics", "fx", value=0.0), "focal lengths must be .* not 0"),
-    "kinds range": (
-        "frame",
-        set_to("views", 0, "kinds", value=packed(np.full((32, 32), UNMEASURED + 1, np.uint8))),
-        "kinds must be 0 to 4, not 5",
-    ),
-    "kinds": (
-        "frame",
-        set_to("views", 0, "kinds", value=packed(np.full((32, 32), EMPTY, np.uint8))),
-        "kinds and depth",
-    ),
-    "mirrored": (
-        "frame",
-        set_to("views", 0, "T_rig_camera", value=packed(np.diag([1.0, 1.0, -1.0, 1.0]))),
-        "T_rig_camera is not a rotation",
-    ),
-    "view": ("frame", set_to("views", 0, "view", value=[3, 0, 2, 9]), "ends before it begins"),
-    "vertex": (
-        "model",
-        set_to("arrays", "triangles", value=packed(np.full((4, 3), 4))),
-        "triangles must be 0 to 3, not 4",
-    ),
-    "link": (
-        "model",
-        set_to("arrays", "skin_links", value=packed(np.full((4, 1), -1))),
-        "skin_links must be 0",
-    ),
-    "ball": ("model", set_to("arrays", "balls", value=packed(np.array([4]))), "balls must be in"),
-    "parent": (
-        "model",
-        set_to("arrays", "parents", value=packed(np.arange(6))),
-        "contradicts itself: .*parent",
-    ),
-    "content": ("model", set_to("arrays", "vertices", value=packed(np.ones((4, 3)))), "names the hash"),
-    "lost field": ("model", lambda content: content["arrays"].pop("axes"), r"lacks fields \['axes'\]"),
-    "no pixels": (
-        "frame",
-        lambda content: (
-            content["views"][0]["intrinsics"].update(width=0),
-            content["views"][0].update(depth=["<u2", [32, 0], b""]),
-        ),
-        "a frame has 1 to 8388608 pixels, this one 0 by 32",
-    ),
-    "many fields": (
-        "model",
-        set_to("texts", value={str(k): "" for k in range(51)}),
-        "Expected `object` of length <= 50",
-    ),
-    "no noise": (
-        "request",
-        set_to("settings", "noise_depth", value=0.0),
-        "noise_depth must be .*not 0",
-    ),
-    "limits": ("model", set_to("arrays", "limits", value=packed(np.tile([1.0, -1.0], (6, 1)))), "no room"),
-    "reply likelihood": (
-        "reply",
-        set_to("values", value=reply(log_likelihood=np.inf)),
-        "log_likelihood must be .*not inf",
-    ),
-    "reply count": ("reply", set_to("values", value=packed(np.zeros(16))), r"expected \(24\)"),
-    "reply residual": (
-        "reply",
-        set_to("values", value=reply(residual=-1.0)),
-        "residual must be 0 to inf, not -1",
-    ),
-    "roots nan": (
-        "sure-reply",
-        set_to("covariance_roots", value=roots(np.nan)),
-        "covariance_roots must be -1 to 1, not nan",
-    ),
-    "roots diagonal": ("sure-reply", set_to("covariance_roots", value=roots(0.0)), "is not above zero"),
-    "wide": (
-        "sure-reply",
-        set_to("covariance_roots", value=roots(0.1, 3.0)),
-        "covariance_roots must be -1 to 1, not 0 to 3",
-    ),
-}
+def of_view(name: str, value: object) -> Callable[[dict[str, Any]], None]:
+    """A change of the first camera's part of a frame."""
+    return set_to("views", 0, name, value=packed(value) if isinstance(value, np.ndarray) else value)
 
 
-@pytest.mark.parametrize("case", BAD)
-def test_nonsense_is_refused_and_named(case: str) -> None:
+def of_model(name: str, array: NDArray[Any]) -> Callable[[dict[str, Any]], None]:
+    """A change of one of a model's arrays."""
+    return set_to("arrays", name, value=packed(array))
+
+
+def of_settings(name: str, value: object) -> Callable[[dict[str, Any]], None]:
+    """A change of a setting."""
+    return set_to("settings", name, value=value)
+
+
+def no_columns(content: dict[str, Any]) -> None:
+    """Let a frame be of no width."""
+    content["views"][0]["intrinsics"].update(width=0)
+    content["views"][0].update(depth=["<u2", [32, 0], b""])
+
+
+MANY = {str(k): "" for k in range(51)}
+KINDS_5 = np.full((32, 32), UNMEASURED + 1, np.uint8)
+MIRRORED = np.diag([1.0, 1.0, -1.0, 1.0])
+INFINITE = packed(np.repeat([0.0, np.inf, 0.1], [COUNT * DOFS, COUNT, COUNT]))
+NEGATIVE = packed(np.repeat([0.0, -1.0, -1.0], [COUNT * DOFS, COUNT, COUNT]))
+CONTRARY = np.tile([1.0, -1.0], (6, 1))
+
+BAD = [  # kind, fault, what is said
+    ("request", set_to("poses", 2, value=b"123"), "has 3 bytes, expected 144"),
+    ("request", set_to("poses", 1, value=[-3, -6]), "Expected `int` >= 0"),
+    ("request", set_to("poses", 0, value="|O"), "Invalid enum value '|O'"),
+    ("request", set_to("poses", value=packed(POSES * np.nan)), "poses must be .*not nan"),
+    ("request", set_to("run", value="a/**"), "matching regex"),
+    ("request", set_to("model", value="abc"), "matching regex"),
+    ("request", of_settings("icp_iterations", 10**9), "icp_iterations must be 0 to 100, not 1000000000"),
+    ("request", of_settings("descent", "fast"), "Invalid enum value 'fast'"),
+    ("request", of_settings("noise_depth", 0.0), "noise_depth must be .*not 0"),
+    ("frame", of_view("picked", np.array([5000], np.uint32)), "picked must be 0 to 1023, not 5000"),
+    ("frame", of_view("picked", np.array([5, 5], np.uint32)), "ascending order"),
+    ("frame", set_to("views", 0, "intrinsics", "width", value=31), r"expected \(32, 31\)"),
+    ("frame", set_to("views", 0, "intrinsics", "fx", value=0.0), "focal lengths must be .* not 0"),
+    ("frame", of_view("kinds", KINDS_5), "kinds must be 0 to 4, not 5"),
+    ("frame", of_view("kinds", np.full((32, 32), EMPTY, np.uint8)), "kinds and depth"),
+    ("frame", of_view("T_rig_camera", MIRRORED), "T_rig_camera is not a rotation"),
+    ("frame", of_view("view", [3, 0, 2, 9]), "ends before it begins"),
+    ("frame", no_columns, "a frame has 1 to 8388608 pixels, this one 0 by 32"),
+    ("model", of_model("triangles", np.full((4, 3), 4)), "triangles must be 0 to 3, not 4"),
+    ("model", of_model("skin_links", np.full((4, 1), -1)), "skin_links must be 0"),
+    ("model", of_model("balls", np.array([4])), "balls must be in"),
+    ("model", of_model("parents", np.arange(6)), "contradicts itself: .*parent"),
+    ("model", of_model("vertices", np.ones((4, 3))), "names the hash"),
+    ("model", of_model("limits", CONTRARY), "no room"),
+    ("model", lambda content: content["arrays"].pop("axes"), r"lacks fields \['axes'\]"),
+    ("model", set_to("texts", value=MANY), "Expected `object` of length <= 50"),
+    ("reply", set_to("values", value=INFINITE), "log_likelihood must be .*not inf"),
+    ("reply", set_to("values", value=packed(np.zeros(16))), r"expected \(24\)"),
+    ("reply", set_to("values", value=NEGATIVE), "residual must be 0 to inf, not -1"),
+    ("sure-reply", roots(np.nan), "covariance_roots must be -1 to 1, not nan"),
+    ("sure-reply", roots(0.0), "is not above zero"),
+    ("sure-reply", roots(0.1, 3.0), "covariance_roots must be -1 to 1, not 0 to 3"),
+]
+
+
+@pytest.mark.parametrize(("kind", "change", "match"), BAD, ids=range(len(BAD)))
+def test_nonsense_is_refused_and_named(
+    kind: str, change: Callable[[dict[str, Any]], object], match: str
+) -> None:
     """Each fault is refused with a message that says what is wrong."""
-    kind, change, match = BAD[case]
     refuse(kind, changed(kind, change), match)

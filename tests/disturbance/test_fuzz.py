@@ -234,7 +234,7 @@ def to_coordinator(endpoint: str) -> Messages:
             told = lies
 
 
-def refined_beside_liars(refiner: ZenohRefiner, said: list[str], number: int) -> bytes:
+def refined_beside_liars(refiner: ZenohRefiner, said: list[str], number: int) -> list[bytes]:
     """A frame's bytes; asked for again if the honest worker was away meanwhile."""
 
     def comings_and_goings() -> list[str]:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from common.body import BodyModel
 from common.kinematics import pose_vertices
 from coordinator.filters import exploration
-from coordinator.filters.exploration import explain, layout_of
+from coordinator.filters.exploration import explain
 from tests.support.bodies import hinges, puppet
 
 Array = NDArray[np.float64]
@@ -58,20 +58,3 @@ def test_where_all_is_explained_or_nothing_is_seen_nothing_is_proposed() -> None
     assert propose_limbs(MODEL, RAISED, seen(RAISED), 8) == []
     assert propose_limbs(MODEL, RAISED, np.empty((0, 3)), 8) == []
     assert propose_limbs(hinges(), np.zeros(2), np.full((50, 3), 9.0), 8) == []
-
-
-def test_the_same_seed_proposes_the_same() -> None:
-    """All random numbers come from the generator."""
-    one, other = (propose_limbs(MODEL, DOWN, seen(RAISED), 5, seed=3) for _ in range(2))
-    assert len(one) == 5
-    for (dofs, angles), (others, same) in zip(one, other, strict=True):
-        np.testing.assert_array_equal(dofs, others)
-        np.testing.assert_array_equal(angles, same)
-
-
-def test_only_tips_are_limbs() -> None:
-    """Only the limb itself depends on its degrees of freedom; the trunk is not a limb."""
-    for limb in layout_of(MODEL).limbs:
-        carried = [j for j, parent in enumerate(MODEL.parents) if parent in limb.dofs]
-        assert set(carried) <= set(limb.dofs.tolist())
-        assert MODEL.parents[limb.dofs[0]] >= 0

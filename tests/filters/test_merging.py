@@ -27,11 +27,6 @@ seeds = st.integers(0, 2**32 - 1)
 DEFAULT = preset("default").filter
 
 
-def roots_of(*deviations: tuple[float, float]) -> Triangles:
-    """Of two hinges that are known by these standard deviations."""
-    return np.array([(one, 0.0, other) for one, other in deviations], np.float32)
-
-
 def random_roots(rng: np.random.Generator, count: int, dofs: int) -> Triangles:
     """Factors of covariances, of all sizes and correlated."""
     lower = 0.02 * rng.normal(size=(count, dofs, dofs))
@@ -45,17 +40,6 @@ def test_a_triangle_is_a_matrix_row_by_row() -> None:
     found = lower_triangular(np.array([[1, 2, 3, 4, 5, 6]], np.float32), 3)
     np.testing.assert_array_equal(found, [[[1, 0, 0], [2, 3, 0], [4, 5, 6]]])
     assert triangle_size(3) == 6
-
-
-def test_what_is_not_observable_merges_and_what_is_does_not() -> None:
-    """Poses that differ by an unobservable twist of 25 degrees merge; an observable turn of 4 does not."""
-    twisted, turned = np.array([np.radians(25.0), 0.0]), np.array([0.0, np.radians(4.0)])
-    poses = np.stack([np.zeros(2), twisted, turned])
-    roots = roots_of(*[(np.radians(29.0), np.radians(0.8))] * 3)
-    likelihood = np.array([0.0, -1.0, -2.0])
-    chosen, group = merge_by_covariance(hinges(), poses, likelihood, lower_triangular(roots, 2))
-    assert chosen.tolist() == [0, 2]
-    assert group.tolist() == [0, 0, 1]
 
 
 @given(seeds, st.integers(1, 20))

@@ -18,7 +18,7 @@ import pytest
 
 import gepf
 from common.protocol.frames import encode_live, encode_live_end
-from common.transport.opening import open_router, open_worker
+from common.transport.opening import open_worker
 from tests.support.people import SETTINGS, STANDING, as_bytes, shown
 from tests.support.processes.programs import in_thread
 from tests.support.processes.warm_processes import gepf as gepf_command
@@ -107,19 +107,6 @@ def test_silence_and_close_end_the_iteration(endpoint: str) -> None:
         threading.Timer(0.2, live.close).start()
         assert list(live) == []
     assert time.monotonic() - began < 60.0
-
-
-def test_publisher_and_library_meet_at_a_router(endpoint: str, tmp_path: Path) -> None:
-    """Both only connect; all frames of `gepf publish` arrive, and the end."""
-    write_small_sequence(tmp_path / "seq", 3)
-    with open_router([endpoint]):
-        publisher = publish(tmp_path, endpoint)
-        live = gepf.live(KEY, connect=endpoint, idle_timeout=60.0)
-        numbers = [frame.number for frame in live]
-        publisher.join(60.0)
-    assert publisher.exitcode == 0
-    assert numbers[-1] == 2
-    assert live.counts["received"] == 3
 
 
 @pytest.mark.parametrize(

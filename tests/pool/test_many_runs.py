@@ -18,6 +18,7 @@ from common.transport.bus import Bus
 from common.transport.opening import open_router, open_worker
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
+from tests.support.asked import as_bytes
 from tests.support.processes.instant_worker import observe, refine
 from tests.support.processes.programs import wait_until
 from tests.support.processes.serving import (
@@ -25,7 +26,6 @@ from tests.support.processes.serving import (
     POSES,
     REQUEST,
     SETTINGS,
-    as_bytes,
     expected,
     frame,
     refined_bytes,

@@ -25,13 +25,13 @@ from common.transport.channels import IncomingRequest
 from common.transport.opening import open_coordinator, open_worker
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
+from tests.support.asked import as_bytes
 from tests.support.processes.instant_worker import observe, refine
 from tests.support.processes.serving import (
     MODEL,
     POSES,
     REQUEST,
     SETTINGS,
-    as_bytes,
     expected,
     frame,
     pool,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ FRAMES = 10
 
 def make_track(**changes: Any) -> Track:
     """A track of all zeros, two hypotheses of which the second is missing, but for `changes`."""
+    unknown = np.full((FRAMES, len(JOINTS)), np.nan)
     fields: dict[str, Any] = {
         "frame": np.arange(FRAMES),
         "time_s": np.arange(FRAMES) / 30,
@@ -29,9 +31,7 @@ def make_track(**changes: Any) -> Track:
         "pose": np.zeros((FRAMES, len(DOFS))),
         "joint_names": JOINTS,
         "joint_positions": np.zeros((FRAMES, len(JOINTS), 3)),
-        "joint_deviation": np.full((FRAMES, len(JOINTS)), np.nan),
-        "joint_off_probability": np.full((FRAMES, len(JOINTS)), np.nan),
-        "joint_seen": np.full((FRAMES, len(JOINTS)), np.nan),
+        **dict.fromkeys(("joint_deviation", "joint_off_probability", "joint_seen"), unknown),
         "angle_names": (),
         "angle": np.empty((FRAMES, 0)),
         "angle_deviation": np.empty((FRAMES, 0)),
@@ -44,14 +44,9 @@ def make_track(**changes: Any) -> Track:
 
 def make_truth(**changes: Any) -> Truth:
     """A truth of all zeros, but for `changes`."""
-    fields: dict[str, Any] = {
-        "frame": np.arange(FRAMES),
-        "joint_names": JOINTS,
-        "joint_positions": np.zeros((FRAMES, len(JOINTS), 3)),
-        "dof_names": DOFS,
-        "pose": np.zeros((FRAMES, len(DOFS))),
-    }
-    return Truth(**fields | changes)
+    track = make_track()
+    whole = Truth(track.frame, JOINTS, track.joint_positions, DOFS, track.pose)
+    return replace(whole, **changes)
 
 
 def test_the_deviation_is_held_against_the_errors() -> None:
@@ -122,10 +117,8 @@ def test_joints_are_scored_in_centimetres_by_name() -> None:
 def test_without_a_true_pose_only_joints_are_scored() -> None:
     """A motion-capture truth has positions, no angles; a perfect track has no error and is never lost."""
     score = evaluate(make_track(), make_truth(dof_names=(), pose=np.empty((FRAMES, 0))))
-    assert score.mean_angle_error_deg is None
-    assert score.mean_angle_error_deg_by_dof is None
-    assert score.best_hypothesis_angle_error_deg is None
-    assert score.best_hypothesis_angle_error_deg_by_dof is None
+    assert score.mean_angle_error_deg is score.best_hypothesis_angle_error_deg is None
+    assert score.mean_angle_error_deg_by_dof is score.best_hypothesis_angle_error_deg_by_dof is None
     assert (score.frames, score.mean_joint_error_cm, score.pck10) == (FRAMES, 0.0, 1.0)
     assert score.lost_from_frame is None
     assert evaluate(make_track(), make_truth()).best_hypothesis_angle_error_deg == 0.0

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import fields
-from functools import cache
 from pathlib import Path
 from typing import BinaryIO
 
@@ -13,8 +12,6 @@ import pytest
 
 from common.errors import NoWorkers
 from common.settings import preset
-from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
-from coordinator.bodies.tracked import Bodies
 from coordinator.filters.methods import METHODS, settings_for
 from coordinator.pool.options import Pool, PoolStatistics
 from coordinator.results.log import Entry, Opening, append_records, read_log
@@ -25,17 +22,11 @@ from coordinator.tracking.observation import isolate
 from coordinator.tracking.state import Checkpoint, TrackerState
 from coordinator.tracking.target import Submitted, TargetTracker
 from gepf.direct import DirectRefiner
-from tests.support.people import STANDING, OnePerson, as_bytes, empty, shown
+from tests.support.people import STANDING, OnePerson, as_bytes, empty, known, shown
 from tests.support.rooms import in_a_room
-from tests.support.stand_ins import StillWorkers, no_traces, sequence, workers  # noqa: F401 fixtures
+from tests.support.stand_ins import Desk, desk, no_traces, sequence, workers  # noqa: F401 fixtures
 
 pytestmark = pytest.mark.usefixtures("no_traces")
-
-
-@cache
-def bodies() -> Bodies:
-    """One person, for all tests."""
-    return Bodies(human, DEFAULT_ACTIVE, DEFAULT_ACTIVE, measures=(1.82, 1.0))
 
 
 def recorded_state(file: BinaryIO, state: TrackerState, estimate: Estimate) -> TrackerState:
@@ -57,21 +48,21 @@ def test_a_tracker_goes_on_bit_for_bit(method: str, *, room: bool, tmp_path: Pat
     frames = list(shown("standing").frames)
     frames[2] = empty(2)
     frames = [in_a_room(frame) for frame in frames] if room else frames
-    whole = OnePerson(DirectRefiner(), settings, bodies(), STANDING)
+    whole = OnePerson(DirectRefiner(), settings, known(), STANDING)
     said = [as_bytes(estimate) for estimate, _ in whole.follow(frames)]
 
-    following = OnePerson(DirectRefiner(), settings, bodies(), STANDING)
+    following = OnePerson(DirectRefiner(), settings, known(), STANDING)
     with (tmp_path / "log").open("ab") as file:
         for number, frame in enumerate(frames):
             estimate = following.track(frame)
             assert as_bytes(estimate) == said[number]
             state = recorded_state(file, following.state, estimate)
-            following = OnePerson(DirectRefiner(), settings, bodies(), state=state)
+            following = OnePerson(DirectRefiner(), settings, known(), state=state)
 
 
 def test_all_that_a_target_tracker_changes_is_in_its_state() -> None:
     """Attributes that tracking changes are those that are recorded; a new one fails here."""
-    target = TargetTracker(DirectRefiner(), preset("default"), bodies(), start=STANDING)
+    target = TargetTracker(DirectRefiner(), preset("default"), known(), start=STANDING)
     before, state = dict(vars(target)), target.state
     frame = shown("standing").frames[0]
     subject = isolate(frame, 1000)
@@ -88,78 +79,49 @@ def test_all_that_a_target_tracker_changes_is_in_its_state() -> None:
 OPTIONS = ("--particles", "6", "--points", "300", "--seed", "3")
 
 
-def track(workers: StillWorkers, sequence: Path, out: Path, *options: str) -> int:
-    """`gepf track` in this process."""
-    return workers.track(sequence, out, *OPTIONS, *options)
-
-
-def said(capsys: pytest.CaptureFixture[str]) -> list[str]:
-    """Lines on stderr since the last look."""
-    return capsys.readouterr().err.splitlines()
-
-
-def interrupt(workers: StillWorkers, at: int | None, failure: BaseException | None = None) -> None:
-    """Have the workers fail at a frame."""
-    workers.fail_at, workers.failure = at, failure or KeyboardInterrupt()
-
-
-def test_an_interrupted_run_says_how_to_go_on_and_does(
-    sequence: Path,
-    tmp_path: Path,
-    workers: StillWorkers,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_an_interrupted_run_says_how_to_go_on_and_does(desk: Desk, tmp_path: Path) -> None:
     """Stopped twice, it ends with the bytes of an undisturbed run; counts and times cover all three parts."""
-    out = tmp_path / "out"
-    assert track(workers, sequence, tmp_path / "calm") == 0
-    interrupt(workers, 1)
-    assert track(workers, sequence, out) == 130
-    lines = said(capsys)
-    assert lines[-2] == f"ended early with 1 of 5 frames in {out}; the same command with --resume continues"
-    assert lines[-1] == "gepf: stopped"
-    interrupt(workers, 4, NoWorkers("nobody came"))
-    assert track(workers, sequence, out, "--resume", "--workers", "7") == 1
-    assert "going on with frame 1; 1 of 5 are recorded" in said(capsys)
-    interrupt(workers, None)
-    assert track(workers, sequence, out, "--resume") == 0
-    assert any("frame 5 of 5" in line for line in said(capsys))
-    assert (out / "track.npz").read_bytes() == (tmp_path / "calm" / "track.npz").read_bytes()
-    assert not (out / "frames.log").exists()
-    summary = json.loads((out / "summary.json").read_text())
+    assert desk.track(*OPTIONS, out=tmp_path / "calm") == 0
+    desk.fail(1)
+    assert desk.track(*OPTIONS) == 130
+    *_, early, last = desk.said()
+    assert early == f"ended early with 1 of 5 frames in {desk.out}; the same command with --resume continues"
+    assert last == "gepf: stopped"
+    desk.fail(4, NoWorkers("nobody came"))
+    assert desk.track(*OPTIONS, "--resume", "--workers", "7") == 1
+    assert "going on with frame 1; 1 of 5 are recorded" in desk.said()
+    desk.fail(None)
+    assert desk.track(*OPTIONS, "--resume") == 0
+    assert any("frame 5 of 5" in line for line in desk.said())
+    assert desk.files()[desk.out / "track.npz"] == (tmp_path / "calm" / "track.npz").read_bytes()
+    assert not (desk.out / "frames.log").exists()
+    summary = desk.summary
     assert (summary["complete"], summary["frames"], summary["resumes"]) == (True, 5, 2)
     assert (summary["workers_seen"], summary["batches_sent_again"]) == (["one", "two"], 9)
 
 
 @pytest.mark.parametrize("damaged", [1, 2, 4])
-def test_a_damaged_frame_ends_a_run_that_can_go_on(
-    sequence: Path,
-    tmp_path: Path,
-    workers: StillWorkers,
-    capsys: pytest.CaptureFixture[str],
-    damaged: int,
-) -> None:
+def test_a_damaged_frame_ends_a_run_that_can_go_on(desk: Desk, tmp_path: Path, damaged: int) -> None:
     """Exit code 2 and one line that names the file; tracked frames are kept; once repaired, it continues."""
-    out, calm = tmp_path / "out", tmp_path / "calm"
-    assert track(workers, sequence, calm) == 0
-    picture = sequence / "depth" / f"{damaged:06d}.png"
+    calm = tmp_path / "calm"
+    assert desk.track(*OPTIONS, out=calm) == 0
+    picture = desk.sequence / "depth" / f"{damaged:06d}.png"
     whole = picture.read_bytes()
     picture.write_bytes(whole[: len(whole) // 2])
-    assert track(workers, sequence, out) == 2
-    lines = said(capsys)
-    assert lines[-2].startswith(f"ended early with {damaged} of 5 frames in {out}; ")
-    assert lines[-1].startswith(f"gepf: {picture} is damaged")
-    with np.load(out / "track.npz") as kept, np.load(calm / "track.npz") as wanted:
+    assert desk.track(*OPTIONS) == 2
+    *_, early, last = desk.said()
+    assert early.startswith(f"ended early with {damaged} of 5 frames in {desk.out}; ")
+    assert last.startswith(f"gepf: {picture} is damaged")
+    with np.load(desk.out / "track.npz") as kept, np.load(calm / "track.npz") as wanted:
         np.testing.assert_array_equal(kept["pose"], wanted["pose"][:damaged])
     picture.write_bytes(whole)
-    assert track(workers, sequence, out, "--resume") == 0
-    assert (out / "track.npz").read_bytes() == (calm / "track.npz").read_bytes()
+    assert desk.track(*OPTIONS, "--resume") == 0
+    assert (desk.out / "track.npz").read_bytes() == (calm / "track.npz").read_bytes()
 
 
-def test_a_run_reads_each_frame_when_it_is_its_turn(
-    sequence: Path, tmp_path: Path, workers: StillWorkers
-) -> None:
+def test_a_run_reads_each_frame_when_it_is_its_turn(desk: Desk) -> None:
     """Until the workers have the first, only that is read; then at most one ahead, and none beyond."""
-    pictures = [sequence / "depth" / f"{number:06d}.png" for number in range(5)]
+    pictures = [desk.sequence / "depth" / f"{number:06d}.png" for number in range(5)]
     whole = [picture.read_bytes() for picture in pictures]
 
     def bring(number: int) -> None:
@@ -169,45 +131,36 @@ def test_a_run_reads_each_frame_when_it_is_its_turn(
 
     for picture in pictures[1:]:
         picture.write_bytes(b"")
-    workers.before = bring
-    assert track(workers, sequence, tmp_path / "out", "--frames", "0:3") == 0
+    desk.workers.before = bring
+    assert desk.track(*OPTIONS, "--frames", "0:3") == 0
 
 
-def test_a_fresh_folder_is_begun_and_a_complete_one_left_alone(
-    sequence: Path,
-    tmp_path: Path,
-    workers: StillWorkers,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_a_fresh_folder_is_begun_and_a_complete_one_left_alone(desk: Desk) -> None:
     """The same command can be repeated until the run is complete, and after that."""
-    out = tmp_path / "out"
-    assert track(workers, sequence, out, "--resume") == 0
-    assert f"nothing to resume in {out}; starting again" in said(capsys)
-    before = {path: path.read_bytes() for path in out.iterdir()}
-    assert track(workers, sequence, out, "--resume") == 0
-    assert said(capsys)[1:] == [f"all 5 frames are in {out} already"]
-    assert {path: path.read_bytes() for path in out.iterdir()} == before
+    assert desk.track(*OPTIONS, "--resume") == 0
+    assert f"nothing to resume in {desk.out}; starting again" in desk.said()
+    before = desk.files()
+    assert desk.track(*OPTIONS, "--resume") == 0
+    assert desk.said()[1:] == [f"all 5 frames are in {desk.out} already"]
+    assert desk.files() == before
 
 
 def test_results_are_written_again_if_the_run_was_killed_while_writing_them(
-    sequence: Path,
-    tmp_path: Path,
-    workers: StillWorkers,
-    capsys: pytest.CaptureFixture[str],
+    desk: Desk, tmp_path: Path
 ) -> None:
     """All frames are recorded, no worker is used, and the usual files are written."""
-    out = tmp_path / "out"
-    assert track(workers, sequence, tmp_path / "calm") == 0
+    out, workers = desk.out, desk.workers
+    assert desk.track(*OPTIONS, out=tmp_path / "calm") == 0
     workers.before = lambda number: (out / "poses.csv").mkdir(exist_ok=True) if number == 4 else None
-    assert track(workers, sequence, out) == 2
+    assert desk.track(*OPTIONS) == 2
     (out / "poses.csv").rmdir()
     (out / "track.npz").unlink()
-    interrupt(workers, 0)
+    desk.fail(0)
     workers.asked = Pool(run="nobody")
-    capsys.readouterr()
-    assert track(workers, sequence, out, "--resume") == 0
+    desk.said()
+    assert desk.track(*OPTIONS, "--resume") == 0
     assert workers.asked == Pool(run="nobody")
-    assert said(capsys)[1] == f"all 5 frames are recorded in {out}; writing the results"
+    assert desk.said()[1] == f"all 5 frames are recorded in {out}; writing the results"
     assert (out / "track.npz").read_bytes() == (tmp_path / "calm" / "track.npz").read_bytes()
 
 
@@ -219,27 +172,20 @@ def test_results_are_written_again_if_the_run_was_killed_while_writing_them(
         (("--dof", "r_elbow_flexion"), "dof (recorded None, now r_elbow_flexion)"),
     ],
 )
-@pytest.mark.parametrize("complete", [True, False])
+@pytest.mark.parametrize("fail_at", [None, 2], ids=["complete", "interrupted"])
 def test_other_options_are_named(
-    sequence: Path,
-    tmp_path: Path,
-    workers: StillWorkers,
-    capsys: pytest.CaptureFixture[str],
-    options: tuple[str, ...],
-    says: str,
-    *,
-    complete: bool,
+    desk: Desk, options: tuple[str, ...], says: str, fail_at: int | None
 ) -> None:
     """One line names the changed options, for complete and incomplete runs, and no file is changed."""
-    interrupt(workers, None if complete else 2)
-    track(workers, sequence, tmp_path / "out")
-    before = {path: path.read_bytes() for path in (tmp_path / "out").iterdir()}
-    capsys.readouterr()
-    assert track(workers, sequence, tmp_path / "out", "--resume", *options) == 2
-    (line,) = [each for each in said(capsys) if each.startswith("gepf: ")]
+    desk.fail(fail_at)
+    desk.track(*OPTIONS)
+    before = desk.files()
+    desk.said()
+    assert desk.track(*OPTIONS, "--resume", *options) == 2
+    (line,) = [each for each in desk.said() if each.startswith("gepf: ")]
     assert f"was recorded with other options: {says}" in line
     assert line.endswith("; give the same or choose another --out")
-    assert {path: path.read_bytes() for path in (tmp_path / "out").iterdir()} == before
+    assert desk.files() == before
 
 
 def other_camera(sequence: Path) -> None:
@@ -249,22 +195,20 @@ def other_camera(sequence: Path) -> None:
 
 
 @pytest.mark.parametrize("what", ["sequence", "model"])
-def test_an_input_may_be_moved_but_not_changed(
-    sequence: Path, tmp_path: Path, workers: StillWorkers, capsys: pytest.CaptureFixture[str], what: str
-) -> None:
+def test_an_input_may_be_moved_but_not_changed(desk: Desk, tmp_path: Path, what: str) -> None:
     """A sequence is known by its first frame, a body by the content of its file."""
     person = tmp_path / "person.json"
     person.write_text('{"stature": 1.8}')
 
     def go(at: int, *options: str) -> int:
-        interrupt(workers, at)
-        return track(workers, sequence, tmp_path / "out", "--model", str(person), *options)
+        desk.fail(at)
+        return desk.track(*OPTIONS, "--model", str(person), *options)
 
     assert go(2) == 130
     (tmp_path / "moved").mkdir()
-    sequence, person = (path.rename(tmp_path / "moved" / path.name) for path in (sequence, person))
+    desk.sequence, person = (path.rename(tmp_path / "moved" / path.name) for path in (desk.sequence, person))
     assert go(4, "--resume") == 130
-    other_camera(sequence) if what == "sequence" else person.write_text('{"stature": 1.7}')
-    capsys.readouterr()
+    other_camera(desk.sequence) if what == "sequence" else person.write_text('{"stature": 1.7}')
+    desk.said()
     assert go(4, "--resume") == 2
-    assert f"{'first_frame' if what == 'sequence' else 'model.content'} (recorded" in said(capsys)[-1]
+    assert f"{'first_frame' if what == 'sequence' else 'model.content'} (recorded" in desk.said()[-1]

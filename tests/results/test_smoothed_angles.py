@@ -8,16 +8,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from common.activation import activate
 from common.body import BodyModel
 from common.kinematics import joint_positions
 from coordinator.bodies.angles import angles_of
-from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from coordinator.results.angles import with_angles
 from coordinator.results.log import assemble
 from coordinator.results.track import Track
 from coordinator.tracking.certainty.certainty import Certainty
 from coordinator.tracking.estimate import Estimate, Status
+from tests.support.bodies import person
 
 Array = NDArray[np.float64]
 
@@ -27,8 +26,7 @@ SURE = 0.02  # metres
 @pytest.fixture
 def model() -> BodyModel:
     """A person with the usual degrees of freedom."""
-    whole = human()
-    return activate(whole, DEFAULT_ACTIVE, np.zeros(len(whole.dof_names)))
+    return person()
 
 
 def standing(model: BodyModel, frames: int, **degrees: Array | float) -> Array:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import NoReturn
 
 import numpy as np
 import pytest
@@ -13,16 +12,12 @@ from numpy.typing import NDArray
 
 from coordinator.cli import main
 from tests.support.rigs import around
+from tests.support.stand_ins import no_workers
 
 Array = NDArray[np.float64]
 
 WORLD, FRONT_TO_SIDE = around(-35.0), around(70.0)  # T_world_front, T_front_side
 FRONT, SIDE = WORLD, WORLD @ FRONT_TO_SIDE
-
-
-def no_workers(*_: object) -> NoReturn:
-    """Nothing is tracked."""
-    raise AssertionError("workers were asked for")
 
 
 def kalibr(folder: Path) -> Path:

@@ -19,8 +19,10 @@ from common.settings import preset
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import coarsen, name_pose
 from coordinator.tracking.segmenter import Segmenter
+from coordinator.tracking.tracker import Tracker
+from gepf.direct import DirectRefiner
 from tests.support.people import SETTINGS, STANDING, known, subject_of
-from tests.support.rigs import around, seen_from
+from tests.support.rigs import around, seen_from, together
 from worker.kernel.icp import refine
 from worker.kernel.observation import observe
 
@@ -73,13 +75,8 @@ def test_a_rig_may_have_any_frame() -> None:
     here = refine(body(), observe(both()), near(), RULES)
     away = {name: move @ placed for name, placed in ASIDE.items()}
     frame = seen_from(body(), [pose()] * 2, ASIDE)
-    views = [replace(view, T_rig_camera=away[view.camera], others=()) for view in frame.views]
-    there = refine(
-        body(),
-        observe(subject_of(replace(views[0], others=tuple(views[1:])), POINTS)),
-        moved_by(move, near()),
-        RULES,
-    )
+    moved = together([replace(view, T_rig_camera=away[view.camera]) for view in frame.views])
+    there = refine(body(), observe(subject_of(moved, POINTS)), moved_by(move, near()), RULES)
     np.testing.assert_allclose(there.log_likelihood, here.log_likelihood, rtol=1e-3)
     joints = joint_positions(body(), here.poses) @ move[:3, :3].T + move[:3, 3]
     np.testing.assert_allclose(joint_positions(body(), there.poses), joints, atol=1e-3)
@@ -144,9 +141,6 @@ def test_people_in_several_images_are_as_many_as_there_are() -> None:
 
 def test_a_person_whom_one_camera_no_longer_sees_is_kept_by_the_other() -> None:
     """Within 5 cm from frame to frame, found by both, then seen by the second alone, then by the first."""
-    from coordinator.tracking.tracker import Tracker
-    from gepf.direct import DirectRefiner
-
     model = human(1.82)
     standing = name_pose(model, STANDING)
     frame = seen_from(model, [standing] * 2, ASIDE)
@@ -162,14 +156,10 @@ def test_a_person_whom_one_camera_no_longer_sees_is_kept_by_the_other() -> None:
 
 def shown_by(frame: DepthFrame, which: str, number: int) -> DepthFrame:
     """The frame at a later number, with the depth of one camera only, or of both."""
-    views = [
-        replace(
-            view,
-            number=number,
-            time_s=number / 30.0,
-            depth=view.depth if which in ("both", view.camera) else np.zeros_like(view.depth),
-            others=(),
-        )
-        for view in frame.views
-    ]
-    return replace(views[0], others=tuple(views[1:]))
+    now = [replace(view, number=number, time_s=number / 30.0) for view in frame.views]
+    return together(
+        [
+            view if which in ("both", view.camera) else replace(view, depth=np.zeros_like(view.depth))
+            for view in now
+        ]
+    )

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -27,6 +25,7 @@ from coordinator.scene.scope import Scope
 from coordinator.sources import open_source
 from coordinator.tracking.segmenter import PosedBody, Segmenter
 from tests.support.people import STANDING, shown
+from tests.support.recordings import write_open3d
 from tests.support.rooms import CABINET, CAMERA, HEIGHT, Room, in_a_room
 
 PERSON = (-0.4, 2.6)
@@ -38,16 +37,10 @@ asked = partial(TrackOptions, sequences=[Path("recording")], out=Path("run"))
 @pytest.fixture
 def recording(tmp_path: Path) -> Path:
     """An empty room in two frames, and then a person in it, as recorders write it."""
-    folder = tmp_path / "room"
-    (folder / "depth").mkdir(parents=True)
     room = Room((CABINET,), noise=0.001)
-    for number, person in enumerate((None, None, PERSON, PERSON)):
-        frame = room.see(person, number).frame
-        Image.fromarray(frame.depth).save(folder / "depth" / f"{number:06d}.png")
-    camera = {"width": CAMERA.width, "height": CAMERA.height, "depth_scale": 1000}
-    matrix = [CAMERA.fx, 0, 0, 0, CAMERA.fy, 0, CAMERA.cx, CAMERA.cy, 1]
-    (folder / "camera_intrinsic.json").write_text(json.dumps({**camera, "intrinsic_matrix": matrix}))
-    return folder
+    people = enumerate((None, None, PERSON, PERSON))
+    depth = np.array([room.see(person, number).frame.depth for number, person in people])
+    return write_open3d(tmp_path / "room", depth, CAMERA)
 
 
 def test_info_shows_floor_wall_and_who_comes(
@@ -99,21 +92,6 @@ def test_who_is_doubtful_is_said_to_be(recording: Path) -> None:
     people = describe_scene(view, [replace(found[0], score=0.0)])["people"]
     assert isinstance(people, list)
     assert [each["may_be"] for each in people] == ["a person or furniture"]
-
-
-def test_what_the_recording_says_of_itself_comes_before_the_scene(recording: Path) -> None:
-    """A process that reads the first facts before the libraries for scenes are loaded."""
-    code = (
-        "import sys; from coordinator.commands import info; from coordinator.sources import find_format;"
-        "from coordinator.sources.camera import AS_RECORDED;"
-        f"from pathlib import Path; path = Path({str(recording)!r}); form = find_format(path);"
-        "facts = info.describe(form, form.open(path, AS_RECORDED));"
-        "info.print_facts(facts);"
-        "sys.exit(' '.join({'open3d', 'numba', 'matplotlib'} & set(sys.modules)) or 0)"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("format ")
 
 
 @pytest.mark.parametrize(

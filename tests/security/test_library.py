@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, nullcontext
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -27,21 +28,18 @@ def files_of(folder: Folder, name: str) -> gepf.TlsFiles:
     return gepf.TlsFiles(str(own.ca), str(own.cert), str(own.key))
 
 
-@pytest.mark.parametrize("way", ["listen", pytest.param("router", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("way", ["listen", "connect"])
 def test_encrypted_live_input_arrives(way: str, place: str, ours: Folder, tmp_path: Path) -> None:
-    """All frames of `gepf publish` with the coordinator's certificate, to the end."""
+    """All frames of `gepf publish` with the coordinator's certificate, to the end; or through a router."""
     write_small_sequence(tmp_path / "seq", 3)
     playing = ["publish", str(tmp_path / "seq"), "--key", KEY, "--connect", place]
-    tls = files_of(ours, "coordinator")
-    if way == "listen":
-        live = gepf.live(KEY, listen=place, tls=tls, idle_timeout=60.0)
-        with started(*playing, *ours.options("coordinator"), command=GEPF):
-            numbers = [frame.number for frame in live]
-    else:
-        live = gepf.live(KEY, connect=place, tls=tls, idle_timeout=60.0)
-        routing = open_router([place], (), ours.routing)
-        with routing, started(*playing, *ours.options("coordinator"), command=GEPF):
-            numbers = [frame.number for frame in live]
+    ends: dict[str, Any] = {way: place}
+    live = gepf.live(KEY, **ends, tls=files_of(ours, "coordinator"), idle_timeout=60.0)
+    with (
+        open_router([place], (), ours.routing) if way == "connect" else nullcontext(),
+        started(*playing, *ours.options("coordinator"), command=GEPF),
+    ):
+        numbers = [frame.number for frame in live]
     assert numbers[-1] == 2
     assert (live.counts["received"], live.counts["malformed"]) == (3, 0)
 

@@ -62,6 +62,13 @@ def sure(poses: Array, deviation: float = 0.01) -> NDArray[np.float32]:
     return np.tile(root, (len(poses), 1))
 
 
+def as_bytes(refined: Refined) -> list[bytes]:
+    """All results of each particle."""
+    results = refined.poses, refined.log_likelihood, refined.residual, refined.covariance_roots
+    columns = [column for column in results if column is not None]
+    return [b"".join(column[n].tobytes() for column in columns) for n in range(len(refined.poses))]
+
+
 def unmoved(poses: Array, *, covariance: bool) -> Refined:
     """Unchanged poses (N, D), all equally likely, with a residual of 1 cm, and a covariance on request."""
     count = len(poses)

@@ -177,9 +177,9 @@ def moves(model: BodyModel) -> NDArray[np.bool_]:
 
 
 @cache
-def person() -> BodyModel:
+def person(stature: float = 1.75) -> BodyModel:
     """The human template with the 24 degrees of freedom of the paper's section 5."""
-    template = human()
+    template = human(stature)
     return activate(template, DEFAULT_ACTIVE, np.zeros(len(template.dof_names)))
 
 

@@ -141,17 +141,16 @@ class Mutator:
         except (ValueError, TypeError, IndexError, RecursionError):  # it has been mutated before
             return self._flip(payload)
 
-    def _other(self, value: object) -> object:
+    def _other(self, value: Any) -> object:
         """Another value, mostly of the same type."""
-        if self._rng.random() < 0.15:
+        if self._rng.random() < 0.15 or value is None:
             return self._one_of((None, True, [], {}, b"", "", 0, 0.5, [1, 2], {"a": 1}, b"\x00" * 24))
         choices: Sequence[object] = (0,)
         match value:
             case bytes():
                 choices = (self._other_bytes(value),)
             case int():
-                near = (n for n in (value + 1, value - 1, value * 2) if -(2**63) <= n < 2**64)
-                choices = (*INTEGERS, *near)
+                choices = (*INTEGERS, max(value - 1, -(2**63)), min(value + 1, 2**64 - 1))
             case float():
                 choices = (*FLOATS, value * 1e3, -value)
             case str():
@@ -159,9 +158,7 @@ class Mutator:
             case list():
                 choices = (value[:-1], value + value[:1])
             case dict():  # a field less, or one more
-                gone = self._one_of([*value, None])
-                fewer = {name: held for name, held in value.items() if name != gone}
-                choices = (fewer, {**value, self._one_of(TEXTS): 0})
+                choices = (dict([*value.items()][1:]), {**value, self._one_of(TEXTS): 0})
         return self._one_of(choices)
 
     def _other_bytes(self, value: bytes) -> bytes:

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.body import BodyModel
-from common.camera import Intrinsics
+from common.camera import Intrinsics, inverse, moved
 from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import joint_positions, pose_vertices
 from common.settings import Settings, preset
-from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
+from coordinator.bodies.human.template import DEFAULT_ACTIVE, human, person_of_size
 from coordinator.bodies.tracked import Bodies, name_pose
 from coordinator.scene.scope import Scope
 from coordinator.synthesis.rendering import DepthRenderer
@@ -123,10 +123,14 @@ def show(model: BodyModel, poses: Array) -> Shown:
     return Shown(frames, joint_positions(model, poses))
 
 
-def rendered(model: BodyModel, poses: Array, camera: Intrinsics = CAMERA) -> list[Array]:
-    """Depth images (H, W) of a body in poses (N, D), metres."""
+def rendered(
+    model: BodyModel, poses: Array, camera: Intrinsics = CAMERA, placed: Array | None = None
+) -> list[Array]:
+    """Depth images (H, W) of a body in poses (N, D), metres, of a camera at T_rig_camera (4, 4)."""
+    vertices = pose_vertices(model, poses)
+    vertices = vertices if placed is None else moved(vertices, inverse(placed))
     with DepthRenderer(camera) as renderer:
-        return [renderer.depth(v, model.triangles).astype(np.float64) for v in pose_vertices(model, poses)]
+        return [renderer.depth(each, model.triangles).astype(np.float64) for each in vertices]
 
 
 def subject_of(frame: DepthFrame, points: int) -> SubjectFrame:
@@ -136,9 +140,11 @@ def subject_of(frame: DepthFrame, points: int) -> SubjectFrame:
     return subject
 
 
-def frame_of(number: int, depth_m: NDArray[np.floating]) -> DepthFrame:
-    """A frame in millimetres."""
-    return DepthFrame(number, number / 30.0, np.rint(depth_m * 1000.0).astype(np.uint16), 1000.0, CAMERA)
+def frame_of(
+    number: int, depth_m: NDArray[np.floating], camera: Intrinsics = CAMERA, scale: float = 1000.0
+) -> DepthFrame:
+    """A frame in millimetres, or in other units of depth."""
+    return DepthFrame(number, number / 30.0, np.rint(depth_m * scale).astype(np.uint16), scale, camera)
 
 
 def empty(number: int) -> DepthFrame:
@@ -150,6 +156,12 @@ def empty(number: int) -> DepthFrame:
 def known() -> Bodies:
     """The person who is shown, whose measures are known."""
     return Bodies(human, DEFAULT_ACTIVE, DEFAULT_ACTIVE, measures=(1.82, 1.0))
+
+
+@cache
+def people() -> Bodies:
+    """People of any size, as the command line makes them, of the paper's degrees of freedom."""
+    return Bodies(person_of_size, DEFAULT_ACTIVE, DEFAULT_ACTIVE)
 
 
 def tracker(settings: Settings = SETTINGS, start: dict[str, float] = STANDING) -> OnePerson:

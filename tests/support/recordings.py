@@ -30,11 +30,11 @@ FPS = 30.0
 SENSOR = "/device_0/sensor_0"
 
 
-def camera_file(folder: Path, scale: float, camera: Intrinsics = KINECT) -> None:
+def camera_file(folder: Path, scale: float, camera: Intrinsics = KINECT, fps: float = FPS) -> None:
     """camera_intrinsic.json."""
     matrix = [camera.fx, 0, 0, 0, camera.fy, 0, camera.cx, camera.cy, 1]
     content = {"width": camera.width, "height": camera.height, "intrinsic_matrix": matrix}
-    content |= {"depth_scale": scale, "fps": FPS}
+    content |= {"depth_scale": scale, "fps": fps}
     (folder / "camera_intrinsic.json").write_text(json.dumps(content))
 
 
@@ -43,12 +43,12 @@ def matrix_of(camera: Intrinsics) -> NDArray[np.float64]:
     return np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]])
 
 
-def write_open3d(path: Path, depth: Depth, camera: Intrinsics = KINECT) -> Path:
+def write_open3d(path: Path, depth: Depth, camera: Intrinsics = KINECT, fps: float = FPS) -> Path:
     """As Open3D's recorders do."""
     (path / "depth").mkdir(parents=True)
     for n, image in enumerate(depth):
         Image.fromarray(image).save(path / "depth" / f"{n:06d}.png")
-    camera_file(path, 1000.0, camera)
+    camera_file(path, 1000.0, camera, fps)
     return path
 
 

@@ -10,10 +10,8 @@ from numpy.typing import NDArray
 
 from common.body import BodyModel
 from common.frame import DepthFrame
-from common.kinematics import pose_vertices
 from common.kinematics.rotations import euler_matrix
-from coordinator.synthesis.rendering import DepthRenderer
-from tests.support.people import CAMERA, frame_of
+from tests.support.people import frame_of, rendered
 
 Array = NDArray[np.float64]
 
@@ -31,10 +29,12 @@ def around(yaw_deg: float) -> Array:
 def seen_from(model: BodyModel, poses: Sequence[Array], places: Mapping[str, Array]) -> DepthFrame:
     """A frame of cameras at places by name, each with the body in its own pose (D,)."""
     views = []
-    with DepthRenderer(CAMERA) as renderer:
-        for pose, (name, placed) in zip(poses, places.items(), strict=True):
-            back = np.linalg.inv(placed)
-            vertices = pose_vertices(model, pose[None])[0] @ back[:3, :3].T + back[:3, 3]
-            depth = renderer.depth(vertices, model.triangles).astype(np.float64)
-            views.append(replace(frame_of(0, depth), camera=name, T_rig_camera=placed))
-    return replace(views[0], others=tuple(views[1:]))
+    for pose, (name, placed) in zip(poses, places.items(), strict=True):
+        (depth,) = rendered(model, pose[None], placed=placed)
+        views.append(replace(frame_of(0, depth), camera=name, T_rig_camera=placed))
+    return together(views)
+
+
+def together(views: Sequence[DepthFrame]) -> DepthFrame:
+    """The frame of a rig whose cameras have these."""
+    return replace(views[0], others=tuple(replace(view, others=()) for view in views[1:]))

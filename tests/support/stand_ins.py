@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 import pytest
@@ -29,6 +29,11 @@ from gepf.direct import DirectRefiner
 from tests.support.asked import Asked, unmoved
 from tests.support.people import rendered
 from tests.support.recordings import write_open3d
+
+
+def no_workers(*_: object) -> NoReturn:
+    """In place of workers where none may be started."""
+    raise AssertionError("workers were asked for")
 
 
 class StandIn(ABC):
@@ -150,6 +155,46 @@ def no_traces(monkeypatch: pytest.MonkeyPatch) -> None:
 def workers() -> StillWorkers:
     """Workers for whoever calls `gepf track`."""
     return StillWorkers()
+
+
+class Desk:
+    """Where a user types `gepf track`: a recording, workers, a folder for the results, and what was said."""
+
+    def __init__(
+        self, sequence: Path, workers: StillWorkers, out: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        self.sequence = sequence
+        self.workers = workers
+        self.out = out
+        self._capsys = capsys
+
+    def track(self, *options: str, out: Path | None = None) -> int:
+        """The exit code of a run, without pictures."""
+        return self.workers.track(self.sequence, out or self.out, *options)
+
+    def fail(self, at: int | None, failure: BaseException | None = None) -> None:
+        """Have the workers fail at a frame, or no more."""
+        self.workers.fail_at, self.workers.failure = at, failure or KeyboardInterrupt()
+
+    def said(self) -> list[str]:
+        """Lines on stderr since the last look."""
+        return self._capsys.readouterr().err.splitlines()
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """The summary of the run."""
+        content: dict[str, Any] = json.loads((self.out / "summary.json").read_text())
+        return content
+
+    def files(self) -> dict[Path, bytes]:
+        """What the folder of results holds."""
+        return {path: path.read_bytes() for path in self.out.iterdir()}
+
+
+@pytest.fixture
+def desk(sequence: Path, workers: StillWorkers, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Desk:
+    """A desk with five frames of a person."""
+    return Desk(sequence, workers, tmp_path / "out", capsys)
 
 
 @pytest.fixture

@@ -12,18 +12,17 @@ from numpy.typing import NDArray
 from common.body import BodyModel
 from common.camera import Intrinsics
 from common.frame import DepthFrame
-from common.kinematics import joint_positions, pose_vertices
+from common.kinematics import joint_positions
 from common.kinematics.rotations import euler_matrix
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
-from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.tracking.cameras import watch
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.faults import CameraStates, describe_changes, faults_of
 from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
-from tests.support.people import CAMERA, SETTINGS, STANDING, frame_of, known
-from tests.support.rigs import around
+from tests.support.people import SETTINGS, STANDING, frame_of, known, rendered
+from tests.support.rigs import around, together
 
 Array = NDArray[np.float64]
 
@@ -37,7 +36,7 @@ def shown(number: int, **images: int) -> DepthFrame:
         DepthFrame(number, number / FPS, np.full((16, 4), depth, np.uint16), 1000.0, TINY, name)
         for name, depth in images.items()
     ]
-    return replace(views[0], others=tuple(views[1:]))
+    return together(views)
 
 
 def watched(
@@ -116,18 +115,10 @@ def moving(count: int) -> tuple[BodyModel, Array]:
 def seen() -> tuple[BodyModel, Array, list[dict[str, DepthFrame]]]:
     """The person in the images of two cameras, by name, in each frame."""
     model, poses = moving(40)
-    places, frames = {"front": around(0.0), "side": around(80.0)}, []
-    with DepthRenderer(CAMERA) as renderer:
-        for number, pose in enumerate(poses):
-            images = {}
-            for name, placed in places.items():
-                back = np.linalg.inv(placed)
-                vertices = pose_vertices(model, pose[None])[0] @ back[:3, :3].T + back[:3, 3]
-                depth = renderer.depth(vertices, model.triangles).astype(np.float64)
-                images[name] = replace(
-                    frame_of(number, depth), time_s=number / FPS, camera=name, T_rig_camera=placed
-                )
-            frames.append(images)
+    frames: list[dict[str, DepthFrame]] = [{} for _ in poses]
+    for name, placed in {"front": around(0.0), "side": around(80.0)}.items():
+        for number, depth in enumerate(rendered(model, poses, placed=placed)):
+            frames[number][name] = replace(frame_of(number, depth), camera=name, T_rig_camera=placed)
     return model, poses, frames
 
 
@@ -154,7 +145,7 @@ def test_a_knocked_camera_is_left_out(
             else view
             for name, view in images.items()
         ]
-        (tracked,) = tracker.track(replace(views[0], others=tuple(views[1:])))
+        (tracked,) = tracker.track(together(views))
         found.append(tracked.estimate)
     assert all(set(each.seen_by) == {"front", "side"} for each in found[:12])
     assert not any(which in each.seen_by for each in found[15:])

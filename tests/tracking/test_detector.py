@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
 from pathlib import Path
 from typing import cast
 
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 from common.body import BodyModel
 from common.kinematics import joint_positions, pose_vertices
 from common.settings import preset
-from coordinator.bodies.human.template import DEFAULT_ACTIVE, human, person_of_size
+from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import Bodies, OneBody, name_pose
 from coordinator.bodies.urdf import read_urdf
 from coordinator.scene.planes import Planes
@@ -30,6 +29,7 @@ from tests.support.people import (
     empty,
     frame_of,
     known,
+    people,
     rendered,
     show,
     subject_of,
@@ -46,12 +46,6 @@ KNEELING = {
 MODEL = human(1.82)
 NAMES = MODEL.joint_names
 FRONT, BACK = 0.0, np.pi  # of the root's turn
-
-
-@cache
-def people() -> Bodies:
-    """People of any size."""
-    return Bodies(person_of_size, DEFAULT_ACTIVE, DEFAULT_ACTIVE)
 
 
 def complete(search: Search) -> Detection:

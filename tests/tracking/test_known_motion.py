@@ -161,22 +161,13 @@ def test_a_file_without_sense_is_refused(tmp_path: Path, text: str, says: str) -
         read_joint_states(tmp_path / "joints.csv")
 
 
-def test_states_of_another_robot_are_refused(
-    fast: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Exit code 2, and a line that names one of the joints."""
-    (tmp_path / "joints.csv").write_text("time_s,axis1,elbw\n0,1,1\n1,2,1\n")
-    options = ["--model", str(ARM), "--joint-states", str(tmp_path / "joints.csv"), "-q"]
-    assert main(["track", str(fast), *options, "--out", str(tmp_path / "run")]) == 2
-    assert "--joint-states: unknown degree of freedom 'axis1'" in capsys.readouterr().err
-
-
 def test_states_that_the_body_does_not_have_are_named(caplog: pytest.LogCaptureFixture) -> None:
-    """A misspelt joint among good ones: a warning with the name that may be meant; another's fingers, too."""
-    times = np.array([0.0, 1.0])
+    """A misspelt joint among good ones: a warning with the name that may be meant; another robot: refused."""
     known = read_urdf(ARM).dof_names
-    JointStates(("elbow", "wrist_bend"), times, np.zeros((2, 2))).check_names(known)
+    states(("elbow", "wrist_bend"), [[0.0, 0.0]]).check_names(known)
     assert not caplog.text
-    JointStates(("elbow", "wrist_bent", "qqq"), times, np.zeros((2, 3))).check_names(known)
+    states(("elbow", "wrist_bent", "qqq"), [[0.0, 0.0, 0.0]]).check_names(known)
     assert "'wrist_bent'; did you mean wrist_bend" in caplog.text
     assert "'qqq'; gepf model dofs lists all; its states are left out" in caplog.text
+    with pytest.raises(InputError, match="--joint-states: unknown degree of freedom 'axis1'"):
+        states(("axis1", "elbw"), [[0.0, 0.0]]).check_names(known)

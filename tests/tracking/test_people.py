@@ -10,22 +10,20 @@ import numpy as np
 import pytest
 
 from common.settings import Settings
-from coordinator.bodies.human.template import DEFAULT_ACTIVE, person_of_size
-from coordinator.bodies.tracked import Bodies
 from coordinator.scene.scene import Scene
 from coordinator.tracking.state import TrackerState
 from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
 from tests.support.pairs import pair
 from tests.support.people import SETTINGS, as_bytes
+from tests.support.people import people as anybody
 
-BODIES = Bodies(person_of_size, DEFAULT_ACTIVE, DEFAULT_ACTIVE)
 FEW: Settings = msgspec.structs.replace(SETTINGS, points=1500)
 
 
 def tracker(people: int, states: Sequence[TrackerState] | None = None) -> Tracker:
     """A tracker of this number of people."""
-    return Tracker(DirectRefiner(), FEW, BODIES, people=people, states=states)
+    return Tracker(DirectRefiner(), FEW, anybody(), people=people, states=states)
 
 
 def test_two_people_are_detected_and_tracked() -> None:

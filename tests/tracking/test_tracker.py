@@ -4,11 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from errno import ENOSPC
-from functools import cache
-from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -16,13 +12,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from common.errors import InputError
-from common.frame import DepthFrame, SubjectFrame
+from common.frame import SubjectFrame
 from common.kinematics import joint_positions
 from common.refinement import Refined
 from common.settings import Settings
-from coordinator.bodies.human.template import DEFAULT_ACTIVE, person_of_size
-from coordinator.bodies.tracked import Bodies, name_pose
+from coordinator.bodies.tracked import name_pose
 from coordinator.scene.planes import Planes
 from coordinator.scene.scope import Scope
 from coordinator.stopwatch import Stopwatch
@@ -50,6 +44,7 @@ from tests.support.people import (
     empty,
     frame_of,
     known,
+    people,
     shown,
     subject_of,
     tracker,
@@ -61,12 +56,6 @@ from worker.kernel.icp import refine
 Array = NDArray[np.float64]
 
 FOLLOWING = msgspec.structs.replace(SETTINGS, recover=False)  # looks nowhere else
-
-
-@cache
-def people() -> Bodies:
-    """Bodies as the command line makes them, of the paper's degrees of freedom; built once."""
-    return Bodies(person_of_size, DEFAULT_ACTIVE, DEFAULT_ACTIVE)
 
 
 def apart(estimate: Estimate, joints: Array) -> Array:
@@ -268,36 +257,6 @@ def test_a_search_that_ends_early_leaves_nothing_behind() -> None:
     for _ in range(2):
         with pytest.raises(RuntimeError, match="the workers are gone"):
             fresh.track(frame)
-
-
-@pytest.mark.parametrize("fault", ["the workers are gone", "frame 2 is torn"])
-def test_what_was_tracked_is_told_before_a_failure(fault: str) -> None:
-    """A frame that cannot be refined, or read, does not take the one before with it."""
-    torn = fault.startswith("frame")
-
-    def frames() -> Iterator[DepthFrame]:
-        yield from shown("standing").frames[:2]
-        if torn:
-            raise InputError(fault)
-        yield shown("standing").frames[2]
-
-    told: list[int] = []
-    found = OnePerson(Watched(fails_at=2), SETTINGS, known(), STANDING).follow(frames())
-    with pytest.raises((InputError, RuntimeError), match=fault):
-        told.extend(estimate.frame for estimate, _ in found)
-    assert told == [0, 1]
-
-
-def test_a_recorder_that_fails_raises_where_it_was_called() -> None:
-    """A full disk ends the loop over the estimates, and passes through neither tracker nor refiner."""
-
-    def record() -> None:
-        for _ in tracker().follow(shown("standing").frames):
-            raise OSError(ENOSPC, "no space left on device")
-
-    with pytest.raises(OSError, match="no space") as caught:
-        record()
-    assert {Path(entry.path).name for entry in caught.traceback} == {"test_tracker.py"}
 
 
 def test_nothing_is_loaded_while_a_frame_waits_for_it() -> None:

@@ -8,17 +8,12 @@ from itertools import count
 import msgspec
 import pytest
 
-from common.refinement import Refined
+from tests.support.asked import as_bytes
 from tests.support.bodies import puppet
 from tests.support.kernel.kernel_cases import DEFAULT, PAPER, starts, subject
 from worker.kernel.icp import Batch, refine, refine_some
 from worker.kernel.observation import observe
 from worker.lanes import Lanes
-
-
-def as_bytes(refined: Refined) -> bytes:
-    """All that came out."""
-    return refined.poses.tobytes() + refined.log_likelihood.tobytes() + refined.residual.tobytes()
 
 
 @pytest.mark.parametrize("lanes", [1, 3])

@@ -41,23 +41,20 @@ def kernel_slope(of: PosteriorCase, pose: Array) -> tuple[Array, Held]:
     """Minus the right side of the descent's equations as a slope (D,) of the log posterior; what it held."""
     skeleton, surface = pack_model(of.model)
     packed, parameters = pack_observation(observe(of.subject), of.settings), pack_parameters(of.settings)
-    workspace = make_workspace(skeleton, surface, packed)
+    workspace, drawn = make_workspace(skeleton, surface, packed), None
     equations = workspace.equations
     if parameters.soft:
         equations.gram[:], equations.gradient[:] = 0.0, 0.0
         add_soft_equations(pose, skeleton, surface, packed, parameters, workspace)
-        add_prior(skeleton, pose, parameters.rest_weight, packed.count, equations.gram, equations.gradient)
-        held = hold(
-            of.model, pose, of.subject, of.settings, (draw(surface.triangles, True, workspace), surface)
-        )
-        return -parameters.posterior_scale / packed.count * equations.gradient, held
-    pose_body(pose, skeleton, surface, workspace)
-    visible = visible_vertices(surface, workspace)
-    find_correspondences(visible, surface, packed, workspace)
-    accumulate_correspondences(visible, skeleton, surface, packed, parameters, workspace)
-    fill_normal_equations(skeleton, workspace.of_rig, parameters.stretch, equations)
+        drawn = draw(surface.triangles, True, workspace), surface
+    else:
+        pose_body(pose, skeleton, surface, workspace)
+        visible = visible_vertices(surface, workspace)
+        find_correspondences(visible, surface, packed, workspace)
+        accumulate_correspondences(visible, skeleton, surface, packed, parameters, workspace)
+        fill_normal_equations(skeleton, workspace.of_rig, parameters.stretch, equations)
     add_prior(skeleton, pose, parameters.rest_weight, packed.count, equations.gram, equations.gradient)
-    held = hold(of.model, pose, of.subject, of.settings)
+    held = hold(of.model, pose, of.subject, of.settings, drawn)
     return -parameters.posterior_scale / packed.count * equations.gradient, held
 
 

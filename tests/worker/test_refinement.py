@@ -12,7 +12,6 @@ from numba.core.dispatcher import Dispatcher
 
 from common.camera import Intrinsics
 from common.kinematics import retract
-from coordinator.tracking.observation import isolate
 from tests.support.bodies import person, puppet
 from tests.support.kernel import plain_path
 from tests.support.kernel.kernel_cases import (
@@ -21,11 +20,14 @@ from tests.support.kernel.kernel_cases import (
     POINTS,
     SETTINGS,
     TRUTH,
+    out_of_sight,
     starts,
     subject,
 )
+from tests.support.people import subject_of
 from worker.kernel import icp
-from worker.kernel.observation import Observation, observe
+from worker.kernel.gauss_newton import solve_ltl
+from worker.kernel.observation import observe
 
 
 @pytest.mark.parametrize("name", SETTINGS)
@@ -85,23 +87,22 @@ def test_padding_does_not_count() -> None:
 
 def test_a_body_that_is_nowhere_in_sight_is_impossible() -> None:
     """Behind the camera nothing is visible: the pose stays, its likelihood is zero, its residual infinite."""
-    behind = TRUTH.copy()
-    behind[2] = -3.0
-    model = puppet()
-    model = replace(
-        model, vertices=model.vertices - (model.skin_links[:, :1] == 0) * np.array([0.0, 0.0, 9.0])
-    )
+    model, behind = out_of_sight()
     found = icp.refine(model, observe(subject()), behind[None], PAPER)
     np.testing.assert_array_equal(found.poses[0], behind)
     assert found.log_likelihood[0] == -np.inf
     assert found.residual[0] == np.inf
 
 
-def observe_few() -> Observation:
-    """Another frame: fewer points and pixels."""
-    found = isolate(plain_path.render(puppet(), TRUTH, Intrinsics(90, 80, 80.0, 80.0, 45.0, 40.0)), 70)
-    assert found is not None
-    return observe(found)
+def test_what_nothing_determines_stays() -> None:
+    """Without damping: steps of a singular system are finite, solve it, and leave the undetermined alone."""
+    jacobian = np.random.default_rng(0).normal(size=(3, 5)) * [1.0, 1.0, 0.0, 1.0, 1.0]
+    gram, target = jacobian.T @ jacobian, jacobian.T @ np.array([0.3, -0.2, 0.1])
+    step = target.copy()
+    solve_ltl(np.arange(-1, 4), gram.copy(), step)
+    assert step[2] == 0.0
+    assert np.abs(step).max() < 100.0
+    np.testing.assert_allclose(gram @ step, target, atol=1e-9)
 
 
 def test_nothing_compiles_in_mid_run() -> None:
@@ -116,8 +117,9 @@ def test_nothing_compiles_in_mid_run() -> None:
     before = {k.py_func.__qualname__: len(k.signatures) for k in kernels}
     assert len(before) > 20
     pose[:, 2] = 2.0
+    few = subject_of(plain_path.render(puppet(), TRUTH, Intrinsics(90, 80, 80.0, 80.0, 45.0, 40.0)), 70)
     for settings in SETTINGS.values():
-        icp.refine(person(), observe_few(), pose, settings)
+        icp.refine(person(), observe(few), pose, settings)
     retract(person(), pose, pose)
     assert {k.py_func.__qualname__: len(k.signatures) for k in kernels} == before
     assert len(icp.refine_one.signatures) == 1

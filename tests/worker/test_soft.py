@@ -11,16 +11,13 @@ from numpy.typing import NDArray
 from common.activation import activate
 from common.body import BodyModel
 from common.camera import Intrinsics
-from common.frame import DepthFrame
-from common.kinematics import pose_vertices
 from common.settings import preset
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
 from coordinator.synthesis.noise import add_noise
-from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes import ARM_DOFS
-from coordinator.tracking.observation import isolate
 from coordinator.tracking.sensor_noise import SensorNoise
+from tests.support.people import frame_of, rendered, subject_of
 from worker.kernel.icp import refine
 from worker.kernel.observation import Observation, observe
 
@@ -49,12 +46,9 @@ def body() -> tuple[BodyModel, Array]:
 def seen(seed: int, points: int = 4000) -> Observation:
     """The observation of a pose with heavy noise."""
     model, truth = body()
-    with DepthRenderer(CAMERA) as renderer:
-        depth = renderer.depth(pose_vertices(model, truth[None])[0], model.triangles).astype(np.float64)
+    (depth,) = rendered(model, truth[None], CAMERA)
     noisy = add_noise(depth, CAMERA, NOISE, np.random.default_rng(seed))
-    subject = isolate(DepthFrame(0, 0.0, np.rint(noisy * 1e4).astype(np.uint16), 1e4, CAMERA), points)
-    assert subject is not None
-    return observe(subject)
+    return observe(subject_of(frame_of(0, noisy, CAMERA, 1e4), points))
 
 
 def test_truth_is_where_the_descent_stays() -> None:

@@ -11,20 +11,16 @@ import pytest
 from numpy.typing import NDArray
 
 from common.body import ROTATION
-from common.camera import Intrinsics
-from common.frame import DepthFrame
-from common.kinematics import joint_positions, pose_vertices
+from common.kinematics import joint_positions
 from common.settings import preset
 from coordinator.bodies.tracked import name_pose
-from coordinator.synthesis.rendering import DepthRenderer
-from coordinator.tracking.observation import isolate
 from tests.support.bodies import person
+from tests.support.people import frame_of, rendered, subject_of
 from worker.kernel.icp import refine
 from worker.kernel.observation import Observation, observe
 
 Array = NDArray[np.float64]
 
-CAMERA = Intrinsics(320, 240, 290.0, 290.0, 159.5, 119.5)
 POINTS = 3000
 PERTURBATIONS = 6
 OFF_ROTATION, OFF_POSITION = np.radians(6.0), 0.04  # standard deviations of where the descent starts
@@ -40,12 +36,8 @@ POSES: dict[str, Mapping[str, float]] = {
 def seen(name: str) -> tuple[Array, Observation]:
     """A pose (D,) of the person, and its observation."""
     truth = name_pose(person(), POSES[name])
-    with DepthRenderer(CAMERA) as renderer:
-        depth = renderer.depth(pose_vertices(person(), truth[None])[0], person().triangles)
-    frame = DepthFrame(0, 0.0, np.rint(depth * 1000.0).astype(np.uint16), 1000.0, CAMERA)
-    subject = isolate(frame, POINTS)
-    assert subject is not None
-    return truth, observe(subject)
+    (depth,) = rendered(person(), truth[None])
+    return truth, observe(subject_of(frame_of(0, depth), POINTS))
 
 
 def perturbed(truth: Array) -> Array:

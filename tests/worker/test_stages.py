@@ -1,4 +1,4 @@
-"""Layout, posing and visibility of the kernel against the plain path, stage by stage."""
+"""Layout, posing and visibility of the kernel against the plain path; visibility against OpenGL, too."""
 
 from __future__ import annotations
 
@@ -6,17 +6,26 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter, minimum_filter
 
 from common.body import ROOT_DOFS, BodyModel
+from common.camera import Intrinsics, project
+from common.kinematics import pose_vertices
+from coordinator.synthesis.rendering import DepthRenderer
+from coordinator.synthesis.scenes import SCENES, Scene
 from tests.support.bodies import person, puppet
 from tests.support.kernel import plain_path
-from tests.support.kernel.kernel_cases import (
-    DEFAULT,
-    layout,
-    posed_in,
-    starts,
-)
+from tests.support.kernel.kernel_cases import DEFAULT, layout, posed_in, starts, subject
+from worker.kernel.observation import observe, pack_observation
 from worker.kernel.surface import pack_model
+from worker.kernel.visibility import visible_vertices
+from worker.kernel.workspace import make_workspace
+
+AROUND = 7  # pixels: what the surface does within 14 mm, about a pixel of the worker, counts as its edge
+SEEN, HIDDEN = 0.003, 0.05  # metres behind the z-buffer
+
+Marks = NDArray[np.bool_]
 
 
 def test_a_body_is_packed_whole() -> None:
@@ -46,3 +55,39 @@ def test_posing_and_visibility_match(make: Callable[[], BodyModel]) -> None:
         np.testing.assert_allclose(posed, expected[layout(model)], atol=1e-12)
         assert 100 < len(visible) < 0.6 * len(expected)
         np.testing.assert_array_equal(np.sort(layout(model)[seen]), visible)
+
+
+def judge(vertices: NDArray[np.float64], scene: Scene) -> tuple[Marks, Marks, Marks]:
+    """Vertices (V,) that the z-buffer shows, and those that are clearly to be seen or clearly hidden."""
+    whole = scene.camera
+    camera = Intrinsics(1024, 1024, whole.fx * 2.0, whole.fy * 2.0, 511.5, 511.5)
+    with DepthRenderer(camera) as renderer:
+        depth = renderer.depth(vertices, scene.model.triangles)
+    behind = np.where(depth > 0.0, depth, np.float32(np.inf))
+    columns, rows = np.clip(np.rint(project(vertices, camera)).astype(int), 0, 1023).T
+    z = vertices[:, 2]
+    nearest, farthest = (f(behind, size=AROUND)[rows, columns] for f in (minimum_filter, maximum_filter))
+    return z <= behind[rows, columns] + 0.01, z <= nearest + SEEN, z > farthest + HIDDEN
+
+
+@pytest.mark.parametrize(
+    ("name", "frame"), [("arm", 0), ("arm", 60), ("arm", 105), ("turn", 50), ("turn", 140)]
+)
+def test_the_worker_sees_what_the_z_buffer_shows(name: str, frame: int) -> None:
+    """No clearly hidden vertex is visible, all clearly visible ones are, and 19 of 20 vertices agree."""
+    scene = SCENES[name]()
+    vertices = pose_vertices(scene.model, scene.poses[frame : frame + 1])[0]
+    seen = np.zeros(len(vertices), dtype=bool)
+    skeleton, surface = pack_model(scene.model)
+    workspace, order = (
+        make_workspace(skeleton, surface, pack_observation(observe(subject()), DEFAULT)),
+        layout(scene.model),
+    )
+    workspace.posed[:] = vertices[order]
+    seen[order[visible_vertices(surface, workspace)]] = True
+    shown, free, hidden = judge(vertices, scene)
+    assert free.sum() > 250
+    assert hidden.sum() > 450
+    assert np.mean(seen == shown) > 0.95
+    assert np.mean(seen[free]) > 0.99
+    assert not np.any(seen & hidden)

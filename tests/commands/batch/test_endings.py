@@ -7,9 +7,7 @@ import signal
 from pathlib import Path
 
 import numpy as np
-import pytest
 
-from coordinator.cli import main
 from coordinator.results.track import read_track
 from tests.support.processes.certificates import free_port, make_folder
 from tests.support.processes.place import recorded
@@ -17,7 +15,6 @@ from tests.support.processes.programs import wait_until
 from tests.support.processes.warm_processes import gepf, start, work_instantly
 from tests.support.small_sequence import OPTIONS, write_small_sequences
 
-ROOT = Path(__file__).parents[3]
 FRAMES, NAMES = 60, ("a", "b", "c")
 
 
@@ -63,18 +60,3 @@ def test_a_batch_takes_workers_with_certificates(tmp_path: Path) -> None:
     assert batch.exitcode in (0, 3), said
     assert "w0 joined" in said
     assert [len(read_track(tmp_path / "runs" / name).frame) for name in NAMES[:2]] == [4, 4]
-
-
-def test_a_drawn_body_replaces_nothing_unless_told(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """`gepf model show`: exit code 2, the file untouched; --force replaces it."""
-    out = tmp_path / "body.png"
-    out.write_text("mine")
-    line = ["model", "show", str(ROOT / "examples" / "arm7.urdf"), "--out", str(out)]
-    assert main(line) == 2
-    said = capsys.readouterr().err
-    assert said == f"gepf: {out} is there already; replace it with --force, or choose another name\n"
-    assert out.read_text() == "mine"
-    assert main([*line, "--force"]) == 0
-    assert out.read_bytes() != b"mine"

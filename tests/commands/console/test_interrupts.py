@@ -21,7 +21,7 @@ from coordinator.commands.progress import Show
 from coordinator.pool.options import Pool
 from tests.support.processes.programs import wait_until
 from tests.support.processes.warm_processes import start
-from tests.support.stand_ins import StillWorkers, no_traces, sequence, workers  # noqa: F401 fixtures
+from tests.support.stand_ins import Desk, desk, no_traces, sequence, workers  # noqa: F401 fixtures
 
 
 def load_for_ever(begun: Path) -> None:
@@ -92,22 +92,18 @@ def test_a_fault_without_an_interrupt_stays_what_it_is() -> None:
 @pytest.mark.usefixtures("no_traces")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_run_whose_interrupt_was_swallowed_ends_with_the_next_frame(
-    sequence: Path,
-    tmp_path: Path,
-    workers: StillWorkers,
-    capsys: pytest.CaptureFixture[str],
-    number: signal.Signals,
+    desk: Desk, number: signal.Signals
 ) -> None:
     """Exit code 130, and the tracked frames are kept."""
 
     def connect_and_swallow(pool: Pool, show: Show) -> AbstractContextManager[Any]:
         swallow(number)
-        return workers.connect(pool, show)
+        return desk.workers.connect(pool, show)
 
-    assert main(["track", str(sequence), "--out", str(tmp_path / "out")], connect_and_swallow) == 130
-    lines = capsys.readouterr().err.splitlines()
-    assert lines[-1] == "gepf: stopped"
-    assert lines[-2].startswith("ended early with 1 of 5 frames in ")
+    assert main(["track", str(desk.sequence), "--out", str(desk.out)], connect_and_swallow) == 130
+    *_, early, last = desk.said()
+    assert last == "gepf: stopped"
+    assert early.startswith("ended early with 1 of 5 frames in ")
 
 
 @pytest.mark.usefixtures("no_traces")
@@ -123,9 +119,7 @@ def test_info_interrupted_between_its_facts_and_the_scene(sequence: Path) -> Non
 
 
 @pytest.mark.usefixtures("no_traces")
-def test_what_could_not_be_kept_after_an_interrupt_is_said(
-    sequence: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_could_not_be_kept_after_an_interrupt_is_said(desk: Desk) -> None:
     """For example a full disk while results of an interrupted run are written: one line before the last."""
 
     def connect(pool: Pool, show: Show) -> AbstractContextManager[Any]:
@@ -135,8 +129,8 @@ def test_what_could_not_be_kept_after_an_interrupt_is_said(
         finally:
             raise InputError("cannot write to the folder: no space is left")
 
-    assert main(["track", str(sequence), "--out", str(tmp_path / "out")], connect) == 130
-    assert capsys.readouterr().err.splitlines()[-2:] == [
+    assert main(["track", str(desk.sequence), "--out", str(desk.out)], connect) == 130
+    assert desk.said()[-2:] == [
         "gepf: cannot write to the folder: no space is left",
         "gepf: stopped",
     ]

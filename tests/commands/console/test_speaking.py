@@ -17,37 +17,17 @@ import pytest
 from coordinator.cli import main
 from tests.support.processes.programs import wait_until
 from tests.support.processes.warm_processes import start
-from tests.support.stand_ins import StillWorkers, no_traces, sequence, workers  # noqa: F401 fixtures
+from tests.support.stand_ins import Desk, desk, no_traces, sequence, workers  # noqa: F401 fixtures
 
 GEPF = (sys.executable, "-m", "coordinator.cli")
 ENDED = (130, -signal.SIGINT)  # to a shell the same: `python -m` passes a signal on that came in an import
 
 
 @pytest.fixture
-def tracked(sequence: Path, tmp_path: Path, workers: StillWorkers) -> Path:
+def tracked(desk: Desk) -> Path:
     """A finished run without pictures."""
-    out = tmp_path / "run"
-    assert workers.track(sequence, out) == 0
-    return out
-
-
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        (("export", "run", "--out", "x"), "Missing option '--to' FORMAT: csv, mot, c3d, trc, bvh"),
-        (("nonsense",), "No such command 'nonsense'; there are demo, track, info"),
-        (("export", "run", "--to", "avi", "--out", "x"), "choose from bvh, c3d, csv"),
-        (("track", "seq"), "Missing option '--out' DIR: New folder for the results."),
-    ],
-)
-def test_what_there_is_to_choose_from_is_listed(
-    arguments: tuple[str, ...], says: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """One line, exit code 2, for each thing that is missing or unknown."""
-    assert main(arguments) == 2
-    said = capsys.readouterr().err
-    assert says in said
-    assert said.count("\n") == 1
+    assert desk.track() == 0
+    return desk.out
 
 
 @pytest.mark.usefixtures("no_traces")
@@ -71,16 +51,12 @@ def test_every_command_says_that_a_killed_run_can_be_continued(
 
 
 def test_results_of_a_part_of_a_run_are_said_to_be_that(
-    sequence: Path,
-    tmp_path: Path,
-    workers: StillWorkers,
-    caplog: pytest.LogCaptureFixture,
+    desk: Desk, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     """A run that ended early is exported, with a warning."""
-    workers.fail_at, workers.failure = 2, KeyboardInterrupt()
-    out = tmp_path / "part"
-    assert workers.track(sequence, out) == 130
-    assert main(["export", str(out), "--to", "csv", "--out", str(tmp_path / "part.csv")]) == 0
+    desk.fail(2)
+    assert desk.track() == 130
+    assert main(["export", str(desk.out), "--to", "csv", "--out", str(tmp_path / "part.csv")]) == 0
     assert "the same gepf track command with --resume continues" in caplog.text
 
 
@@ -103,24 +79,22 @@ def test_track_says_what_it_does_before_it_loads_what_takes_long(sequence: Path,
 
 
 @pytest.mark.parametrize(
-    ("command", "unused"),
+    ("line", "unused"),
     [
-        (("export", "{run}", "--to", "csv", "--out", "{run}/x.csv"), ("numba", "matplotlib", "scipy.signal")),
-        (("report", "{run}"), ("numba", "scipy")),
-        (("evaluate", "{run}", "--truth", "{run}/none.npz"), ("open3d", "matplotlib")),
-        (("model", "dofs"), ("numba", "scipy")),
-        (("pictures", "{run}/none"), ("matplotlib",)),
+        ("export RUN --to csv --out RUN/x.csv", "numba matplotlib scipy.signal"),
+        ("report RUN", "numba scipy"),
+        ("evaluate RUN --truth RUN/none.npz", "open3d matplotlib"),
+        ("model dofs", "numba scipy"),
+        ("pictures RUN/none", "matplotlib"),
+        ("track --help", "numpy numba scipy zenoh matplotlib open3d"),
     ],
 )
 @pytest.mark.usefixtures("no_traces")
-def test_short_commands_load_what_they_need_alone(
-    tracked: Path, command: tuple[str, ...], unused: tuple[str, ...]
-) -> None:
+def test_short_commands_load_what_they_need_alone(tracked: Path, line: str, unused: str) -> None:
     """Loading is most of their time: without the compiler, filters and figures it is under a second."""
-    words = [word.format(run=tracked) for word in command]
     code = (
-        f"import sys; from coordinator.cli import main; main({words!r});"
-        f"sys.exit(' '.join(set({unused!r}) & set(sys.modules)) or 0)"
+        f"import sys; from coordinator.cli import main; main({line.replace('RUN', str(tracked)).split()!r});"
+        f"sys.exit(' '.join(set({unused.split()!r}) & set(sys.modules)) or 0)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
@@ -128,15 +102,10 @@ def test_short_commands_load_what_they_need_alone(
 
 @pytest.mark.usefixtures("no_traces")
 def test_a_run_without_pictures_says_how_to_draw_them(
-    sequence: Path,
-    tmp_path: Path,
-    workers: StillWorkers,
-    capsys: pytest.CaptureFixture[str],
+    tracked: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """--no-pictures; then gepf pictures draws, and says what it wrote."""
-    tracked = tmp_path / "run"
-    assert workers.track(sequence, tracked) == 0
-    assert f"gepf pictures {tracked} draws them" in capsys.readouterr().err
+    assert f"gepf pictures {tracked} draws them" in " ".join(capsys.readouterr().err.split())
     assert not list(tracked.glob("*.mp4"))
     assert main(["pictures", str(tracked)]) == 0
     assert "pictures are in" in capsys.readouterr().err

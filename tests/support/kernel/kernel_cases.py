@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 
 import msgspec
@@ -53,6 +54,14 @@ def starts(count: int) -> Array:
     spread = np.where(puppet().kinds == ROTATION, 0.3, 0.03)
     poses: Array = TRUTH + rng.normal(size=(count, len(TRUTH))) * spread
     return poses
+
+
+def out_of_sight() -> tuple[BodyModel, Array]:
+    """A puppet whose stand is behind the camera, too, and a pose (19,) behind it."""
+    model, behind = puppet(), TRUTH.copy()
+    behind[2] = -3.0
+    stand = model.skin_links[:, :1] == 0
+    return replace(model, vertices=model.vertices - stand * np.array([0.0, 0.0, 9.0])), behind
 
 
 def near() -> Array:

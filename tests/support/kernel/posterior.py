@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from common.activation import activate
 from common.body import ROTATION, BodyModel
 from common.camera import Intrinsics
-from common.frame import EMPTY, HIDDEN, SUBJECT, UNMEASURED, DepthFrame, SubjectFrame
+from common.frame import EMPTY, HIDDEN, SUBJECT, UNMEASURED, SubjectFrame
 from common.kinematics import link_transforms, pose_vertices, retract, within_limits
 from common.settings import RefineSettings
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
@@ -22,7 +22,7 @@ from coordinator.synthesis.scenes import ARM_DOFS
 from coordinator.tracking.sensor_noise import SensorNoise
 from tests.support.kernel import plain_path
 from tests.support.kernel.kernel_cases import DEFAULT, PAPER
-from tests.support.people import rendered, subject_of
+from tests.support.people import frame_of, rendered, subject_of
 from worker.kernel.soft import OUTLIER_DENSITY, sample_window
 from worker.kernel.surface import Surface
 from worker.kernel.visibility import DepthImage
@@ -63,7 +63,7 @@ def posterior_case(body: str, name: str) -> PosteriorCase:
     truth = np.array([STANDING.get(dof, 0.0) for dof in model.dof_names])
     noise = HEAVY if settings.is_soft else CLEAN
     noisy = add_noise(rendered(model, truth[None], CAMERA)[0], CAMERA, noise, np.random.default_rng(0))
-    subject = subject_of(DepthFrame(0, 0.0, np.rint(noisy * 1e4).astype(np.uint16), 1e4, CAMERA), POINTS)
+    subject = subject_of(frame_of(0, noisy, CAMERA, 1e4), POINTS)
     return PosteriorCase(model, truth, in_a_room(subject) if name == ROOM else subject, settings)
 
 

@@ -8,25 +8,11 @@ import time
 from functools import partial
 
 import numpy as np
-import typer
 
 from common.frame import SubjectFrame
 from common.refinement import Refined
-from common.transport.credentials import read_credentials
 from tests.support.asked import Asked, refining
-from worker.cli import (
-    Connect,
-    LanesOption,
-    Name,
-    Tied,
-    TlsCa,
-    TlsCert,
-    TlsKey,
-    choose_identity,
-    choose_lanes,
-    exit_with,
-    serve,
-)
+from worker import cli
 from worker.service import Kernel
 
 
@@ -53,25 +39,16 @@ refine = refining(answer)
 KERNEL = Kernel(observe, refine)
 
 
-def work(
-    connect: Connect,
-    *,
-    lanes: LanesOption = None,
-    name: Name = None,
-    tls_ca: TlsCa = None,
-    tls_cert: TlsCert = None,
-    tls_key: TlsKey = None,
-    tied: Tied = False,
-) -> None:
-    """As `gepf-worker` does."""
+def load_kernel(lanes: int = 1) -> Kernel:
+    """In place of the compiled kernel."""
+    return Kernel(observe, refining(partial(answer, lanes=lanes)), lanes)
 
-    def job() -> None:
-        identity = choose_identity(connect, name, read_credentials(tls_ca, tls_cert, tls_key))
-        count = choose_lanes(lanes)
-        serve(identity, lambda: Kernel(observe, refining(partial(answer, lanes=count)), count), tied=tied)
 
-    exit_with(job)
+def main() -> None:
+    """`gepf-worker` with this kernel."""
+    vars(cli)["load_kernel"] = load_kernel
+    cli.main()
 
 
 if __name__ == "__main__":
-    typer.run(work)
+    main()

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from common.frame import SubjectFrame
 from common.protocol.messages import RefineRequest
-from common.refinement import Refined
 from common.settings import RefineSettings
 from common.transport.bus import Bus
 from common.transport.opening import open_worker
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
+from tests.support.asked import as_bytes
 from tests.support.processes.instant_worker import KERNEL, observe, refine
 from worker.service import Kernel, Service
 from worker.warm_up import tiny_frame, tiny_model
@@ -35,14 +35,9 @@ def frame(number: int) -> SubjectFrame:
     return replace(subject, frame=replace(subject.frame, number=number, depth=depth))
 
 
-def expected(number: int, poses: NDArray[np.float64] = POSES) -> bytes:
+def expected(number: int, poses: NDArray[np.float64] = POSES) -> list[bytes]:
     """The expected result of refining poses on a frame."""
     return as_bytes(refine(MODEL, observe(frame(number)), poses, SETTINGS))
-
-
-def as_bytes(refined: Refined) -> bytes:
-    """All that was refined."""
-    return refined.poses.tobytes() + refined.log_likelihood.tobytes() + refined.residual.tobytes()
 
 
 @contextmanager
@@ -72,7 +67,7 @@ def pool(endpoint: str, **options: Any) -> ZenohRefiner:
     return ZenohRefiner(Pool(workers=0, listen=endpoint, worker_timeout=60.0, **options))
 
 
-def refined_bytes(refiner: ZenohRefiner, number: int, poses: NDArray[np.float64] = POSES) -> bytes:
+def refined_bytes(refiner: ZenohRefiner, number: int, poses: NDArray[np.float64] = POSES) -> list[bytes]:
     """Have poses refined on a frame."""
     return as_bytes(refiner.submit(frame(number), MODEL, poses, SETTINGS).result())
 

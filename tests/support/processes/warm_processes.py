@@ -13,8 +13,6 @@ from pathlib import Path
 from types import MappingProxyType, TracebackType
 from typing import Self
 
-import typer
-
 CONTEXT = multiprocessing.get_context("forkserver")
 CONTEXT.set_forkserver_preload(
     [
@@ -63,10 +61,10 @@ def work(endpoints: tuple[str, ...], name: str, lanes: int = 1) -> None:
 
 def work_instantly(*arguments: str) -> None:
     """`gepf-worker` with these arguments, whose kernel is simple arithmetic."""
-    from tests.support.processes.instant_worker import work as instant_work
+    from tests.support.processes.instant_worker import main
 
     sys.argv[1:] = arguments
-    typer.run(instant_work)
+    main()
 
 
 class Workers:

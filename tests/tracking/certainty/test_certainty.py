@@ -9,35 +9,33 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from common.activation import activate
 from common.body import BodyModel
 from common.camera import Intrinsics, project
-from common.frame import HIDDEN, SUBJECT, DepthFrame, SubjectFrame
-from common.kinematics import joint_positions, pose_vertices
-from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
+from common.frame import HIDDEN, SUBJECT, SubjectFrame
+from common.kinematics import pose_vertices
 from coordinator.bodies.tracked import name_pose
-from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.tracking.certainty.certainty import FIT, FLAGGED, Certainty
-from coordinator.tracking.certainty.features import Features, FrameContext, measure_features
-from coordinator.tracking.certainty.surface import regions_of, seen_shares
-from coordinator.tracking.observation import isolate
+from coordinator.tracking.certainty.features import Features
+from coordinator.tracking.certainty.surface import regions_of
 from coordinator.tracking.reporting import explain_doubt, judge
 from coordinator.tracking.track_management import TrackManagement
-from tests.support.people import CAMERA, SETTINGS, STANDING, frame_of
-from tests.support.residuals import residual_of
+from tests.support.bodies import person
+from tests.support.features import features_in
+from tests.support.people import SETTINGS, STANDING, frame_of, rendered, subject_of
 
 Array = NDArray[np.float64]
 
 FINE = Intrinsics(1280, 960, 1160.0, 1160.0, 639.5, 479.5)
-BEFORE_THE_BODY = {**STANDING, "r_shoulder_flexion": 1.2, "r_elbow_flexion": 1.3, "r_shoulder_twisting": 0.8}
-SIDEWAYS = {**STANDING, "root_ry": 1.4}
+POSTURES = {
+    "standing": STANDING,
+    "folded": {**STANDING, "r_shoulder_flexion": 1.2, "r_elbow_flexion": 1.3, "r_shoulder_twisting": 0.8},
+    "sideways": {**STANDING, "root_ry": 1.4},
+}
 
 
-@cache
 def body() -> BodyModel:
     """A person with the usual degrees of freedom."""
-    whole = human(1.75)
-    return activate(whole, DEFAULT_ACTIVE, np.zeros(len(whole.dof_names)))
+    return person(1.75)
 
 
 def pose_of(values: dict[str, float]) -> Array:
@@ -48,22 +46,14 @@ def pose_of(values: dict[str, float]) -> Array:
 @cache
 def seen_as(posture: str) -> SubjectFrame:
     """A frame that shows the body so."""
-    pose = pose_of({"standing": STANDING, "folded": BEFORE_THE_BODY, "sideways": SIDEWAYS}[posture])
-    with DepthRenderer(CAMERA) as renderer:
-        depth = renderer.depth(pose_vertices(body(), pose[None])[0], body().triangles)
-    subject = isolate(frame_of(0, depth), 4_000)
-    assert subject is not None
-    return subject
+    (depth,) = rendered(body(), pose_of(POSTURES[posture])[None])
+    return subject_of(frame_of(0, depth), 4_000)
 
 
 def features_of(values: dict[str, float], subject: SubjectFrame, *others: dict[str, float]) -> Features:
     """Features (J,) of a pose, held for a while, and other hypotheses of the same weight."""
     poses = np.array([pose_of(each) for each in (values, *others)])
-    residual = residual_of(body(), poses[0], subject, SETTINGS.refine)
-    context = FrameContext(subject, poses[0], 1.0 / 30.0, 1.0)
-    joints = joint_positions(body(), poses[[0, *range(len(poses))]])
-    seen_by = seen_shares(body(), poses[0], subject, context.stretch)
-    return measure_features(body(), poses[0], joints, np.ones(len(poses)), context, residual, seen_by)
+    return features_in(body(), poses, subject, SETTINGS.refine)
 
 
 def certainty_of(values: dict[str, float], subject: SubjectFrame, *others: dict[str, float]) -> Certainty:
@@ -74,28 +64,25 @@ def certainty_of(values: dict[str, float], subject: SubjectFrame, *others: dict[
 def shown_by_rendering(pose: Array) -> Array:
     """Share (J,) of each joint's surface facing the camera that OpenGL's z-buffer shows."""
     vertices, triangles = pose_vertices(body(), pose[None])[0], body().triangles
-    with DepthRenderer(FINE) as renderer:
-        depth = renderer.depth(vertices, triangles)
+    (depth,) = rendered(body(), pose[None], FINE)
     a, b, c = vertices[triangles].transpose(1, 0, 2)
     middles = (a + b + c) / 3.0
     facing = np.maximum(0.0, -np.sum(np.cross(b - a, c - a) * middles, axis=1) / middles[:, 2])
     columns, rows = np.rint(project(middles, FINE)).astype(int).T
-    behind = np.where(depth > 0.0, depth, np.float32(np.inf))[rows, columns]
+    behind = np.where(depth > 0.0, depth, np.inf)[rows, columns]
     area = regions_of(body()).T * facing
     shares: Array = area @ (middles[:, 2] <= behind + 0.02) / area.sum(axis=1)
     return shares
 
 
-@pytest.mark.parametrize(
-    ("posture", "values"), [("standing", STANDING), ("folded", BEFORE_THE_BODY), ("sideways", SIDEWAYS)]
-)
-def test_what_is_seen_of_a_joint_is_what_a_rendering_shows(posture: str, values: dict[str, float]) -> None:
+@pytest.mark.parametrize("posture", POSTURES)
+def test_what_is_seen_of_a_joint_is_what_a_rendering_shows(posture: str) -> None:
     """Joint for joint, against OpenGL's z-buffer; what lies close behind another part counts as seen."""
-    seen = certainty_of(values, seen_as(posture)).seen
-    rendered = shown_by_rendering(pose_of(values))
-    np.testing.assert_allclose(seen, rendered, atol=0.3)
-    assert np.abs(seen - rendered).mean() < 0.08
-    assert np.all(seen > rendered - 0.05)
+    seen = certainty_of(POSTURES[posture], seen_as(posture)).seen
+    drawn = shown_by_rendering(pose_of(POSTURES[posture]))
+    np.testing.assert_allclose(seen, drawn, atol=0.3)
+    assert np.abs(seen - drawn).mean() < 0.08
+    assert np.all(seen > drawn - 0.05)
     assert seen.max() > 0.95
     if posture == "sideways":
         assert seen.min() < 0.05
@@ -149,12 +136,9 @@ def test_a_body_at_rest_is_neither_bent_nor_folded_nor_crowded() -> None:
 
 def test_a_frame_without_the_body_in_it_still_says_something() -> None:
     """A pose far from all that is seen: nothing is shown of it, and no number breaks."""
-    depth = np.zeros((40, 40), dtype=np.uint16)
-    depth[10:30, 10:30] = 2_000
-    frame = DepthFrame(0, 0.0, depth, 1000.0, Intrinsics(40, 40, 60.0, 60.0, 19.5, 19.5))
-    subject = isolate(frame, 100)
-    assert subject is not None
-    found = certainty_of({**STANDING, "root_tz": -3.0}, subject)
+    plate = np.pad(np.full((20, 20), 2.0), 10)
+    frame = frame_of(0, plate, Intrinsics(40, 40, 60.0, 60.0, 19.5, 19.5))
+    found = certainty_of({**STANDING, "root_tz": -3.0}, subject_of(frame, 100))
     assert np.isfinite(found.off_probability).all()
     assert found.seen.max() == 0.0
 

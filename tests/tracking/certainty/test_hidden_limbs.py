@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import msgspec
@@ -10,14 +11,27 @@ from numpy.typing import NDArray
 
 from common.activation import activate
 from common.body import BodyModel
-from common.frame import DepthFrame
-from common.kinematics import joint_positions, pose_vertices
-from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
+from common.camera import Intrinsics
+from common.frame import DepthFrame, SubjectFrame
+from common.settings import preset
 from coordinator.bodies.tracked import name_pose
-from coordinator.synthesis.rendering import DepthRenderer
-from tests.support.people import CAMERA, SETTINGS, STANDING, frame_of, tracker
-
-Array = NDArray[np.float64]
+from coordinator.synthesis.noise import add_noise
+from coordinator.synthesis.scenes import ARM_DOFS, arm
+from coordinator.tracking.certainty.certainty import FIT, FLAGGED, Certainty
+from coordinator.tracking.sensor_noise import SensorNoise, assume_noise
+from tests.support.bodies import person
+from tests.support.features import features_in
+from tests.support.people import (
+    SETTINGS,
+    STANDING,
+    Shown,
+    frame_of,
+    rendered,
+    show,
+    shown,
+    subject_of,
+    tracker,
+)
 
 BACK = {**STANDING, "root_ry": np.pi}
 FOLDED = {**BACK, "r_shoulder_abduct": -0.1, "r_shoulder_flexion": 0.6, "r_elbow_flexion": 2.4}
@@ -30,43 +44,103 @@ HELD_UP = {
 MANY = msgspec.structs.replace(SETTINGS, filter=msgspec.structs.replace(SETTINGS.filter, particles=20))
 
 
-@cache
-def body() -> BodyModel:
-    """The person who is shown, with the joints that are tracked."""
-    whole = human(1.82)
-    return activate(whole, DEFAULT_ACTIVE, np.zeros(len(whole.dof_names)))
-
-
-def frames_of(*poses: dict[str, float]) -> list[DepthFrame]:
-    """Frames of the person in these poses."""
-    vertices = pose_vertices(body(), np.array([name_pose(body(), pose) for pose in poses]))
-    with DepthRenderer(CAMERA) as renderer:
-        return [frame_of(n, renderer.depth(v, body().triangles)) for n, v in enumerate(vertices)]
+def shown_in(*poses: dict[str, float]) -> Shown:
+    """The person in these poses, with the joints that are tracked."""
+    return show(person(1.82), np.array([name_pose(person(1.82), pose) for pose in poses]))
 
 
 def test_a_hidden_arm_is_not_said_to_be_known() -> None:
     """A hidden arm may be anywhere behind the body. It is found when it is visible again."""
     out = {**BACK, "r_shoulder_abduct": 1.0, "r_elbow_flexion": 0.5}
-    frames = frames_of(*[FOLDED] * 8, out, out, out)
+    frames, joints = shown_in(*[FOLDED] * 8, out, out, out)
     follower = tracker(MANY, FOLDED)
     estimates = [follower.track(frame) for frame in frames]
     wrist = follower.model.joint_names.index("right_wrist")
     for estimate in estimates[3:8]:
         assert estimate.certainty is not None
         assert estimate.certainty.off_probability[wrist] > 0.06
-    places = joint_positions(body(), name_pose(body(), out)[None])[0]
-    found = estimates[-1].joint_positions[wrist]
-    assert np.linalg.norm(found - places[body().joint_names.index("right_wrist")]) < 0.1
+    assert np.linalg.norm(estimates[-1].joint_positions[wrist] - joints[-1, wrist]) < 0.1
 
 
 def test_a_hidden_arm_does_not_fall_to_rest() -> None:
     """A forearm held up before the chest, seen from behind with noise: it does not move in any frame."""
-    picture, rng = frames_of(HELD_UP)[0].depth / 1000.0, np.random.default_rng(0)
-    noise = 0.01 * rng.standard_normal((15, *picture.shape))
-    shown = [frame_of(n, np.where(picture > 0.0, picture + off, 0.0)) for n, off in enumerate(noise)]
+    (still,), (true,) = shown_in(HELD_UP)
+    picture = still.depth / 1000.0
+    noise = 0.01 * np.random.default_rng(0).standard_normal((15, *picture.shape))
     follower = tracker(MANY, HELD_UP)
-    estimates = [follower.track(frame) for frame in shown]
-    true = joint_positions(body(), name_pose(body(), HELD_UP)[None])[0]
     wrist = follower.model.joint_names.index("right_wrist")
-    off = [np.linalg.norm(e.joint_positions[wrist] - true[wrist]) for e in estimates]
-    assert max(off) < 0.05
+    for n, off in enumerate(noise):
+        estimate = follower.track(frame_of(n, np.where(picture > 0.0, picture + off, 0.0)))
+        assert np.linalg.norm(estimate.joint_positions[wrist] - true[wrist]) < 0.08
+
+
+KNEES = 180  # row of the picture at which the standing person's are, about
+OUTSIDE = ("right_ankle", "left_ankle")
+INSIDE = ("head", "right_elbow", "right_wrist", "right_hip", "left_hip")
+
+
+def without_lower_legs(frame: DepthFrame) -> DepthFrame:
+    """The frame, cut at the knees."""
+    camera = frame.intrinsics
+    lens = (camera.fx, camera.fy, camera.cx, camera.cy)
+    depth = np.ascontiguousarray(frame.depth[:KNEES])
+    return replace(frame, depth=depth, intrinsics=Intrinsics(camera.width, KNEES, *lens))
+
+
+def followed(*, cropped: bool) -> Certainty:
+    """How sure the last frame is of a person whose start is known."""
+    following = tracker()
+    for frame in shown("standing").frames:
+        estimate = following.track(without_lower_legs(frame) if cropped else frame)
+    assert estimate.certainty is not None
+    return estimate.certainty
+
+
+def test_joints_outside_the_picture_are_much_less_sure() -> None:
+    """They are not seen, ten times as likely off as those in the picture, by more. None in it is flagged."""
+    names = tracker().model.joint_names
+    outside, inside = ([names.index(name) for name in group] for group in (OUTSIDE, INSIDE))
+    whole, cropped = followed(cropped=False), followed(cropped=True)
+    assert (cropped.seen[outside] < 0.05).all()
+    assert cropped.off_probability[outside].min() > 10.0 * cropped.off_probability[inside].max()
+    assert cropped.deviation[outside].min() > 2.0 * cropped.deviation[inside].max()
+    assert (cropped.off_probability[inside] < FLAGGED).all()
+    assert (whole.off_probability[outside] < FLAGGED).all()
+    assert (whole.seen[outside] > 0.5).all()
+
+
+Array = NDArray[np.float64]
+
+NOISE = SensorNoise(depth=0.15, lateral=0.01)
+FRAME = 30
+LOST = np.array([0.459, -0.61, 0.801, 2.46])  # where `--method gradient` has the arm then, before the trunk
+
+
+@cache
+def scene() -> tuple[BodyModel, Array, SubjectFrame]:
+    """The arm's model, its true pose (4,) in a frame, and the noisy frame."""
+    shot = arm()
+    (depth,) = rendered(shot.model, shot.poses[FRAME : FRAME + 1], shot.camera)
+    noisy = add_noise(depth, shot.camera, NOISE, np.random.default_rng(0))
+    subject = subject_of(frame_of(0, noisy, shot.camera, 10_000.0), 10_000)
+    model = activate(shot.model, ARM_DOFS, shot.poses[FRAME])
+    return model, shot.poses[FRAME][[shot.model.dof(name) for name in ARM_DOFS]], subject
+
+
+def certainty_of(pose: Array) -> Certainty:
+    """How sure the joints are of a lone particle's pose (4,)."""
+    model, _, subject = scene()
+    settings = assume_noise(preset("default").refine, NOISE)
+    return FIT.judge(features_in(model, pose[None], subject, settings, NOISE.lateral / NOISE.depth))
+
+
+def test_an_arm_that_is_lost_before_the_trunk_is_flagged() -> None:
+    """The lost arm is flagged; neither the true pose nor fixed joints are."""
+    model, true, _ = scene()
+    moved = [model.joint_names.index(f"right_{part}") for part in ("shoulder", "elbow", "wrist")]
+    held = np.setdiff1d(np.arange(len(model.joint_names)), moved)
+    lost, found = certainty_of(LOST), certainty_of(true)
+    assert lost.off_probability[moved[-1]] > FLAGGED
+    assert lost.deviation[moved[-1]] > 2.0 * found.deviation[moved[-1]]
+    assert (found.off_probability < FLAGGED).all()
+    assert (lost.off_probability[held] < FLAGGED).all()

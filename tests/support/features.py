@@ -1,0 +1,33 @@
+"""What the certainty of joints is judged by, for poses that are not refined."""
+
+from __future__ import annotations
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from common.body import BodyModel
+from common.frame import SubjectFrame
+from common.kinematics import joint_positions
+from common.settings import RefineSettings
+from coordinator.tracking.certainty.features import Features, FrameContext, measure_features
+from coordinator.tracking.certainty.surface import seen_shares
+from coordinator.tracking.gating import gate_pose
+from gepf.direct import DirectRefiner
+
+
+def features_in(
+    model: BodyModel,
+    poses: NDArray[np.float64],
+    subject: SubjectFrame,
+    settings: RefineSettings,
+    stretch: float = 1.0,
+) -> Features:
+    """Features (J,) of the first of hypotheses (N, D) that are equally likely, held for a while."""
+    still, pose = msgspec.structs.replace(settings, icp_iterations=0), poses[0]
+    found = DirectRefiner().submit(subject, model, poses[:1], still).result()
+    residual = gate_pose(found.log_likelihood[0], found.residual[0], still).residual
+    context = FrameContext(subject, pose, 1.0 / 30.0, stretch)
+    joints = joint_positions(model, poses[[0, *range(len(poses))]])
+    seen_by = seen_shares(model, pose, subject, stretch)
+    return measure_features(model, pose, joints, np.ones(len(poses)), context, residual, seen_by)
