@@ -86,7 +86,6 @@ def info(
     camera: CameraOptions,
     *,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
-    thumbnail: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw a frame as PNG.")] = None,
     picture: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Draw the detected floor, walls and people as PNG.")
     ] = None,
@@ -94,7 +93,7 @@ def info(
     """Show facts about a sequence and its scene: camera, depth, floor, walls, people; or about a run."""
     from coordinator.commands.info import run_info
 
-    run_info(sequence, camera, thumbnail, picture, as_json=as_json)
+    run_info(sequence, camera, picture, as_json=as_json)
 
 
 @app.command(rich_help_panel=SEQUENCES)

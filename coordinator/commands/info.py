@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
-from PIL import Image
 
 from common.errors import InputError
 from coordinator.bodies.human.measures import Measures
@@ -31,28 +30,18 @@ LOOKED_AT = 60  # first frames, in which a person is searched for
 PROMISING = 0.25  # score above which a candidate is probably a person
 
 
-def run_info(
-    sequence: Path, camera: CameraOptions, thumbnail: Path | None, picture: Path | None, *, as_json: bool
-) -> None:
-    """Print facts about a sequence and its scene; draw its middle frame, and the scene.
+def run_info(sequence: Path, camera: CameraOptions, picture: Path | None, *, as_json: bool) -> None:
+    """Print facts about a sequence and its scene; draw the scene.
 
     Facts about the recording are printed first, because analysing the scene takes longer. Of a rig, print
     those of each camera, and draw the first one; of a run, who was tracked.
     """
     if (run := find_summary(sequence)) is not None:
         facts = describe_tracked(sequence, run)
-        if as_json:
-            sys.stdout.write(msgspec.json.encode(facts).decode() + "\n")
-        else:
-            print_facts(facts)
+        print_json(facts) if as_json else print_facts(facts)
         return
     form = find_format(sequence)
     source = form.open(sequence, parse_camera_options(camera.intrinsics, camera.depth_scale))
-    if thumbnail is not None:
-        from coordinator.pictures.shading import shade_depth
-
-        middle = source.frame(source.numbers[len(source) // 2])
-        save(shade_depth(middle.metres(), middle.intrinsics), thumbnail)
     cameras = []
     for each in source.views:
         alone = single(each)
@@ -64,14 +53,16 @@ def run_info(
         if picture is not None and each is source:
             from coordinator.pictures.scene import draw_scene
 
-            save(draw_scene(view, found), picture)
+            try:
+                draw_scene(view, found).save(picture, "PNG")
+            except OSError as error:
+                raise InputError(f"cannot write {picture}: {error.strerror}; choose another file") from error
         scene = describe_scene(view, found)
         cameras.append(facts | scene)
         if not as_json:
             print_facts(scene)
     if as_json:
-        shown = {"cameras": cameras} if source.others else cameras[0]
-        sys.stdout.write(msgspec.json.encode(shown).decode() + "\n")
+        print_json({"cameras": cameras} if source.others else cameras[0])
 
 
 def single(source: Source) -> Source:
@@ -152,6 +143,11 @@ def describe_scene(view: SceneView, found: list[Candidate]) -> dict[str, object]
     }
 
 
+def print_json(facts: Mapping[str, object]) -> None:
+    """Print one JSON object."""
+    sys.stdout.write(msgspec.json.encode(facts).decode() + "\n")
+
+
 def print_facts(facts: Mapping[str, object]) -> None:
     """Print one line per fact; for a list, one line per item."""
     for name, value in facts.items():
@@ -170,14 +166,6 @@ def in_words(value: object) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     return "unknown" if value is None else str(value)
-
-
-def save(picture: Image.Image, path: Path) -> None:
-    """Write a PNG; InputError if that is impossible."""
-    try:
-        picture.save(path, "PNG")
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror}; choose another file") from error
 
 
 def describe(form: Format, source: Source) -> dict[str, object]:

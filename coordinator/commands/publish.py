@@ -23,12 +23,11 @@ from coordinator.commands.progress import Show
 from coordinator.pool.options import Pool
 from coordinator.sources import open_source
 from coordinator.sources.camera import parse_camera_options
-from coordinator.sources.devices.device import AttachedCamera, vendor_of
+from coordinator.sources.devices.device import AttachedCamera, Shot, vendor_of
 from coordinator.sources.live_stream import colour_key
 from coordinator.sources.source import select_frames
 
 Put = Callable[[bytes], None]
-Shot = tuple[DepthFrame, NDArray[np.uint8] | None]
 
 
 def run_publish(
