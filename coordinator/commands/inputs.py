@@ -29,7 +29,7 @@ from coordinator.results.live_results import Sender, results_key
 from coordinator.sources import Source, open_source
 from coordinator.sources.colour_folder import ColourFolder
 from coordinator.sources.devices.device import AttachedCamera, vendor_of
-from coordinator.sources.frame_recorder import RigRecorder
+from coordinator.sources.frame_recorder import FrameRecorder
 from coordinator.sources.joint_states import JointStates
 from coordinator.sources.live import LiveFrames, from_first_seen
 from coordinator.sources.live_stream import LiveCamera, colour_key, is_topic
@@ -177,7 +177,7 @@ class LiveInput(Input):
         self.live: LiveFrames = LiveFrames(cameras, show.say, idle=job.idle_timeout)
         self.configuration = live_run_configuration(str(job.sequence), cameras, self.asked())
         self._attached = AttachedCamera(job.sequence, show.say) if vendor_of(job.sequence) else None
-        self._recorder = None if job.record is None else RigRecorder(job.record, cameras, show.say)
+        self._recorder = None if job.record is None else FrameRecorder(job.record, cameras, show.say)
 
     def streams(
         self, workers: Workers, node: Node | None, done: int

@@ -7,7 +7,7 @@ import threading
 import time
 from collections.abc import Callable, Generator, Iterator
 from contextlib import closing, suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import NamedTuple
@@ -47,38 +47,19 @@ class Camera(NamedTuple):
     shots: Generator[Shot]
 
 
-@dataclass(frozen=True, slots=True)
-class Vendor:
-    """A vendor's package in Python, its USB devices, and where to get the rules of udev for them.
-
-    products: the start of the product numbers of its depth cameras.
-    """
+class Vendor(NamedTuple):
+    """A vendor's package in Python, and its USB devices: the start of the product numbers of its cameras."""
 
     cameras: str
     package: str
     usb: str
     products: str
-    rules: str
 
 
 VENDORS = {
-    "realsense": Vendor(
-        "RealSense",
-        "pyrealsense2",
-        "8086",
-        "0",
-        "https://github.com/IntelRealSense/librealsense/tree/master/config",
-    ),
-    "orbbec": Vendor(
-        "Orbbec", "pyorbbecsdk2", "2bc5", "", "https://github.com/orbbec/pyorbbecsdk/tree/main/scripts"
-    ),
-    "azure-kinect": Vendor(
-        "Azure Kinect",
-        "pyk4a",
-        "045e",
-        "097",
-        "https://github.com/microsoft/Azure-Kinect-Sensor-SDK/tree/develop/scripts",
-    ),
+    "realsense": Vendor("RealSense", "pyrealsense2", "8086", "0"),
+    "orbbec": Vendor("Orbbec", "pyorbbecsdk2", "2bc5", ""),
+    "azure-kinect": Vendor("Azure Kinect", "pyk4a", "045e", "097"),
 }
 
 
@@ -117,7 +98,7 @@ def explain_absence(vendor: Vendor, devices: Path = USB_DEVICES, nodes: Path = U
         node = nodes / f"{int(facts['busnum']):03}" / f"{int(facts['devnum']):03}"
         if not os.access(node, os.R_OK | os.W_OK):
             return (
-                f"no permission for {node}; install the udev rules of {vendor.rules}, "
+                f"no permission for {node}; install the udev rules of its vendor (docs/live.md, Cameras), "
                 "and plug the camera in again"
             )
         return f"a {vendor.cameras} camera is connected, but not this one, or it is in use; plug it in again"
