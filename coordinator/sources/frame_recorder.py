@@ -28,9 +28,9 @@ class FrameRecorder:
 
     The images of a rig's cameras are written to folders of their names, and a rig file lists these. Images
     are named by the numbers of their frames. Those of another camera, or of a publisher that started again,
-    get a folder of their own: DIR-2 and so on. `put` never waits. Images that cannot be written, or come while too
-    many wait, are counted; `report` is called with the first error. Colour images that come before their
-    frames are written to `color/`.
+    get a folder of their own: DIR-2 and so on. `put` never waits. Images that cannot be written, or come
+    while too many wait, are counted; `report` is called with the first error. Colour images that come before
+    their frames are written to `color/`.
     """
 
     def __init__(self, folder: Path, cameras: Sequence[LiveCamera], report: Callable[[str], None]) -> None:
