@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Generator, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
 from itertools import groupby
@@ -184,11 +184,10 @@ class LiveInput(Input):
     ) -> Generator[Iterator[DepthFrame], None, None]:
         """The newest frames until the publisher ends; each stream starts with its first frame with depth."""
         del done
-        how = "the newest frame is tracked as soon as the workers are ready"
-        self._show.say(f"listening on {self.keys}; {how}")
+        self._show.say(f"listening on {self.keys}")
         with ExitStack() as stack:
             if self._attached is not None:
-                stack.enter_context(self._published(self._attached, workers.speak(self.keys)))
+                self._attach(self._attached, workers.speak(self.keys), stack)
             elif node is not None and is_topic(self.keys):
                 self._subscribe(node)
             else:
@@ -196,22 +195,17 @@ class LiveInput(Input):
             for _, frames in groupby(self.live, lambda _: self.live.stream):
                 yield map(self._take, from_first_seen(frames, self._show.say))
 
-    @contextmanager
-    def _published(self, camera: AttachedCamera, outlet: Sender) -> Iterator[None]:
-        """Receive the frames of a camera, and publish them for others, on a thread of its own."""
+    def _attach(self, camera: AttachedCamera, outlet: Sender, stack: ExitStack) -> None:
+        """Receive the frames of a camera, and publish them for others, on a thread until the stack's end."""
 
         def put(payload: bytes) -> None:
             self.live.receive(payload)
-            if outlet.has_subscriber:
-                outlet.put(payload)
+            outlet.put(payload)
 
         thread = threading.Thread(target=play, args=(camera, put, put), daemon=True)
         thread.start()
-        try:
-            yield
-        finally:
-            camera.close()
-            thread.join()
+        stack.callback(thread.join)
+        stack.callback(camera.close)
 
     def _listen(self, workers: Workers) -> None:
         """Receive the frames of all cameras, and their colour if it is recorded."""

@@ -26,6 +26,10 @@ class Workers(Refiner, Protocol):
         """The name of the run on the bus."""
         ...
 
+    def wait_for(self, lanes: int) -> None:
+        """Wait for workers with this number of lanes."""
+        ...
+
     def listen(self, key: str, on_message: Callable[[bytes], None]) -> None:
         """Call `on_message(payload)` for each message on a key."""
         ...
