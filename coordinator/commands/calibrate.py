@@ -44,13 +44,19 @@ def run_calibrate(options: CalibrateOptions, show: Show, connect: Connect) -> No
             found = calibrate(
                 sources, workers, preset("default"), choose_bodies(None, "default", HUMAN), show.say
             )
-    cameras = list[RigCamera]()
+    cameras, deviations = list[RigCamera](), dict[str, object]()
     for (name, place), sequence in zip(found.items(), sequences, strict=True):
         path = os.path.relpath(sequence.resolve(), out.resolve().parent)
         cameras.append(RigCamera(name, path, place.placed.tolist(), place.offset_s))
         if (wrong := find_fault(cameras[-1])) is not None:
             raise InputError(f"{given}: {wrong}")
-    write_rig(out, cameras)
+        if place.deviations is not None:
+            deviations[name] = {
+                "rotation_deg": np.degrees(place.deviations[:3]).round(4).tolist(),
+                "position_at_person_m": place.deviations[3:6].round(5).tolist(),
+                "time_offset_s": round(float(place.deviations[6]), 6),
+            }
+    write_rig(out, cameras, deviations)
     for name, place in list(found.items())[1:]:
         sys.stdout.write(f"{name}: {describe(place)}\n")
     show.say(f"the rig is in {out}; gepf track {out} --out run/ tracks with all cameras")

@@ -38,10 +38,7 @@ def run_info(options: InfoOptions, camera: CameraOptions) -> None:
     sequence, as_json = options.sequence, options.as_json
     if (run := find_summary(sequence)) is not None:
         facts = describe_tracked(sequence, run)
-        if as_json:
-            sys.stdout.write(msgspec.json.encode(facts).decode() + "\n")
-        else:
-            print_facts(facts)
+        print_json(facts) if as_json else print_facts(facts)
         return
     form = find_format(sequence)
     source = form.open(sequence, parse_camera_options(camera.intrinsics, camera.depth_scale))
@@ -63,8 +60,7 @@ def run_info(options: InfoOptions, camera: CameraOptions) -> None:
         if not as_json:
             print_facts(scene)
     if as_json:
-        shown = {"cameras": cameras} if source.others else cameras[0]
-        sys.stdout.write(msgspec.json.encode(shown).decode() + "\n")
+        print_json({"cameras": cameras} if source.others else cameras[0])
 
 
 def single(source: Source) -> Source:
@@ -143,6 +139,11 @@ def describe_scene(view: SceneView, found: list[Candidate]) -> dict[str, object]
             for n, each in enumerate(found)
         ],
     }
+
+
+def print_json(facts: Mapping[str, object]) -> None:
+    """Print one JSON object."""
+    sys.stdout.write(msgspec.json.encode(facts).decode() + "\n")
 
 
 def print_facts(facts: Mapping[str, object]) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import threading
 from collections.abc import Generator, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
 from itertools import groupby
@@ -43,7 +43,7 @@ from coordinator.sources import Source, open_source
 from coordinator.sources.camera import AS_RECORDED
 from coordinator.sources.colour_folder import ColourFolder
 from coordinator.sources.devices.device import AttachedCamera, vendor_of
-from coordinator.sources.frame_recorder import RigRecorder
+from coordinator.sources.frame_recorder import FrameRecorder
 from coordinator.sources.joint_states import JointStates
 from coordinator.sources.live import LiveFrames, from_first_seen
 from coordinator.sources.live_stream import LiveCamera, colour_key, is_topic
@@ -208,18 +208,17 @@ class LiveInput(Input):
         rig = {c.camera: [c.key, c.T_rig_camera.tolist(), c.offset_s] for c in cameras if c.camera}
         self.configuration = self.configure({"sequence": str(job.sequence), **({"rig": rig} if rig else {})})
         self._attached = AttachedCamera(job.sequence, show.say) if vendor_of(job.sequence) else None
-        self._recorder = None if job.record is None else RigRecorder(job.record, cameras, show.say)
+        self._recorder = None if job.record is None else FrameRecorder(job.record, cameras, show.say)
 
     def streams(
         self, workers: ZenohRefiner, node: Node | None, done: int
     ) -> Generator[Iterator[DepthFrame], None, None]:
         """The newest frames until the publisher ends; each stream starts with its first frame with depth."""
         del done
-        how = "the newest frame is tracked as soon as the workers are ready"
-        self._show.say(f"listening on {self.keys}; {how}")
+        self._show.say(f"listening on {self.keys}")
         with ExitStack() as stack:
             if self._attached is not None:
-                stack.enter_context(self._published(self._attached, workers.speak(self.keys)))
+                self._attach(self._attached, workers.speak(self.keys), stack)
             elif node is not None and is_topic(self.keys):
                 self._subscribe(node)
             else:
@@ -231,22 +230,17 @@ class LiveInput(Input):
             for _, frames in groupby(self.live, lambda _: self.live.stream):
                 yield map(self._take, from_first_seen(frames, self._show.say))
 
-    @contextmanager
-    def _published(self, camera: AttachedCamera, outlet: Publisher) -> Iterator[None]:
-        """Receive the frames of a camera, and publish them for others, on a thread of its own."""
+    def _attach(self, camera: AttachedCamera, outlet: Publisher, stack: ExitStack) -> None:
+        """Receive the frames of a camera, and publish them for others, on a thread until the stack's end."""
 
         def put(payload: bytes) -> None:
             self.live.receive(payload)
-            if outlet.has_subscriber:
-                outlet.put(payload)
+            outlet.put(payload)
 
         thread = threading.Thread(target=play, args=(camera, put, put), daemon=True)
         thread.start()
-        try:
-            yield
-        finally:
-            camera.close()
-            thread.join()
+        stack.callback(thread.join)
+        stack.callback(camera.close)
 
     def _subscribe(self, node: Node) -> None:
         """Receive frames and joint states from ROS 2."""

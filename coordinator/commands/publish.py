@@ -7,8 +7,6 @@ from collections.abc import Callable, Iterable, Iterator
 from itertools import count
 
 import imageio.v3 as iio
-import numpy as np
-from numpy.typing import NDArray
 
 from common.errors import InputError
 from common.frame import DepthFrame
@@ -22,12 +20,11 @@ from coordinator.commands.progress import Show
 from coordinator.pool.options import Pool
 from coordinator.sources import open_source
 from coordinator.sources.camera import parse_camera_options
-from coordinator.sources.devices.device import AttachedCamera, vendor_of
+from coordinator.sources.devices.device import AttachedCamera, Shot, vendor_of
 from coordinator.sources.live_stream import colour_key
 from coordinator.sources.source import select_frames
 
 Put = Callable[[bytes], None]
-Shot = tuple[DepthFrame, NDArray[np.uint8] | None]
 
 
 def run_publish(

@@ -147,7 +147,8 @@ def track_frames(
             states=recorder.states,
         )
         if given.live is not None:
-            make().prepare()  # so that no frame waits for it
+            make().prepare()  # so that no frame waits for it, nor for the first worker
+            workers.wait_for(1)
         try:
             for frames in streams:
                 for tracked in make().follow(frames, live=given.live):

@@ -22,7 +22,7 @@ from common.camera import Intrinsics
 from common.errors import InputError
 from coordinator.sources.camera import MILLIMETRES, CameraOptions
 from coordinator.sources.lens import Lens
-from coordinator.sources.source import Source, rate_of
+from coordinator.sources.source import Source, downward, rate_of
 
 Array = NDArray[np.float64]
 
@@ -191,8 +191,7 @@ def lens_of(calibration: Calibration, camera: Intrinsics) -> Lens:
 
 def gravity_of(calibration: Calibration | None, samples: Array) -> Array | None:
     """Direction of gravity (3,) as a unit vector in the axes of the depth camera; None if not measured."""
-    if calibration is None or calibration.turn is None or len(calibration.turn) != 9 or not samples.any():
+    direction = downward(samples) if samples.any() else None
+    if direction is None or calibration is None or calibration.turn is None or len(calibration.turn) != 9:
         return None
-    upward = np.median(samples, axis=0)  # an accelerometer at rest measures the upward force
-    downward: Array = -np.reshape(calibration.turn, (3, 3)).T @ upward
-    return downward / np.linalg.norm(downward)
+    return np.reshape(calibration.turn, (3, 3)).T @ direction

@@ -10,8 +10,10 @@ from PIL import Image
 
 from common.camera import Intrinsics
 from common.errors import InputError
+from coordinator.sources.picture_folders import opened
 
 SUFFIXES = (".png", ".jpg", ".jpeg")
+FORMATS = ("PNG", "JPEG")
 
 
 class ColourFolder:
@@ -32,30 +34,16 @@ class ColourFolder:
                 f"{path} has no colour frame {missing[0]} ({len(missing)} of {len(numbers)} are missing); "
                 "number them as the depth frames, as in 000000.png"
             )
-        self._camera = camera
         for number in numbers:
-            with self._open(self._files[number]):
-                pass
+            with opened(self._files[number], *FORMATS) as image:
+                width, height = image.size
+            if abs(width * camera.height / camera.width - height) > 1.0:
+                raise InputError(
+                    f"{self._files[number]} is {width}x{height}, not in the shape of the depth, "
+                    f"{camera.width}x{camera.height}; register colour to depth, or leave --color out"
+                )
 
     def frame(self, number: int) -> Image.Image:
         """One frame, RGB; InputError if it is damaged."""
-        file = self._files[number]
-        with self._open(file) as opened:
-            try:
-                return opened.convert("RGB")
-            except (OSError, SyntaxError, ValueError) as error:
-                raise InputError(f"{file} is damaged; copy it again") from error
-
-    def _open(self, file: Path) -> Image.Image:
-        try:
-            opened = Image.open(file)
-        except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
-            raise InputError(f"{file} is damaged or not an image; copy it again") from error
-        camera = self._camera
-        if abs(opened.width * camera.height / camera.width - opened.height) > 1.0:
-            opened.close()
-            raise InputError(
-                f"{file} is {opened.width}x{opened.height}, not in the shape of the depth, "
-                f"{camera.width}x{camera.height}; register colour to depth, or leave --color out"
-            )
-        return opened
+        with opened(self._files[number], *FORMATS) as image:
+            return image.convert("RGB")

@@ -172,24 +172,25 @@ def listed_times(path: Path, files: dict[float, Path]) -> tuple[dict[float, Path
 
 def read_depth(path: Path) -> NDArray[np.uint16]:
     """Depth (H, W) of a 16-bit PNG; InputError if it is damaged or has another type."""
-    with opened(path) as image:
+    with opened(path, "PNG") as image:
         if image.mode != SIXTEEN_BIT_GREY:
             kind = {"1": "1-bit", "L": "8-bit"}.get(image.mode, f"of kind {image.mode}")
             raise InputError(
                 f"{path} is {kind}, not 16-bit grey; save depth as uint16 with depth_scale units per metre"
             )
         image.verify()  # all checksums: decoding alone accepts truncated or altered files
-    with opened(path) as image:
+    with opened(path, "PNG") as image:
         return np.asarray(image).astype(np.uint16, copy=False)
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[Image.Image]:
-    """A PNG; InputError if it is damaged."""
+def opened(path: Path, *formats: str) -> Iterator[Image.Image]:
+    """An image of one of the formats; InputError if it is damaged."""
     try:
-        with Image.open(path, formats=["PNG"]) as image:
+        with Image.open(path, formats=formats) as image:
             yield image
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         reason = "cut short or not a picture" if "cannot identify" in reason else reason
-        raise InputError(f"{path} is damaged or not a PNG file ({reason}); copy it again") from error
+        kind = " or ".join(formats)
+        raise InputError(f"{path} is damaged or not a {kind} file ({reason}); copy it again") from error

@@ -133,6 +133,6 @@ def read_rig(path: Path, options: CameraOptions) -> Source:
     return cameras[0].changed(name=path.stem, others=tuple(cameras[1:]))
 
 
-def write_rig(path: Path, cameras: list[RigCamera]) -> None:
-    """Write a rig file."""
-    write_json(path, {"cameras": cameras})
+def write_rig(path: Path, cameras: list[RigCamera], deviations: Mapping[str, object] | None = None) -> None:
+    """Write a rig file, with the standard deviations of the places by camera if they are known."""
+    write_json(path, {"cameras": cameras} | ({"deviations": deviations} if deviations else {}))

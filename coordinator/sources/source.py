@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from common.camera import NOT_MOVED, Intrinsics
 from common.errors import InputError
@@ -123,6 +123,17 @@ def to_units(metres: NDArray[np.float64]) -> NDArray[np.uint16]:
     """Convert metres to units of 1 / `UNITS_PER_METRE`; 0 for no depth, or depth that is too large."""
     known = np.where((metres > 0.0) & (metres <= FARTHEST_M), metres, 0.0)
     return np.rint(known * UNITS_PER_METRE).astype(np.uint16)
+
+
+def downward(accelerations: Collection[ArrayLike]) -> NDArray[np.float64] | None:
+    """Direction of gravity (3,), unit vector, by an accelerometer's measurements (3,); None without any.
+
+    At rest, they are of the upward force.
+    """
+    if not len(accelerations):
+        return None
+    upward: NDArray[np.float64] = np.median(np.array(accelerations, dtype=np.float64), axis=0)
+    return -upward / np.linalg.norm(upward)
 
 
 def rate_of(seconds: Sequence[float]) -> float:

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image as Picture
 
-from common.camera import Intrinsics
 from common.errors import InputError
 from common.frame import DepthFrame
 from common.protocol.frames import decode_colour, decode_live
@@ -21,7 +19,14 @@ from coordinator.cli import main
 from coordinator.results.track import read_track
 from coordinator.sources import open_source
 from coordinator.sources.devices import device
-from coordinator.sources.devices.device import VENDORS, AttachedCamera, CameraLost, Image, explain_absence
+from coordinator.sources.devices.device import (
+    VENDORS,
+    AttachedCamera,
+    Camera,
+    CameraLost,
+    Shot,
+    explain_absence,
+)
 from coordinator.tracking.segmenter import Segmenter
 from tests.support.processes.programs import in_thread, wait_until
 from tests.support.stand_ins import CAMERA, StillWorkers, standing
@@ -134,34 +139,22 @@ def test_the_measured_gravity_gives_the_vertical() -> None:
     np.testing.assert_allclose(segmented.view.planes.up, -gravity, atol=1e-6)
 
 
-@dataclass
-class Loose:
+def loose() -> Camera:
     """A camera that is lost after two images, with numbers and a clock that start again."""
 
-    intrinsics: Intrinsics = CAMERA
-    depth_scale: float = 1000.0
-    mode: str = "loose"
-    images: int = 0
+    def shots() -> Generator[Shot]:
+        for n in range(2):
+            yield DepthFrame(40 + n, 9.0 + n / 30.0, DEPTH[0], 1000.0, CAMERA), None
+        raise CameraLost("no image comes")
 
-    def start(self) -> None:
-        """Start."""
-
-    def read(self) -> Image:
-        """The next image."""
-        self.images += 1
-        if self.images > 2:
-            raise CameraLost("no image comes")
-        return Image(40 + self.images, 9.0 + self.images / 30.0, DEPTH[0])
-
-    def close(self) -> None:
-        """Stop."""
+    return Camera("loose", shots())
 
 
 def test_a_camera_that_comes_back_is_picked_up(monkeypatch: pytest.MonkeyPatch) -> None:
     """Absent for two tries, then it goes on, with ascending numbers and times; nothing counts as dropped."""
-    openings: Iterator[Loose | None] = iter([Loose(), None, None, Loose(), Loose()])
+    openings: Iterator[Camera | None] = iter([loose(), None, None, loose(), loose()])
 
-    def reopen(*_: object, **__: object) -> Loose:
+    def reopen(*_: object, **__: object) -> Camera:
         if (opened := next(openings)) is None:
             raise InputError("no camera")
         return opened

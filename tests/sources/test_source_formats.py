@@ -255,9 +255,9 @@ def test_an_organised_cloud_that_no_pinhole_camera_sees_needs_a_camera(tmp_path:
 
 
 def test_info_says_what_a_sequence_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Format, frames, size, rate and range as JSON."""
+    """Format, frames, size, rate and range as JSON, and a picture."""
     path = write_tum(tmp_path / "walk", recorded())
-    assert main(["info", str(path), "--json"]) == 0
+    assert main(["info", str(path), "--json", "--picture", str(tmp_path / "x.png")]) == 0
     facts = json.loads(capsys.readouterr().out)
     seen = recorded()[recorded() > 0] / 1000.0
     assert (facts["format"], facts["frames"]) == ("TUM RGB-D folder (depth.txt)", FRAMES)

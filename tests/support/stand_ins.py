@@ -61,6 +61,10 @@ class StandIn(ABC):
         del spare, velocity
         return self.answer(Asked(model, poses, settings, covariance, subject))
 
+    def wait_for(self, lanes: int) -> None:
+        """They are there."""
+        del lanes
+
     def listen(self, key: str, on_message: Callable[[bytes], None]) -> None:
         """Do nothing."""
         del key, on_message

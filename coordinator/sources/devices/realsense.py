@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
+from collections import deque
+from collections.abc import Generator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyrealsense2 as rs
+from numpy.typing import ArrayLike, NDArray
 
 from common.camera import Intrinsics
 from common.errors import InputError
-from coordinator.sources.devices.device import SILENCE_MS, CameraLost, Gravity, Image
+from common.frame import DepthFrame
+from coordinator.sources.devices.device import AVERAGED, SILENCE_MS, Camera, CameraLost, Shot
 from coordinator.sources.lens import Lens
+from coordinator.sources.source import downward
 
 QUEUED = 8  # images and accelerations that wait
 POLL_MS = 100
-OVER = rs.playback_status.stopped
 
 
-def open_device(which: str, colour: bool) -> RealSense | None:
+def open_device(which: str, colour: bool) -> Camera | None:
     """Open a camera by its serial number, or any, or a recording; None if there is no such camera."""
     config = rs.config()
     if recorded := Path(which).suffix:
@@ -28,9 +32,9 @@ def open_device(which: str, colour: bool) -> RealSense | None:
     elif which:
         config.enable_device(which)
     pipeline = rs.pipeline(rs.context())
-    streams = [rs.stream.depth, *([rs.stream.color] if colour else [])]
-    for stream in streams:
-        config.enable_stream(stream)
+    config.enable_stream(rs.stream.depth)
+    if colour:
+        config.enable_stream(rs.stream.color)
     try:
         device = config.resolve(pipeline).get_device()
     except RuntimeError as error:
@@ -40,86 +44,67 @@ def open_device(which: str, colour: bool) -> RealSense | None:
     profiles = (p for sensor in device.query_sensors() for p in sensor.get_stream_profiles())
     if any(profile.stream_type() == rs.stream.accel for profile in profiles):
         config.enable_stream(rs.stream.accel)
-    return RealSense(pipeline, config)
+    profile = config.resolve(pipeline)
+    depth = profile.get_stream(rs.stream.depth).as_video_stream_profile()
+    name, number = map(device.get_info, (rs.camera_info.name, rs.camera_info.serial_number))
+    mode = f"{name} {number}, {depth.width()}x{depth.height()} at {depth.fps()} frames/s"
+    return Camera(mode, shots(pipeline, config, profile, lens_of(depth)))
 
 
-class RealSense:
-    """Implements Camera. Depth is stereo of rectified images, or its distortion is removed."""
+def lens_of(depth: Any) -> Lens:
+    """The lens of a stream of depth, which is stereo of rectified images or has distortion."""
+    lens = depth.get_intrinsics()
+    if any(lens.coeffs) and lens.model != rs.distortion.brown_conrady:
+        raise InputError(f"realsense: the lens model {lens.model} is unknown; choose a mode without it")
+    return Lens(Intrinsics(lens.width, lens.height, lens.fx, lens.fy, lens.ppx, lens.ppy), lens.coeffs)
 
-    def __init__(self, pipeline: Any, config: Any) -> None:
-        self._pipeline, self._config, self._started = pipeline, config, False
-        self._queue = rs.frame_queue(QUEUED, keep_frames=True)
-        profile = config.resolve(pipeline)
-        self._device = profile.get_device()
-        self._playback = self._device.as_playback() if self._device.is_playback() else None
-        self._depth = profile.get_stream(rs.stream.depth).as_video_stream_profile()
-        self._inertial = any(each.stream_type() == rs.stream.accel for each in profile.get_streams())
-        self._align = rs.align(rs.stream.depth)
-        self._last: int | None = None
-        self._gravity = Gravity()
-        lens = self._depth.get_intrinsics()
-        self.intrinsics = Intrinsics(lens.width, lens.height, lens.fx, lens.fy, lens.ppx, lens.ppy)
-        if any(lens.coeffs) and lens.model != rs.distortion.brown_conrady:
-            raise InputError(f"realsense: the lens model {lens.model} is unknown; choose a mode without it")
-        k1, k2, p1, p2, k3 = lens.coeffs
-        self._lens = Lens(self.intrinsics, (k1, k2, p1, p2, k3))
-        units_m = np.float32(self._device.first_depth_sensor().get_depth_scale())
-        self.depth_scale = 1.0 / float(str(units_m))
 
-    @property
-    def mode(self) -> str:
-        """Model, serial number, size and rate, for the user."""
-        name, number = (
-            self._device.get_info(fact) for fact in (rs.camera_info.name, rs.camera_info.serial_number)
-        )
-        gravity = ", gravity measured" if self._inertial else ""
-        depth = self._depth
-        return f"{name} {number}, {depth.width()}x{depth.height()} at {depth.fps()} frames/s{gravity}"
-
-    def start(self) -> None:
-        """Start the streams; CameraLost if that fails."""
-        try:
-            if self._playback is not None:  # else it may end before all streams have started
-                self._playback.pause()
-            self._pipeline.start(self._config, self._queue)
-            if self._playback is not None:
-                self._playback.resume()
-        except RuntimeError as error:
-            raise CameraLost(f"does not start ({error})") from error
-        self._started = True
-
-    def read(self) -> Image | None:
-        """Wait for the next image; None at the end of a recording, CameraLost without an image."""
-        waited_ms = 0
+def shots(pipeline: Any, config: Any, profile: Any, lens: Lens) -> Generator[Shot]:
+    """Start, yield the images as they come, and stop."""
+    device, last, waited_ms = profile.get_device(), -1, 0
+    accelerations = deque[ArrayLike](maxlen=AVERAGED)
+    inertial = any(each.stream_type() == rs.stream.accel for each in profile.get_streams())
+    scale = 1.0 / float(str(np.float32(device.first_depth_sensor().get_depth_scale())))
+    playback = device.as_playback() if device.is_playback() else None
+    queue, align = rs.frame_queue(QUEUED, keep_frames=True), rs.align(rs.stream.depth)
+    try:
+        if playback is not None:  # else it may end before all streams have started
+            playback.pause()
+        pipeline.start(config, queue)
+        if playback is not None:
+            playback.resume()
+    except RuntimeError as error:
+        raise CameraLost(f"does not start ({error})") from error
+    try:
         while waited_ms < SILENCE_MS:
-            there, frame = self._queue.try_wait_for_frame(POLL_MS)
+            there, image = queue.try_wait_for_frame(POLL_MS)
             if not there:
                 waited_ms += POLL_MS
-                if self._playback is not None and self._playback.current_status() == OVER:
-                    return None
-            elif frame.is_motion_frame():
-                at = frame.as_motion_frame().get_motion_data()
-                self._gravity.add((at.x, at.y, at.z))  # in the axes of the depth camera
-            elif not self._inertial or self._gravity.direction is not None:
-                image = self._image(frame)
-                if image.number != self._last:  # sets of frames repeat what is not new
-                    self._last = image.number
-                    return image
+                if playback is not None and playback.current_status() == rs.playback_status.stopped:
+                    return
+                continue
+            if image.is_motion_frame():
+                at = image.as_motion_frame().get_motion_data()
+                accelerations.append((at.x, at.y, at.z))  # in the axes of the depth camera
+            elif not inertial or accelerations:
+                depth, colour = parts(image, align)
+                number, time_s = depth.get_frame_number(), depth.get_timestamp() / 1000.0
+                if number != last:  # sets of frames repeat what is not new
+                    last, waited_ms = number, 0
+                    units = lens.undistort(np.array(depth.get_data(), dtype=np.uint16))
+                    gravity = downward(accelerations)
+                    yield DepthFrame(number, time_s, units, scale, lens.camera, gravity=gravity), colour
         raise CameraLost("no image comes; it may be unplugged")
+    finally:
+        pipeline.stop()
 
-    def close(self) -> None:
-        """Stop the streams."""
-        if self._started:
-            self._pipeline.stop()
 
-    def _image(self, frame: Any) -> Image:
-        depth, colour = frame, None
-        if frame.is_frameset():
-            frames = frame.as_frameset()
-            if frames.get_color_frame():
-                frames = self._align.process(frames)
-                colour = np.array(frames.get_color_frame().get_data())
-            depth = frames.get_depth_frame()
-        units = self._lens.undistort(np.array(depth.get_data(), dtype=np.uint16))
-        time_s = depth.get_timestamp() / 1000.0
-        return Image(depth.get_frame_number(), time_s, units, self._gravity.direction, colour)
+def parts(image: Any, align: Any) -> tuple[Any, NDArray[np.uint8] | None]:
+    """The depth image of a frame or a set of frames, and its registered colours, if there are any."""
+    if not image.is_frameset():
+        return image, None
+    frames, colour = image.as_frameset(), None
+    if frames.get_color_frame():
+        frames = align.process(frames)
+        colour = np.array(frames.get_color_frame().get_data())
+    return frames.get_depth_frame(), colour
