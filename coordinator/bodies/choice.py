@@ -9,7 +9,7 @@ from common.errors import InputError
 from coordinator.bodies.human.dofs import HUMAN, HUMAN_DOFS
 from coordinator.bodies.human.measures import DEVIATION, REFERENCE_STATURE, Measures
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human, human_of, person_of_size
-from coordinator.bodies.tracked import Bodies, OneBody
+from coordinator.bodies.tracked import Bodies, one_body
 from coordinator.files import read_numbers
 
 PERSON_SUFFIX = ".json"
@@ -50,12 +50,12 @@ def person(measures: Measures, active: tuple[str, ...] | None, preset: str) -> B
     """One person with known measures, with the surface of people of unknown size."""
     usual = USUAL[preset]
     chosen = choose_active(active, usual, HUMAN_DOFS)
-    return OneBody(human_of(measures), usual, chosen, (measures.stature, measures.girth))
+    return one_body(human_of(measures), usual, chosen, (measures.stature, measures.girth))
 
 
 def bodies_of(model: BodyModel, active: tuple[str, ...] | None) -> Bodies:
     """One body with all its degrees of freedom; all of them move by default."""
-    return OneBody(model, model.dof_names, choose_active(active, model.dof_names, model.dof_names))
+    return one_body(model, model.dof_names, choose_active(active, model.dof_names, model.dof_names))
 
 
 def load_body(model: str) -> BodyModel:

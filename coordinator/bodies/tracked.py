@@ -118,23 +118,13 @@ class Bodies:
         return activate(full, self.start_dofs, np.zeros(len(full.dof_names)))
 
 
-class OneBody(Bodies):
-    """A known body: a robot, an object, a person with known measures.
-
-    Args:
-        model: The body with all its degrees of freedom.
-        start_dofs: Degrees of freedom for detection.
-        active: Tracked degrees of freedom.
-        measures: Stature and girth of a person; None for other bodies.
-    """
-
-    def __init__(
-        self,
-        model: BodyModel,
-        start_dofs: tuple[str, ...],
-        active: tuple[str, ...],
-        measures: tuple[float, float] | None = None,
-    ) -> None:
-        super().__init__(lambda *_: model, start_dofs, active, measures or (np.nan, np.nan), model.dof_names)
-        self.people = measures is not None
-        self.content = model.hash
+def one_body(
+    model: BodyModel,
+    start_dofs: tuple[str, ...],
+    active: tuple[str, ...],
+    measures: tuple[float, float] | None = None,
+) -> Bodies:
+    """A known body with all its degrees of freedom: a robot, an object, or a person with known `measures`."""
+    bodies = Bodies(lambda *_: model, start_dofs, active, measures or (np.nan, np.nan), model.dof_names)
+    bodies.people, bodies.content = measures is not None, model.hash
+    return bodies

@@ -13,8 +13,6 @@ from common.body import BodyModel
 from common.frame import EMPTY, SubjectFrame
 from common.kinematics import pose_vertices
 from common.settings import SOFT_NOISE_RATIO, RefineSettings
-from coordinator.scene.flatness import FLAT_SHARE, find_flat
-from coordinator.scene.noise import USUAL_GROWTH
 from coordinator.tracking.observation import observed_points
 
 Array = NDArray[np.float64]
@@ -64,19 +62,13 @@ def gate_pose(log_likelihood: float, residual: float, settings: RefineSettings) 
 
 
 def reject_points(subject: SubjectFrame, stature: float) -> str:
-    """Why a subject cannot be a person of this stature; empty if it can."""
+    """Why a subject is too large or too small for a person of this stature; empty if it is not."""
     low, high = np.percentile(observed_points(subject), [1.0, 99.0], axis=0)
     span = float(np.max(high - low))
-    if not SPAN_SHARES[0] * stature <= span <= SPAN_SHARES[1] * stature:
-        size = f"{span:.1f} m" if span >= 1.0 else f"{100 * span:.0f} cm"
-        return f"the observed points extend over {size}, which is not a person: is depth_scale right?"
-    depth = subject.frame.metres()
-    flat = find_flat(depth, depth > 0.0, subject.frame.intrinsics, USUAL_GROWTH).share
-    return (
-        f"{100 * flat:.0f} % of the observed points lie in one plane: an object, not a person"
-        if flat > FLAT_SHARE
-        else ""
-    )
+    if SPAN_SHARES[0] * stature <= span <= SPAN_SHARES[1] * stature:
+        return ""
+    size = f"{span:.1f} m" if span >= 1.0 else f"{100 * span:.0f} cm"
+    return f"the observed points extend over {size}, which is not a person: is depth_scale right?"
 
 
 def reject_parts(model: BodyModel, pose: Array, subject: SubjectFrame, stature: float) -> str:

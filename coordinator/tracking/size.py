@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.body import BodyModel
+from common.camera import back_project
 from common.frame import HIDDEN, SubjectFrame
 from common.kinematics import joint_positions
 
@@ -101,11 +102,12 @@ def measure_stature(model: BodyModel, pose: Array, straight_m: float, subject: S
     )
     if upright <= UPRIGHT_SHARE or raised:  # a raised hand may be mistaken for the head
         return None
-    lengths = []
+    depth = subject.frame.metres().astype(np.float64)
+    points, lengths = back_project(depth, subject.frame.intrinsics)[depth > 0.0], []
     for foot in feet:
         between = float(np.linalg.norm(head - foot))
         up = (head - foot) / between
-        lengths.append(_find_end(subject, head, up) + between + _find_end(subject, foot, -up))
+        lengths.append(_find_end(subject, points, head, up) + between + _find_end(subject, points, foot, -up))
     length = max((each for each in lengths if np.isfinite(each)), default=None)
     return None if length is None else length / upright
 
@@ -117,10 +119,9 @@ def head_to_ankle(model: BodyModel) -> float:
     return max(float(np.linalg.norm(head - ankle)) for ankle in ankles)
 
 
-def _find_end(subject: SubjectFrame, joint: Array, outwards: Array) -> float:
-    """Length in metres of the person beyond a joint (3,); NaN if something hides the end."""
+def _find_end(subject: SubjectFrame, points: Array, joint: Array, outwards: Array) -> float:
+    """Length (m) of the person, shown by points (P, 3), beyond a joint (3,); NaN if the end is hidden."""
     camera = subject.frame.intrinsics
-    points = _points_near(subject, joint)
     offset = points - joint
     along = offset @ outwards
     aside = np.einsum("pi,pi->p", offset, offset) - along * along
@@ -133,24 +134,6 @@ def _find_end(subject: SubjectFrame, joint: Array, outwards: Array) -> float:
         return float("nan")
     beyond = joint + (end + 0.05) * outwards  # where the person would continue behind an occluder
     return float("nan") if _is_hidden(subject, beyond) else end
-
-
-def _points_near(subject: SubjectFrame, joint: Array) -> Array:
-    """All points (P, 3) of the subject in the square around a joint, camera frame, metres."""
-    frame, camera = subject.frame, subject.frame.intrinsics
-    x, y, z = joint
-    u, v = camera.cx + camera.fx * x / z, camera.cy + camera.fy * y / z
-    across, along = camera.fx * SEARCH_RADIUS_M / z, camera.fy * SEARCH_RADIUS_M / z
-    height, width = frame.depth.shape
-    top, bottom = np.clip([v - along, v + along + 1.0], 0, height).astype(int)
-    left, right = np.clip([u - across, u + across + 1.0], 0, width).astype(int)
-    depth = frame.depth[top:bottom, left:right]
-    rows, columns = np.nonzero(depth)
-    far = depth[rows, columns] / frame.depth_scale
-    return np.stack(
-        [(columns + left - camera.cx) / camera.fx * far, (rows + top - camera.cy) / camera.fy * far, far],
-        axis=1,
-    )
 
 
 def _is_hidden(subject: SubjectFrame, point: Array) -> bool:

@@ -13,7 +13,7 @@ from common.body import BodyModel
 from common.kinematics import joint_positions, pose_vertices
 from common.settings import preset
 from coordinator.bodies.human.template import human
-from coordinator.bodies.tracked import Bodies, OneBody, name_pose
+from coordinator.bodies.tracked import Bodies, name_pose, one_body
 from coordinator.bodies.urdf import read_urdf
 from coordinator.scene.planes import Planes
 from coordinator.tracking.detector import Candidates, Detection, Detector, Search
@@ -86,7 +86,7 @@ def test_a_person_is_detected_in_an_unusual_pose(values: dict[str, float]) -> No
 def test_any_other_body_is_detected_however_it_is_turned() -> None:
     """A bracket of a URDF file: its whole surface lies where it is shown."""
     model = read_urdf(BRACKET)
-    body = OneBody(model, model.dof_names, model.dof_names)
+    body = one_body(model, model.dof_names, model.dof_names)
     poses = draw_any(model, 3, np.random.default_rng(4))
     poses[:, 2] = 0.8
     for pose in poses:

@@ -74,16 +74,13 @@ def test_the_noise_of_the_depth_is_no_loss() -> None:
 
 
 def test_what_is_no_person_is_said() -> None:
-    """A board, and a wrong scale of the depth; a person is neither."""
+    """A person ten times as far and large: the scale of the depth is wrong."""
     frame, mask = Room().see((0.0, 2.6))
     person = replace(frame, depth=np.where(mask, frame.depth, np.uint16(0)))
-    board = replace(person, depth=np.where(mask, np.uint16(2600), np.uint16(0)))
-    far = replace(person, depth_scale=100.0)
-    subjects = [isolate(one, 10_000) for one in (person, board, far)]
+    subjects = [isolate(one, 10_000) for one in (person, replace(person, depth_scale=100.0))]
     said = [reject_points(one, 1.75) for one in subjects if one is not None]
     assert said[0] == ""
-    assert "one plane" in said[1]
-    assert "depth_scale" in said[2]
+    assert "depth_scale" in said[1]
 
 
 @pytest.mark.parametrize(

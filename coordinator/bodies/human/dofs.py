@@ -32,42 +32,9 @@ VERTEBRAE_UPWARD = tuple(
     f"{region}{n}" for region, count in (("vl", 5), ("vt", 12), ("vc", 7)) for n in range(count, 0, -1)
 )
 
-_LEG = (
-    "hip_flexion", "hip_abduct", "hip_twisting", "knee_flexion", "knee_twisting", "ankle_flexion",
-    "ankle_twisting", "subtalar_flexion", "midtarsal_twisting", "metatarsal_flexion",
-)  # fmt: skip
-_ARM = (
-    "sternoclavicular_abduct", "sternoclavicular_rotate", "acromioclavicular_abduct",
-    "acromioclavicular_rotate", "shoulder_flexion", "shoulder_abduct", "shoulder_twisting",
-    "elbow_flexion", "elbow_twisting", "wrist_flexion", "wrist_pivot", "wrist_twisting",
-)  # fmt: skip
-_FINGER = ("0_flexion", "1_flexion", "1_pivot", "1_twisting", "2_flexion", "3_flexion")
-_THUMB = ("1_flexion", "1_pivot", "1_twisting", "2_flexion", "3_flexion")
-_HAND = (*(f"{finger}{motion}" for finger in FINGERS for motion in _FINGER), *(f"thumb{m}" for m in _THUMB))
-_SPINE = tuple(
-    f"{bone}_{motion}"
-    for bone in ("skullbase", *reversed(VERTEBRAE_UPWARD))
-    for motion in ("roll", "torsion", "tilt")
-)
+_Ranges = dict[str, tuple[float, float]]  # degrees
 
-
-def _both_sides(names: tuple[str, ...]) -> list[str]:
-    return [f"{side}_{name}" for name in names for side in "lr"]
-
-
-JOINT_ANGLES: tuple[str, ...] = (
-    "sacroiliac_tilt", "sacroiliac_torsion", "sacroiliac_roll",
-    *_both_sides(_LEG), *_both_sides(_ARM), *_SPINE, *_both_sides(_HAND),
-)  # fmt: skip
-"""In the order of the standard's numbers, from 1."""
-
-HUMAN_DOFS = (*ROOT_DOFS, *JOINT_ANGLES)
-
-_TRUNK_RANGES = {"roll": (-45, 45), "torsion": (-50, 50), "tilt": (-35, 95)}
-_NECK_RANGES = {"roll": (-45, 45), "torsion": (-80, 80), "tilt": (-65, 65)}
-_SACROILIAC_RANGES = {"roll": (-20, 20), "torsion": (-20, 20), "tilt": (-30, 30)}
-
-_LIMB_RANGES = {
+_LIMB_RANGES: _Ranges = {
     "hip_flexion": (-30, 130),
     "hip_abduct": (-30, 60),
     "hip_twisting": (-50, 50),
@@ -92,7 +59,7 @@ _LIMB_RANGES = {
     "wrist_twisting": (-10, 10),
 }
 
-_FINGER_RANGES = {
+_FINGER_RANGES: _Ranges = {
     "0_flexion": (-5, 15),
     "1_flexion": (-30, 90),
     "1_pivot": (-20, 20),
@@ -101,13 +68,41 @@ _FINGER_RANGES = {
     "3_flexion": (-5, 85),
 }
 
-_THUMB_RANGES = {
+_THUMB_RANGES: _Ranges = {
     "1_flexion": (-30, 30),
     "1_pivot": (-20, 60),
     "1_twisting": (-20, 40),
     "2_flexion": (-10, 60),
     "3_flexion": (-15, 80),
 }
+
+_SACROILIAC_RANGES: _Ranges = {"tilt": (-30, 30), "torsion": (-20, 20), "roll": (-20, 20)}
+_NECK_RANGES: _Ranges = {"roll": (-45, 45), "torsion": (-80, 80), "tilt": (-65, 65)}
+_TRUNK_RANGES: _Ranges = {"roll": (-45, 45), "torsion": (-50, 50), "tilt": (-35, 95)}
+
+
+def _of_each(joints: tuple[str, ...], ranges: _Ranges) -> _Ranges:
+    return {f"{joint}{motion}": limits for joint in joints for motion, limits in ranges.items()}
+
+
+def _both_sides(ranges: _Ranges) -> _Ranges:
+    return {f"{side}_{name}": limits for name, limits in ranges.items() for side in "lr"}
+
+
+_NECK = ("skullbase_", *(f"{bone}_" for bone in reversed(VERTEBRAE_UPWARD) if bone.startswith("vc")))
+_TRUNK = tuple(f"{bone}_" for bone in reversed(VERTEBRAE_UPWARD) if not bone.startswith("vc"))
+_RANGES = {
+    **_of_each(("sacroiliac_",), _SACROILIAC_RANGES),
+    **_both_sides(_LIMB_RANGES),
+    **_of_each(_NECK, _NECK_RANGES),
+    **_of_each(_TRUNK, _TRUNK_RANGES),
+    **_both_sides({**_of_each(FINGERS, _FINGER_RANGES), **_of_each(("thumb",), _THUMB_RANGES)}),
+}
+
+JOINT_ANGLES = tuple(_RANGES)
+"""In the order of the standard's numbers, from 1."""
+
+HUMAN_DOFS = (*ROOT_DOFS, *JOINT_ANGLES)
 
 _REST_SPREADS = {"shoulder": 1.5, "elbow": 1.5, "hip": 0.625, "knee": 0.8125, "neck": 0.25}
 """Values other than 1, for a `pose_deviation` of 1.6 rad: arms are free, legs are mostly straight, and the
@@ -121,35 +116,11 @@ second.
 
 def rest_spread(dof: str) -> float:
     """Standard deviation of an angle in the rest prior, in units of `pose_deviation`."""
-    joint = _parts(dof)[1]
-    return _REST_SPREADS.get("neck" if _is_in_neck(joint) else joint, 1.0)
+    if dof.startswith(_NECK):
+        return _REST_SPREADS["neck"]
+    return _REST_SPREADS.get(dof.partition("_")[2].partition("_")[0], 1.0)
 
 
 def joint_range(dof: str) -> NDArray[np.float64]:
     """Lower and upper limit (2,) in radians, or in metres for the root; infinite if free."""
-    side, joint, motion = _parts(dof)
-    if joint == "root":
-        return np.array([-np.inf, np.inf])
-    if side:
-        return np.radians(_limb_degrees(joint, motion))
-    if joint == "sacroiliac":
-        return np.radians(_SACROILIAC_RANGES[motion])
-    return np.radians((_NECK_RANGES if _is_in_neck(joint) else _TRUNK_RANGES)[motion])
-
-
-def _parts(dof: str) -> tuple[str, str, str]:
-    """Side (empty for the middle), joint and motion in the name of a degree of freedom."""
-    side = dof[0] if dof.startswith(("l_", "r_")) else ""
-    joint, _, motion = dof.removeprefix(f"{side}_").partition("_")
-    return side, joint, motion
-
-
-def _is_in_neck(joint: str) -> bool:
-    return joint.startswith(("vc", "skull"))
-
-
-def _limb_degrees(joint: str, motion: str) -> tuple[int, int]:
-    if f"{joint}_{motion}" in _LIMB_RANGES:
-        return _LIMB_RANGES[f"{joint}_{motion}"]
-    finger, number = joint[:-1], joint[-1]
-    return (_THUMB_RANGES if finger == "thumb" else _FINGER_RANGES)[f"{number}_{motion}"]
+    return np.radians(_RANGES.get(dof, (-np.inf, np.inf)))
