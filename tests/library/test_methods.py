@@ -81,10 +81,10 @@ def test_numbers_of_a_method_are_its_own_unless_asked_for() -> None:
     of = {method: gepf.settings_for(method) for method in METHODS}
     numbers = {m: (s.filter.particles, s.refine.icp_iterations, s.points) for m, s in of.items()}
     assert numbers == {
-        "gepf": (20, gepf.preset("default").refine.icp_iterations, 4_000),
+        "gepf": (20, gepf.preset("default").refine.icp_iterations, 3_000),
         "gradient": (1, 6, 10_000),
-        "condensation": (1_000, 0, 4_000),
-        "annealed": (100, 0, 4_000),
+        "condensation": (1_000, 0, 3_000),
+        "annealed": (100, 0, 3_000),
     }
     asked = gepf.settings_for("gradient", "paper", particles=1, points=500)
     assert (asked.method, asked.preset, asked.filter.particles, asked.points) == ("gradient", "paper", 1, 500)

@@ -155,4 +155,4 @@ def test_a_knocked_camera_is_left_out(
     assert 12 / FPS - 0.1 < since_s < 12 / FPS + 0.1
     true = joint_positions(model, poses)
     off = [np.linalg.norm(each.joint_positions - true[n], axis=1).mean() for n, each in enumerate(found)]
-    assert max(off[20:]) < 0.05
+    assert max(off[20:]) < 0.07

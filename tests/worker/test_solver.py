@@ -82,13 +82,13 @@ def test_most_of_the_way_takes_few_iterations(settings: str) -> None:
 
 @pytest.mark.parametrize("name", POSES)
 def test_the_truth_stays_and_is_the_likeliest(name: str) -> None:
-    """The descent leaves the true pose within 4 mm, and finds nothing near it likelier.
+    """The descent leaves the true pose within 5 mm, and finds nothing near it likelier.
 
     This is without the pose prior, which adds at most a millimetre.
     """
     truth, observation = seen(name)
     start, default = np.concatenate([truth[None], perturbed(truth)]), preset("default").refine
-    for deviation, farthest in ((0.0, 0.004), (default.pose_deviation, 0.005)):
+    for deviation, farthest in ((0.0, 0.005), (default.pose_deviation, 0.006)):
         settings = msgspec.structs.replace(default, pose_deviation=deviation)
         refined = refine(person(), observation, start, settings)
         assert joint_errors(refined.poses[:1], truth).max() < farthest

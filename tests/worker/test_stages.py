@@ -86,8 +86,8 @@ def test_the_worker_sees_what_the_z_buffer_shows(name: str, frame: int) -> None:
     workspace.posed[:] = vertices[order]
     seen[order[visible_vertices(surface, workspace)]] = True
     shown, free, hidden = judge(vertices, scene)
-    assert free.sum() > 250
-    assert hidden.sum() > 450
+    assert free.mean() > 0.07
+    assert hidden.mean() > 0.14
     assert np.mean(seen == shown) > 0.95
     assert np.mean(seen[free]) > 0.99
     assert not np.any(seen & hidden)
