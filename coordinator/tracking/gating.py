@@ -24,9 +24,7 @@ LEAST_PIXELS = 150  # smallest number that can show a body
 SPAN_SHARES = (0.35, 1.6)  # extent of a person in a frame over stature; else the depth scale is wrong
 HEAD_DOWN_M = -0.2  # height of the head above the pelvis
 FLOOR_M = (-0.25, 0.6)  # height of the lowest joint above the floor
-SHOWN_SHARE = (
-    0.75  # least of head and of legs: real people have 0.79 or more, rendered ones 0.76, most things less
-)
+SHOWN_SHARE = 0.75  # least of head and of legs: real people have 0.79 or more, most things less
 AGREES_M = 0.06  # largest distance in depth between the body and what shows it
 CELL_SHARE = 0.018  # of stature: side of the cells into which the body is drawn; its vertices fill them
 CROSS = generate_binary_structure(2, 1)  # a cell and its four neighbours
