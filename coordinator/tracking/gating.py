@@ -26,7 +26,7 @@ HEAD_DOWN_M = -0.2  # height of the head above the pelvis
 FLOOR_M = (-0.25, 0.6)  # height of the lowest joint above the floor
 SHOWN_SHARE = 0.75  # least of head and of legs: real people have 0.79 or more, most things less
 AGREES_M = 0.06  # largest distance in depth between the body and what shows it
-CELL_SHARE = 0.018  # of stature: side of the cells into which the body is drawn; its vertices fill them
+CELL_SHARE = 0.018  # of stature: side of the cells that are drawn; vertices and triangles fill them
 CROSS = generate_binary_structure(2, 1)  # a cell and its four neighbours
 PARTS = {"head": ("head",), "legs": ("hip", "knee", "ankle")}  # and their joints
 UNEXPLAINED = "the body does not fit the observed points"
@@ -90,7 +90,7 @@ def reject_parts(model: BodyModel, pose: Array, subject: SubjectFrame, stature: 
 
 
 def compare(surface: Array, view: SubjectFrame, cell_m: float) -> tuple[Indices, NDArray[np.bool_]]:
-    """Some vertices (N,) of a surface (V, 3) that face a camera, and which of them agree with its image (N,).
+    """Some points (N,) of a surface (V, 3) that face a camera, and which of them agree with its image (N,).
 
     They are the nearest ones of each cell of the body's image, without the cells at its outline, which noise
     and clothes move. Anything agrees with pixels that are hidden, unmeasured or outside of the image.
