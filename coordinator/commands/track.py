@@ -149,6 +149,7 @@ def track_frames(
         if given.live is not None:
             make().prepare()  # so that no frame waits for it, nor for the first worker
             workers.wait_for(1)
+            gc.freeze()  # garbage collection of the loaded modules would take 0.1 s each time
         try:
             for frames in streams:
                 for tracked in make().follow(frames, live=given.live):
@@ -159,7 +160,7 @@ def track_frames(
                     recorder.append(tracked, workers.statistics, rate.seconds)
                     advance(recorder.frames, given.total, given.describe(tracked, rate))
                     if recorder.frames == before + 2:
-                        gc.freeze()  # garbage collection of the loaded modules would take 0.1 s each time
+                        gc.freeze()
         except SilentWorkers:
             goes_on = given.total is not None and recorder.frames > before
             if not goes_on:
