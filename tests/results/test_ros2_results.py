@@ -22,9 +22,8 @@ from coordinator.results.ros2_results import RosOutlet
 from coordinator.results.track import read_track
 from coordinator.sources.ros2 import Node
 from tests.results.test_live_results import estimate, nobody
-from tests.sources.test_live import AT_TWO_METRES, Finder, at_work, plate
-from tests.sources.test_live import image as plate_image
 from tests.support.bodies import person
+from tests.support.live import AT_TWO_METRES, at_work, plate_image, tracking
 from tests.support.processes.programs import in_thread, wait_until
 
 TOPICS = {
@@ -148,12 +147,9 @@ def test_a_robot_has_its_images_tracked(robot: Peer, tmp_path: Path) -> None:
                 return
 
     robot.heard["/tf"].clear()
-
-    options = {"--connect": router, "--publish": "ros2:/gepf", "--particles": 20, **plate(tmp_path)}
-    options |= {"--out": tmp_path / "run", "--workers": 0, "--idle-timeout": 3}
-    given = (str(part) for pair in options.items() for part in pair)
-    with at_work(router, Finder()), in_thread(show):
-        assert main(["track", f"ros2:{DEPTH}", "--no-pictures", *given]) == 0
+    options = {"connect": router, "publish": "ros2:/gepf", "particles": 20, "idle_timeout": 3}
+    with at_work(router), in_thread(show):
+        assert main(tracking(f"ros2:{DEPTH}", tmp_path / "run", "--no-pictures", **options)) == 0
     track = read_track(tmp_path / "run")
     assert len(track.frame) > 4
     for each in robot.heard["/tf"]:
