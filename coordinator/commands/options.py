@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from common.transport.session import Security
 
 
-
 def option(metavar: str, text: str, *names: str, default: Any = None, panel: str = "", **limits: Any) -> Any:
     """A field with an option: the name of its value, its help, its names if they differ from the field's."""
     shown = typer.Option(*names, metavar=metavar or None, help=text, rich_help_panel=panel or None, **limits)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,13 +34,7 @@ class Candidates:
 
     def take(self, some: Indices) -> Candidates:
         """The candidates with these indices, in this order."""
-        return Candidates(
-            self.poses[some],
-            self.sizes[some],
-            self.log_likelihood[some],
-            self.residual[some],
-            self.joints[some],
-        )
+        return Candidates(*(getattr(self, each.name)[some] for each in fields(self)))
 
     def distinct(self, names: tuple[str, ...], count: int) -> Candidates:
         """Up to `count` distinct candidates, and the best that faces the other way, if none of them does."""
@@ -79,13 +73,8 @@ def candidates_of(model: BodyModel, refined: Refined, size: int) -> Candidates:
 
 def ordered(parts: Sequence[Candidates]) -> Candidates:
     """All candidates with a finite likelihood, the most likely first."""
-    whole = Candidates(
-        np.concatenate([part.poses for part in parts]),
-        np.concatenate([part.sizes for part in parts]),
-        np.concatenate([part.log_likelihood for part in parts]),
-        np.concatenate([part.residual for part in parts]),
-        np.concatenate([part.joints for part in parts]),
-    )
+    columns = ([getattr(part, each.name) for part in parts] for each in fields(Candidates))
+    whole = Candidates(*map(np.concatenate, columns))
     order = np.argsort(-whole.log_likelihood, kind="stable")
     return whole.take(order[np.isfinite(whole.log_likelihood[order])])
 

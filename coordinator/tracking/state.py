@@ -106,14 +106,9 @@ def read_start(path: Path, dof_names: Collection[str], remedy: str = "") -> dict
     """Values by name; missing values are zero. InputError for a name that the model does not have."""
     values = read_numbers(path, "give --init a file, or auto", "degree of freedom: number")
     for name in values:
-        require_known(name, dof_names, str(path), remedy)
+        if name not in dof_names:
+            raise InputError(f"{path}: {unknown_dof(name, dof_names)}{remedy}")
     return values
-
-
-def require_known(name: str, dof_names: Collection[str], where: str, remedy: str = "") -> None:
-    """InputError unless a body has this degree of freedom."""
-    if name not in dof_names:
-        raise InputError(f"{where}: {unknown_dof(name, dof_names)}{remedy}")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -86,10 +86,6 @@ class Tracker:
         return len(self._targets)
 
     @property
-    def _any_is_tracked(self) -> bool:
-        return any(target.is_tracked for target in self._targets)
-
-    @property
     def states(self) -> list[TrackerState]:
         """Everything that the next frame depends on, one state per person."""
         return [target.state for target in self._targets]
@@ -124,7 +120,8 @@ class Tracker:
                 if unreported:
                     tracked, unreported = [report(each) for each in unreported], []
                     yield tracked
-                if look_ahead or (live is not None and live.is_ready and self._any_is_tracked):
+                waits = live is not None and live.is_ready and any(each.is_tracked for each in self._targets)
+                if look_ahead or waits:
                     self._send_ahead(upcoming)
                     self._search(wait=False)
                 pairs = zip(self._targets, submitted, strict=True)
