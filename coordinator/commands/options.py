@@ -255,10 +255,7 @@ class PublishOptions:
     rate: float | None = option("FPS", "Frames per second (default: as recorded).")
     frames: str | None = input_option("A:B", FRAMES)
     color: bool = option(
-        "",
-        "Publish a camera's colour images, registered to depth, on KEY/color.",
-        "--color",
-        default=False,
+        "", "Publish a camera's colour images, registered to depth, on KEY/color.", "--color", default=False
     )
     listen: str | None = option("ENDPOINT", "Let trackers connect, e.g. tcp/127.0.0.1:7448.")
     connect: str | None = option("ENDPOINT", OTHER_SIDE)

@@ -27,15 +27,7 @@ from common.protocol.messages import (
 from common.protocol.models import decode_model, encode_model
 from examples import live_publisher
 from tests.support.asked import sure
-from tests.support.messages import (
-    COUNT,
-    DOFS,
-    KINDS,
-    POSES,
-    tiny_refined,
-    tiny_request,
-    tiny_sure,
-)
+from tests.support.messages import COUNT, DOFS, KINDS, POSES, tiny_refined, tiny_request, tiny_sure
 from worker.warm_up import tiny_frame, tiny_model
 
 NAMES = {"sure-reply": "reply"}  # of messages on the wire, where that is not the name of the case

@@ -16,11 +16,7 @@ from common.body import ROTATION, TRANSLATION
 from common.kinematics import difference
 from common.refinement import Refined
 from common.settings import FilterSettings, preset
-from coordinator.filters.belief import (
-    choose_reported,
-    draw_ancestors,
-    normalise,
-)
+from coordinator.filters.belief import choose_reported, draw_ancestors, normalise
 from coordinator.filters.exploration import choose_count, choose_kinds
 from coordinator.filters.gradient_enhanced import Hypotheses, begin, propose
 from coordinator.filters.merging import estimate_covariances, merge_by_angle

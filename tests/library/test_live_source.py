@@ -35,9 +35,7 @@ def test_a_tracker_follows_live_input_to_its_end(endpoint: str, tmp_path: Path) 
     With one particle, time does not change the results.
     """
     settings = msgspec.structs.replace(
-        SETTINGS,
-        pace_iterations=0.0,
-        filter=msgspec.structs.replace(SETTINGS.filter, particles=1),
+        SETTINGS, pace_iterations=0.0, filter=msgspec.structs.replace(SETTINGS.filter, particles=1)
     )
     frames = shown("standing").frames[:3]
     done = threading.Semaphore(0)
