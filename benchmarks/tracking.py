@@ -57,10 +57,7 @@ def prepare() -> Bodies:
 
 
 def track(
-    recording: Recording,
-    settings: Settings | None,
-    every: int = 1,
-    frames: int | None = None,
+    recording: Recording, settings: Settings | None, every: int = 1, frames: int | None = None
 ) -> Outcome:
     """Track every n-th frame, at most `frames`; without settings, keep the first reference pose."""
     read = read_frames(recording)

@@ -89,6 +89,11 @@ class BodyModel:
         single.setflags(write=False)
         return single
 
+    def joints_of(self, kind: int) -> tuple[str, ...]:
+        """Degrees of freedom of a kind, ROTATION or TRANSLATION, without the root."""
+        kinds = zip(self.dof_names, self.kinds, strict=True)
+        return tuple(name for name, each in kinds if each == kind and name not in ROOT_DOFS)
+
     def dof(self, name: str) -> int:
         """Index of a degree of freedom; InputError if the name is unknown."""
         if name not in self.dof_names:

@@ -29,7 +29,6 @@ NUMBER, SINCE = "frame", "time"  # timelines: number of the frame, seconds since
 
 SURFACE_COLOUR = (*MODEL_COLOUR, 150)  # transparent, so that the points are visible
 DOUBT_COLOUR = to_rgb(STATUS["ambiguous"])
-LIVE_CURVES_S = 10.0  # of live curves
 THICKEST_M = 0.006  # radius of lines
 LARGEST_RESIDUAL_M = 0.1  # end of the colour scale
 
@@ -41,7 +40,7 @@ def layout(middle: Array | None = None, up: Array | None = None, *, live: bool =
     Live frames are shown as they come.
     """
     now = rrb.TimeRangeBoundary.cursor_relative
-    shown = rrb.VisibleTimeRange(SINCE, start=now(seconds=-LIVE_CURVES_S), end=now()) if live else None
+    shown = rrb.VisibleTimeRange(SINCE, start=now(seconds=-10.0), end=now()) if live else None
     named = {"/angles": "joint angles", "/root": "root", "/quality": "residual and hypotheses"}
     curves = rrb.Tabs(
         *(rrb.TimeSeriesView(origin=o, name=name, time_ranges=shown) for o, name in named.items())

@@ -38,10 +38,7 @@ Name = Annotated[
     str | None,
     typer.Option(metavar="NAME", help="Unique name of the worker (default: from its certificate)."),
 ]
-TlsCa = Annotated[
-    Path | None,
-    typer.Option("--tls-ca", metavar="FILE", help="Certificate of the authority."),
-]
+TlsCa = Annotated[Path | None, typer.Option("--tls-ca", metavar="FILE", help="Certificate of the authority.")]
 TlsCert = Annotated[
     Path | None, typer.Option("--tls-cert", metavar="FILE", help="This worker's certificate.")
 ]

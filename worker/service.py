@@ -36,7 +36,6 @@ from common.transport.bus import Bus
 from common.transport.channels import IncomingRequest
 from worker.memory import Memory
 
-LOW_PRIORITY = 10  # as of `nice`: a tenth of a core if others want all of it
 LOOK_S = 0.2  # between checks for the end, if no signal interrupts the wait for a request
 SILENCE_S = 10.0  # without a request before the coordinator is checked
 
@@ -115,7 +114,8 @@ class Service:
     def _serve_spare(self) -> None:
         """Serve spare requests until `run` ends. Threads that are started from here have its priority."""
         if sys.platform == "linux":  # elsewhere, a priority is that of the process
-            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), LOW_PRIORITY)
+            # a tenth of a core if others want all of it
+            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), 10)
         while not self._stopped:
             with suppress(Empty):
                 self._spare_tasks.get(timeout=LOOK_S).do()

@@ -5,13 +5,7 @@
 Functions of a `BodyModel` are imported from here, compiled kernels from their modules.
 """
 
-from common.kinematics.chain import (
-    dof_transforms,
-    joint_positions,
-    link_transforms,
-    pose_vertices,
-    step_axes,
-)
+from common.kinematics.chain import dof_transforms, joint_positions, link_transforms, pose_vertices, step_axes
 from common.kinematics.manifold import difference, natural_angles, retract, within_limits
 
 __all__ = [

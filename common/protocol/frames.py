@@ -14,17 +14,7 @@ from common.bounds import LARGEST, MAX_CAMERAS, MAX_PIXELS, SMALLEST
 from common.camera import Intrinsics
 from common.errors import ProtocolError
 from common.frame import SUBJECT, UNMEASURED, DepthFrame, SubjectFrame
-from common.protocol.wire import (
-    LIVE,
-    Array,
-    Message,
-    Natural,
-    check,
-    decode,
-    encode,
-    pack,
-    unpack,
-)
+from common.protocol.wire import LIVE, Array, Message, Natural, check, decode, encode, pack, unpack
 
 ROUNDED = 1e-3  # error of a rotation matrix of a few digits
 Pixel = Annotated[int, msgspec.Meta(gt=-(2**31), lt=2**31)]

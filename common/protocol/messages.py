@@ -21,17 +21,7 @@ from common.bounds import (
 )
 from common.errors import ProtocolError
 from common.protocol.keys import NAME
-from common.protocol.wire import (
-    Array,
-    Hash,
-    Message,
-    Natural,
-    check,
-    decode,
-    encode,
-    pack,
-    unpack,
-)
+from common.protocol.wire import Array, Hash, Message, Natural, check, decode, encode, pack, unpack
 from common.refinement import Refined, triangle_size
 from common.settings import RefineSettings
 

@@ -20,9 +20,7 @@ from common.transport.credentials import Credentials
 
 LEASE_MS = 1_000  # a peer that is silent for this time is disconnected
 RETRY_MS = (100, 1_000)  # between attempts to connect, first and longest
-SHARED_MEMORY_BYTES = (
-    4 * 2**20
-)  # for frames to programs of this host: half of what other users than root may lock
+SHARED_MEMORY_BYTES = 4 * 2**20  # for frames on this host: half of what users but root may lock
 COORDINATOR = "coordinator"
 ROUTER = "router"
 IN, OUT = "ingress", "egress"

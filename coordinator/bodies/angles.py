@@ -223,9 +223,13 @@ class Angles:
 
     def _in_names(self, joint: SphericalJoint, swing: Array, twist: Array) -> Array:
         """Forward, sideways and twist angles (N, 3) of one joint."""
-        if joint.upward:
-            return in_heading(swing, twist) if joint.dofs[0].name in ROOT_DOFS else upward(swing, twist)
-        return np.stack([-swing[:, 0], -swing[:, 1], twist], axis=1)
+        x, z = swing.T
+        if not joint.upward:
+            return np.stack([-x, -z, twist], axis=1)
+        if joint.dofs[0].name in ROOT_DOFS:  # in the axes of the body after its turn
+            c, s = np.cos(twist), np.sin(twist)
+            x, z = c * x - s * z, s * x + c * z
+        return np.stack([x, -z, -twist], axis=1)
 
     def turned(self, joints: Sequence[SphericalJoint], poses: Array) -> Array:
         """Quaternions (N, J, 4), x to w, of the moving segments in their carriers, from the vertical on.
@@ -254,18 +258,6 @@ class Angles:
         return np.full(len(poses), self.held.get(dof, 0.0))
 
 
-def upward(swing: Array, twist: Array) -> Array:
-    """Angles (N, 3) forward, to the right, to the left, of an upright segment."""
-    return np.stack([swing[:, 0], -swing[:, 1], -twist], axis=1)
-
-
-def in_heading(swing: Array, twist: Array) -> Array:
-    """The angles with the swing in the axes of a body after its turn."""
-    c, s = np.cos(twist), np.sin(twist)
-    x, z = swing.T
-    return upward(np.stack([c * x - s * z, s * x + c * z], axis=1), twist)
-
-
 def angles_of(model: BodyModel, held: Mapping[str, float] | None = None, up: Array | None = None) -> Angles:
     """The angles of a tracked body: anatomical ones of a person, joint values of other bodies.
 
@@ -274,13 +266,8 @@ def angles_of(model: BodyModel, held: Mapping[str, float] | None = None, up: Arr
     """
     if is_person(model.dof_names):
         return person_angles(model.dof_names, held or {}, up)
-    turning = [
-        name
-        for name, kind in zip(model.dof_names, model.kinds, strict=True)
-        if kind == ROTATION and name not in ROOT_DOFS
-    ]
     base = (whole_body("base"),) if set(ROOT_DOFS[3:]) & set(model.dof_names) else ()
-    revolute = tuple(RevoluteJoint(name, name) for name in turning)
+    revolute = tuple(RevoluteJoint(name, name) for name in model.joints_of(ROTATION))
     return Angles(model.dof_names, base, revolute, held or {}, level_turn(up))
 
 

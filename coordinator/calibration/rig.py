@@ -26,7 +26,6 @@ from coordinator.tracking.tracker import Tracker
 
 Array = NDArray[np.float64]
 
-ROUNDS = 4  # of tracking and placing
 SETTLED = np.repeat([np.radians(0.05), 0.001, 0.0005], (3, 3, 1))  # a smaller step ends the rounds
 POINTS = 300  # of a camera in a frame
 MISFIT_M = 0.09  # largest mean residual of joints of the same person
@@ -71,7 +70,7 @@ def calibrate(
         aligned.append(require(name, names[0], align(motions[0], each)))
     placed = np.array([each.placed for each in aligned])
     offsets = np.array([each.offset_s for each in aligned])
-    for n in range(ROUNDS):
+    for n in range(4):
         report(f"tracking with all cameras, round {n + 1}")
         views = [
             source.changed(camera=name, T_rig_camera=place, offset_s=float(offset))

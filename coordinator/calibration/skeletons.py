@@ -17,9 +17,7 @@ from coordinator.tracking.estimate import UNKNOWN, Estimate
 Array = NDArray[np.float64]
 
 STEP_S = 1.0 / 60.0  # between the offsets that are tried
-LEAST_OVERLAP_S = 1.0  # of the two recordings, and half of the shorter one
 OUTLIER_M = 0.1  # scale of the robust kernel
-REWEIGHTED = 4  # times
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,7 +65,7 @@ def motion_of(estimates: list[Estimate]) -> Motion:
 def align(first: Motion, other: Motion) -> Alignment | None:
     """Align the joints of another camera with those of the first; None if they have too little in common."""
     length = min(np.ptp(first.time_s), np.ptp(other.time_s))
-    least = max(LEAST_OVERLAP_S, 0.5 * length)
+    least = max(1.0, 0.5 * length)  # seconds
     earliest = first.time_s[0] + least - other.time_s[-1]
     latest = first.time_s[-1] - least - other.time_s[0]
     offsets = np.arange(earliest, latest + STEP_S, STEP_S).tolist()
@@ -90,7 +88,7 @@ def fit_at(first: Motion, other: Motion, offset_s: float) -> Alignment | None:
     if np.count_nonzero(weights) < joints.shape[1]:
         return None
     here, there, robust = first.joints.reshape(-1, 3), joints.reshape(-1, 3), np.ones_like(weights)
-    for _ in range(REWEIGHTED):
+    for _ in range(4):
         placed = rigid_fit(there, here, weights * robust)
         squares = np.sum((moved(there, placed) - here) ** 2, axis=1)
         robust = (OUTLIER_M**2 / (OUTLIER_M**2 + squares)) ** 2

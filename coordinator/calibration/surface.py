@@ -30,7 +30,6 @@ OUTLIER_M = 0.03  # scale of the robust kernel
 FARTHEST_M = 0.15  # from the surface
 STEPS = 4  # of Gauss-Newton, with new closest points
 UNKNOWNS = 7  # of a camera
-LEAST_BLOCKS = 2
 SHAPE_M = 0.005  # deviation of the distance of the surfaces from side to side (`dance`, `turn`, one camera)
 BLOCK_S = 0.5  # longer than errors of the pose are alike
 
@@ -113,7 +112,7 @@ def place(sights: Sequence[Sight], placed: Array, *, shape_known: bool = False) 
             np.add.at(grams[block], places, weighted[:, :, None] * jacobian[:, None, :])
             np.add.at(slopes[block], (of_links[:, None], own), weighted * residuals[:, None])
         gram, slope = grams.sum(axis=(0, 1)), slopes.sum(axis=(0, 1))
-        if np.linalg.matrix_rank(gram, hermitian=True) < total or len(slopes) < LEAST_BLOCKS:
+        if np.linalg.matrix_rank(gram, hermitian=True) < total or len(slopes) < 2:
             return None
         move = -np.linalg.solve(gram[:free, :free], slope[:free])
         values[:free] += move

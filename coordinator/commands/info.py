@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 
-SAMPLED = 10  # frames, evenly distributed, for the range of depth
 LOOKED_AT = 60  # first frames, in which a person is searched for
 PROMISING = 0.25  # score above which a candidate is probably a person
 
@@ -191,8 +190,8 @@ def describe(form: Format, source: Source) -> dict[str, object]:
 
 
 def depth_range(source: Source) -> tuple[float | None, float | None]:
-    """Nearest and farthest depth in metres; None without depth."""
-    chosen = np.unique(np.linspace(0, len(source) - 1, SAMPLED).astype(int)).tolist()
+    """Nearest and farthest depth in metres of ten frames; None without depth."""
+    chosen = np.unique(np.linspace(0, len(source) - 1, 10).astype(int)).tolist()
     depths = [source.frame(source.numbers[n]).metres() for n in chosen]
     seen = np.concatenate([depth[depth > 0] for depth in depths])
     return (round(float(seen.min()), 4), round(float(seen.max()), 4)) if len(seen) else (None, None)

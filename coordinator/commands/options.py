@@ -20,8 +20,6 @@ from common.errors import InputError
 if TYPE_CHECKING:
     from common.transport.session import Security
 
-REQUIRED = MISSING
-
 
 def option(metavar: str, text: str, *names: str, default: Any = None, panel: str = "", **limits: Any) -> Any:
     """A field with an option: the name of its value, its help, its names if they differ from the field's."""
@@ -29,7 +27,7 @@ def option(metavar: str, text: str, *names: str, default: Any = None, panel: str
     return field(default=default, metadata={"typer": shown})
 
 
-def argument(metavar: str, text: str, default: Any = REQUIRED) -> Any:
+def argument(metavar: str, text: str, default: Any = MISSING) -> Any:
     """A field with an argument: the name of its value, and its help."""
     return field(default=default, metadata={"typer": typer.Argument(metavar=metavar, help=text)})
 
@@ -172,7 +170,7 @@ class TrackOptions:
     worker_timeout: float | None = worker_option(
         "SECONDS", "Stop after this time without any worker (default: wait)."
     )
-    out: Path = output_option("DIR", "New folder for the results.", default=REQUIRED)
+    out: Path = output_option("DIR", "New folder for the results.", default=MISSING)
     resume: bool = output_option("", "Continue the run in --out, if there is one.", "--resume", default=False)
     pictures: bool = output_option(
         "",
@@ -208,7 +206,7 @@ class CalibrateOptions:
     """Options of `gepf calibrate`."""
 
     sequences: list[Path] = argument("A B [C ...]", "A recording of each camera, at the same time.")
-    out: Path = option("FILE.json", "Rig to write.", default=REQUIRED)
+    out: Path = option("FILE.json", "Rig to write.", default=MISSING)
     given: Path | None = option("FILE|DIR", "Places from Kalibr, ROS or 4 x 4 matrices instead.", "--from")
     force: bool = option("", FORCE, "--force", default=False)
 
@@ -218,7 +216,7 @@ class SynthOptions:
     """All options of `gepf synth`."""
 
     scene: str = argument("SCENE", "arm, turn, person, two, or roam with --model.")
-    out: Path = option("SEQ", "New folder for the sequence.", default=REQUIRED)
+    out: Path = option("SEQ", "New folder for the sequence.", default=MISSING)
     frames: int | None = option("N", "Only the first N frames.")
     noise_depth: float | None = option("M", "Standard deviation of the noise in depth (default: none).")
     noise_lateral: float | None = option("M", "Lateral noise.")
@@ -242,7 +240,7 @@ class DofsOptions:
 class ShowOptions(DofsOptions):
     """Options of `gepf model show`."""
 
-    out: Path = option("FILE.png", "Picture to write.", default=REQUIRED)
+    out: Path = option("FILE.png", "Picture to write.", default=MISSING)
     force: bool = option("", FORCE, "--force", default=False)
 
 
@@ -253,14 +251,11 @@ class PublishOptions:
     sequence: Path = argument(
         "SEQ|CAMERA", "Recorded depth, or realsense:[SERIAL|FILE], orbbec: or azure-kinect:."
     )
-    key: str = option("KEY", "Key to publish on, e.g. camera/depth.", default=REQUIRED)
+    key: str = option("KEY", "Key to publish on, e.g. camera/depth.", default=MISSING)
     rate: float | None = option("FPS", "Frames per second (default: as recorded).")
     frames: str | None = input_option("A:B", FRAMES)
     color: bool = option(
-        "",
-        "Publish a camera's colour images, registered to depth, on KEY/color.",
-        "--color",
-        default=False,
+        "", "Publish a camera's colour images, registered to depth, on KEY/color.", "--color", default=False
     )
     listen: str | None = option("ENDPOINT", "Let trackers connect, e.g. tcp/127.0.0.1:7448.")
     connect: str | None = option("ENDPOINT", OTHER_SIDE)
@@ -270,7 +265,7 @@ class PublishOptions:
 class CertificatesOptions:
     """Options of `gepf certificates`."""
 
-    out: Path = option("DIR", "Folder; valid certificates in it are kept.", default=REQUIRED)
+    out: Path = option("DIR", "Folder; valid certificates in it are kept.", default=MISSING)
     workers: str = option("N|NAME,...", "Their number (worker-0, ...) or their names.", default="1")
     hosts: str = option("HOST,...", "Other hosts where a coordinator or router listens.", default="")
     days: int = option("N", "Days of validity.", default=30, min=1)
@@ -281,7 +276,7 @@ class CertificatesOptions:
 class RouterOptions:
     """Options of `gepf router` without security."""
 
-    listen: str = option("ENDPOINT", "Where to listen, e.g. tls/0.0.0.0:7447.", default=REQUIRED)
+    listen: str = option("ENDPOINT", "Where to listen, e.g. tls/0.0.0.0:7447.", default=MISSING)
     connect: str | None = option("ENDPOINT", "Another router to join.")
 
 
@@ -299,8 +294,8 @@ class ExportOptions:
     """Options of `gepf export`."""
 
     run: Path = argument("DIR", RUN)
-    form: str = option("FORMAT", "csv, mot, c3d, trc, bvh, glb, gltf or json.", "--to", default=REQUIRED)
-    out: Path = option("FILE", "File to write.", default=REQUIRED)
+    form: str = option("FORMAT", "csv, mot, c3d, trc, bvh, glb, gltf or json.", "--to", default=MISSING)
+    out: Path = option("FILE", "File to write.", default=MISSING)
     smooth: float | None = option("HZ", "Low pass without delay, e.g. 6 (default: as tracked).")
     force: bool = option("", FORCE, "--force", default=False)
 

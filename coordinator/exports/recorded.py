@@ -9,14 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.camera import level_from_camera
-from coordinator.results.track import (
-    Track,
-    TrackedBody,
-    emptied,
-    filled,
-    read_track,
-    read_tracked_body,
-)
+from coordinator.results.track import Track, TrackedBody, emptied, filled, read_track, read_tracked_body
 from coordinator.sources.camera import DEFAULT_FPS
 
 CAMERA_TO_Y_UP = np.diag([1.0, -1.0, -1.0])

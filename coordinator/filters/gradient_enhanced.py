@@ -21,11 +21,7 @@ from common.refinement import Refined, lower_triangular
 from common.settings import FilterSettings
 from coordinator.filters.belief import Belief, Observation, Proposal, choose_reported, draw_ancestors
 from coordinator.filters.exploration import choose_count, choose_kinds, explain, propose_limbs
-from coordinator.filters.merging import (
-    estimate_covariances,
-    merge_by_angle,
-    merge_by_covariance,
-)
+from coordinator.filters.merging import estimate_covariances, merge_by_angle, merge_by_covariance
 from coordinator.filters.motion import draw_noise, fuse_with_prediction
 
 Array = NDArray[np.float64]

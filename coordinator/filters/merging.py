@@ -59,10 +59,7 @@ def are_within(root: Array, steps: Array, squared: float) -> NDArray[np.bool_]:
 
 
 def merge(
-    model: BodyModel,
-    poses: Array,
-    log_likelihood: Array,
-    is_near: Callable[[int, Array], NDArray[np.bool_]],
+    model: BodyModel, poses: Array, log_likelihood: Array, is_near: Callable[[int, Array], NDArray[np.bool_]]
 ) -> tuple[Indices, Indices]:
     """Group refined particles (N, D): each joins the most likely near particle, or starts a group.
 

@@ -79,19 +79,14 @@ class Curve:
         axes.plot(time_s, self.reported, color=REPORTED, label="reported")
         if self.true is not None and np.isfinite(self.true).any():
             axes.plot(time_s, self.true, "--", color=TRUE, label="truth")
-        shade_status(axes, track)
+        half = 0.5 * float(np.median(np.diff(track.time_s))) if len(track.time_s) > 1 else 0.5
+        for status, first, last in track.stretches():
+            if status != "tracked":
+                ends = track.time_s[first] - half, track.time_s[last] + half
+                axes.axvspan(*ends, color=STATUS[status], alpha=FAINT, linewidth=0)
         axes.set(title=self.name.replace("_", " "))
         axes.yaxis.set_major_formatter(f"{{x:g}}{self.unit}")
         axes.margins(x=0)
-
-
-def shade_status(axes: Axes, track: Track) -> None:
-    """Colour the background of frames that are not `tracked`."""
-    half = 0.5 * float(np.median(np.diff(track.time_s))) if len(track.time_s) > 1 else 0.5
-    for status, first, last in track.stretches():
-        if status != "tracked":
-            ends = track.time_s[first] - half, track.time_s[last] + half
-            axes.axvspan(*ends, color=STATUS[status], alpha=FAINT, linewidth=0)
 
 
 def angle_curves(track: Track, names: Iterable[str]) -> list[Curve]:

@@ -85,13 +85,7 @@ class Scheduler:
         self._answered_at = -math.inf  # by any worker
 
     def start(
-        self,
-        refinement: int,
-        particles: int,
-        now: float,
-        *,
-        by_deadline: bool = False,
-        spare: bool = False,
+        self, refinement: int, particles: int, now: float, *, by_deadline: bool = False, spare: bool = False
     ) -> list[Request]:
         """Start a refinement, which has an unused number, of so many particles; a spare one can wait."""
         workers = sorted(self.workers.values(), key=lambda w: (w.rests_until > now, len(w.in_flight)))

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from common.body import ROOT_DOFS, TRANSLATION, BodyModel
+from common.body import TRANSLATION, BodyModel
 from coordinator.bodies.angles import Angles, is_person
 from coordinator.results.track import MODEL_FILE, Track, filled, read_tracked_body
 from coordinator.sources.camera import DEFAULT_FPS
@@ -182,8 +182,7 @@ def read_slides(run: Path, track: Track) -> Slides:
 
 def slides_of(track: Track, model: BodyModel) -> Slides:
     """The prismatic joints of a track, without the root; deviations follow from the hypotheses."""
-    sliding = np.flatnonzero(model.kinds == TRANSLATION)
-    names = tuple(name for j in sliding if (name := model.dof_names[j]) not in ROOT_DOFS)
+    names = model.joints_of(TRANSLATION)
     at = [track.dof_names.index(name) for name in names]
     value = track.pose[:, at]
     away = track.hypothesis_pose[:, :, at] - value[:, None]

@@ -153,10 +153,9 @@ class LiveResults:
         """The angles (A,) of the frame, shifted by full turns towards the last known angles; NaN before."""
         if not track.placed[0]:
             return np.full(len(angles.names), np.nan)
-        measured = track.angle
-        near: NDArray[np.float64] = (
-            measured[0] if self._last is None else angles.near(measured, self._last)[0]
-        )
+        near: NDArray[np.float64] = track.angle[0]
+        if self._last is not None:
+            near = angles.near(track.angle, self._last)[0]
         if not track.unknown[0]:
             self._last = near
         return near

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from common.body import REST_FROM_URDF, ROOT_DOFS, TRANSLATION, BodyModel
+from common.body import REST_FROM_URDF, TRANSLATION, BodyModel
 from common.kinematics import link_transforms, pose_vertices
 from coordinator.bodies.tracked import coarsen
 from coordinator.results.live_results import ResultMessage
@@ -39,6 +39,7 @@ class RosOutlet:
 
     def __init__(self, node: Node, topic: str) -> None:
         self._make, self._header, self._name = node.make, node.header, topic[1:]
+        self._coarsened = lru_cache(maxsize=2)(coarsen)
         self._marked, self._states = node.type(MARKER), node.type(STATUS)
         self._joints = node.advertise(f"{topic}/joint_states", JOINTS)
         self._frames = node.advertise("/tf", FRAMES)
@@ -61,9 +62,8 @@ class RosOutlet:
             return
         pose = np.array([[*message.pose.values()]], dtype=np.float64)
         if self._joints.has_subscriber:
-            values = {
-                name: value for name, value in joint_values(message, model).items() if value is not None
-            }
+            slides = {name: message.pose[name] for name in model.joints_of(TRANSLATION)}  # metres
+            values = {name: value for name, value in (slides | message.angles).items() if value is not None}
             positions, nothing = np.array([*values.values()], dtype=np.float64), np.empty(0)
             self._joints.put(self._make(JOINTS, header, [*values], positions, nothing, nothing))
         if self._frames.has_subscriber:
@@ -74,10 +74,8 @@ class RosOutlet:
         if self._markers.has_subscriber:
             doubts = [place for name, place in message.joints.items() if place and is_doubtful(message, name)]
             body = self._marker(header, BODY, self._marked.ADD, [PLACEHOLDER])
-            spheres = self._marker(
-                header, DOUBTS, self._marked.ADD if doubts else self._marked.DELETE, doubts
-            )
-            coarse = surface_of(model)
+            action = self._marked.ADD if doubts else self._marked.DELETE
+            spheres, coarse = self._marker(header, DOUBTS, action, doubts), self._coarsened(model, SURFACE_M)
             corners = pose_vertices(coarse, pose)[0][coarse.triangles.ravel()]
             self._markers.put(
                 self._make(MARKERS, [body, spheres]), lambda payload: with_points(payload, corners)
@@ -125,45 +123,15 @@ class RosOutlet:
         kind, size = (
             (self._marked.TRIANGLE_LIST, 1.0) if name == BODY else (self._marked.SPHERE_LIST, DOUBT_M)
         )
-        place = make("geometry_msgs/msg/Point", 0.0, 0.0, 0.0)
+        place, image = make("geometry_msgs/msg/Point", 0.0, 0.0, 0.0), "sensor_msgs/msg/CompressedImage"
         pose = make("geometry_msgs/msg/Pose", place, make("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.0, 1.0))
-        return self._marked(
-            header,
-            f"{self._name}/{name}",
-            0,
-            kind,
-            action,
-            pose,
-            make("geometry_msgs/msg/Vector3", size, size, size),
-            make("std_msgs/msg/ColorRGBA", *COLOURS[name]),
-            make("builtin_interfaces/msg/Duration", 0, 0),  # until it is deleted
-            False,
-            [make("geometry_msgs/msg/Point", *point) for point in points],
-            [],
-            "",
-            make("sensor_msgs/msg/CompressedImage", header, "", no_bytes),
-            [],
-            "",
-            "",
-            make("visualization_msgs/msg/MeshFile", "", no_bytes),
-            False,
-        )
-
-
-@lru_cache(maxsize=2)
-def surface_of(model: BodyModel) -> BodyModel:
-    """The body with fewer vertices."""
-    return coarsen(model, SURFACE_M)
-
-
-def joint_values(message: ResultMessage, model: BodyModel) -> dict[str, float | None]:
-    """Angles in radians, and displacements of a robot's joints in metres."""
-    slides = [
-        name
-        for name, kind in zip(model.dof_names, model.kinds, strict=True)
-        if kind == TRANSLATION and name not in ROOT_DOFS
-    ]
-    return {**{name: message.pose[name] for name in slides}, **message.angles}
+        scale, colour = make("geometry_msgs/msg/Vector3", size, size, size), COLOURS[name]
+        ever = make("builtin_interfaces/msg/Duration", 0, 0)  # until it is deleted
+        shown = scale, make("std_msgs/msg/ColorRGBA", *colour), ever, False
+        corners = [make("geometry_msgs/msg/Point", *point) for point in points]
+        mesh = make("visualization_msgs/msg/MeshFile", "", no_bytes)
+        unused: tuple[Any, ...] = [], "", make(image, header, "", no_bytes), [], "", "", mesh, False
+        return self._marked(header, f"{self._name}/{name}", 0, kind, action, pose, *shown, corners, *unused)
 
 
 def is_doubtful(message: ResultMessage, joint: str) -> bool:

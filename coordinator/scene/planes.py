@@ -142,12 +142,8 @@ def draw_planes(rays: Array) -> Array:
 def count_points(planes: Array, rays: Array) -> NDArray[np.int64]:
     """Numbers of rays (N, 4): within half the margin of each plane (M, 3), within it, beyond twice of it."""
     counts = np.empty((len(planes), 3), dtype=np.int64)
-    x, y, one, inverse = (
-        rays[:, 0] / rays[:, 3],
-        rays[:, 1] / rays[:, 3],
-        1.0 / rays[:, 3],
-        rays[:, 2] / rays[:, 3],
-    )
+    x, y, inverse = rays[:, 0] / rays[:, 3], rays[:, 1] / rays[:, 3], rays[:, 2] / rays[:, 3]
+    one = 1.0 / rays[:, 3]
     for m in range(len(planes)):
         a, b, c = planes[m]
         near, within, beyond = 0, 0, 0

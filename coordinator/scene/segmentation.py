@@ -17,15 +17,7 @@ from common.compiling import numba
 from common.frame import EMPTY, HIDDEN, SUBJECT, UNKNOWN, UNMEASURED
 from coordinator.scene.noise import margin_at
 from coordinator.scene.planes import Array
-from coordinator.scene.scene import (
-    FOREGROUND,
-    NOT_MEASURED,
-    ON_PLANE,
-    Depth,
-    Lens,
-    Mask,
-    SceneView,
-)
+from coordinator.scene.scene import FOREGROUND, NOT_MEASURED, ON_PLANE, Depth, Lens, Mask, SceneView
 
 Labels = NDArray[np.uint8]
 Window = tuple[int, int, int, int]  # left, top, right, bottom in pixels, half-open

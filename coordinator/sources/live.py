@@ -72,11 +72,7 @@ class LiveFrames:
             self._wait(seconds)
 
     def receive(
-        self,
-        payload: bytes,
-        *,
-        place: int = 0,
-        decode: Callable[[bytes], DepthFrame | None] = decode_live,
+        self, payload: bytes, *, place: int = 0, decode: Callable[[bytes], DepthFrame | None] = decode_live
     ) -> None:
         """Receive a message of a camera, by its place; an older frame that is still waiting is skipped.
 

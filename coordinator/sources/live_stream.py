@@ -100,9 +100,15 @@ class LiveStream:
         return None if self._last is None else find_misfit(frame, self._last)
 
     def reject(self, frame: DepthFrame) -> bool:
-        """Note a frame that does not fit; returns whether it begins a new stream with those before."""
+        """Note a frame that does not fit; returns whether it begins a new stream.
+
+        It does if the last `NEW_STREAM_FRAMES` rejected frames with its camera follow each other.
+        """
         self._rejected.append(frame)
-        return begins_a_stream(self._rejected)
+        camera = frame.intrinsics, frame.depth_scale
+        last = [each for each in self._rejected if (each.intrinsics, each.depth_scale) == camera]
+        last = last[-NEW_STREAM_FRAMES:]
+        return len(last) == NEW_STREAM_FRAMES and all(find_misfit(b, a) is None for a, b in pairwise(last))
 
     def begin(self, frame: DepthFrame, *, goes_on: bool) -> None:
         """Begin a new stream with a frame; the numbers of one that `goes_on` stay in order."""
@@ -168,11 +174,3 @@ def find_misfit(frame: DepthFrame, last: DepthFrame) -> tuple[str, str] | None:
         before = f"the one before number {last.number} of {last.time_s:g} s"
         return ORDER, f"is number {frame.number} of {frame.time_s:g} s, {before}"
     return None
-
-
-def begins_a_stream(rejected: Sequence[DepthFrame]) -> bool:
-    """Whether `NEW_STREAM_FRAMES` rejected frames, up to the last, have its camera and follow each other."""
-    newest = rejected[-1]
-    alike = [f for f in rejected if (f.intrinsics, f.depth_scale) == (newest.intrinsics, newest.depth_scale)]
-    last = alike[-NEW_STREAM_FRAMES:]
-    return len(last) == NEW_STREAM_FRAMES and all(find_misfit(b, a) is None for a, b in pairwise(last))

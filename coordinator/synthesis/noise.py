@@ -20,9 +20,8 @@ Image = NDArray[np.float64]
 
 FARTHEST = 6.0  # standard deviations, the largest noise
 KINECT_STEP = 2.85e-3  # of inverse depth, 1/m
-KINECT_DEVIATION = 0.5  # steps
 KINECT_LATERAL = 0.8  # pixels
-JUMP_M, EDGE_LOSS = 0.03, 0.5  # probability that a pixel at a step in depth has no depth
+JUMP_M = 0.03  # a step in depth, at which half of the pixels have no depth
 GRAZING = np.cos(np.radians(80.0))
 SAME_SURFACE = 0.01  # largest relative difference of neighbouring depths on one surface
 
@@ -51,12 +50,12 @@ def add_noise(
 def as_a_kinect(depth_m: Image, camera: Intrinsics, rng: np.random.Generator) -> Image:
     """Depth (H, W) of a Kinect: noise and quantisation of inverse depth, irregular edges with gaps."""
     beside_a_jump = maximum_filter(depth_m, 3) - minimum_filter(depth_m, 3) > JUMP_M
-    kept = ~(beside_a_jump & (rng.random(depth_m.shape) < EDGE_LOSS))
+    kept = ~(beside_a_jump & (rng.random(depth_m.shape) < 0.5))
     kept &= facing(depth_m, camera) > GRAZING
     shift = np.indices(depth_m.shape) + KINECT_LATERAL * rng.standard_normal((2, *depth_m.shape))
     seen = read(depth_m * kept, shift)
     steps = np.divide(1.0 / KINECT_STEP, seen, out=np.zeros_like(seen), where=seen > 0.0)
-    steps = np.rint(steps + KINECT_DEVIATION * rng.standard_normal(steps.shape))
+    steps = np.rint(steps + 0.5 * rng.standard_normal(steps.shape))
     measured = (seen > 0.0) & (steps > 0.0)
     return np.divide(1.0 / KINECT_STEP, steps, out=np.zeros_like(seen), where=measured)
 

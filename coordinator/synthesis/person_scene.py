@@ -24,7 +24,6 @@ FRAMES, FPS = 60, 10.0
 CAMERA = Intrinsics(512, 424, 365.0, 365.0, 255.5, 211.5)
 DISTANCE_M, CAMERA_HEIGHT_M = 2.8, 1.0
 STATURE_M, GIRTH, LENGTH_DEVIATION = (1.6, 1.9), (0.9, 1.15), 0.04
-STANDS_S = 0.5
 CLEAR_M = 0.2  # least distance of elbow and wrist from the line from pelvis to head
 
 ARM: Ranges = {
@@ -82,7 +81,7 @@ def through(
     end: float, moves: tuple[float, float], rests: tuple[float, float], rng: np.random.Generator
 ) -> list[tuple[float, float]]:
     """Start and end of successive motions, seconds."""
-    spans, now = [], STANDS_S
+    spans, now = [], 0.5
     while now < end:
         begins = now + rng.uniform(*rests)
         now = begins + rng.uniform(*moves)

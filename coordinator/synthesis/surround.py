@@ -51,10 +51,8 @@ def furnished(scene: Scene) -> Scene:
     """The scene in a room: floor, ceiling and four walls."""
     x, _, z = root_places(scene).mean(axis=0)
     floor = max(float(pose_vertices(each.model, each.poses)[..., 1].max()) for each in (scene, *scene.others))
-    low, high = (
-        np.array([x - ROOM_M, floor - ROOM_HEIGHT_M, z - ROOM_M]),
-        np.array([x + ROOM_M, floor, z + ROOM_M]),
-    )
+    low = np.array([x - ROOM_M, floor - ROOM_HEIGHT_M, z - ROOM_M])
+    high = np.array([x + ROOM_M, floor, z + ROOM_M])
     corners = np.array([[(low, high)[k >> a & 1][a] for a in range(3)] for k in range(8)])
     quads = np.array([[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]])
     return replace(scene, room=(corners, np.concatenate([quads[:, [0, 2, 1]], quads[:, [0, 3, 2]]])))

@@ -25,7 +25,6 @@ from coordinator.tracking.observation import camera_points
 
 Array = NDArray[np.float64]
 EVERY_ROW = 8  # of an image is compared with the image before
-EVERY_TRIANGLE = 3  # of the body is compared with the points
 POINTS = 100  # of a camera, to compare with the pose
 
 
@@ -68,7 +67,7 @@ def find_contradicting(
     """
     if len(views) < 2:
         return tuple(before)
-    corners = pose_vertices(model, pose[None])[0][model.triangles[::EVERY_TRIANGLE]]
+    corners = pose_vertices(model, pose[None])[0][model.triangles[::3]]
     residuals = {view.frame.camera: mean_distance(view, corners) for view in views}
     allowed = max(RESIDUAL_M + noise_depth, min(residuals.values()))
     unseen = [name for name in before if name not in residuals]

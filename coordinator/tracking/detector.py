@@ -21,15 +21,13 @@ from numpy.typing import NDArray
 
 from common.body import ROOT_DOFS, BodyModel
 from common.frame import SubjectFrame
-from common.kinematics import joint_positions, natural_angles
-from common.refinement import Refined
 from common.settings import RefineSettings, Settings, preset
 from coordinator.bodies.human.measures import REFERENCE_STATURE
 from coordinator.bodies.tracked import Bodies, coarsen, pose_by_name
 from coordinator.scene.planes import Planes
-from coordinator.tracking.certainty.certainty import OFF
-from coordinator.tracking.gating import Gate, gate_pose, reject_parts, reject_points, reject_position
+from coordinator.tracking.gating import gate_pose, reject_parts, reject_points, reject_position
 from coordinator.tracking.observation import camera_points, middle_of
+from coordinator.tracking.pose_candidates import Candidates, Detection, candidates_of, ordered
 from coordinator.tracking.pose_library import PoseLibrary, displaced, library_of
 from coordinator.tracking.refiner import Pending, Refiner
 from coordinator.tracking.sensor_noise import SensorNoise, assume_noise
@@ -47,57 +45,8 @@ SURVIVORS, FINALISTS = 16, 4  # distinct candidates after the first stage, and a
 SIZED = 2  # finalists that are refined with several sizes
 FIRST_ITERATIONS, ITERATIONS, LAST_ITERATIONS = 3, 12, 6  # of the first stage, the next ones, and the last
 FEW_POINTS = 1_000  # on which candidates are refined
-DISTINCT_M = 0.05  # mean distance of the joints; nearer candidates are the same
-FACING_LOG_LIKELIHOOD = 2.0  # least difference that distinguishes front from back
 REQUEST_ITERATIONS = 150  # of ICP in one request: about 5 ms on two lanes
 LEAST_LEVEL = 0.3  # cosine of the camera's pitch; below it an image has no upright direction
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Candidates:
-    """Refined candidates (N) with bodies of several sizes, the most likely first."""
-
-    poses: Array  # (N, D)
-    sizes: Indices  # (N,) indices into a list of sizes
-    log_likelihood: Array  # (N,)
-    residual: Array  # (N,) metres
-    joints: Array  # (N, J, 3) camera frame, metres
-
-    def take(self, some: Indices) -> Candidates:
-        """The candidates with these indices, in this order."""
-        return Candidates(
-            self.poses[some],
-            self.sizes[some],
-            self.log_likelihood[some],
-            self.residual[some],
-            self.joints[some],
-        )
-
-    def distinct(self, names: tuple[str, ...], count: int) -> Candidates:
-        """Up to `count` distinct candidates, and the best that faces the other way, if none of them does."""
-        kept = keep_distinct(self.joints, count)
-        turned = faces_away(names, self.joints, self.joints[0])
-        if not turned[kept].any():
-            kept = np.sort(np.append(kept, np.flatnonzero(turned)[:1]))
-        return self.take(kept)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Detection:
-    """A detection: refined candidates of the tracked body, and whether they pass gating."""
-
-    start: Start
-    candidates: Candidates
-    gate: Gate
-
-    def is_elsewhere(self, joints: Array) -> bool:
-        """Whether the pose or position differs from that of joints (J, 3) by more than a refinement."""
-        return bool(np.linalg.norm(self.candidates.joints[0] - joints, axis=-1).max() > OFF)
-
-    def looks_alike(self, names: tuple[str, ...], joints: Array, log_likelihood: float) -> bool:
-        """Whether a candidate that faces opposite to joints (J, 3) explains the frame about equally well."""
-        turned = faces_away(names, self.candidates.joints, joints)
-        return bool(np.any(self.candidates.log_likelihood[turned] > log_likelihood - FACING_LOG_LIKELIHOOD))
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,10 +159,6 @@ class Detector:
             return detection
         gate = gate_pose(candidates.log_likelihood[0], candidates.residual[0], rules)
         return Detection(replace(detection.start, pose=candidates.poses[0]), candidates, gate)
-
-    def can_redetect(self, start: Start) -> bool:
-        """Whether the body can move: its root is not held."""
-        return set(ROOT_DOFS) <= set(start.model.dof_names)
 
     @property
     def _sizes(self) -> list[tuple[float, float]]:
@@ -334,27 +279,6 @@ def upright_ways(planes: Planes, ways_up: tuple[float, ...]) -> tuple[float, ...
     return tuple(upright + way for way in ways_up)
 
 
-def candidates_of(model: BodyModel, refined: Refined, size: int) -> Candidates:
-    """Refined poses of one body of this size as candidates, in their order."""
-    after = natural_angles(model, refined.poses)
-    sizes = np.full(len(after), size, dtype=np.int64)
-    joints = joint_positions(model, after)
-    return Candidates(after, sizes, refined.log_likelihood, refined.residual, joints)
-
-
-def ordered(parts: Sequence[Candidates]) -> Candidates:
-    """All candidates with a finite likelihood, the most likely first."""
-    whole = Candidates(
-        np.concatenate([part.poses for part in parts]),
-        np.concatenate([part.sizes for part in parts]),
-        np.concatenate([part.log_likelihood for part in parts]),
-        np.concatenate([part.residual for part in parts]),
-        np.concatenate([part.joints for part in parts]),
-    )
-    order = np.argsort(-whole.log_likelihood, kind="stable")
-    return whole.take(order[np.isfinite(whole.log_likelihood[order])])
-
-
 def iterations(settings: RefineSettings, count: int) -> RefineSettings:
     """Settings with this number of ICP iterations."""
     return msgspec.structs.replace(settings, icp_iterations=count)
@@ -365,25 +289,3 @@ def thin(subject: SubjectFrame, points: int) -> SubjectFrame:
     every = -(-sum(len(each.picked) for each in subject.views) // points)
     first, *others = (replace(each, picked=each.picked[::every].copy(), others=()) for each in subject.views)
     return replace(first, others=tuple(others))
-
-
-def faces_away(names: tuple[str, ...], joints: Array, body: Array) -> NDArray[np.bool_]:
-    """Which bodies with joints (M, J, 3) face in the direction opposite to that of a body (J, 3)."""
-    pairs = ("hip", "shoulder")
-    if not all(f"{side}_{pair}" in names for side in ("left", "right") for pair in pairs):
-        return np.zeros(len(joints), dtype=np.bool_)
-    left, right = ([names.index(f"{side}_{pair}") for pair in pairs] for side in ("left", "right"))
-    across = (joints[:, left] - joints[:, right]).sum(axis=1)  # (M, 3)
-    turned: NDArray[np.bool_] = across @ (body[left] - body[right]).sum(axis=0) < 0.0
-    return turned
-
-
-def keep_distinct(joints: Array, count: int) -> Indices:
-    """Up to `count` indices of joints (N, J, 3) with a mean distance of DISTINCT_M from all others."""
-    kept = list[int]()
-    for n, each in enumerate(joints):
-        if len(kept) == count:
-            break
-        if np.all(np.linalg.norm(joints[kept] - each, axis=-1).mean(axis=-1) > DISTINCT_M):
-            kept.append(n)
-    return np.array(kept, dtype=np.int64)

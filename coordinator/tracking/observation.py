@@ -18,7 +18,6 @@ Cut = tuple[DepthFrame, Window, Labels | None]
 are the subject, and the others are empty."""
 
 POINTS = 300  # observed points for the filter
-DIGITS = 4  # decimals of an interval in seconds
 
 
 def isolate(frame: DepthFrame, points: int) -> SubjectFrame | None:
@@ -101,7 +100,7 @@ def filter_observation(
     `step` (D,) is the motion since the last frame by encoders. Intervals are rounded to 0.1 ms, so that
     rounded times in files give the same results.
     """
-    since = 0.0 if last_time_s is None else round(subject.frame.time_s - last_time_s, DIGITS)
+    since = 0.0 if last_time_s is None else round(subject.frame.time_s - last_time_s, 4)
     interval = since if since > 0.0 else USUAL_INTERVAL
     return Observation(some_points(subject), interval, step, len(subject.views))
 

@@ -50,18 +50,12 @@ def report(updated: Updated) -> Tracked:
     """The estimate of an updated frame, with the certainty of each joint and a status."""
     with updated.clock.stage("report"):
         start, management = updated.state.start, updated.state.checkpoint.management
-        model, belief, certainty = (
-            start.model,
-            updated.belief,
-            unknown_certainty(len(start.model.joint_names)),
-        )
+        model, belief = start.model, updated.belief
+        certainty = unknown_certainty(len(model.joint_names))
         pose, poses, weights = start.pose, np.empty((0, len(start.pose))), np.empty(0)
         if belief is not None:
-            pose, poses, weights = (
-                belief.reported,
-                belief.poses[:MAX_HYPOTHESES],
-                belief.weights[:MAX_HYPOTHESES],
-            )
+            pose, poses = belief.reported, belief.poses[:MAX_HYPOTHESES]
+            weights = belief.weights[:MAX_HYPOTHESES]
             weights = weights / weights.sum()
         joints = joint_positions(model, np.concatenate([pose[None], poses]))
         seen = dict[str, Array]()

@@ -160,12 +160,7 @@ class Segmenter:
         return self._join_people(segmented.frame, found)
 
     def _segment_view(
-        self,
-        frame: DepthFrame,
-        bodies: Sequence[Array | None],
-        *,
-        rejected: bool,
-        find: bool,
+        self, frame: DepthFrame, bodies: Sequence[Array | None], *, rejected: bool, find: bool
     ) -> SegmentedView:
         """Segment one image of a frame, with the surfaces (V, 3) of bodies."""
         scope = self._scope.of(frame.camera)

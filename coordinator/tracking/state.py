@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from common.body import BodyModel, unknown_dof
+from common.body import ROOT_DOFS, BodyModel, unknown_dof
 from common.errors import InputError
 from common.kinematics import joint_positions
 from coordinator.bodies.human.measures import REFERENCE_STATURE
@@ -49,6 +48,11 @@ class Start:
     def held(self) -> dict[str, float]:
         """Nonzero values of the degrees of freedom that are held."""
         return {name: v for name, v in self.values.items() if v and name not in self.model.dof_names}
+
+    @property
+    def is_free(self) -> bool:
+        """Whether the body can move: its root is not held."""
+        return set(ROOT_DOFS) <= set(self.model.dof_names)
 
     def with_stature(self, stature: float, bodies: Bodies) -> Self:
         """The same start, of a body of this stature in metres."""
@@ -102,14 +106,9 @@ def read_start(path: Path, dof_names: Collection[str], remedy: str = "") -> dict
     """Values by name; missing values are zero. InputError for a name that the model does not have."""
     values = read_numbers(path, "give --init a file, or auto", "degree of freedom: number")
     for name in values:
-        require_known(name, dof_names, str(path), remedy)
+        if name not in dof_names:
+            raise InputError(f"{path}: {unknown_dof(name, dof_names)}{remedy}")
     return values
-
-
-def require_known(name: str, dof_names: Collection[str], where: str, remedy: str = "") -> None:
-    """InputError unless a body has this degree of freedom."""
-    if name not in dof_names:
-        raise InputError(f"{where}: {unknown_dof(name, dof_names)}{remedy}")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -139,10 +138,3 @@ class TrackerState:
     def stature_deviation(self) -> float:
         """Standard deviation of the stature, metres; 0 if it is not estimated."""
         return self.checkpoint.size.deviation_share * self.start.stature if self.checkpoint.size else 0.0
-
-
-def load_generator(state: str) -> np.random.Generator:
-    """A random generator from a saved state."""
-    rng = np.random.default_rng()
-    rng.bit_generator.state = json.loads(state)
-    return rng

@@ -24,12 +24,13 @@ from coordinator.tracking.faults import CameraStates
 from coordinator.tracking.known_motion import KnownMotion
 from coordinator.tracking.loop import Live, Lookahead, Pace
 from coordinator.tracking.observation import middle_of
+from coordinator.tracking.particle_filter import Submitted
 from coordinator.tracking.preparation import rehearse
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.reporting import Tracked, Updated, report
 from coordinator.tracking.segmenter import Segmented, Segmenter
 from coordinator.tracking.state import TrackerState
-from coordinator.tracking.target import Submitted, TargetTracker
+from coordinator.tracking.target import TargetTracker
 from coordinator.tracking.track_management import SEARCH_INTERVAL_FRAMES
 
 Array = NDArray[np.float64]
@@ -68,7 +69,7 @@ class Tracker:
         states: Sequence[TrackerState] | None = None,
     ) -> None:
         past: Sequence[TrackerState | None] = states or [None] * people
-        self._settings, self._bodies = settings, bodies
+        self._refiner, self._settings, self._bodies = refiner, settings, bodies
         self._segmenter = Segmenter(settings.points, scope)
         self._cameras = CameraStates()
         if states:
@@ -83,10 +84,6 @@ class Tracker:
     def people(self) -> int:
         """Largest number of people that are tracked."""
         return len(self._targets)
-
-    @property
-    def _any_is_tracked(self) -> bool:
-        return any(target.is_tracked for target in self._targets)
 
     @property
     def states(self) -> list[TrackerState]:
@@ -123,7 +120,8 @@ class Tracker:
                 if unreported:
                     tracked, unreported = [report(each) for each in unreported], []
                     yield tracked
-                if look_ahead or (live is not None and live.is_ready and self._any_is_tracked):
+                waits = live is not None and live.is_ready and any(each.is_tracked for each in self._targets)
+                if look_ahead or waits:
                     self._send_ahead(upcoming)
                     self._search(wait=False)
                 pairs = zip(self._targets, submitted, strict=True)
@@ -141,7 +139,7 @@ class Tracker:
             raise
         finally:
             for target in self._targets:
-                target.end_search()
+                target.searching.end()
         if unreported:
             yield [report(each) for each in unreported]
 
@@ -163,14 +161,14 @@ class Tracker:
     def _send_ahead(self, upcoming: Lookahead[Ready]) -> None:
         """Segment the next frame, and send the workers the person's pixels before their turn."""
         ahead = upcoming.peek()
-        for target, subject, clock in (
-            () if ahead is None else zip(self._targets, ahead[0].subjects, ahead[2], strict=True)
-        ):
-            target.send_ahead(subject, clock)
+        for subject, clock in () if ahead is None else zip(ahead[0].subjects, ahead[2], strict=True):
+            if subject is not None:
+                with clock.stage("publish"):
+                    self._refiner.publish(subject)
 
     def _search_until_ready(self, live: Live) -> None:
         """Go on with searches until they end; if a body needs it, until a frame waits."""
-        while any(target.search_runs for target in self._targets):
+        while any(target.searching.runs for target in self._targets):
             needed = any(target.needs_frame for target in self._targets)
             if not self._search(wait=not needed):
                 live.wait(POLL_S)
@@ -180,7 +178,7 @@ class Tracker:
     def _search(self, *, wait: bool) -> bool:
         """Do the next stage of one search, of a person who is not tracked if there is any; False if none."""
         ordered = sorted(self._targets, key=lambda target: target.is_tracked)
-        return any(target.search(wait=wait) for target in ordered)
+        return any(target.searching.advance(wait=wait) for target in ordered)
 
     def _segment(self, frame: DepthFrame) -> Ready:
         """A segmented frame, the state of each camera, and a stopwatch for each person in it."""
@@ -188,7 +186,7 @@ class Tracker:
         with clocks[0].stage("segment"):
             bodies = [target.expected for target in self._targets]
             rejected = any(target.management.frames_searched > SETTLED_FRAMES for target in self._targets)
-            find = any(target.expected is None and not target.is_searching for target in self._targets)
+            find = any(target.needs_candidates for target in self._targets)
             left_out = [target.left_out for target in self._targets]
             self._cameras, frame = watch(self._cameras, frame, set().union(*left_out))
             segmented = self._segmenter.segment(
@@ -207,7 +205,7 @@ class Tracker:
                 return None
             searches = target.management.frames_searched // SEARCH_INTERVAL_FRAMES
             chosen = free[searches % len(free)]
-            if (searched := target.searched_subject) is not None:
+            if (searched := target.searching.subject) is not None:
                 chosen = min(free, key=lambda each: distance(each, middle_of(searched)))
             free[:] = [each for each in free if each is not chosen]
             # cameras with wrong places show no person together, but each by itself

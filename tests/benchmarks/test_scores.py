@@ -18,7 +18,7 @@ from benchmarks.recordings import JOINTS, Recording
 from benchmarks.running import Crash, run_forked, settings_with
 from benchmarks.tracking import Outcome
 from common.errors import InputError
-from common.settings import PRESETS, FilterSettings, RefineSettings, preset
+from common.settings import PRESETS, FilterSettings, RefineSettings
 
 Array = NDArray[np.float64]
 FRAMES = 30
@@ -85,15 +85,6 @@ def test_rows_and_settings_that_make_no_sense_are_refused() -> None:
     for change in ("particles", "nonsense=1", "icp_iterations=many", "preset=none"):
         with pytest.raises(InputError):
             settings_with([change])
-
-
-def test_settings_are_the_defaults_but_for_what_is_given() -> None:
-    """Keys are found in any part of the settings; values keep their types."""
-    assert settings_with([]) == preset("default")
-    changed = settings_with(["icp_iterations=2", "explore=false"], particles=3, seed=7)
-    assert (changed.refine.icp_iterations, changed.filter.explore, changed.seed) == (2, False, 7)
-    assert changed.filter.particles == 3
-    assert settings_with(["preset=paper"]) == preset("paper")
 
 
 def fail_or_double(job: int) -> int:

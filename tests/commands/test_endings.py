@@ -74,22 +74,6 @@ def test_without_workers_it_says_so_and_waits(place: Place, out: Path, tmp_path:
     assert run.exitcode == 0
 
 
-def test_a_wait_for_workers_has_an_end(place: Place, out: Path, tmp_path: Path) -> None:
-    """--worker-timeout: exit code 1, one line, and the recorded frames are in the folder for --resume."""
-    log = tmp_path / "log"
-    run = place.begin(out, "--worker-timeout", "3", log=log)
-    with place.workers(a=1) as workers:
-        wait_until(lambda: recorded(out) >= 2)
-        workers.kill("a")
-        run.join(60.0)
-    assert run.exitcode == 1
-    assert log.read_text().splitlines()[-1] == (
-        f"gepf: no worker came within 3 s; start one with gepf-worker --connect {place.endpoint}"
-    )
-    assert 2 <= recorded(out) < FRAMES
-    assert (out / "track.npz").exists()
-
-
 def test_a_full_disk_is_told_with_what_to_do() -> None:
     """The message says which file failed, and how to continue the run."""
     told = describe_fault(OSError(errno.ENOSPC, "No space left on device", "run/frames.log"))

@@ -25,6 +25,7 @@ from coordinator.pool.rpc_client import Refinement
 from coordinator.pool.zenoh_refiner import ZenohRefiner
 from coordinator.results.live_results import END, KIND
 from coordinator.results.track import read_track
+from tests.support.live import listening
 from tests.support.processes.programs import INSTANT, wait_until
 from tests.support.processes.serving import MODEL, POSES, SETTINGS, frame
 from tests.support.stand_ins import sequence  # noqa: F401 fixture
@@ -53,7 +54,10 @@ def job(sequence: Path, out: Path) -> Job:
 
 def test_a_run_connects_anew_and_has_the_same_bytes(sequence: Path, endpoint: str, tmp_path: Path) -> None:
     """Recorded frames are kept, and the tracker continues from the last; so does publication, to one end."""
-    written, opened, heard = io.StringIO(), list[int](), list[str]()
+    written, opened = io.StringIO(), list[int]()
+
+    def heard() -> list[str]:
+        return [msgspec.msgpack.decode(payload)["kind"] for _, _, payload in listener.heard]
 
     def connect(pool: Pool, show: Show) -> ZenohRefiner:
         opened.append(1)
@@ -61,20 +65,17 @@ def test_a_run_connects_anew_and_has_the_same_bytes(sequence: Path, endpoint: st
 
     show, pool = Show(Console(file=written, width=300)), Pool(1, connect=endpoint, worker_command=INSTANT)
     published = replace(job(sequence, tmp_path / "broken"), results="robot/person", pool=pool)
-    with open_router([endpoint]), open_worker([endpoint]) as bus:
-        bus.subscribe(
-            "robot/person", lambda _, payload: heard.append(msgspec.msgpack.decode(payload)["kind"])
-        )
+    with open_router([endpoint]), listening(endpoint, "robot/person") as listener:
         track(published, show, connect)
-        wait_until(lambda: END in heard)
+        wait_until(lambda: END in heard())
     track(job(sequence, tmp_path / "calm"), show, connect_workers)
     broken, calm = (tmp_path / name / "track.npz" for name in ("broken", "calm"))
     assert broken.read_bytes() == calm.read_bytes()
     assert len(opened) == 2
     assert "none answers; reconnecting" in written.getvalue()
     assert "going on with frame" in written.getvalue()
-    assert heard.count(KIND) > 0
-    assert heard.index(END) == len(heard) - 1
+    assert heard().count(KIND) > 0
+    assert heard().index(END) == len(heard()) - 1
 
 
 def test_it_gives_up_at_last_and_keeps_what_there_is(sequence: Path, tmp_path: Path) -> None:

@@ -11,8 +11,6 @@ import msgpack  # type: ignore[import-untyped]
 import msgspec
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from common.errors import ProtocolError
@@ -29,15 +27,7 @@ from common.protocol.messages import (
 from common.protocol.models import decode_model, encode_model
 from examples import live_publisher
 from tests.support.asked import sure
-from tests.support.messages import (
-    COUNT,
-    DOFS,
-    KINDS,
-    POSES,
-    tiny_refined,
-    tiny_request,
-    tiny_sure,
-)
+from tests.support.messages import COUNT, DOFS, KINDS, POSES, tiny_refined, tiny_request, tiny_sure
 from worker.warm_up import tiny_frame, tiny_model
 
 NAMES = {"sure-reply": "reply"}  # of messages on the wire, where that is not the name of the case
@@ -132,14 +122,6 @@ def test_what_goes_in_comes_out(
 ) -> None:
     """All fields arrive as they were."""
     assert same(sent, decode(encode(sent)))
-
-
-@given(st.integers(1, 12), st.integers(1, 40), st.integers(0, 2**53 - 1))
-def test_request_survives(count: int, dofs: int, frame: int) -> None:
-    """For any number of poses, and of their values."""
-    poses = np.random.default_rng(frame).normal(size=(count, dofs))
-    request = replace(tiny_request(), poses=poses, frame=frame)
-    assert same(request, decode_request(encode_request(request)))
 
 
 def test_covariances_come_where_they_are_requested_and_only_there() -> None:

@@ -42,15 +42,7 @@ from coordinator.pool.zenoh_refiner import ZenohRefiner
 from tests.support.extremes import Extremes
 from tests.support.messages import KINDS, Mutator
 from tests.support.processes.instant_worker import KERNEL
-from tests.support.processes.serving import (
-    MODEL,
-    POSES,
-    REQUEST,
-    expected,
-    refined_bytes,
-    running,
-    serving,
-)
+from tests.support.processes.serving import MODEL, POSES, REQUEST, expected, refined_bytes, running, serving
 from worker.kernel.icp import refine
 from worker.kernel.observation import observe
 from worker.service import Kernel, Service

@@ -13,7 +13,6 @@ import numpy as np
 import pygltflib
 import pytest
 import trimesh
-from numpy.typing import NDArray
 
 from common.kinematics import pose_vertices
 from coordinator.exports import export_run
@@ -21,8 +20,6 @@ from coordinator.exports.recorded import CAMERA_TO_Y_UP
 from tests.support.bodies import person, random_body
 from tests.support.export_readers import array_of, world_matrices
 from tests.support.runs import RATE, swing, write_run
-
-Array = NDArray[np.float64]
 
 MILLIMETRE = 1e-3
 BODIES = {"person": person(), "random": random_body(np.random.default_rng(5))}

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 import trc
-from numpy.typing import NDArray
 
 from common.body import BodyModel
 from coordinator.exports import export_run
@@ -21,8 +20,6 @@ from tests.support.runs import RATE, swing, write_run
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")  # it imports a package by its old name
     import bvhio
-
-Array = NDArray[np.float64]
 
 MILLIMETRE = 1e-3
 

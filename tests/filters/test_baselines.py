@@ -73,12 +73,6 @@ def test_the_survival_rate_is_reached(log_likelihood: list[float], rate: float) 
     assert survival(values, find_power(values, rate)) == pytest.approx(rate, abs=1e-3)
 
 
-def test_equal_particles_all_survive() -> None:
-    """If particles are equally likely, no power removes any, and the search ends nevertheless."""
-    for values in (np.zeros(10), np.full(10, -np.inf)):
-        assert survival(values, find_power(values, 0.5)) == pytest.approx(1.0)
-
-
 def test_layers_diffuse_less_and_less() -> None:
     """From layer to layer the noise shrinks by the survival rate; each asks for as many evaluations."""
     asked: list[Array] = []
@@ -132,19 +126,6 @@ def test_annealing_needs_fewer_evaluations() -> None:
     at_once = np.median([error(baseline(wide, 320), 320, seed) for seed in range(20)])
     layered = np.median([error(baseline(Annealed(wide, layers=8), 40), 40, seed) for seed in range(20)])
     assert layered < 0.5 * at_once
-
-
-STILL = Condensation(diffusion_deg=0.0)
-
-
-@pytest.mark.parametrize("steps", [STILL, Annealed(STILL)], ids=BASELINES)
-def test_without_noise_nothing_moves(steps: Condensation | Annealed) -> None:
-    """No diffusion and a body at rest: every particle stays exactly where it began."""
-    few = msgspec.structs.replace(SETTINGS, particles=10)
-    path = np.tile([0.4, 0.1], (4, 1))
-    for belief in follow(baseline(steps, 10), path, 0.05, few):
-        np.testing.assert_allclose(belief.poses, path[:1].repeat(10, axis=0), atol=1e-12)
-        np.testing.assert_allclose(belief.weights, 0.1)
 
 
 @pytest.mark.parametrize("method", BASELINES)

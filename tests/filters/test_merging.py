@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from common.body import ROTATION
 from common.kinematics import difference, retract
-from common.refinement import Refined, lower_triangular, triangle_size
+from common.refinement import Refined, lower_triangular
 from common.settings import preset
 from coordinator.filters.gradient_enhanced import begin, propose, update
 from coordinator.filters.merging import estimate_covariances, merge_by_covariance
@@ -33,13 +33,6 @@ def random_roots(rng: np.random.Generator, count: int, dofs: int) -> Triangles:
     lower[:, range(dofs), range(dofs)] = 10.0 ** rng.uniform(-2.0, -0.5, (count, dofs))
     packed: Triangles = lower[:, np.tri(dofs, dtype=bool)].astype(np.float32)
     return packed
-
-
-def test_a_triangle_is_a_matrix_row_by_row() -> None:
-    """What is above the diagonal is zero."""
-    found = lower_triangular(np.array([[1, 2, 3, 4, 5, 6]], np.float32), 3)
-    np.testing.assert_array_equal(found, [[[1, 0, 0], [2, 3, 0], [4, 5, 6]]])
-    assert triangle_size(3) == 6
 
 
 @given(seeds, st.integers(1, 20))

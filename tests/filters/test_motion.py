@@ -51,17 +51,6 @@ def some_poses(rng: np.random.Generator) -> tuple[Array, Array]:
     return pose, pose + 0.05 * rng.standard_normal(pose.shape)
 
 
-def test_after_a_third_of_a_second_nothing_is_left_of_a_velocity() -> None:
-    """At 3 frames a second nothing is left of the velocity, at 30 about half; the paper keeps all of it."""
-    decay = preset("default").filter.velocity_time_s
-    velocities = np.array([[1.0, -2.0]])
-    for interval, low, high in ((1 / 30, 0.4, 0.9), (0.1, 0.05, 0.6), (1 / 3, 0.0, 0.05), (10.0, 0.0, 0.001)):
-        share = Observation(interval=interval).expect(velocities, decay) / (interval * velocities)
-        assert np.all((share >= low) & (share <= high))
-        paper = Observation(interval=interval).expect(velocities, preset("paper").filter.velocity_time_s)
-        np.testing.assert_allclose(paper, interval * velocities)
-
-
 @pytest.mark.parametrize("frames", [1, 2, 3, 5, 10])
 def test_a_swing_is_not_overshot_however_it_is_sampled(frames: int) -> None:
     """An arm that swings at 1.3 Hz and 60 degrees, seen every n-th of 30 frames a second.

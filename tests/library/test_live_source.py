@@ -7,8 +7,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 
@@ -18,37 +17,16 @@ import pytest
 
 import gepf
 from common.protocol.frames import encode_live, encode_live_end
-from common.transport.opening import open_worker
+from tests.support.live import KEY, publishing, until_released
 from tests.support.people import SETTINGS, STANDING, as_bytes, shown
-from tests.support.processes.programs import in_thread
 from tests.support.processes.warm_processes import gepf as gepf_command
 from tests.support.processes.warm_processes import start
 from tests.support.refusals import refused
 from tests.support.small_sequence import write_small_sequence
 
 ROOT = Path(__file__).parents[2]
-KEY = "camera/depth"
 PERSON = gepf.Measures.of(1.82)
 END = encode_live_end()
-
-
-@contextmanager
-def camera(where: str, messages: list[bytes], rest: Callable[[], object] = lambda: None) -> Iterator[None]:
-    """A publisher with its own session: it sends each message when there is a subscriber, with pauses."""
-
-    def publish(stop: threading.Event) -> None:
-        with open_worker([where]) as bus:
-            publisher = bus.publish(KEY)
-            for number, message in enumerate(messages):
-                if number:
-                    rest()
-                while not publisher.has_subscriber and not stop.wait(0.01):
-                    pass
-                publisher.put_blocking(message)
-            stop.wait()
-
-    with in_thread(publish):
-        yield
 
 
 def test_a_tracker_follows_live_input_to_its_end(endpoint: str, tmp_path: Path) -> None:
@@ -57,14 +35,12 @@ def test_a_tracker_follows_live_input_to_its_end(endpoint: str, tmp_path: Path) 
     With one particle, time does not change the results.
     """
     settings = msgspec.structs.replace(
-        SETTINGS,
-        pace_iterations=0.0,
-        filter=msgspec.structs.replace(SETTINGS.filter, particles=1),
+        SETTINGS, pace_iterations=0.0, filter=msgspec.structs.replace(SETTINGS.filter, particles=1)
     )
     frames = shown("standing").frames[:3]
     done = threading.Semaphore(0)
-    messages = [*map(encode_live, frames), END]
-    with camera(endpoint, messages, lambda: done.acquire(timeout=60.0)):
+    steps = ({KEY: message} for message in [*map(encode_live, frames), END])
+    with publishing(endpoint, [KEY], steps, until_released(done)):
         live = gepf.live(KEY, listen=endpoint, idle_timeout=60.0)
         tracker = gepf.Tracker(PERSON, settings, start=STANDING)
         found = []
@@ -85,9 +61,9 @@ def test_an_iteration_that_is_left_can_be_gone_on_with(endpoint: str) -> None:
     One image may be sent to the ended session, if the publisher has not noticed its end.
     """
     first = shown("standing").frames[0]
-    messages = [encode_live(first)] * 4 + [b"rubbish", END]
+    steps = ({KEY: message} for message in [*[encode_live(first)] * 4, b"rubbish", END])
     done, patience = threading.Semaphore(0), iter([60.0])
-    with camera(endpoint, messages, lambda: done.acquire(timeout=next(patience, 2.0))):
+    with publishing(endpoint, [KEY], steps, lambda _: done.acquire(timeout=next(patience, 2.0))):
         live = gepf.live(KEY, listen=endpoint, idle_timeout=60.0)
         for _ in live:
             break

@@ -44,13 +44,7 @@ def as_bytes(estimates: list[gepf.Estimate]) -> list[bytes]:
 def test_a_method_is_the_same_whoever_asks_for_it(method: str, recording: Path, tmp_path: Path) -> None:
     """`gepf track --method` and the library: the same bytes, by the same settings."""
     options = ("--method", method, "--points", str(POINTS), "--dof", MOVING, "--no-pictures", "--quiet")
-    assert (
-        main(
-            ["track", str(recording), "--out", str(tmp_path / "run"), *options],
-            Direct().connect,
-        )
-        == 0
-    )
+    assert main(["track", str(recording), "--out", str(tmp_path / "run"), *options], Direct().connect) == 0
     track = read_track(tmp_path / "run")
     found = follow(recording, gepf.settings_for(method, points=POINTS))
     assert len(found) == FRAMES
@@ -98,10 +92,7 @@ def test_numbers_of_a_method_are_its_own_unless_asked_for() -> None:
     ("change", "says"),
     [
         ({"points": 0}, "points=0 is too small; give 1 or more"),
-        (
-            {"filter": msgspec.structs.replace(gepf.preset("default").filter, particles=0)},
-            "particles=0",
-        ),
+        ({"filter": msgspec.structs.replace(gepf.preset("default").filter, particles=0)}, "particles=0"),
         ({"refine": msgspec.structs.replace(gepf.preset("default").refine, descent="magic")}, "choose from "),
     ],
 )

@@ -255,11 +255,7 @@ def test_what_one_refuses_another_does() -> None:
     play(
         [
             *TWO_IDLE,
-            (
-                0.0,
-                started(60, by_deadline=True),
-                [(k, "ab"[k % 2], 10 * k, 10 * k + 10) for k in range(4)],
-            ),
+            (0.0, started(60, by_deadline=True), [(k, "ab"[k % 2], 10 * k, 10 * k + 10) for k in range(4)]),
             (0.1, ended(0, "refused"), [(4, "a", 40, 50)]),
             (0.15, ended(1), [(5, "b", 0, 10)]),
         ]

@@ -185,14 +185,7 @@ def off(frames: list[int], error: float) -> NDArray[np.float64]:
 
 @pytest.mark.parametrize(
     ("far", "from_frame"),
-    [
-        ([7, 8, 9], 7),
-        ([2, 3, 7, 8, 9], 7),
-        ([2, 3, 4], None),
-        ([9], 9),
-        (list(range(FRAMES)), 0),
-        ([], None),
-    ],
+    [([7, 8, 9], 7), ([2, 3, 7, 8, 9], 7), ([2, 3, 4], None), ([9], 9), (list(range(FRAMES)), 0), ([], None)],
 )
 def test_lost_means_far_off_to_the_end(far: list[int], from_frame: int | None) -> None:
     """A track that comes back was not lost. Either of joints and angles is enough, the other being right."""

@@ -19,8 +19,9 @@ from coordinator.scene.planes import Planes
 from coordinator.stopwatch import Stopwatch
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.observation import isolate
+from coordinator.tracking.particle_filter import Submitted
 from coordinator.tracking.state import Checkpoint, TrackerState
-from coordinator.tracking.target import Submitted, TargetTracker
+from coordinator.tracking.target import TargetTracker
 from gepf.direct import DirectRefiner
 from tests.support.people import STANDING, OnePerson, as_bytes, empty, known, shown
 from tests.support.rooms import in_a_room

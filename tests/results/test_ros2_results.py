@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import socket
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,10 +22,10 @@ from coordinator.results.ros2_results import RosOutlet
 from coordinator.results.track import read_track
 from coordinator.sources.ros2 import Node
 from tests.results.test_live_results import estimate, nobody
-from tests.sources.test_live import AT_TWO_METRES, Finder, at_work, plate
-from tests.sources.test_live import image as plate_image
 from tests.support.bodies import person
+from tests.support.live import AT_TWO_METRES, at_work, plate_image, tracking
 from tests.support.processes.programs import in_thread, wait_until
+from tests.support.ros import CAMERA, IMAGE, camera_of, header_of, image_of
 
 TOPICS = {
     "/gepf/joint_states": "sensor_msgs/msg/JointState",
@@ -46,33 +46,18 @@ class Peer:
             peer.ROS2Subscriber(topic, kind, self.heard[topic].append, **self.at)
             for topic, kind in TOPICS.items()
         ]
-        self.images = peer.ROS2Publisher(DEPTH, "sensor_msgs/msg/Image", **self.at)
-        self.cameras = peer.ROS2Publisher(
-            f"{DEPTH[:13]}/camera_info", "sensor_msgs/msg/CameraInfo", **self.at
-        )
-        self.make = peer.ZenohSession.get_instance().store.types
+        self.images = peer.ROS2Publisher(DEPTH, IMAGE, **self.at)
+        self.cameras = peer.ROS2Publisher(f"{DEPTH[:13]}/camera_info", CAMERA, **self.at)
+        self.types = peer.ZenohSession.get_instance().store.types
 
     def show(self, number: int) -> None:
         """Publish the picture of a plate, and its camera."""
-        make, frame = self.make, plate_image(number)
-        stamp = make["builtin_interfaces/msg/Time"](1_764_000_000 + number, 123_456_789)
-        header = make["std_msgs/msg/Header"](stamp, "optical")
-        seen, (height, width) = frame.intrinsics, frame.depth.shape
-        matrix = np.array([seen.fx, 0, seen.cx, 0, seen.fy, seen.cy, 0, 0, 1])
-        known = {"header": header, "height": height, "width": width}
-        self.cameras.publish(
-            **known,
-            distortion_model="plumb_bob",
-            d=np.zeros(5),
-            k=matrix,
-            r=np.eye(3).ravel(),
-            p=np.zeros(12),
-            binning_x=0,
-            binning_y=0,
-            roi=make["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False),
-        )
-        data = frame.depth.astype("<u2").view(np.uint8).ravel()
-        self.images.publish(**known, encoding="16UC1", is_bigendian=0, step=2 * width, data=data)
+        frame, sec = plate_image(number), 1_764_000_000 + number
+        header = header_of(self.types, "optical", sec, 123_456_789)
+        camera = camera_of(self.types, header, frame.intrinsics)
+        self.cameras.publish(**{each.name: getattr(camera, each.name) for each in fields(camera)})
+        image = image_of(self.types, header, frame.depth)
+        self.images.publish(**{each.name: getattr(image, each.name) for each in fields(image)})
 
 
 @pytest.fixture(scope="module")
@@ -148,12 +133,9 @@ def test_a_robot_has_its_images_tracked(robot: Peer, tmp_path: Path) -> None:
                 return
 
     robot.heard["/tf"].clear()
-
-    options = {"--connect": router, "--publish": "ros2:/gepf", "--particles": 20, **plate(tmp_path)}
-    options |= {"--out": tmp_path / "run", "--workers": 0, "--idle-timeout": 3}
-    given = (str(part) for pair in options.items() for part in pair)
-    with at_work(router, Finder()), in_thread(show):
-        assert main(["track", f"ros2:{DEPTH}", "--no-pictures", *given]) == 0
+    options = {"connect": router, "publish": "ros2:/gepf", "particles": 20, "idle_timeout": 3}
+    with at_work(router), in_thread(show):
+        assert main(tracking(f"ros2:{DEPTH}", tmp_path / "run", "--no-pictures", **options)) == 0
     track = read_track(tmp_path / "run")
     assert len(track.frame) > 4
     for each in robot.heard["/tf"]:

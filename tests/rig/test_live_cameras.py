@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -13,25 +13,30 @@ import msgspec
 import numpy as np
 
 import gepf
-from common.frame import DepthFrame
 from common.protocol.frames import encode_live, encode_live_end
-from common.transport.opening import open_worker
 from coordinator.cli import main
 from coordinator.results.track import read_track
 from coordinator.sources import open_source
-from tests.sources.test_live import CAMERA, Finder, at_work, plate, summary_of, until_recorded
-from tests.support.processes.programs import in_thread
+from tests.support.live import (
+    Rest,
+    at_work,
+    listening,
+    plate_image,
+    publishing,
+    summary_of,
+    tracking,
+    until_recorded,
+    until_released,
+)
 
 KEYS = {"front": "rig/front", "back": "rig/back"}
 OFFSET_S = 0.5
 
 
-def image(name: str, number: int) -> DepthFrame:
+def image(name: str, number: int) -> bytes:
     """A plate at two metres whose depth differs from frame to frame, now by the camera's clock."""
-    seen = np.zeros((CAMERA.height, CAMERA.width), dtype=np.uint16)
-    seen[8:24, 8:24] = 2000 + number % 3
     time_s = time.monotonic() - (OFFSET_S if name == "back" else 0.0)
-    return DepthFrame(number, time_s, seen, 1000.0, CAMERA)
+    return encode_live(plate_image(number, 2000 + number % 3, time_s))
 
 
 def write_rig(folder: Path) -> Path:
@@ -50,54 +55,37 @@ def write_rig(folder: Path) -> Path:
 
 
 @contextmanager
-def staged(
-    where: str, shown: list[tuple[str, int | None]], rest: Callable[[threading.Event], object]
-) -> Iterator[None]:
-    """Two publishers that show images of these numbers in order, with a rest after each of the first camera.
+def staged(where: str, shown: Iterable[Mapping[str, int]], rest: Rest) -> Iterator[None]:
+    """Publishers that show images of these numbers by camera, with rests between, and end."""
 
-    None ends a stream.
-    """
+    def pause(stop: threading.Event) -> None:
+        rest(stop)
+        stop.wait(1 / 30)
 
-    def publish(stop: threading.Event) -> None:
-        with open_worker([where]) as one, open_worker([where]) as other:
-            publishers = {"front": one.publish(KEYS["front"]), "back": other.publish(KEYS["back"])}
-            while not all(each.has_subscriber for each in publishers.values()) and not stop.wait(0.01):
-                pass
-            for name, number in shown:
-                message = encode_live_end() if number is None else encode_live(image(name, number))
-                publishers[name].put_blocking(message)
-                if name == "front" and number is not None:
-                    rest(stop)
-                    stop.wait(1 / 30)
+    def steps() -> Iterator[dict[str, bytes]]:
+        for numbers in shown:
+            yield {KEYS[name]: image(name, number) for name, number in numbers.items()}
+        yield dict.fromkeys(KEYS.values(), encode_live_end())
 
-    with in_thread(publish), at_work(where, Finder()):
+    with publishing(where, KEYS.values(), steps(), pause), at_work(where):
         yield
 
 
 def test_a_camera_that_leaves_and_comes_back_is_used_again(endpoint: str, tmp_path: Path) -> None:
     """It starts again with number 0; tracking goes on, and the recorded rig has what was used."""
-    shown: list[tuple[str, int | None]] = []
-    for n in range(24):
-        if not 8 <= n < 14:
-            shown.append(("back", n if n < 8 else n - 14))
-        shown.append(("front", n))
-    shown += [("back", None), ("front", None)]
-    heard: list[bytes] = []
-
-    def listen(stop: threading.Event) -> None:
-        with open_worker([endpoint]) as bus:
-            bus.subscribe("rig/person", lambda _, payload: heard.append(payload))
-            stop.wait()
-
-    options = {"--workers": 0, "--listen": endpoint, "--idle-timeout": 60, "--particles": 20}
-    options |= {"--out": tmp_path / "run", "--record": tmp_path / "kept", "--publish": "rig/person"}
-    given = [str(part) for pair in (options | plate(tmp_path)).items() for part in pair]
-    with staged(endpoint, shown, until_recorded(tmp_path / "run")), in_thread(listen):
-        assert main(["track", str(write_rig(tmp_path)), *given, "--no-pictures"]) == 0
+    numbers = {n: n if n < 8 else n - 14 for n in range(24) if not 8 <= n < 14}
+    shown = [({"back": numbers[n]} if n in numbers else {}) | {"front": n} for n in range(24)]
+    options = {"listen": endpoint, "particles": 20, "record": tmp_path / "kept", "publish": "rig/person"}
+    command = tracking(str(write_rig(tmp_path)), tmp_path / "run", "--no-pictures", **options)
+    with (
+        staged(endpoint, shown, until_recorded(tmp_path / "run")),
+        listening(endpoint, "rig/person") as listener,
+    ):
+        assert main(command) == 0
     track, summary = read_track(tmp_path / "run"), summary_of(tmp_path / "run")
     assert np.all(np.diff(track.frame) > 0)
     assert np.all(np.diff(track.time_s) > 0.0)
-    results = [msgspec.msgpack.decode(payload) for payload in heard]
+    results = [msgspec.msgpack.decode(payload) for _, _, payload in listener.heard]
     assert [each["frame"] for each in results if each["kind"] == "estimate"][-1] == track.frame[-1]
     assert summary["frames_received"] == 24 + 18
     assert summary["cameras"]["front"]["frames_shown"] > 12
@@ -109,11 +97,9 @@ def test_a_camera_that_leaves_and_comes_back_is_used_again(endpoint: str, tmp_pa
 
 def test_the_library_follows_a_live_rig(endpoint: str, tmp_path: Path) -> None:
     """`gepf.live` of a rig file gives the frames of both cameras together."""
-    shown: list[tuple[str, int | None]] = [(name, n) for n in range(9) for name in ("back", "front")]
-    shown += [("back", None), ("front", None)]
-    arrived = threading.Semaphore(0)
-    frames = []
-    with staged(endpoint, shown, lambda _: arrived.acquire(timeout=60.0)):
+    arrived, frames = threading.Semaphore(0), []
+    shown = ({"back": n, "front": n} for n in range(9))
+    with staged(endpoint, shown, until_released(arrived)):
         for frame in gepf.live(write_rig(tmp_path), listen=endpoint, idle_timeout=60.0):
             frames.append(frame)
             arrived.release()

@@ -10,9 +10,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
-from common.camera import Intrinsics, back_project
+from common.camera import Intrinsics
 from common.frame import EMPTY, HIDDEN, SUBJECT, UNKNOWN, UNMEASURED, DepthFrame
 from coordinator.scene.scene import Scene
 from coordinator.scene.segmentation import (
@@ -111,19 +110,6 @@ def test_of_two_people_each_has_the_nearest_pixels() -> None:
         assert np.mean(truth[n][mine]) > 0.97
         assert np.mean(mine[truth[n]]) > 0.9
     assert not assign_pixels(distances[:1])[0].any()
-
-
-def test_distances_are_those_to_the_nearest_point() -> None:
-    """For pixels around random points, to half a cell's diagonal; far pixels have a large distance."""
-    points = np.random.default_rng(3).uniform(-0.2, 0.3, (60, 3)) + np.array([0.1, -0.2, 2.0])
-    view = Scene().see(Room().see(None).frame)
-    depth = np.random.default_rng(4).uniform(1.6, 2.6, view.depth.shape).astype(np.float32)
-    found = measure_distances(replace(view, depth=depth), points)
-    exact = cKDTree(points).query(back_project(depth, view.camera))[0]
-    near = exact < 0.2
-    assert np.all(np.abs(found - exact)[near] < 0.04 * np.sqrt(3.0))
-    assert near.any()
-    assert np.all(found[exact > 0.4] == np.inf)
 
 
 def test_no_place_of_a_body_reads_beyond_the_picture() -> None:

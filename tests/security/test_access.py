@@ -36,11 +36,7 @@ SHORT = 0.3  # seconds in which something that must not happen would have happen
 def test_run_over_tls_gives_the_same_bytes(place: str, ours: Folder) -> None:
     """Directly, with certificates on both sides, and with a local worker, which needs none."""
     options = Pool(1, listen=place, security=ours.listening, worker_command=INSTANT, worker_timeout=60.0)
-    with (
-        ZenohRefiner(options) as refiner,
-        secure_worker(place, ours, "w0"),
-        secure_worker(place, ours, "w1"),
-    ):
+    with ZenohRefiner(options) as refiner, secure_worker(place, ours, "w0"), secure_worker(place, ours, "w1"):
         refiner.wait_for(3)
         for number in range(3):
             assert refined_bytes(refiner, number) == expected(number)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,8 +12,7 @@ from PIL import Image as Picture
 
 from common.errors import InputError
 from common.frame import DepthFrame
-from common.protocol.frames import decode_colour, decode_live
-from common.transport.opening import open_worker
+from common.protocol.frames import decode_colour, decode_live, encode_live_end
 from coordinator.cli import main
 from coordinator.results.track import read_track
 from coordinator.sources import open_source
@@ -28,7 +26,8 @@ from coordinator.sources.devices.device import (
     explain_absence,
 )
 from coordinator.tracking.segmenter import Segmenter
-from tests.support.processes.programs import in_thread, wait_until
+from tests.support.live import KEY, listening
+from tests.support.processes.programs import wait_until
 from tests.support.stand_ins import CAMERA, StillWorkers, standing
 
 record = pytest.importorskip("tests.support.realsense").record
@@ -71,18 +70,11 @@ def test_distortion_is_removed(tmp_path: Path) -> None:
 def test_a_published_camera_is_tracked_and_kept(endpoint: str, tmp_path: Path) -> None:
     """`gepf publish` sends each image with gravity, and before it its colours; then the end."""
     colours = [np.full((48, 64, 3), (200, 20 * n, 10), np.uint8) for n in range(6)]
-    came, arrived = list[bytes](), list[bytes]()
-
-    def listen(stop: threading.Event) -> None:
-        with open_worker([endpoint]) as bus:
-            bus.subscribe("camera/depth/color", lambda _, payload: arrived.append(payload))
-            bus.subscribe("camera/depth", lambda _, payload: came.append(payload))
-            stop.wait()
-
     spec = film(tmp_path, acceleration=TILTED, colour=colours)
-    with in_thread(listen):
-        assert main(["publish", spec, "--key", "camera/depth", "--listen", endpoint, "--color"]) == 0
-        wait_until(lambda: bool(came) and decode_live(came[-1]) is None)
+    with listening(endpoint, f"{KEY}/color", KEY) as listener:
+        assert main(["publish", spec, "--key", KEY, "--listen", endpoint, "--color"]) == 0
+        wait_until(lambda: encode_live_end() in listener.on(KEY))
+    came, arrived = listener.on(KEY), listener.on(f"{KEY}/color")
     for payload in came[:-1]:
         frame = decode_live(payload)
         assert frame is not None

@@ -2,170 +2,70 @@
 
 from __future__ import annotations
 
-import json
 import signal
 import socket
 import sys
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import msgspec
 import numpy as np
 import pytest
-from PIL import Image
 
-from common.frame import DepthFrame
 from common.protocol.frames import encode_live, encode_live_end
-from common.refinement import Refined
-from common.transport.opening import open_coordinator, open_worker
+from common.transport.opening import open_coordinator
 from coordinator.cli import main
-from coordinator.results.log import read_log
 from coordinator.results.track import read_track
 from coordinator.sources import open_source
-from tests.support.asked import Asked, refining, unmoved
-from tests.support.processes.instant_worker import KERNEL
-from tests.support.processes.programs import in_thread, started, wait_until
-from tests.support.processes.serving import serving
+from tests.support.live import (
+    CAMERA,
+    KEY,
+    Finder,
+    Rest,
+    at_work,
+    listening,
+    plate_image,
+    publishing,
+    summary_of,
+    tracking,
+    until_recorded,
+)
+from tests.support.processes.programs import started, wait_until
 from tests.support.processes.warm_processes import gepf, start
-from worker.service import Kernel
-from worker.warm_up import tiny_frame
+from tests.support.recordings import write_open3d
 
-KEY = "camera/depth"
-CAMERA = tiny_frame().frame.intrinsics
-FOLDER_CAMERA = {
-    "width": CAMERA.width,
-    "height": CAMERA.height,
-    "intrinsic_matrix": [CAMERA.fx, 0, 0, 0, CAMERA.fy, 0, CAMERA.cx, CAMERA.cy, 1],
-    "depth_scale": 1000,
-}
 TRIES = 5  # at being on time, which a machine that is busy may miss
 PATIENT = 0.5  # seconds, on a machine that is busy; alone, 394 messages took 7 to 24 ms
 GEPF = (sys.executable, "-m", "coordinator.cli")
-PLATE = """<robot name="plate"><link name="plate"><visual>
-<geometry><box size="0.2 0.2 0.1"/></geometry>
-</visual></link></robot>"""
-AT_TWO_METRES = np.array([0.0, 0.0, 2.05, 0.0, 0.0, 0.0])  # the plate's pose in every frame
-
-
-def image(number: int, depth: int = 2000) -> DepthFrame:
-    """A plate in the middle of 32 by 32 pixels, with no depth around it."""
-    seen = np.zeros((CAMERA.height, CAMERA.width), dtype=np.uint16)
-    seen[8:24, 8:24] = depth
-    return DepthFrame(number, number / 30, seen, 1000.0, CAMERA)
-
-
-class Still:
-    """A worker whose particles stay where they are, slowly."""
-
-    def __init__(self, seconds_per_particle: float = 0.0) -> None:
-        self.seconds_per_particle = seconds_per_particle
-
-    def refine(self, asked: Asked, _: object) -> Refined:
-        """The same poses, all equally likely."""
-        time.sleep(self.seconds_per_particle * len(asked.poses))
-        return unmoved(asked.poses, covariance=asked.covariance)
-
-    @property
-    def kernel(self) -> Kernel:
-        """What a worker is given."""
-        return Kernel(KERNEL.observe, refining(self.refine))
-
-
-class Finder(Still):
-    """A worker that finds the plate, slowly."""
-
-    def refine(self, asked: Asked, seen: object) -> Refined:
-        """Every particle where the plate is."""
-        there = np.tile(AT_TWO_METRES, (len(asked.poses), 1))
-        return super().refine(replace(asked, poses=there), seen)
 
 
 @contextmanager
-def staged(
-    where: str, messages: list[bytes], rest: Callable[[threading.Event], object], worker: Finder
-) -> Iterator[None]:
-    """A worker, and a camera that shows messages from when there is a listener, with a rest after each."""
+def staged(where: str, frames: Iterable[int], rest: Rest, worker: Finder, dark: int = 0) -> Iterator[None]:
+    """A worker, and a camera that shows frames when there is a listener, and then the end.
 
-    def publish(stop: threading.Event) -> None:
-        with open_worker([where]) as bus:
-            publisher = bus.publish(KEY)
-            while not publisher.has_subscriber and not stop.wait(0.01):
-                pass
-            for message in messages:
-                publisher.put_blocking(message)
-                rest(stop)
-
-    with in_thread(publish), at_work(where, worker):
+    Before them, it shows some without depth.
+    """
+    shown = [*(plate_image(n, depth=0) for n in range(dark)), *map(plate_image, frames)]
+    steps = ({KEY: message} for message in [*map(encode_live, shown), encode_live_end()])
+    with publishing(where, [KEY], steps, rest), at_work(where, worker):
         yield
-
-
-@contextmanager
-def at_work(where: str, worker: Finder) -> Iterator[None]:
-    """A worker that joins when there is a listener."""
-
-    def work(stop: threading.Event) -> None:
-        with serving(where, "w", worker.kernel):
-            stop.wait()
-
-    with in_thread(work):
-        yield
-
-
-def until_recorded(out: Path) -> Callable[[threading.Event], None]:
-    """A rest until one more frame has been recorded, or the run is over."""
-    shown = 0
-
-    def recorded() -> int:
-        try:
-            log = read_log(out / "frames.log")
-        except FileNotFoundError:
-            return shown
-        return log.frames if log else 0
-
-    def rest(stop: threading.Event) -> None:
-        nonlocal shown
-        shown += 1
-        while recorded() < shown and not stop.wait(0.01):
-            pass
-
-    return rest
 
 
 def track_live(where: str, out: Path, *options: str) -> int:
-    """`gepf track` of the plate in the stream, without workers of its own."""
-    given = {"--out": out, "--workers": 0, "--listen": where, "--particles": 20, **plate(out.parent)}
-    given |= {"--idle-timeout": 60}  # should the end be lost, no test waits for ever
-    return main(["track", f"zenoh:{KEY}", *(str(part) for pair in given.items() for part in pair), *options])
-
-
-def plate(folder: Path) -> dict[str, Path]:
-    """The options for a plate at two metres, in files."""
-    model, init = folder / "plate.urdf", folder / "init.json"
-    model.write_text(PLATE)
-    init.write_text(json.dumps({"root_tz": AT_TWO_METRES[2]}))
-    return {"--model": model, "--init": init}
-
-
-def summary_of(out: Path) -> dict[str, Any]:
-    """The summary of a run."""
-    content: dict[str, Any] = json.loads((out / "summary.json").read_text())
-    return content
+    """`gepf track` of the plate in the stream."""
+    return main([*tracking(f"zenoh:{KEY}", out, listen=where, particles=20), *options])
 
 
 def test_a_stream_is_tracked_to_its_end(endpoint: str, tmp_path: Path) -> None:
     """Every frame of a slow stream is in the results under its own number and time, and in the recording."""
-    messages = [encode_live(image(number)) for number in (10, 11, 15)] + [encode_live_end()]
-    with staged(endpoint, messages, until_recorded(tmp_path / "run"), Finder()):
+    with staged(endpoint, (10, 11, 15), until_recorded(tmp_path / "run"), Finder()):
         assert track_live(endpoint, tmp_path / "run", "--record", str(tmp_path / "kept")) == 0
     kept = [*open_source(tmp_path / "kept")]
     assert [frame.number for frame in kept] == [10, 11, 15]
     np.testing.assert_allclose([frame.time_s for frame in kept], np.array([0, 1, 5]) / 30)
-    assert all(np.array_equal(frame.depth, image(0).depth) for frame in kept)
+    assert all(np.array_equal(frame.depth, plate_image(0).depth) for frame in kept)
     assert (kept[0].intrinsics, kept[0].depth_scale) == (CAMERA, 1000.0)
     track, summary = read_track(tmp_path / "run"), summary_of(tmp_path / "run")
     assert track.frame.tolist() == [10, 11, 15]
@@ -179,8 +79,7 @@ def test_a_stream_is_tracked_to_its_end(endpoint: str, tmp_path: Path) -> None:
 
 def test_a_stream_that_is_too_fast_loses_the_older_frames(endpoint: str, tmp_path: Path) -> None:
     """A worker needs 50 ms a particle: of frames every 20 ms most are skipped, counted, the last one kept."""
-    messages = [encode_live(image(number)) for number in range(30)] + [encode_live_end()]
-    with staged(endpoint, messages, lambda stop: stop.wait(0.02), Finder(0.05)):
+    with staged(endpoint, range(30), lambda stop: stop.wait(0.02), Finder(0.05)):
         assert track_live(endpoint, tmp_path / "run") == 0
     track, summary = read_track(tmp_path / "run"), summary_of(tmp_path / "run")
     assert summary["frames_received"] == 30
@@ -191,8 +90,7 @@ def test_a_stream_that_is_too_fast_loses_the_older_frames(endpoint: str, tmp_pat
 
 def test_a_deadline_ends_each_frame_with_what_has_arrived(endpoint: str, tmp_path: Path) -> None:
     """Of 20 particles at 10 ms each, some but not all are answered in time; results say how many."""
-    messages = [encode_live(image(number)) for number in range(4)] + [encode_live_end()]
-    with staged(endpoint, messages, until_recorded(tmp_path / "run"), Finder(0.01)):
+    with staged(endpoint, range(4), until_recorded(tmp_path / "run"), Finder(0.01)):
         assert track_live(endpoint, tmp_path / "run", "--deadline", "130") == 0
     track, summary = read_track(tmp_path / "run"), summary_of(tmp_path / "run")
     assert track.particles_answered is not None
@@ -206,30 +104,21 @@ def test_a_deadline_ends_each_frame_with_what_has_arrived(endpoint: str, tmp_pat
 def test_results_are_heard_while_the_run_goes_on(endpoint: str, tmp_path: Path) -> None:
     """A subscriber gets every tracked frame of a 30 Hz stream, soon, and the end, in both formats."""
     for form, option in (("msgpack", ()), ("json", ("--publish-json",))):
-        heard_: list[tuple[float, bytes]] = []
-        hearing = threading.Event()
-
-        def listen(stop: threading.Event) -> None:
-            with open_worker([endpoint]) as bus:
-                bus.subscribe("robot/person", lambda _, payload: heard_.append((time.time(), payload)))  # noqa: B023
-                stop.wait(0.5)
-                hearing.set()  # noqa: B023
-                stop.wait()
-
-        def rest(stop: threading.Event) -> None:
-            while not hearing.wait(0.01) and not stop.is_set():  # noqa: B023
-                pass
-            stop.wait(1.0 / 30.0)
-
-        dark = [encode_live(image(0, depth=0))]  # is passed over, until there is a listener
-        messages = [*dark, *(encode_live(image(number)) for number in range(1, 20)), encode_live_end()]
         out = tmp_path / form / "run"
         out.parent.mkdir()
-        with staged(endpoint, messages, rest, Finder()), in_thread(listen):
-            assert track_live(endpoint, out, "--publish", "robot/person", *option) == 0
-            wait_until(lambda: b"estimates-end" in heard_[-1][1])  # noqa: B023
+        with listening(endpoint, "robot/person") as listener:
+
+            def rest(stop: threading.Event, ready: threading.Event = listener.ready) -> None:
+                while not ready.wait(0.01) and not stop.is_set():
+                    pass
+                stop.wait(1.0 / 30.0)
+
+            # dark frames are passed over, until there is a listener
+            with staged(endpoint, range(1, 20), rest, Finder(), dark=1):
+                assert track_live(endpoint, out, "--publish", "robot/person", *option) == 0
+                wait_until(lambda: b"estimates-end" in listener.heard[-1][2])
         decode = msgspec.json.decode if form == "json" else msgspec.msgpack.decode
-        told = [(when, decode(payload)) for when, payload in heard_]
+        told = [(when, decode(payload)) for _, when, payload in listener.heard]
         track = read_track(out)
         assert [message["frame"] for _, message in told[:-1]] == track.frame.tolist()
         assert told[-1][1] == {"kind": "estimates-end", "version": 1}
@@ -255,19 +144,8 @@ def test_a_key_without_a_place_to_listen_is_refused(
 @pytest.fixture
 def recording(tmp_path: Path) -> Path:
     """Forty frames of a plate at two metres."""
-    folder = tmp_path / "plate"
-    (folder / "depth").mkdir(parents=True)
-    for number in range(40):
-        Image.fromarray(image(number).depth).save(folder / "depth" / f"{number:06d}.png")
-    (folder / "camera_intrinsic.json").write_text(json.dumps(FOLDER_CAMERA))
-    return folder
-
-
-def tracking(where: str, tmp_path: Path) -> list[str]:
-    """`gepf track` of the plate on the workers of others."""
-    given = {"--workers": 0, "--listen": where, "--idle-timeout": 60, **plate(tmp_path)}
-    options = [str(part) for pair in given.items() for part in pair]
-    return ["track", f"zenoh:{KEY}", "--out", str(tmp_path / "run"), *options]
+    depth = np.array([plate_image(number).depth for number in range(40)])
+    return write_open3d(tmp_path / "plate", depth, CAMERA)
 
 
 @pytest.mark.parametrize("first", ["publisher", pytest.param("tracker", marks=pytest.mark.slow)])
@@ -276,9 +154,10 @@ def test_publisher_and_tracker_start_in_either_order(
 ) -> None:
     """The publisher waits until there is a listener, the tracker until there are frames."""
     play = ["publish", str(recording), "--key", KEY, "--connect", endpoint, "--rate", "30", "--frames", "0:6"]
-    commands = {"publisher": play, "tracker": [*tracking(endpoint, tmp_path), "--no-pictures"]}
+    command = tracking(f"zenoh:{KEY}", tmp_path / "run", listen=endpoint)
+    commands = {"publisher": play, "tracker": [*command, "--no-pictures"]}
     second = "tracker" if first == "publisher" else "publisher"
-    with at_work(endpoint, Finder()):
+    with at_work(endpoint):
         one = start(gepf, *commands[first], log=tmp_path / "log")
         one.join(1.0)
         assert one.is_alive()
@@ -297,8 +176,8 @@ def test_a_run_whose_stream_breaks_off_is_complete(
     endpoint: str, recording: Path, tmp_path: Path, *, publisher_dies: bool
 ) -> None:
     """A killed publisher sends no end, so a timeout ends the run; Ctrl-C at the tracker ends it at once."""
-    track = [*tracking(endpoint, tmp_path), "--idle-timeout", "2", "--no-pictures"]
-    with at_work(endpoint, Finder()), started(*track, command=GEPF) as tracker:
+    track = tracking(f"zenoh:{KEY}", tmp_path / "run", "--no-pictures", listen=endpoint, idle_timeout=2)
+    with at_work(endpoint), started(*track, command=GEPF) as tracker:
         play = ["publish", str(recording), "--key", KEY, "--connect", endpoint, "--rate", "2"]
         with started(*play, command=GEPF) as publisher:
             log = tmp_path / "run" / "frames.log"
@@ -337,28 +216,19 @@ def test_a_recording_with_gaps_is_published_in_real_time(endpoint: str, recordin
 
 def arrivals(endpoint: str, recording: Path, *options: str) -> list[float]:
     """When the three frames of a recording that is published, and its end, come; seconds."""
-    came: list[float] = []
-    listening = threading.Event()
-
-    def listen(stop: threading.Event) -> None:
-        with open_coordinator([endpoint]) as bus:
-            bus.subscribe(KEY, lambda *_: came.append(time.monotonic()))
-            listening.set()
-            stop.wait()
-
-    with in_thread(listen):
-        listening.wait(60.0)
+    with listening(endpoint, KEY, opened=open_coordinator) as listener:
+        listener.ready.wait(60.0)
         play = ["publish", str(recording), "--key", KEY, "--connect", endpoint, *options]
         with started(*play, command=GEPF) as publisher:
             assert publisher.wait(60.0) == 0
-    assert len(came) == 4
-    return came
+    assert len(listener.heard) == 4
+    return [when for _, when, _ in listener.heard]
 
 
 @pytest.mark.slow
 def test_an_interrupt_before_the_first_frame_leaves_nothing(endpoint: str, tmp_path: Path) -> None:
     """An interrupt while waiting gives exit code 130, as in every run, and no folder."""
-    with started(*tracking(endpoint, tmp_path), command=GEPF) as tracker:
+    with started(*tracking(f"zenoh:{KEY}", tmp_path / "run", listen=endpoint), command=GEPF) as tracker:
         assert tracker.stderr is not None
         assert any(line.startswith("listening on") for line in tracker.stderr)
         tracker.send_signal(signal.SIGINT)
@@ -370,7 +240,7 @@ def test_a_port_in_use_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[st
     """Two runs cannot listen at one place: exit code 2, and the line says which port to change."""
     with socket.create_server(("127.0.0.1", 0)) as taken:
         endpoint = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
-        assert main(tracking(endpoint, tmp_path)) == 2
+        assert main(tracking(f"zenoh:{KEY}", tmp_path / "run", listen=endpoint)) == 2
     told = capsys.readouterr().err
     assert f"gepf: {endpoint} is in use by another program; end it, or choose another port" in told
     assert not (tmp_path / "run").exists()

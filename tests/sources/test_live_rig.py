@@ -18,7 +18,6 @@ from coordinator.sources.rig import live_cameras
 from tests.sources.test_live_frames import WIDE, image
 
 Sent = tuple[float, str, int, float]  # reception, camera, number, time by the camera's clock
-Taken = tuple[str, int, list[str]]  # camera that gives the time, number, the others
 
 
 def cameras(*offsets: float) -> list[LiveCamera]:

@@ -13,7 +13,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
+from rosbags.typesys import Stores, get_typestore
 
+from common.camera import Intrinsics
 from common.transport.bus import Bus
 from common.transport.opening import open_router, open_worker
 from coordinator.sources.live import LiveFrames
@@ -22,8 +24,9 @@ from coordinator.sources.ros2 import Node
 from coordinator.sources.ros2_input import DepthTopic, JointTopic
 from coordinator.sources.ros_images import pixels
 from tests.support.processes.programs import wait_until
+from tests.support.ros import CAMERA, IMAGE, camera_of, image_of
 
-IMAGE, CAMERA, TOPIC = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo", "/camera/depth/image_rect_raw"
+TYPES, TOPIC = get_typestore(Stores.ROS2_JAZZY).types, "/camera/depth/image_rect_raw"
 TALKER = (
     "0/chatter/std_msgs::msg::dds_::String_/"
     "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
@@ -45,17 +48,12 @@ def meeting(endpoint: str) -> Iterator[tuple[Bus, Node, Node]]:
 
 def image(node: Node, depth: NDArray[np.generic], time_s: float = 0.0, encoding: str = "16UC1") -> Any:
     """An image message."""
-    flat = np.frombuffer(depth.tobytes(), np.uint8)
-    step = depth.shape[1] * depth.dtype.itemsize
-    return node.make(IMAGE, node.header(time_s), *depth.shape, encoding, 0, step, flat)
+    return image_of(TYPES, node.header(time_s), depth, encoding)
 
 
-def camera_info(node: Node, shape: tuple[int, ...] = DEPTH.shape) -> Any:
+def camera_info(node: Node) -> Any:
     """The message of a calibrated camera."""
-    matrix = np.array([50.0, 0, 1.0, 0, 51.0, 0.5, 0, 0, 1])
-    region = node.make("sensor_msgs/msg/RegionOfInterest", 0, 0, 0, 0, False)
-    unused = np.zeros(5), matrix, np.eye(3).ravel(), np.zeros(12), 0, 0, region
-    return node.make(CAMERA, node.header(0.0), *shape, "plumb_bob", *unused)
+    return camera_of(TYPES, node.header(0.0), Intrinsics(3, 2, 50.0, 51.0, 1.0, 0.5))
 
 
 def test_keys_tokens_and_attachments_are_those_of_the_design(endpoint: str) -> None:

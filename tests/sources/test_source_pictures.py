@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import logging
 from collections.abc import Callable
 from io import BytesIO
@@ -16,11 +15,15 @@ from PIL import Image
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
+from common.camera import Intrinsics
 from common.errors import InputError
 from coordinator.sources import open_source
 from coordinator.sources.camera import CameraOptions, parse_camera_options
 from coordinator.sources.source import select_frames
+from tests.support.recordings import camera_file
+from tests.support.ros import camera_of, header_of, image_of
 
+SMALL = Intrinsics(16, 12, 50.0, 51.0, 7.5, 5.5)
 LENS = CameraOptions((50.0, 51.0, 7.5, 5.5))
 SIZE = (12, 16)  # rows, columns
 
@@ -40,13 +43,6 @@ def write_pictures(folder: Path, names: list[str]) -> Path:
     return folder
 
 
-def describe_camera(folder: Path, fps: float = 30.0) -> None:
-    """`camera_intrinsic.json` of a small camera."""
-    matrix = [50.0, 0, 0, 0, 51.0, 0, 7.5, 5.5, 1]
-    content = {"width": 16, "height": 12, "intrinsic_matrix": matrix, "depth_scale": 1000.0, "fps": fps}
-    (folder / "camera_intrinsic.json").write_text(json.dumps(content))
-
-
 def taken(path: Path, given: CameraOptions = LENS) -> tuple[list[int], list[float]]:
     """Numbers and times of all frames, in order."""
     source = open_source(path, given)
@@ -60,7 +56,7 @@ def test_missing_frames_keep_their_numbers_and_times(
 ) -> None:
     """Frames 3 and 6 are 0.1 s apart though two are missing in between, which is reported."""
     write_pictures(tmp_path / "seq" / "depth", ["000002.png", "000003.png", "000006.png"])
-    describe_camera(tmp_path / "seq")
+    camera_file(tmp_path / "seq", 1000.0, SMALL)
     assert taken(tmp_path / "seq", CameraOptions()) == ([2, 3, 6], [0.066667, 0.1, 0.2])
     assert "2 of 5 frames are missing, frame 4 first; the others keep their times" in caplog.text
     numbers = open_source(tmp_path / "seq").numbers
@@ -156,21 +152,14 @@ def test_an_array_file_is_metres_whatever_it_holds(
 def write_ros2(path: Path, encoding: str = "16UC1", kind: str = "sensor_msgs/msg/Image") -> Path:
     """A ROS 2 bag with three depth images, 40 ms and then 100 ms apart, and their camera_info."""
     types: Any = get_typestore(Stores.ROS2_HUMBLE)
-    make = types.types
-    stamp = make["builtin_interfaces/msg/Time"](0, 0)
-    header = make["std_msgs/msg/Header"](stamp, "camera")
-    region = make["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False)
-    matrix = np.array([50.0, 0, 7.5, 0, 51.0, 5.5, 0, 0, 1])
-    info = make["sensor_msgs/msg/CameraInfo"](
-        header, *SIZE, "plumb_bob", np.zeros(5), matrix, np.eye(3).ravel(), np.zeros(12), 0, 0, region
-    )
+    make, header = types.types, header_of(types.types)
+    info = camera_of(make, header, SMALL)
     with Writer(path, version=9, storage_plugin=StoragePlugin.SQLITE3) as bag:
         cameras = bag.add_connection("/camera/depth/camera_info", info.__msgtype__, typestore=types)
         bag.write(cameras, 1, types.serialize_cdr(info, info.__msgtype__))
         images = bag.add_connection("/camera/depth/image", kind, typestore=types)
         for values, time_ms in zip(depth(3), (5000, 5040, 5140), strict=True):
             data = (values / np.float32(1000)).astype("<f4") if encoding == "32FC1" else values.astype("<u2")
-            step, flat = data.dtype.itemsize * SIZE[1], data.view(np.uint8).ravel()
             if kind.endswith("CompressedImage"):
                 png = BytesIO()
                 Image.fromarray(values.astype(np.uint16)).save(png, "PNG")
@@ -178,7 +167,7 @@ def write_ros2(path: Path, encoding: str = "16UC1", kind: str = "sensor_msgs/msg
                     header, "16UC1; compressedDepth png", np.frombuffer(bytes(12) + png.getvalue(), np.uint8)
                 )
             else:
-                image = make[kind](header, *SIZE, encoding, 0, step, flat)
+                image = image_of(make, header, data, encoding)
             bag.write(images, time_ms * 1_000_000, types.serialize_cdr(image, kind))
     return path
 

@@ -13,27 +13,14 @@ from numpy.typing import NDArray
 from PIL import Image
 from scipy.io import savemat
 
+from common.camera import Intrinsics
 from common.errors import InputError
 from coordinator.sources import open_source
 from coordinator.sources.source import select_frames
+from tests.support.recordings import write_open3d
 from tests.support.refusals import refused
 
-CAMERA: dict[str, Any] = {
-    "width": 8,
-    "height": 6,
-    "intrinsic_matrix": [10.0, 0, 0, 0, 11.0, 0, 4.0, 3.0, 1],
-    "depth_scale": 1000,
-    "fps": 15,
-}
-
-
-def write_folder(path: Path, frames: NDArray[np.uint16], first: int = 0, **camera: object) -> Path:
-    """A recorded folder of frames (F, H, W)."""
-    (path / "depth").mkdir(parents=True)
-    for number, depth in enumerate(frames, start=first):
-        Image.fromarray(depth).save(path / "depth" / f"{number:06d}.png")
-    (path / "camera_intrinsic.json").write_text(json.dumps(CAMERA | camera))
-    return path
+CAMERA = Intrinsics(8, 6, 10.0, 11.0, 4.0, 3.0)
 
 
 @pytest.fixture
@@ -45,7 +32,7 @@ def frames() -> NDArray[np.uint16]:
 @pytest.fixture
 def folder(tmp_path: Path, frames: NDArray[np.uint16]) -> Path:
     """A whole recorded folder."""
-    return write_folder(tmp_path / "walk", frames)
+    return write_open3d(tmp_path / "walk", frames, CAMERA)
 
 
 def read_all(path: Path) -> None:
@@ -142,7 +129,8 @@ def test_a_camera_file_that_makes_no_sense_is_refused(
 ) -> None:
     """Entries that are missing or of another type or range, and files without a JSON object."""
     if isinstance(content, dict):
-        entries = {name: value for name, value in (CAMERA | content).items() if value is not ...}
+        usual = json.loads((folder / "camera_intrinsic.json").read_bytes())
+        entries = {name: value for name, value in (usual | content).items() if value is not ...}
         content = json.dumps(entries).encode()
     (folder / "camera_intrinsic.json").write_bytes(content)
     with refused(rf"camera_intrinsic\.json.*({says})"):

@@ -11,10 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.body import LEAST_SPREAD, ROOT_DOFS, BodyModel
-from common.bounds import (
-    LARGEST,
-    SMALLEST,
-)
+from common.bounds import LARGEST, SMALLEST
 from common.camera import Intrinsics
 from common.errors import ProtocolError
 from common.frame import DepthFrame, SubjectFrame

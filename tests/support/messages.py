@@ -63,8 +63,7 @@ KINDS = {
     "request": Kind(encode_request(tiny_request()), decode_request),
     "reply": Kind(encode_refined(tiny_refined()), lambda payload: decode_refined(payload, (COUNT, DOFS))),
     "sure-reply": Kind(
-        encode_refined(tiny_sure()),
-        lambda payload: decode_refined(payload, (COUNT, DOFS), covariance=True),
+        encode_refined(tiny_sure()), lambda payload: decode_refined(payload, (COUNT, DOFS), covariance=True)
     ),
     "refusal": Kind(encode_refusal("no"), decode_refusal),
 }

@@ -22,6 +22,7 @@ from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
 from coordinator.sources.utd_mhad import KINECT
 from tests.support.people import rendered
+from tests.support.ros import camera_of, header_of, image_of
 
 Depth = NDArray[np.uint16]  # (F, H, W), millimetres
 Write = Callable[[Path, Depth], Path]
@@ -96,20 +97,13 @@ def write_pcd(path: Path, depth: Depth, encoding: Encoding = Encoding.BINARY_COM
 def write_bag(path: Path, depth: Depth, units: float | None = 0.001, camera: Intrinsics = KINECT) -> Path:
     """As librealsense records: image, camera_info and the option that holds the units."""
     types: Any = get_typestore(Stores.ROS1_NOETIC)
-    stamp = types.types["builtin_interfaces/msg/Time"](sec=0, nanosec=0)
-    header = types.types["std_msgs/msg/Header"](seq=0, stamp=stamp, frame_id="0")
-    info, image = types.types["sensor_msgs/msg/CameraInfo"], types.types["sensor_msgs/msg/Image"]
-    region = types.types["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False)
-    messages = [(f"{SENSOR}/Depth_0/info/camera_info", 1, info(
-        header, camera.height, camera.width, "", np.zeros(5), matrix_of(camera).ravel(), np.eye(3).ravel(),
-        np.zeros(12), 0, 0, region,
-    ))]  # fmt: skip
+    make = types.types
+    header, info = header_of(make), f"{SENSOR}/Depth_0/info/camera_info"
+    messages = [(info, 1, camera_of(make, header, camera))]
     if units is not None:
-        messages.append((f"{SENSOR}/option/Depth_Units/value", 1, types.types["std_msgs/msg/Float32"](units)))
+        messages.append((f"{SENSOR}/option/Depth_Units/value", 1, make["std_msgs/msg/Float32"](units)))
     for n, values in enumerate(depth):
-        rows, columns = values.shape
-        data = values.astype("<u2").view(np.uint8).ravel()
-        content = image(header, rows, columns, "mono16", 0, 2 * columns, data)
+        content = image_of(make, header, values.astype("<u2"), "mono16")
         messages.append((f"{SENSOR}/Depth_0/image/data", round((5.0 + n / FPS) * 1e9), content))
     path.parent.mkdir(parents=True, exist_ok=True)
     with Writer(path) as bag:

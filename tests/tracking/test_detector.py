@@ -16,8 +16,9 @@ from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import Bodies, name_pose, one_body
 from coordinator.bodies.urdf import read_urdf
 from coordinator.scene.planes import Planes
-from coordinator.tracking.detector import Candidates, Detection, Detector, Search
+from coordinator.tracking.detector import Detector, Search
 from coordinator.tracking.gating import Gate
+from coordinator.tracking.pose_candidates import Candidates, Detection
 from coordinator.tracking.pose_library import draw_any
 from coordinator.tracking.sensor_noise import NO_NOISE
 from coordinator.tracking.state import given_start

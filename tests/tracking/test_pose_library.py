@@ -11,12 +11,7 @@ from common.kinematics import joint_positions, pose_vertices
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
 from coordinator.tracking.descriptor import COLUMNS, EMPTY, ROWS, compare, describe
-from coordinator.tracking.pose_library import (
-    describe_poses,
-    displaced,
-    draw_people,
-    look_straight,
-)
+from coordinator.tracking.pose_library import describe_poses, displaced, draw_people, look_straight
 from tests.support.people import STANDING
 
 Array = NDArray[np.float64]

@@ -19,12 +19,7 @@ from coordinator.commands.job import choose_settings
 from coordinator.commands.options import TrackOptions
 from coordinator.synthesis.noise import add_noise
 from coordinator.synthesis.scenes import arm
-from coordinator.tracking.sensor_noise import (
-    NO_NOISE,
-    SensorNoise,
-    assume_noise,
-    measure_noise,
-)
+from coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise, assume_noise, measure_noise
 from tests.support.people import rendered
 
 CAMERA = Intrinsics(256, 256, 395.0, 395.0, 127.5, 127.5)

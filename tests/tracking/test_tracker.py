@@ -240,7 +240,7 @@ def test_a_live_search_that_fails_counts_as_in_a_recording() -> None:
         for _ in range(4):
             recorded.submit(frame, before, Planes(), Stopwatch())
         live.submit(frame, before, Planes(), Stopwatch(), Pace(1 / 30, is_late=True))
-        assert all(iter(live.search, False))  # to its end
+        assert all(iter(live.searching.advance, False))  # to its end
         for subject in later:
             live.submit(frame, subject, Planes(), Stopwatch(), Pace(1 / 30, is_late=True))
         assert live.management == recorded.management

@@ -38,7 +38,7 @@ from worker.kernel.soft import fisher_scoring_step
 from worker.kernel.surface import Surface, pack_model
 from worker.kernel.visibility import DepthImage, draw, pose_body, visible_vertices
 from worker.kernel.weighting import accumulate_correspondences
-from worker.kernel.workspace import make_workspace, make_workspaces
+from worker.kernel.workspace import Problem, make_workspace, make_workspaces
 from worker.lanes import Lanes
 
 Array = NDArray[np.float64]
@@ -62,7 +62,7 @@ def kernel_covariance(of: PosteriorCase, pose: Array) -> tuple[Array, Array]:
         exact = soft_information(of, pose, (draw(surface.triangles, True, workspace), surface))
         views = pack_views(observe(of.subject), of.settings)
         workspaces = make_workspaces(skeleton, surface, views)
-        fisher_scoring_step(moved, skeleton, surface, views, parameters, workspaces)
+        fisher_scoring_step(moved, Problem(skeleton, surface, views, parameters), workspaces)
         workspace = workspaces.shared
     else:
         exact = hard_information(of, pose)

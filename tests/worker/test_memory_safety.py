@@ -23,7 +23,7 @@ from worker.kernel.icp import refine, refine_particle
 from worker.kernel.observation import observe, pack_views
 from worker.kernel.parameters import pack_parameters
 from worker.kernel.surface import pack_model
-from worker.kernel.workspace import Workspaces, make_workspaces
+from worker.kernel.workspace import Problem, Workspaces, make_workspaces
 
 ROOT = Path(__file__).parents[2]
 GUARD = 64  # entries on each side of an array
@@ -101,14 +101,14 @@ def test_nothing_is_written_beside_an_array(name: str, frame: str) -> None:
     dofs = len(model.dof_names)
     pose = guarded(np.zeros(dofs), guards)
     root = guarded(np.zeros(dofs * (dofs + 1) // 2, np.float32), guards)
-    parameters = pack_parameters(settings)
+    problem = Problem(skeleton, surface, views, pack_parameters(settings))
     for moved in FAR_OFF.values():
         pose[:] = near()
         for dof, by in moved.items():
             pose[dof] += by
-        refine_particle(pose, skeleton, surface, views, parameters, workspaces)
+        refine_particle(pose, problem, workspaces)
         equations = workspaces.shared.equations
-        fill_covariance_root(skeleton, parameters.posterior_scale / views.total, equations, root)
+        fill_covariance_root(skeleton, problem.parameters.posterior_scale / views.total, equations, root)
         assert all(np.all(guard == 0xA5) for guard in guards)
 
 

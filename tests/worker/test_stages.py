@@ -1,22 +1,19 @@
-"""Layout, posing and visibility of the kernel against the plain path; visibility against OpenGL, too."""
+"""Layout of the kernel's body, and visibility against OpenGL."""
 
 from __future__ import annotations
-
-from collections.abc import Callable
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, minimum_filter
 
-from common.body import ROOT_DOFS, BodyModel
+from common.body import ROOT_DOFS
 from common.camera import Intrinsics, project
 from common.kinematics import pose_vertices
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes import SCENES, Scene
-from tests.support.bodies import person, puppet
-from tests.support.kernel import plain_path
-from tests.support.kernel.kernel_cases import DEFAULT, layout, posed_in, starts, subject
+from tests.support.bodies import person
+from tests.support.kernel.kernel_cases import DEFAULT, layout, subject
 from worker.kernel.observation import observe, pack_observation
 from worker.kernel.surface import pack_model
 from worker.kernel.visibility import visible_vertices
@@ -42,19 +39,6 @@ def test_a_body_is_packed_whole() -> None:
     np.testing.assert_array_equal(surface.skin_weights, model.skin_weights[order, :used])
     assert np.all(model.skin_weights[:, used:] == 0.0)
     assert tuple(np.array(model.dof_names)[skeleton.precisions == 0.0]) == ROOT_DOFS
-
-
-@pytest.mark.parametrize("make", [puppet, person])
-def test_posing_and_visibility_match(make: Callable[[], BodyModel]) -> None:
-    """Steps 4a and 4b: vertices to 1e-12 m, and the very same ones visible."""
-    model = make()
-    poses = starts(3) if make is puppet else np.tile([0.1, 0.0, 2.5, *[0.3, -0.4] * 10, 0.2], (1, 1))
-    for pose in poses:
-        _, posed, seen = posed_in(model, pose, DEFAULT)
-        expected, visible = plain_path.visible_vertices(model, pose)
-        np.testing.assert_allclose(posed, expected[layout(model)], atol=1e-12)
-        assert 100 < len(visible) < 0.6 * len(expected)
-        np.testing.assert_array_equal(np.sort(layout(model)[seen]), visible)
 
 
 def judge(vertices: NDArray[np.float64], scene: Scene) -> tuple[Marks, Marks, Marks]:

@@ -26,13 +26,13 @@ from common.settings import RefineSettings
 from worker.kernel.correspondence import find_correspondences
 from worker.kernel.gauss_newton import fill_covariance_root, minimise, over_relax
 from worker.kernel.likelihood import evaluate
-from worker.kernel.observation import Observation, PackedViews, pack_views, view_of
-from worker.kernel.parameters import KernelParameters, pack_parameters
+from worker.kernel.observation import Observation, pack_views, view_of
+from worker.kernel.parameters import pack_parameters
 from worker.kernel.soft import fisher_scoring_step
-from worker.kernel.surface import Skeleton, Surface, pack_model
+from worker.kernel.surface import pack_model
 from worker.kernel.visibility import pose_body, pose_vertices, visible_vertices
 from worker.kernel.weighting import accumulate_correspondences
-from worker.kernel.workspace import Workspaces, make_workspaces, workspace_of
+from worker.kernel.workspace import Problem, Workspaces, make_workspaces, workspace_of
 
 Array = NDArray[np.float64]
 
@@ -40,11 +40,8 @@ Array = NDArray[np.float64]
 class Batch(NamedTuple):
     """The particles of a request, shared among lanes."""
 
-    skeleton: Skeleton
-    surface: Surface
-    views: PackedViews
+    problem: Problem
     velocity: Array  # (D,) relative motion per second
-    parameters: KernelParameters
     poses: Array  # (N, D) refined in place
     log_likelihood: Array  # (N,)
     residual: Array  # (N,) metres
@@ -94,10 +91,8 @@ def pack_batch(
     check_work(settings, len(poses) * len(observation.views), observation.total, len(model.vertices))
     count, dofs = poses.shape
     return Batch(
-        *pack_model(model),
-        pack_views(observation, settings),
+        Problem(*pack_model(model), pack_views(observation, settings), pack_parameters(settings)),
         np.zeros(dofs) if velocity is None else np.array(velocity, dtype=np.float64),
-        pack_parameters(settings),
         np.array(poses, dtype=np.float64, order="C"),  # kernels are compiled for one layout
         np.empty(count),
         np.empty(count),
@@ -107,7 +102,8 @@ def pack_batch(
 
 def refine_some(batch: Batch, particles: Iterator[int]) -> None:
     """Refine particles of a batch in place until the iterator is exhausted; lanes may share the iterator."""
-    workspaces = make_workspaces(batch.skeleton, batch.surface, batch.views, batch.velocity)
+    skeleton, surface, views, _ = batch.problem
+    workspaces = make_workspaces(skeleton, surface, views, batch.velocity)
     for n in particles:
         refine_one(n, batch, workspaces)
 
@@ -121,28 +117,21 @@ def refined(batch: Batch) -> Refined:
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def refine_one(n: int, batch: Batch, workspaces: Workspaces) -> None:
     """Refine particle n of a batch. If it diverges, its pose stays and its likelihood becomes zero."""
-    before, pose, parameters = batch.poses[n].copy(), batch.poses[n], batch.parameters
-    log_likelihood, residual = refine_particle(
-        pose, batch.skeleton, batch.surface, batch.views, parameters, workspaces
-    )
+    before, pose = batch.poses[n].copy(), batch.poses[n]
+    log_likelihood, residual = refine_particle(pose, batch.problem, workspaces)
     if not (is_valid(pose) and log_likelihood < np.inf and not np.isnan(residual)):
         pose[:], log_likelihood, residual = before, -np.inf, np.inf
     batch.log_likelihood[n], batch.residual[n] = log_likelihood, residual
     if batch.covariance_roots.shape[1] > 0:
-        scale = parameters.posterior_scale / batch.views.total
-        fill_covariance_root(batch.skeleton, scale, workspaces.shared.equations, batch.covariance_roots[n])
+        skeleton, _, views, parameters = batch.problem
+        scale = parameters.posterior_scale / views.total
+        fill_covariance_root(skeleton, scale, workspaces.shared.equations, batch.covariance_roots[n])
 
 
 @numba.njit(cache=True, nogil=True)
-def refine_particle(
-    pose: Array,
-    skeleton: Skeleton,
-    surface: Surface,
-    views: PackedViews,
-    parameters: KernelParameters,
-    workspaces: Workspaces,
-) -> tuple[float, float]:
+def refine_particle(pose: Array, problem: Problem, workspaces: Workspaces) -> tuple[float, float]:
     """Refine pose (D,) in place; returns its log posterior, see `likelihood`, and mean residual in metres."""
+    skeleton, _, views, parameters = problem
     clamp_to_limits(skeleton.single, skeleton.limits, pose)
     equations, of_rig, steps = workspaces.shared.equations, workspaces.shared.of_rig, parameters.steps
     equations.information[:] = 0.0
@@ -151,7 +140,7 @@ def refine_particle(
         visible = 0
         for v in range(len(views.extents)):
             renew = k % steps.visibility_interval == 0
-            visible += correspond(v, renew, pose, skeleton, surface, views, parameters, workspaces)
+            visible += correspond(v, renew, pose, problem, workspaces)
         if visible == 0:
             break
         before[:] = pose
@@ -162,27 +151,19 @@ def refine_particle(
             return -np.inf, np.inf
     if parameters.soft:
         for _ in range(parameters.icp_iterations):
-            fisher_scoring_step(pose, skeleton, surface, views, parameters, workspaces)
+            fisher_scoring_step(pose, problem, workspaces)
             if not is_valid(pose):
                 return -np.inf, np.inf
-    return evaluate(pose, skeleton, surface, views, parameters, workspaces)  # 5
+    return evaluate(pose, problem, workspaces)  # 5
 
 
 @numba.njit(cache=True, nogil=True)
-def correspond(
-    v: int,
-    renew: bool,
-    pose: Array,
-    skeleton: Skeleton,
-    surface: Surface,
-    views: PackedViews,
-    parameters: KernelParameters,
-    workspaces: Workspaces,
-) -> int:
+def correspond(v: int, renew: bool, pose: Array, problem: Problem, workspaces: Workspaces) -> int:
     """Sum the correspondences of one camera in pose (D,); returns the number of its visible vertices.
 
     Which vertices are visible is computed again if it is to `renew`.
     """
+    skeleton, surface, views, parameters = problem
     observed, workspace = view_of(views, v), workspace_of(workspaces, views, v)
     visible = workspace.visible[: workspaces.counts[v]]
     if renew:

@@ -22,32 +22,26 @@ from numpy.typing import NDArray
 
 from common.compiling import numba
 from worker.kernel.correspondence import find_correspondences
-from worker.kernel.observation import PackedObservation, PackedViews, view_of
+from worker.kernel.observation import PackedObservation, view_of
 from worker.kernel.parameters import KernelParameters
 from worker.kernel.priors import prior_cost
 from worker.kernel.soft import mean_log_density
 from worker.kernel.surface import Skeleton, Surface
 from worker.kernel.visibility import pose_body, visible_vertices
 from worker.kernel.weighting import robust_cost, vertices_in_free_space
-from worker.kernel.workspace import Search, Workspace, Workspaces, workspace_of
+from worker.kernel.workspace import Problem, Search, Workspace, Workspaces, workspace_of
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.uint32]  # of vertices
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def evaluate(
-    pose: Array,
-    skeleton: Skeleton,
-    surface: Surface,
-    views: PackedViews,
-    parameters: KernelParameters,
-    workspaces: Workspaces,
-) -> tuple[float, float]:
+def evaluate(pose: Array, problem: Problem, workspaces: Workspaces) -> tuple[float, float]:
     """Log posterior of pose (D,), and mean distance of the observed points from the model in metres.
 
     Visible points are computed at this pose.
     """
+    skeleton, surface, views, parameters = problem
     cost, density, residual, explained = prior_cost(skeleton, pose, parameters.rest_weight), 0.0, 0.0, 0
     for v in range(len(views.extents)):
         observed, workspace = view_of(views, v), workspace_of(workspaces, views, v)

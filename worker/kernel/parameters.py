@@ -18,10 +18,7 @@ class Steps(NamedTuple):
     damping_share: float  # of lambda of Eq. 4, per observed point
 
 
-STEPS: dict[Descent, Steps] = {
-    "plain": Steps(5, False, 1, 0.0),
-    "accelerated": Steps(2, True, 3, 0.0003),
-}
+STEPS: dict[Descent, Steps] = {"plain": Steps(5, False, 1, 0.0), "accelerated": Steps(2, True, 3, 0.0003)}
 
 
 class KernelParameters(NamedTuple):

@@ -25,12 +25,12 @@ from numpy.typing import NDArray
 from common.compiling import numba
 from worker.kernel.gauss_newton import take_step
 from worker.kernel.normal_equations import power, twists_of
-from worker.kernel.observation import PackedObservation, PackedViews, view_of
+from worker.kernel.observation import PackedObservation, view_of
 from worker.kernel.parameters import KernelParameters
 from worker.kernel.priors import add_prior
 from worker.kernel.surface import Skeleton, Surface
 from worker.kernel.visibility import PIXEL_M, DepthImage, draw, pose_body
-from worker.kernel.workspace import Workspace, Workspaces, workspace_of
+from worker.kernel.workspace import Problem, Workspace, Workspaces, workspace_of
 
 Array = NDArray[np.float64]
 
@@ -41,15 +41,9 @@ LONGEST_STEP = 0.2  # radians and metres
 
 
 @numba.njit(cache=True, nogil=True)
-def fisher_scoring_step(
-    pose: Array,
-    skeleton: Skeleton,
-    surface: Surface,
-    views: PackedViews,
-    parameters: KernelParameters,
-    workspaces: Workspaces,
-) -> None:
+def fisher_scoring_step(pose: Array, problem: Problem, workspaces: Workspaces) -> None:
     """Move pose (D,) in place by one step. Damping is a prior on the step, as wide as the longest step."""
+    skeleton, surface, views, parameters = problem
     equations = workspaces.shared.equations
     equations.gram[:], equations.gradient[:] = 0.0, 0.0
     for v in range(len(views.extents)):

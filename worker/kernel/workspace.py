@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from common.compiling import numba
 from worker.kernel.drawing import SIDE
 from worker.kernel.observation import TILE, PackedObservation, PackedViews
+from worker.kernel.parameters import KernelParameters
 from worker.kernel.surface import Skeleton, Surface
 
 Array = NDArray[np.float64]
@@ -25,6 +26,15 @@ Indices = NDArray[np.int64]
 Numbers = NDArray[np.uint32]
 
 LARGEST_SIDE_PX = 512  # of a depth image
+
+
+class Problem(NamedTuple):
+    """What all particles of a request share: the body, the frame, and how they are refined."""
+
+    skeleton: Skeleton
+    surface: Surface
+    views: PackedViews
+    parameters: KernelParameters
 
 
 class Search(NamedTuple):

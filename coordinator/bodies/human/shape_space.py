@@ -24,7 +24,6 @@ Indices = NDArray[np.int64]
 FILE = Path(__file__).with_name("person.npz")
 """Its arrays: people (K, V, 3) and their joints (K, N, 3) at rest, of stature 1, and what changes them."""
 
-KEPT = 4  # links of a vertex
 UNIT = 4e-5  # of stature: the coordinates in the file are whole numbers of it
 
 NAMED_JOINTS = {

@@ -17,8 +17,6 @@ from coordinator.sources.devices.device import AVERAGED, SILENCE_MS, Camera, Cam
 from coordinator.sources.lens import Lens
 from coordinator.sources.source import downward
 
-FPS = 30
-
 
 def open_device(which: str, colour: bool) -> Camera | None:
     """Open a camera by its serial number, or any; None if there is no such camera."""
@@ -55,7 +53,7 @@ def shots(device: pyk4a.PyK4A) -> Generator[Shot]:
                 continue
             time_s, colour = capture.depth_timestamp_usec * 1e-6, capture.transformed_color
             units = lens.undistort(capture.depth)
-            number, gravity = round(time_s * FPS), downward(accelerations)
+            number, gravity = round(30.0 * time_s), downward(accelerations)
             rgb = None if colour is None else np.ascontiguousarray(colour[..., 2::-1])  # from BGRA
             yield DepthFrame(number, time_s, units, 1000.0, lens.camera, gravity=gravity), rgb
     except pyk4a.K4AException as error:

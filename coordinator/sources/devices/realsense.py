@@ -19,7 +19,6 @@ from coordinator.sources.lens import Lens
 from coordinator.sources.source import downward
 
 QUEUED = 8  # images and accelerations that wait
-POLL_MS = 100
 
 
 def open_device(which: str, colour: bool) -> Camera | None:
@@ -77,9 +76,9 @@ def shots(pipeline: Any, config: Any, profile: Any, lens: Lens) -> Generator[Sho
         raise CameraLost(f"does not start ({error})") from error
     try:
         while waited_ms < SILENCE_MS:
-            there, image = queue.try_wait_for_frame(POLL_MS)
+            there, image = queue.try_wait_for_frame(100)
             if not there:
-                waited_ms += POLL_MS
+                waited_ms += 100
                 if playback is not None and playback.current_status() == rs.playback_status.stopped:
                     return
                 continue

@@ -130,7 +130,4 @@ def test_what_could_not_be_kept_after_an_interrupt_is_said(desk: Desk) -> None:
             raise InputError("cannot write to the folder: no space is left")
 
     assert main(["track", str(desk.sequence), "--out", str(desk.out)], connect) == 130
-    assert desk.said()[-2:] == [
-        "gepf: cannot write to the folder: no space is left",
-        "gepf: stopped",
-    ]
+    assert desk.said()[-2:] == ["gepf: cannot write to the folder: no space is left", "gepf: stopped"]

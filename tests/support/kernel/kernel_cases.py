@@ -14,14 +14,11 @@ from common.body import ROTATION, BodyModel
 from common.camera import Intrinsics
 from common.frame import SubjectFrame
 from common.kinematics import retract
-from common.settings import RefineSettings, preset
+from common.settings import preset
 from tests.support.bodies import puppet
 from tests.support.kernel import plain_path
 from tests.support.people import subject_of
-from worker.kernel.observation import observe, pack_observation
-from worker.kernel.surface import order_vertices, pack_model
-from worker.kernel.visibility import pose_body, visible_vertices
-from worker.kernel.workspace import Workspace, make_workspace
+from worker.kernel.surface import order_vertices
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -72,31 +69,6 @@ def near() -> Array:
 def layout(model: BodyModel) -> Indices:
     """The model's vertex at each place of the kernel's layout."""
     return order_vertices(model)[0]
-
-
-def dirty(workspace: Workspace) -> Workspace:
-    """A workspace with values of earlier use."""
-    stay = (
-        workspace.transforms,
-        workspace.of_rig,
-        workspace.T_camera_rig,
-        workspace.step,
-        workspace.equations.turns,
-    )
-    for value in workspace:
-        for array in value if isinstance(value, tuple) else (value,):
-            if not any(array is each for each in stay):  # transforms end in what stays
-                array.fill(7)
-    workspace.search.last_count.fill(0)
-    return workspace
-
-
-def posed_in(model: BodyModel, pose: Array, settings: RefineSettings) -> tuple[Workspace, Array, Numbers]:
-    """A workspace after steps 4a and 4b, its vertices (V, 3), and the visible ones."""
-    skeleton, surface = pack_model(model)
-    workspace = dirty(make_workspace(skeleton, surface, pack_observation(observe(subject()), settings)))
-    pose_body(pose.copy(), skeleton, surface, workspace)
-    return workspace, workspace.posed, visible_vertices(surface, workspace)
 
 
 def tangents(model: BodyModel, pose: Array, value: Callable[[Array], Array]) -> Array:

@@ -16,14 +16,7 @@ from scipy.spatial import cKDTree
 from common.body import ROOT_DOFS, ROTATION, BodyModel
 from common.camera import Intrinsics, back_project, project
 from common.frame import EMPTY, DepthFrame, SubjectFrame
-from common.kinematics import (
-    difference,
-    dof_transforms,
-    link_transforms,
-    pose_vertices,
-    retract,
-    step_axes,
-)
+from common.kinematics import difference, dof_transforms, link_transforms, pose_vertices, retract, step_axes
 from common.settings import RefineSettings
 from tests.support.bodies import moves
 from worker.kernel.gauss_newton import CONVERGED

@@ -26,7 +26,7 @@ from coordinator.bodies.human.build.rest import (
     to_rest,
 )
 from coordinator.bodies.human.measures import LENGTHS
-from coordinator.bodies.human.shape_space import FILE, KEPT, UNIT
+from coordinator.bodies.human.shape_space import FILE, UNIT
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -148,7 +148,7 @@ def build(data: MakeHuman) -> dict[str, Array]:
     names = tuple(joints)
     links = tuple(built.shares)
     table = np.stack([built.shares[link] for link in links], axis=1)
-    order = np.argsort(-table, axis=1, kind="stable")[:, :KEPT]
+    order = np.argsort(-table, axis=1, kind="stable")[:, :4]  # links of a vertex
     weights = np.take_along_axis(table, order, axis=1)
     return {
         "triangles": built.triangles.astype(np.uint16),

@@ -70,12 +70,8 @@ def _spine(trunk: float) -> Joints:
 
 
 def _leg(lengths: Mapping[str, float]) -> Joints:
-    x, knee, lift, foot = (
-        0.5 * lengths["hip_width"],
-        lengths["thigh"],
-        lengths["ankle_height"],
-        lengths["foot"],
-    )
+    x, knee, foot = 0.5 * lengths["hip_width"], lengths["thigh"], lengths["foot"]
+    lift = lengths["ankle_height"]
     ankle = knee + lengths["shank"]
     sole = ankle + lift
     return {

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Distance = Callable[[Array], Array]
 
-ROUNDS, SHARE_OF_THE_WAY = 12, 0.5
+ROUNDS = 12
 
 
 def mesh_symmetric(
@@ -57,7 +57,7 @@ def _evened(distance: Distance, vertices: Array, triangles: Indices, mirror: Ind
     neighbours = _neighbours(triangles, len(vertices))
     left = mirror >= np.arange(len(mirror))
     for _ in range(ROUNDS):
-        moved = vertices + SHARE_OF_THE_WAY * (neighbours @ vertices - vertices)
+        moved = vertices + 0.5 * (neighbours @ vertices - vertices)
         vertices = _mirror_of(_onto_surface(distance, moved[left], delta), left, mirror)
     return vertices
 

@@ -1,0 +1,115 @@
+"""The particles of one body: drawn from its belief, sent to the workers, and merged when they are refined."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from common.body import BodyModel
+from common.bounds import MAX_ITERATIONS
+from common.frame import SubjectFrame
+from common.kinematics import natural_angles
+from common.settings import RefineSettings, Settings
+from coordinator.filters.belief import Belief, Proposal
+from coordinator.filters.gradient_enhanced import Hypotheses
+from coordinator.filters.methods import METHODS, pace_iterations
+from coordinator.stopwatch import Stopwatch
+from coordinator.tracking.certainty.features import FrameContext
+from coordinator.tracking.known_motion import KnownMotion
+from coordinator.tracking.loop import Pace
+from coordinator.tracking.observation import filter_observation
+from coordinator.tracking.pose_candidates import Candidates, Detection
+from coordinator.tracking.refiner import Pending, Refiner
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Submitted:
+    """A frame whose particles are with the workers."""
+
+    rules: RefineSettings  # by which they are refined
+    proposal: Proposal[Any]
+    pending: Pending
+    context: FrameContext
+    detection: Detection | None  # of the body elsewhere, if it was searched for
+    clock: Stopwatch
+
+
+class ParticleFilter:
+    """Steps 2 to 7 of the paper for one body, by the method of the settings."""
+
+    def __init__(self, refiner: Refiner, settings: Settings, motion: KnownMotion | None) -> None:
+        self._refiner, self._settings, self._motion = refiner, settings, motion
+        self._method = METHODS[settings.method]
+        self.rng = np.random.default_rng(settings.seed)
+
+    def begin(self, model: BodyModel, pose: Array) -> Belief:
+        """The belief at an initial pose (D,)."""
+        return self._method.begin(model, pose, self._settings.filter)
+
+    def believe(self, model: BodyModel, candidates: Candidates) -> Belief:
+        """The belief in candidates: in all of them if the method has several hypotheses, else in the best."""
+        begun = self.begin(model, candidates.poses[0])
+        if not isinstance(begun, Hypotheses) or self._settings.filter.particles == 1:
+            return replace(begun, log_weights=candidates.log_likelihood[:1], residual=candidates.residual[:1])
+        return replace(
+            begun,
+            poses=candidates.poses,
+            log_weights=candidates.log_likelihood,
+            residual=candidates.residual,
+            velocities=np.zeros_like(candidates.poses),
+            covariances=np.repeat(begun.covariances, len(candidates.poses), axis=0),
+        )
+
+    def propose(
+        self, model: BodyModel, belief: Belief, subject: SubjectFrame, time_s: float | None, pace: Pace | None
+    ) -> Proposal[Any]:
+        """Particles for a frame; fewer if it is late, unless the method needs all of them.
+
+        `time_s` is that of the last frame that showed the body.
+        """
+        step = None
+        if self._motion is not None:
+            step = self._motion.step(model, belief.reported, time_s, subject.frame.time_s)
+        observation = filter_observation(subject, time_s, step)
+        settings = self._settings.filter
+        if pace is not None and self._method.descends:
+            fewer = int(min(settings.particles, pace.most_particles))
+            settings = msgspec.structs.replace(settings, particles=fewer)
+        return self._method.propose(model, belief, observation, settings, self.rng)
+
+    def pace(self, rules: RefineSettings, interval: float, pace: Pace | None) -> RefineSettings:
+        """Rules with the iterations for a frame so many seconds after the one before."""
+        interval = interval if pace is None else min(interval, pace.period_s)
+        return pace_iterations(rules, interval, self._settings.pace_iterations, MAX_ITERATIONS)
+
+    def send(
+        self, model: BodyModel, subject: SubjectFrame, proposal: Proposal[Any], rules: RefineSettings
+    ) -> Pending:
+        """Send particles to the workers."""
+        covariance, velocity = proposal.asks_covariance(rules), proposal.past.velocity
+        poses = proposal.poses
+        return self._refiner.submit(subject, model, poses, rules, covariance=covariance, velocity=velocity)
+
+    def update(self, model: BodyModel, submitted: Submitted) -> tuple[Belief, int]:
+        """The belief after refinement, and how many particles it is from; layers ask more than once."""
+        proposal, pending, clock = submitted.proposal, submitted.pending, submitted.clock
+        answered = len(proposal.poses)
+        while True:
+            with clock.stage("refine"):
+                refined = pending.result()
+            with clock.stage("merge"):
+                answered = min(answered, len(refined.answered))
+                refined = replace(refined, poses=natural_angles(model, refined.poses))
+                found = self._method.update(model, proposal, refined, self._settings.filter, self.rng)
+            if not isinstance(found, Proposal):
+                from_guess = submitted.context.first  # the change since a guess is not motion
+                return found.at_rest() if from_guess else found, answered
+            with clock.stage("refine"):
+                proposal = found
+                pending = self.send(model, submitted.context.subject, found, submitted.rules)

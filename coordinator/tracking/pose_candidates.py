@@ -1,0 +1,101 @@
+"""Candidates of a detection: refined poses of bodies of several sizes, their differences, front and back."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.body import BodyModel
+from common.kinematics import joint_positions, natural_angles
+from common.refinement import Refined
+from coordinator.tracking.certainty.certainty import OFF
+from coordinator.tracking.gating import Gate
+from coordinator.tracking.state import Start
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+DISTINCT_M = 0.05  # mean distance of the joints; nearer candidates are the same
+FACING_LOG_LIKELIHOOD = 2.0  # least difference that distinguishes front from back
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Candidates:
+    """Refined candidates (N) with bodies of several sizes, the most likely first."""
+
+    poses: Array  # (N, D)
+    sizes: Indices  # (N,) indices into a list of sizes
+    log_likelihood: Array  # (N,)
+    residual: Array  # (N,) metres
+    joints: Array  # (N, J, 3) camera frame, metres
+
+    def take(self, some: Indices) -> Candidates:
+        """The candidates with these indices, in this order."""
+        return Candidates(*(getattr(self, each.name)[some] for each in fields(self)))
+
+    def distinct(self, names: tuple[str, ...], count: int) -> Candidates:
+        """Up to `count` distinct candidates, and the best that faces the other way, if none of them does."""
+        kept = keep_distinct(self.joints, count)
+        turned = faces_away(names, self.joints, self.joints[0])
+        if not turned[kept].any():
+            kept = np.sort(np.append(kept, np.flatnonzero(turned)[:1]))
+        return self.take(kept)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Detection:
+    """A detection: refined candidates of the tracked body, and whether they pass gating."""
+
+    start: Start
+    candidates: Candidates
+    gate: Gate
+
+    def is_elsewhere(self, joints: Array) -> bool:
+        """Whether the pose or position differs from that of joints (J, 3) by more than a refinement."""
+        return bool(np.linalg.norm(self.candidates.joints[0] - joints, axis=-1).max() > OFF)
+
+    def looks_alike(self, names: tuple[str, ...], joints: Array, log_likelihood: float) -> bool:
+        """Whether a candidate that faces opposite to joints (J, 3) explains the frame about equally well."""
+        turned = faces_away(names, self.candidates.joints, joints)
+        return bool(np.any(self.candidates.log_likelihood[turned] > log_likelihood - FACING_LOG_LIKELIHOOD))
+
+
+def candidates_of(model: BodyModel, refined: Refined, size: int) -> Candidates:
+    """Refined poses of one body of this size as candidates, in their order."""
+    after = natural_angles(model, refined.poses)
+    sizes = np.full(len(after), size, dtype=np.int64)
+    joints = joint_positions(model, after)
+    return Candidates(after, sizes, refined.log_likelihood, refined.residual, joints)
+
+
+def ordered(parts: Sequence[Candidates]) -> Candidates:
+    """All candidates with a finite likelihood, the most likely first."""
+    columns = ([getattr(part, each.name) for part in parts] for each in fields(Candidates))
+    whole = Candidates(*map(np.concatenate, columns))
+    order = np.argsort(-whole.log_likelihood, kind="stable")
+    return whole.take(order[np.isfinite(whole.log_likelihood[order])])
+
+
+def faces_away(names: tuple[str, ...], joints: Array, body: Array) -> NDArray[np.bool_]:
+    """Which bodies with joints (M, J, 3) face in the direction opposite to that of a body (J, 3)."""
+    pairs = ("hip", "shoulder")
+    if not all(f"{side}_{pair}" in names for side in ("left", "right") for pair in pairs):
+        return np.zeros(len(joints), dtype=np.bool_)
+    left, right = ([names.index(f"{side}_{pair}") for pair in pairs] for side in ("left", "right"))
+    across = (joints[:, left] - joints[:, right]).sum(axis=1)  # (M, 3)
+    turned: NDArray[np.bool_] = across @ (body[left] - body[right]).sum(axis=0) < 0.0
+    return turned
+
+
+def keep_distinct(joints: Array, count: int) -> Indices:
+    """Up to `count` indices of joints (N, J, 3) with a mean distance of DISTINCT_M from all others."""
+    kept = list[int]()
+    for n, each in enumerate(joints):
+        if len(kept) == count:
+            break
+        if np.all(np.linalg.norm(joints[kept] - each, axis=-1).mean(axis=-1) > DISTINCT_M):
+            kept.append(n)
+    return np.array(kept, dtype=np.int64)

@@ -1,0 +1,61 @@
+"""A search for a body that is under way: stage by stage, between other work."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from common.frame import SubjectFrame
+from common.settings import RefineSettings
+from coordinator.tracking.detector import Detector, Search, Stage
+from coordinator.tracking.pose_candidates import Detection
+from coordinator.tracking.sensor_noise import assume_noise
+
+
+class BodySearch:
+    """The search for one body, if there is one: under way, or done until its result is taken."""
+
+    def __init__(self, detector: Detector, settings: RefineSettings) -> None:
+        self._detector, self._settings = detector, settings
+        self.subject: SubjectFrame | None = None  # in which the body is searched for
+        self._search: Search | None = None  # None if it is done, too
+        self._sent: Stage | None = None  # to the workers
+        self._found: Detection | None = None
+
+    def begin(self, search: Search, subject: SubjectFrame) -> None:
+        """Begin another search."""
+        self.subject, self._search, self._sent, self._found = subject, search, None, None
+
+    @property
+    def runs(self) -> bool:
+        """Whether a search is under way."""
+        return self._search is not None
+
+    def advance(self, *, wait: bool = True) -> bool:
+        """Take the results of a stage and send the next one; False if there is none.
+
+        Without `wait`, also if the workers are not ready with it.
+        """
+        if self._search is None or not (wait or self._sent is None or self._sent.is_ready):
+            return False
+        try:
+            self._sent = next(self._search)
+        except StopIteration as end:
+            self._search, self._found = None, end.value
+        return True
+
+    def take(self, now: SubjectFrame, distance: float, *, first: bool) -> Detection | None:
+        """What was detected, as a frame shows it at this distance; None if no search has ended."""
+        found, before = self._found, self.subject
+        if found is None or before is None:
+            return None
+        self.end()
+        if before is now:
+            return found
+        rules = assume_noise(self._settings, found.start.noise.at(distance))
+        moved = self._detector.transfer(found, before, now, rules)
+        # a body that has moved a lot since is not wrong, and may be found again
+        return replace(moved, gate=found.gate) if first else moved
+
+    def end(self) -> None:
+        """Give up the search, if there is one."""
+        self.subject = self._search = self._sent = self._found = None
