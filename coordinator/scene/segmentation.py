@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -177,22 +178,19 @@ def is_missing(view: SceneView, surface: Array, segmentation: Segmentation) -> b
     return bool(np.count_nonzero(labels == EMPTY) >= 0.5 * len(labels))
 
 
-def assign_pixels(distances: Sequence[Depth]) -> list[Mask]:
-    """For each body the pixels (H, W) that are nearer to another body."""
-    nearest = np.min(distances, axis=0, initial=np.inf)
-    return [mine > nearest for mine in distances]
+def nearest_of(view: SceneView, distances: Sequence[Depth]) -> Depth:
+    """Distances (H, W) from the nearest body, given those from each; infinite without a body."""
+    return reduce(np.minimum, distances, np.full(view.depth.shape, np.inf, dtype=np.float32))
 
 
-def mark_apart(view: SceneView, distances: Sequence[Depth]) -> Mask:
-    """Pixels (H, W) of other people and things that touch bodies, from the distances to each body.
+def mark_apart(view: SceneView, nearest: Depth) -> Mask:
+    """Pixels (H, W) of other people and things that touch bodies, from the distances to the nearest body.
 
     They are foreground that is not near a body, extends beyond its reach, and is too large for a limb.
     """
     apart = np.zeros(view.depth.shape, dtype=np.bool_)
-    if distances:
-        free = view.marks == FOREGROUND
-        least = LEAST_AREA_M2 * view.camera.fx * view.camera.fy
-        grow_apart(view.depth, free, np.min(distances, axis=0), view.growth, least, apart)
+    least = LEAST_AREA_M2 * view.camera.fx * view.camera.fy
+    grow_apart(view.depth, view.marks == FOREGROUND, nearest, view.growth, least, apart)
     return apart
 
 

@@ -14,14 +14,14 @@ from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import pose_vertices
 from coordinator.scene.candidates import candidates
 from coordinator.scene.planes import Planes
-from coordinator.scene.scene import Depth, Mask, Scene, SceneChange, SceneChanges, SceneView
+from coordinator.scene.scene import Mask, Scene, SceneChange, SceneChanges, SceneView
 from coordinator.scene.scope import Scope
 from coordinator.scene.segmentation import (
     NEAR_M,
-    assign_pixels,
     is_missing,
     mark_apart,
     measure_distances,
+    nearest_of,
     segment_body,
     segment_mask,
 )
@@ -153,7 +153,8 @@ class Segmenter:
             if not view.furnished and len(segmented.subjects) == 1:
                 found.append(outline(frame))
                 continue
-            known = near_any(view, [measure_distances(view, frame.to_camera(one)) for one in surfaces])
+            distances = [measure_distances(view, frame.to_camera(one)) for one in surfaces]
+            known = nearest_of(view, distances) <= NEAR_M
             scope = self._scope.of(frame.camera)
             masks = [one.mask for one in scope.choose(view, candidates(view, known))]
             found.append(cut_masks(frame, view, masks, known))
@@ -179,8 +180,9 @@ class Segmenter:
             return SegmentedView(frame, view, change, (found[0] if found else None,), ())
         surfaces = [frame.to_camera(body) for body in bodies if body is not None]
         distances = [measure_distances(view, surface) for surface in surfaces]
-        known, apart = near_any(view, distances), mark_apart(view, distances)
-        others = [each | apart for each in assign_pixels(distances)]
+        nearest = nearest_of(view, distances)
+        known, apart = nearest <= NEAR_M, mark_apart(view, nearest)
+        others = [(each > nearest) | apart for each in distances]
         strangers, theirs = tuple[Cut, ...](), known.copy()
         if len(surfaces) < len(bodies) and not find:
             theirs[:] = True
@@ -231,11 +233,3 @@ def apart_m(one: Cut, other: Cut) -> float:
         depth = depth_in(view, window, labels) / view.depth_scale
         middles.append(view.to_rig(np.median(back_project(depth, camera)[depth > 0.0], axis=0)))
     return float(np.linalg.norm(middles[0] - middles[1]))
-
-
-def near_any(view: SceneView, distances: Sequence[Depth]) -> Mask:
-    """Pixels (H, W) near any body, from the distances to each: neither room nor another person."""
-    near = np.zeros(view.depth.shape, dtype=np.bool_)
-    for each in distances:
-        near |= each <= NEAR_M
-    return near

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from coordinator.scene.candidates import candidates
 from coordinator.scene.scene import Scene, SceneView
 from coordinator.scene.segmentation import measure_distances, segment_body
-from coordinator.tracking.segmenter import near_any
 from tests.support.rooms import CABINET, Room
 
 PERSON = (-0.4, 2.6)
@@ -20,7 +19,7 @@ CHAIR = ((0.5, 0.4, 2.3), (0.9, 1.1, 2.7))
 
 def people(view: SceneView, room: Room, person: tuple[float, float] = PERSON) -> NDArray[np.bool_]:
     """Pixels (H, W) of a person whose body is known."""
-    return near_any(view, [measure_distances(view, room.surface(person))])
+    return measure_distances(view, room.surface(person)) < 0.12
 
 
 def watch(scene: Scene, room: Room, frames: int, person: tuple[float, float] = PERSON) -> None:

@@ -16,12 +16,11 @@ from common.frame import EMPTY, HIDDEN, SUBJECT, UNKNOWN, UNMEASURED, DepthFrame
 from coordinator.scene.scene import Scene
 from coordinator.scene.segmentation import (
     Segmentation,
-    assign_pixels,
     measure_distances,
+    nearest_of,
     segment_body,
     segment_mask,
 )
-from coordinator.tracking.segmenter import near_any
 from tests.support.rooms import CABINET, TABLE, Box, Room
 
 PERSON = (-0.4, 2.6)
@@ -95,7 +94,7 @@ def test_pixels_that_are_known_are_the_subject() -> None:
 
 
 def test_of_two_people_each_has_the_nearest_pixels() -> None:
-    """Two people side by side: almost no pixel is assigned to the other; one person alone is not divided."""
+    """Two people side by side: almost no pixel is assigned to the other."""
     room = Room(noise=0.001)
     places = (-0.25, 2.4), (0.25, 2.6)
     seen = [room.see(place) for place in places]
@@ -104,12 +103,11 @@ def test_of_two_people_each_has_the_nearest_pixels() -> None:
     view = Scene().see(replace(seen[0].frame, depth=depth))
     surfaces = [room.surface(place) for place in places]
     distances = [measure_distances(view, surface) for surface in surfaces]
-    others = assign_pixels(distances)
+    nearest = nearest_of(view, distances)
     for n in range(2):
-        mine = segment_body(view, surfaces[n], distances[n], others[n]).subject(depth.shape)
+        mine = segment_body(view, surfaces[n], distances[n], distances[n] > nearest).subject(depth.shape)
         assert np.mean(truth[n][mine]) > 0.97
         assert np.mean(mine[truth[n]]) > 0.9
-    assert not assign_pixels(distances[:1])[0].any()
 
 
 def test_no_place_of_a_body_reads_beyond_the_picture() -> None:
@@ -134,8 +132,8 @@ def segment_at(x: float, z: float) -> None:
         scene = Scene(np.full((12, 16), 3.0, np.float32))
         view = scene.see(frame)
         distances = [measure_distances(view, surface), measure_distances(view, surface + 0.1)]
-        others = assign_pixels(distances)
-        scene.learn(view, near_any(view, distances))
-        left, top, right, bottom = segment_body(view, surface, distances[0], others[0]).window
+        nearest = nearest_of(view, distances)
+        scene.learn(view, np.isfinite(nearest))
+        left, top, right, bottom = segment_body(view, surface, distances[0], distances[0] > nearest).window
         assert 0 <= left <= right <= camera.width
         assert 0 <= top <= bottom <= camera.height
