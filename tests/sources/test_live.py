@@ -228,7 +228,8 @@ def arrivals(endpoint: str, recording: Path, *options: str) -> list[float]:
 @pytest.mark.slow
 def test_an_interrupt_before_the_first_frame_leaves_nothing(endpoint: str, tmp_path: Path) -> None:
     """An interrupt while waiting gives exit code 130, as in every run, and no folder."""
-    with started(*tracking(f"zenoh:{KEY}", tmp_path / "run", listen=endpoint), command=GEPF) as tracker:
+    command = tracking(f"zenoh:{KEY}", tmp_path / "run", listen=endpoint)
+    with at_work(endpoint), started(*command, command=GEPF) as tracker:
         assert tracker.stderr is not None
         assert any(line.startswith("listening on") for line in tracker.stderr)
         tracker.send_signal(signal.SIGINT)

@@ -17,7 +17,6 @@ from common.kinematics import retract
 from coordinator.bodies.human.template import human
 from coordinator.bodies.urdf import read_urdf
 from coordinator.cli import main
-from coordinator.filters.belief import Observation
 from coordinator.results.evaluation import read_truth
 from coordinator.sources.camera import write_camera
 from coordinator.sources.joint_states import JointStates, read_joint_states
@@ -82,15 +81,6 @@ def test_a_fast_robot_is_followed_where_its_encoders_lead(
     led = joint_error(fast, tmp_path / "led", capsys, "--joint-states", str(states))
     assert led < 0.5
     assert led < 0.5 * joint_error(fast, tmp_path / "alone", capsys)
-
-
-def test_a_known_step_takes_the_place_of_the_velocity() -> None:
-    """For NaN the velocity is used; a body at rest follows the encoders."""
-    observation = Observation(interval=0.1, step=np.array([0.3, np.nan]))
-    velocities = np.array([[1.0, 2.0], [0.0, -2.0]])
-    assert np.allclose(observation.expect(velocities, None), [[0.3, 0.2], [0.3, -0.2]])
-    assert np.allclose(observation.expect(np.zeros((2, 2)), 0.1), [[0.3, 0.0], [0.3, 0.0]])
-    assert np.allclose(Observation(interval=0.1).expect(velocities, None), [[0.1, 0.2], [0.0, -0.2]])
 
 
 def states(names: tuple[str, ...], values: list[list[float]]) -> JointStates:

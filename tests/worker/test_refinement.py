@@ -1,9 +1,11 @@
-"""The whole descent matches the plain path, independent of padding."""
+"""The whole descent matches the plain path, independent of padding and of the number of lanes."""
 
 from __future__ import annotations
 
 import gc
+from collections.abc import Iterator
 from dataclasses import replace
+from itertools import count
 
 import msgspec
 import numpy as np
@@ -12,6 +14,7 @@ from numba.core.dispatcher import Dispatcher
 
 from common.camera import Intrinsics
 from common.kinematics import retract
+from tests.support.asked import as_bytes
 from tests.support.bodies import person, puppet
 from tests.support.kernel import plain_path
 from tests.support.kernel.kernel_cases import (
@@ -27,7 +30,9 @@ from tests.support.kernel.kernel_cases import (
 from tests.support.people import subject_of
 from worker.kernel import icp
 from worker.kernel.gauss_newton import solve_ltl
+from worker.kernel.icp import Batch, refine, refine_some
 from worker.kernel.observation import observe
+from worker.lanes import Lanes
 
 
 @pytest.mark.parametrize("name", SETTINGS)
@@ -123,3 +128,49 @@ def test_nothing_compiles_in_mid_run() -> None:
     retract(person(), pose, pose)
     assert {k.py_func.__qualname__: len(k.signatures) for k in kernels} == before
     assert len(icp.refine_one.signatures) == 1
+
+
+@pytest.mark.parametrize("lanes", [1, 3])
+def test_any_number_of_lanes_gives_the_same_bytes(lanes: int) -> None:
+    """Fewer, as many and more particles than lanes, with either preset."""
+    observation = observe(subject())
+    side_by_side = Lanes(lanes)
+    for particles in (1, lanes, 20):
+        for settings in (PAPER, DEFAULT):
+            alone = refine(puppet(), observation, starts(particles), settings)
+            together = side_by_side.refine(puppet(), observation, starts(particles), settings)
+            assert as_bytes(together) == as_bytes(alone)
+
+
+def test_what_is_prepared_ahead_changes_nothing() -> None:
+    """For the settings of the request to come, or for others: the same bytes as without."""
+    side_by_side = Lanes(2)
+    for prepared in (DEFAULT, msgspec.structs.replace(DEFAULT, noise_depth=10.0 * DEFAULT.noise_depth)):
+        observation = observe(subject())
+        side_by_side.prepare(observation, prepared)
+        together = side_by_side.refine(puppet(), observation, starts(5), DEFAULT)
+        assert as_bytes(together) == as_bytes(refine(puppet(), observe(subject()), starts(5), DEFAULT))
+
+
+@pytest.mark.parametrize("faulty", [0, 1, 2])
+def test_what_a_lane_raises_comes_out_and_the_next_request_is_served(
+    faulty: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The other lanes have returned by then."""
+    lanes, observation = Lanes(3), observe(subject())
+    entered, returned = count(), list[int]()
+
+    def fail(batch: Batch, particles: Iterator[int]) -> None:
+        lane = next(entered)
+        if lane == faulty:
+            raise ZeroDivisionError
+        refine_some(batch, particles)
+        returned.append(lane)
+
+    with monkeypatch.context() as patch:
+        patch.setattr("worker.lanes.refine_some", fail)
+        with pytest.raises(ZeroDivisionError):
+            lanes.refine(puppet(), observation, starts(40), DEFAULT)
+    assert sorted([*returned, faulty]) == [0, 1, 2]
+    together = lanes.refine(puppet(), observation, starts(5), DEFAULT)
+    assert as_bytes(together) == as_bytes(refine(puppet(), observation, starts(5), DEFAULT))
