@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.activation import activate
-from common.body import BodyModel, vertex_normals
+from common.body import BodyModel
 from coordinator.bodies.human.dofs import HUMAN_DOFS
 from coordinator.bodies.human.measures import REFERENCE_STATURE
 
@@ -93,16 +93,6 @@ class Bodies:
         held = name_pose(full, values)
         model = activate(full, self.active, held)
         return model, held[[full.dof(name) for name in model.dof_names]]
-
-    def thicker(self, metres: float) -> Bodies:
-        """The same bodies with surfaces that are so much farther out along their normals."""
-
-        def build(stature: float, girth: float) -> BodyModel:
-            full = self.full(stature, girth)
-            normals = vertex_normals(full.vertices, full.triangles).astype(np.float64)
-            return replace(full, vertices=full.vertices + metres * normals)
-
-        return Bodies(build, self.start_dofs, self.active, self.measures, self.dof_names)
 
     def _for_start(self, stature: float, girth: float) -> BodyModel:
         """The body with the degrees of freedom for detection."""

@@ -6,18 +6,21 @@ and a robust kernel, as a limb that a camera does not see may be wrong by much.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
-from common.camera import moved
+from common.camera import inverse, moved
 from coordinator.tracking.estimate import UNKNOWN, Estimate
 
 Array = NDArray[np.float64]
 
 STEP_S = 1.0 / 60.0  # between the offsets that are tried
 OUTLIER_M = 0.1  # scale of the robust kernel
+BLOCK_S = 0.5  # longer than errors of the pose are alike
+PLACE_M = 0.01  # deviation of a person's place: cameras that see different sides measure different sizes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,11 +48,17 @@ class Motion:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Alignment:
-    """How another camera is placed: T_first_other (4, 4), its clock offset, and the mean residual, metres."""
+    """How another camera is placed relative to the first, and how sure that is.
+
+    placed: T_first_other (4, 4). offset_s: of its clock. residual_m: mean residual. deviations: (7,) of the
+    rotation about the first camera's axes and of the position at the person, radians and metres; and of the
+    clock, seconds.
+    """
 
     placed: Array
     offset_s: float
     residual_m: float
+    deviations: Array = field(default_factory=lambda: np.full(7, np.inf))
 
 
 def motion_of(estimates: list[Estimate]) -> Motion:
@@ -68,17 +77,47 @@ def align(first: Motion, other: Motion) -> Alignment | None:
     least = max(1.0, 0.5 * length)  # seconds
     earliest = first.time_s[0] + least - other.time_s[-1]
     latest = first.time_s[-1] - least - other.time_s[0]
-    offsets = np.arange(earliest, latest + STEP_S, STEP_S).tolist()
-    fits = [fit_at(first, other, offset) for offset in offsets]
-    costs = np.array([np.inf if fit is None else fit.residual_m for fit in fits])
-    if not np.isfinite(costs).any():
+    fits = [fit_at(first, other, offset) for offset in np.arange(earliest, latest + STEP_S, STEP_S)]
+    known = [each for each in fits if each is not None]
+    if not known:
         return None
-    n = int(np.argmin(costs))
-    if 0 < n < len(costs) - 1 and np.isfinite(costs[n - 1 : n + 2]).all():
-        before, at, after = costs[n - 1 : n + 2] ** 2
-        shift = 0.5 * (before - after) / max(before - 2.0 * at + after, 1e-12)
-        return fit_at(first, other, offsets[n] + STEP_S * float(np.clip(shift, -0.5, 0.5)))
-    return fits[n]
+    coarse = min(known, key=lambda each: each.residual_m).offset_s
+    found = fit_near(first, other, coarse)
+    return None if found is None else replace(found, deviations=deviations_of(first, other, found))
+
+
+def deviations_of(first: Motion, other: Motion, found: Alignment) -> Array:
+    """Deviations (7,) of an alignment, from the jackknife by blocks of time and by joints.
+
+    Errors of the pose are alike within a block, errors of a joint's place over time.
+    """
+    known = np.isfinite(first.variance)
+    person = first.joints[known].mean(axis=0)
+    blocks = np.unique((first.time_s / BLOCK_S).astype(np.int64), return_inverse=True)[1][:, None]
+    variance = np.zeros(7)
+    for groups in (blocks, np.arange(first.joints.shape[1])):
+        changes = list[Array]()
+        for each in np.unique(groups).tolist():
+            variances = np.where(groups == each, np.inf, first.variance)
+            without = fit_near(replace(first, variance=variances), other, found.offset_s)
+            if without is not None:
+                moves = without.placed @ inverse(found.placed)
+                turn = Rotation.from_matrix(moves[:3, :3]).as_rotvec()
+                clock = without.offset_s - found.offset_s
+                changes.append(np.array([*turn, *(moved(person, moves) - person), clock]))
+        variance += (len(changes) - 1.0) * np.var(changes, axis=0) if len(changes) > 1 else np.inf
+    variance[3:6] += PLACE_M**2
+    return np.sqrt(variance)
+
+
+def fit_near(first: Motion, other: Motion, offset_s: float) -> Alignment | None:
+    """The rigid fit with the best clock offset near this one; None if nothing is known at the same time."""
+    fits = [fit_at(first, other, offset_s + step) for step in (-STEP_S, 0.0, STEP_S)]
+    before, at, after = (np.inf if fit is None else fit.residual_m**2 for fit in fits)
+    if not np.isfinite([before, at, after]).all():
+        return fits[1]
+    shift = 0.5 * (before - after) / max(before - 2.0 * at + after, 1e-12)
+    return fit_at(first, other, offset_s + STEP_S * float(np.clip(shift, -0.5, 0.5)))
 
 
 def fit_at(first: Motion, other: Motion, offset_s: float) -> Alignment | None:
