@@ -14,20 +14,22 @@ import sys
 import threading
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
-from multiprocessing.connection import wait
+from multiprocessing.connection import Connection, wait
 from multiprocessing.context import ForkServerProcess
 from pathlib import Path
 
 import msgspec
 from rich.console import Console
+from rich.progress import Progress, TaskID
 from rich.table import Table
 
 from common.errors import InputError
-from coordinator.commands.console import INTERRUPTED, NOT_TRACKED, exit_code
+from coordinator.commands.console import INTERRUPTED, INTERRUPTS, NOT_TRACKED, exit_code
 from coordinator.commands.job import Job, is_list
-from coordinator.commands.progress import Show
+from coordinator.commands.progress import Advance, Show, bars_on
 from coordinator.commands.track import track
 from coordinator.commands.workers import connect_workers
 from coordinator.pool.local_worker import shared_pool
@@ -35,6 +37,73 @@ from coordinator.results.summary import read_summary
 from coordinator.sources.rig import live_cameras
 
 CONTEXT = multiprocessing.get_context("forkserver")
+SHOWN_S = 0.2  # between two states of a run on a terminal
+
+
+class SentShow(Show):
+    """The progress of a run, sent to the process that shows all runs."""
+
+    def __init__(self, pipe: Connection) -> None:
+        super().__init__(Console(quiet=True))
+        self._pipe = pipe
+
+    def say(self, text: str, style: str | None = None) -> None:  # noqa: ARG002 has no styles
+        """Send one line."""
+        self._pipe.send(text)
+
+    @contextmanager
+    def steps(self, label: str, *, keep: bool = False) -> Iterator[Advance]:  # noqa: ARG002 keeps none
+        """Send the state of a task from time to time."""
+        sent = -math.inf
+
+        def advance(done: int, total: int | None, detail: str = "") -> None:
+            nonlocal sent
+            INTERRUPTS.check()
+            if time.monotonic() - sent > SHOWN_S:
+                self._pipe.send((done, total, detail or label))
+                sent = time.monotonic()
+
+        yield advance
+
+
+class Dashboard:
+    """One line per run on a terminal, and what the runs say above these lines."""
+
+    def __init__(self, show: Show, *, quiet: bool) -> None:
+        self._show, self._names = show, dict[Connection, tuple[str, TaskID]]()
+        self.bars: Progress | None = bars_on(show.console) if show.console.is_terminal and not quiet else None
+
+    def open(self, name: str) -> Connection | None:
+        """Where a run sends its progress; None if there are no lines for it."""
+        if self.bars is None:
+            return None
+        mine, theirs = CONTEXT.Pipe(duplex=False)
+        self._names[mine] = name, self.bars.add_task(name, total=None)
+        return theirs
+
+    def wait(self, sentinels: Sequence[int]) -> None:
+        """Show what comes next, or wait until a process ends; half a second at most."""
+        wait([*sentinels, *self._names], 0.5)
+        self.show_all()
+
+    def show_all(self) -> None:
+        """Show what has come."""
+        for pipe, (name, task) in list(self._names.items()):
+            try:
+                while self.bars is not None and pipe.poll():
+                    self._update(self.bars, name, task, pipe.recv())
+            except EOFError:  # the run has ended
+                del self._names[pipe]
+                if self.bars is not None:
+                    self.bars.remove_task(task)
+
+    def _update(
+        self, bars: Progress, name: str, task: TaskID, sent: str | tuple[int, int | None, str]
+    ) -> None:
+        if isinstance(sent, str):
+            self._show.say(f"{name}: {sent}")
+        else:
+            bars.update(task, completed=sent[0], total=sent[1], description=f"{name}: {sent[2]}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,22 +168,26 @@ def run_pool(jobs: Sequence[Job], show: Show, *, quiet: bool) -> list[Ended]:
     """Track all runs with one pool and return their ends in order. With `quiet`, runs report only errors."""
     pool, running, ended = jobs[0].pool, dict[ForkServerProcess, Ended](), dict[Path, Ended]()
     limit = max(2, pool.lanes + 1)  # lanes have work while a run is between two frames
-    waiting = list(reversed(jobs))
+    waiting, dashboard = list(reversed(jobs)), Dashboard(show, quiet=quiet)
     CONTEXT.set_forkserver_preload([__name__])
-    with shared_pool(pool) as (endpoint, worker):
+    with shared_pool(pool) as (endpoint, worker), dashboard.bars or nullcontext():
         try:
             while waiting or running:
                 while waiting and len(running) < limit:
                     job = waiting.pop()
                     of_run = replace(job, pool=replace(pool, shared_at=endpoint))
-                    process = CONTEXT.Process(target=track_one, args=(of_run, quiet))
+                    pipe = dashboard.open(job.out.name)
+                    process = CONTEXT.Process(target=track_one, args=(of_run, quiet, pipe))
                     process.start()
+                    if pipe is not None:
+                        pipe.close()
                     running[process] = Ended(job, 0, time.monotonic())
                 line = worker.look_after(time.monotonic())
                 if line is not None:
                     show.say(line)
-                wait([process.sentinel for process in running], 0.5)
+                dashboard.wait([process.sentinel for process in running])
                 for process in [each for each in running if not each.is_alive()]:
+                    dashboard.show_all()
                     run, code = running.pop(process), process.exitcode
                     code = 1 if code is None or code < 0 else code  # a signal killed it
                     ended[run.job.out] = Ended(run.job, code, time.monotonic() - run.seconds)
@@ -138,14 +211,17 @@ def describe_run(run: Ended) -> tuple[str, ...]:
     return name, str(summary["frames"]), tracked, took, "most are not tracked" if run.code else ""
 
 
-def track_one(job: Job, quiet: bool) -> None:
-    """The function of a process: track, and exit with the code of a separate `gepf track`."""
+def track_one(job: Job, quiet: bool, pipe: Connection | None) -> None:
+    """The function of a process: track, and exit with the code of a separate `gepf track`.
+
+    Its progress goes to the pipe, or without one to the log.
+    """
     os.setpgid(0, 0)  # Ctrl-C is handled by the parent process, which then ends this one
     end_with_parent()
     name = job.out.name
     logging.basicConfig(format=f"{name}: %(message)s", level=logging.WARNING, force=True)
     console = Console(stderr=True, quiet=quiet, force_terminal=False)
-    show = Show(console, quiet_seconds=math.inf, name=f"{name}: ")
+    show = Show(console, quiet_seconds=math.inf, name=f"{name}: ") if pipe is None else SentShow(pipe)
     sys.exit(exit_code(lambda: 0 if track(job, show, connect_workers) else NOT_TRACKED, name))
 
 

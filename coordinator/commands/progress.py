@@ -48,14 +48,7 @@ class Show:
         An interrupt that a library suppressed is raised again at the next step.
         """
         on_terminal, line, written = self.console.is_terminal, "", time.monotonic()
-        columns = (BarColumn(bar_width=16), MofNCompleteColumn(), TextColumn("{task.description}"))
-        bar = Progress(
-            *columns,
-            TimeRemainingColumn(),
-            console=self.console,
-            transient=not keep,
-            disable=self.console.quiet or not on_terminal,
-        )
+        bar = bars_on(self.console, keep=keep)
         task = bar.add_task(label, total=None)
 
         def advance(done: int, total: int | None, detail: str = "") -> None:
@@ -73,6 +66,13 @@ class Show:
         finally:
             if keep and line and not on_terminal:
                 self.say(line)
+
+
+def bars_on(console: Console, *, keep: bool = False) -> Progress:
+    """Progress bars, if the console is a terminal; with `keep` their last state stays visible."""
+    columns = (BarColumn(bar_width=16), MofNCompleteColumn(), TextColumn("{task.description}"))
+    off = console.quiet or not console.is_terminal
+    return Progress(*columns, TimeRemainingColumn(), console=console, transient=not keep, disable=off)
 
 
 class FrameRate:

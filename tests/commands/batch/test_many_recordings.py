@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -106,6 +107,18 @@ def test_several_have_the_bytes_of_each_alone_and_one_fault_stops_no_other(
         track(replace(job, out=out), show, connect_workers)
         whole, single = (folder / "track.npz" for folder in (job.out, out))
         assert whole.read_bytes() == single.read_bytes()
+
+
+def test_a_terminal_shows_a_line_per_run(sequence: Path, tmp_path: Path) -> None:
+    """While they run: its name, its frames, and its state; what it says stands above."""
+    jobs = [small_job(copy_of(sequence, name), tmp_path / "runs" / name, 0) for name in ("first", "second")]
+    written = io.StringIO()
+    show = Show(Console(file=written, width=200, force_terminal=True))
+    assert track_many(jobs, show) in {0, 3}
+    text = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", written.getvalue()).replace("\r", "\n")
+    for name in ("first", "second"):
+        assert re.search(rf"\d/\d.*\s{name}: .*(hypothes|looking)", text)
+        assert re.search(rf"^{name}: .*frames", text, re.MULTILINE)
 
 
 def test_workers_join_and_leave_during_a_list(sequence: Path, endpoint: str, tmp_path: Path) -> None:
