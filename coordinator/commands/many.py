@@ -15,7 +15,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import ForkServerProcess
@@ -23,7 +23,7 @@ from pathlib import Path
 
 import msgspec
 from rich.console import Console
-from rich.progress import Progress, TaskID
+from rich.progress import TaskID
 from rich.table import Table
 
 from common.errors import InputError
@@ -70,12 +70,16 @@ class Dashboard:
     """One line per run on a terminal, and what the runs say above these lines."""
 
     def __init__(self, show: Show, *, quiet: bool) -> None:
-        self._show, self._names = show, dict[Connection, tuple[str, TaskID]]()
-        self.bars: Progress | None = bars_on(show.console) if show.console.is_terminal and not quiet else None
+        self._show, self.bars, self._hidden = (
+            show,
+            bars_on(show.console),
+            quiet or not show.console.is_terminal,
+        )
+        self._names = dict[Connection, tuple[str, TaskID]]()
 
     def open(self, name: str) -> Connection | None:
         """Where a run sends its progress; None if there are no lines for it."""
-        if self.bars is None:
+        if self._hidden:
             return None
         mine, theirs = CONTEXT.Pipe(duplex=False)
         self._names[mine] = name, self.bars.add_task(name, total=None)
@@ -90,20 +94,16 @@ class Dashboard:
         """Show what has come."""
         for pipe, (name, task) in list(self._names.items()):
             try:
-                while self.bars is not None and pipe.poll():
-                    self._update(self.bars, name, task, pipe.recv())
+                while pipe.poll():
+                    match pipe.recv():
+                        case str(text):
+                            self._show.say(f"{name}: {text}")
+                        case done, total, detail:
+                            text = f"{name}: {detail}"
+                            self.bars.update(task, completed=done, total=total, description=text)
             except EOFError:  # the run has ended
                 del self._names[pipe]
-                if self.bars is not None:
-                    self.bars.remove_task(task)
-
-    def _update(
-        self, bars: Progress, name: str, task: TaskID, sent: str | tuple[int, int | None, str]
-    ) -> None:
-        if isinstance(sent, str):
-            self._show.say(f"{name}: {sent}")
-        else:
-            bars.update(task, completed=sent[0], total=sent[1], description=f"{name}: {sent[2]}")
+                self.bars.remove_task(task)
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,7 +170,7 @@ def run_pool(jobs: Sequence[Job], show: Show, *, quiet: bool) -> list[Ended]:
     limit = max(2, pool.lanes + 1)  # lanes have work while a run is between two frames
     waiting, dashboard = list(reversed(jobs)), Dashboard(show, quiet=quiet)
     CONTEXT.set_forkserver_preload([__name__])
-    with shared_pool(pool) as (endpoint, worker), dashboard.bars or nullcontext():
+    with shared_pool(pool) as (endpoint, worker), dashboard.bars:
         try:
             while waiting or running:
                 while waiting and len(running) < limit:
