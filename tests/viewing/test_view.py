@@ -83,9 +83,15 @@ def test_live_frames_and_results_are_shown_as_they_come(
     """Depth, points, body and hypotheses of what others publish are written until the results end."""
     track, model = read_track(recorded[1]), read_tracked_body(recorded[1]).model
 
+    fetched = threading.Event()
+
+    def fetch(_: object) -> bytes:
+        fetched.set()
+        return encode_model(model)
+
     def publish(stop: threading.Event) -> None:
         with open_worker([endpoint]) as bus:
-            bus.serve(f"gepf/run/r/model/{model.hash}", lambda _: encode_model(model))
+            bus.serve(f"gepf/run/r/model/{model.hash}", fetch)
             camera, results = bus.publish(KEY), bus.publish(f"{KEY}/results")
             while not (camera.has_subscriber and results.has_subscriber) and not stop.wait(0.01):
                 pass
@@ -96,8 +102,10 @@ def test_live_frames_and_results_are_shown_as_they_come(
                     f, 0.0, "tracked", pose, track.joint_positions[f], pose[None], np.ones(1), 0.0
                 )
                 LiveResults(PackedOutlet(results), run="r").put(known, model, {})
+                while not fetched.wait(0.01) and not stop.is_set():
+                    pass  # the body is known when the next frame is shown
             LiveResults(PackedOutlet(results)).end()
-            stop.wait()  # the body is fetched from here
+            stop.wait()
 
     view = ["view", f"zenoh:{KEY}", "--listen", endpoint, "--save", str(tmp_path / "live.rrd")]
     with in_thread(publish), ThreadPoolExecutor(1) as pool:  # its thread becomes one of low priority
