@@ -109,11 +109,22 @@ class TargetTracker:
     @property
     def state(self) -> TrackerState:
         """Everything that the next frame depends on."""
-        belief, rng = self._belief, json.dumps(self._filter.rng.bit_generator.state)
-        kept = {} if belief is None else {each.name: getattr(belief, each.name) for each in fields(belief)}
-        known, size = (kept, self._expected, self._time_s, rng), self._size.estimate
-        cameras = self.cameras, self.left_out, self._contradicting
-        return TrackerState(self.start, Checkpoint(*known, self.scenes, self.management, size, *cameras))
+        belief = self._belief
+        checkpoint = Checkpoint(
+            belief={}
+            if belief is None
+            else {each.name: getattr(belief, each.name) for each in fields(belief)},
+            expected=self._expected,
+            time_s=self._time_s,
+            generator=json.dumps(self._filter.rng.bit_generator.state),
+            scenes=self.scenes,
+            management=self.management,
+            size=self._size.estimate,
+            cameras=self.cameras,
+            left_out=self.left_out,
+            contradicting=self._contradicting,
+        )
+        return TrackerState(self.start, checkpoint)
 
     @property
     def expected(self) -> PosedBody | None:

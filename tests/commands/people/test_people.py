@@ -153,15 +153,14 @@ def test_two_people_are_tracked_live(tmp_path: Path) -> None:
     """Both are found in the stream; each has a run, and one summary counts the frames."""
     where, out = f"tcp/127.0.0.1:{free_port()}", tmp_path / "run"
     sequence = write_pair(tmp_path / "pair")
-    play = ["publish", str(sequence), "--key", KEY, "--connect", where, "--rate", "1"]
+    play = ["publish", str(sequence), "--key", KEY, "--connect", where, "--rate", "0.5"]
     with subprocess.Popen([sys.executable, "-m", "coordinator.cli", *play]) as publisher:
         options = ["--people", "2", "--particles", "6", "--listen", where, "--workers", "1", "--no-pictures"]
         options += ["--idle-timeout", "60"]  # a machine that stands still cuts the link, and the end is lost
         try:
-            code = main(["track", f"zenoh:{KEY}", "--out", str(out), *options])
+            assert main(["track", f"zenoh:{KEY}", "--out", str(out), *options]) == 0
         finally:
             publisher.kill()
-    assert code in {0, 3}  # on a busy machine most frames may be over before both are found
     summary = json.loads((out / "summary.json").read_text())
     assert summary["complete"] is True
     assert FRAMES - 2 <= summary["frames_received"] <= FRAMES  # what a busy link cannot take is dropped
