@@ -70,16 +70,12 @@ class Dashboard:
     """One line per run on a terminal, and what the runs say above these lines."""
 
     def __init__(self, show: Show, *, quiet: bool) -> None:
-        self._show, self.bars, self._hidden = (
-            show,
-            bars_on(show.console),
-            quiet or not show.console.is_terminal,
-        )
+        self._show, self.bars = show, bars_on(show.console, hidden=quiet)
         self._names = dict[Connection, tuple[str, TaskID]]()
 
     def open(self, name: str) -> Connection | None:
         """Where a run sends its progress; None if there are no lines for it."""
-        if self._hidden:
+        if self.bars.disable:
             return None
         mine, theirs = CONTEXT.Pipe(duplex=False)
         self._names[mine] = name, self.bars.add_task(name, total=None)

@@ -68,10 +68,10 @@ class Show:
                 self.say(line)
 
 
-def bars_on(console: Console, *, keep: bool = False) -> Progress:
-    """Progress bars, if the console is a terminal; with `keep` their last state stays visible."""
+def bars_on(console: Console, *, keep: bool = False, hidden: bool = False) -> Progress:
+    """Progress bars on a terminal, unless they are `hidden`; with `keep` their last state stays visible."""
     columns = (BarColumn(bar_width=16), MofNCompleteColumn(), TextColumn("{task.description}"))
-    off = console.quiet or not console.is_terminal
+    off = hidden or console.quiet or not console.is_terminal
     return Progress(*columns, TimeRemainingColumn(), console=console, transient=not keep, disable=off)
 
 
