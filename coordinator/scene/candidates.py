@@ -1,13 +1,15 @@
 """Candidates for people in a frame, before a body is known.
 
 A candidate is a connected component of the foreground that has the extent and area of a person and, unlike
-furniture, is not flat. Flat furniture that a person touches is cut off.
+furniture, is not flat. Flat furniture that a person touches is cut off. A limb may hide where the parts of a
+body are connected, so the remaining foreground is divided again, only at steps that no body has.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
 from scipy.ndimage import find_objects
@@ -16,7 +18,7 @@ from common.camera import Intrinsics, back_project, level_from_camera
 from coordinator.scene.flatness import FLAT_SHARE, LEAST_PART_M2, SAMPLED, find_flat
 from coordinator.scene.planes import Array, extents
 from coordinator.scene.scene import FOREGROUND, PERSON_LENGTH_M, Mask, SceneView
-from coordinator.scene.segmentation import LEAST_AREA_M2, label_parts
+from coordinator.scene.segmentation import LEAST_AREA_M2, REACH_M, STEP_M, label_parts
 
 MOST_AREA_M2 = 1.6  # visible area of a person
 SAME_SPOT_M = 0.35  # horizontal distance of a further part of a person, with an occluder between
@@ -66,21 +68,27 @@ def candidates(view: SceneView, known: Mask | None = None) -> list[Candidate]:
     free = view.marks == FOREGROUND
     if known is not None:
         free &= ~known
-    labels = label_parts(view.depth, free, view.growth)
-    pixel_areas = (view.depth**2 / (view.camera.fx * view.camera.fy)).ravel()
-    areas = np.bincount(labels.ravel(), pixel_areas)
-    areas[0] = 0.0  # label 0 is the rest
+    parts = find_parts(view, free, STEP_M)
+    found = judge_parts(view, parts)
+    rest = free & ~reduce(np.logical_or, (each.mask for each in found), np.zeros_like(free))
+    found += judge_parts(view, find_parts(view, rest, REACH_M))
+    return [join_hidden(view, each, parts) for each in sorted(found, key=lambda each: -each.score)]
+
+
+def find_parts(view: SceneView, free: Mask, step: float) -> list[Part]:
+    """The connected components of pixels (H, W), if their depths differ by less than a step, metres."""
+    labels = label_parts(view, view.depth, free, step)
+    areas = np.bincount(labels.ravel(), (view.depth**2 / (view.camera.fx * view.camera.fy)).ravel())
     windows = find_objects(labels)
+    large = np.flatnonzero(areas[1:] >= LEAST_PART_M2).tolist()
+    return [part_of(view, labels[windows[n]] == n + 1, windows[n]) for n in large]
 
-    def part(label: int) -> Part:
-        return part_of(view, labels[windows[label - 1]] == label, windows[label - 1])
 
-    large = np.flatnonzero((areas >= LEAST_AREA_M2) & (areas <= MOST_AREA_M2)).tolist()
-    found = [judge(view, each) for label in large for each in cut(view, part(label))]
-    best = sorted((each for each in found if each is not None), key=lambda each: -each.score)
-    small = np.flatnonzero(areas >= LEAST_PART_M2).tolist() if best else []
-    parts = [part(label) for label in small]
-    return [join_hidden(view, each, parts) for each in best]
+def judge_parts(view: SceneView, parts: Sequence[Part]) -> list[Candidate]:
+    """The candidates among components."""
+    large = [each for each in parts if LEAST_AREA_M2 <= area_of(view, each.points) <= MOST_AREA_M2]
+    found = [judge(view, each) for part in large for each in cut(view, part)]
+    return [each for each in found if each is not None]
 
 
 def part_of(view: SceneView, mask: Mask, window: tuple[slice, slice]) -> Part:
@@ -110,12 +118,12 @@ def cut(view: SceneView, part: Part) -> list[Part]:
     """
     depth = view.depth[part.window]
     flat = find_flat(depth, part.mask, camera_of(view, part.window), view.growth)
-    labels = label_parts(depth, flat.mask, view.growth)
+    labels = label_parts(view, depth, flat.mask)
     areas = np.bincount(labels.ravel(), (depth**2 / (view.camera.fx * view.camera.fy)).ravel())
     areas[0] = 0.0
     rests = list[Part]()
     if areas.max() >= LEAST_AREA_M2:
-        labels = label_parts(depth, part.mask & ~flat.grow((areas >= LEAST_PART_M2)[labels]), view.growth)
+        labels = label_parts(view, depth, part.mask & ~flat.grow((areas >= LEAST_PART_M2)[labels]))
         rests = [part_of(view, labels == label, part.window) for label in range(1, labels.max() + 1)]
         rests = [rest for rest in rests if area_of(view, rest.points) >= LEAST_AREA_M2]
     if max((rest.height for rest in rests), default=0.0) >= min(1.0, part.height):

@@ -130,7 +130,7 @@ def segment_body(
         if mask is not None:
             unclear |= mask[inside]
     possible = (marks == FOREGROUND) & (near <= REACH_M) & ~unclear
-    parts = label_parts(depth, possible, view.growth)
+    parts = label_parts(view, depth, possible)
     chosen = np.zeros(parts.max(initial=0) + 1, dtype=np.bool_)
     chosen[parts[near <= NEAR_M]] = True
     labels = np.full(depth.shape, EMPTY, dtype=np.uint8)
@@ -225,18 +225,21 @@ def grow_apart(depth: Depth, free: Mask, distances: Depth, growth: float, least:
                 apart[grown[k] // columns, grown[k] % columns] = True
 
 
-def label_parts(depth: Depth, inside: Mask, growth: float) -> NDArray[np.int32]:
+def label_parts(view: SceneView, depth: Depth, inside: Mask, step: float = STEP_M) -> NDArray[np.int32]:
     """Label connected components in depth (H, W) among the pixels inside: 1, 2, ... from the top; 0 outside.
 
-    Neighbouring pixels are connected if their difference in depth is possible on one surface with noise.
+    Neighbouring pixels are connected if their depths differ by less than a step in metres, and noise. Pixels
+    without depth separate them only if the gap is wider than STEP_M.
     """
     labels = np.zeros(depth.shape, dtype=np.int32)
-    label_pixels(depth, inside, growth, labels)
+    label_pixels(depth, inside, step, view.growth, view.camera.fx, labels)
     return labels
 
 
 @numba.njit(cache=True, nogil=True)
-def label_pixels(depth: Depth, inside: Mask, growth: float, labels: NDArray[np.int32]) -> None:
+def label_pixels(
+    depth: Depth, inside: Mask, step: float, growth: float, focal: float, labels: NDArray[np.int32]
+) -> None:
     """Fill labels (H, W), initially 0, as in `label_parts`."""
     rows, columns = depth.shape
     stack = np.empty(rows * columns, dtype=np.int64)
@@ -251,12 +254,16 @@ def label_pixels(depth: Depth, inside: Mask, growth: float, labels: NDArray[np.i
             count -= 1
             row, column = stack[count] // columns, stack[count] % columns
             z = depth[row, column]
-            step = STEP_M + margin_at(z, growth)
+            most, reach = step + margin_at(z, growth), 1 + int(STEP_M * focal / z)
             for k in range(4):
-                r, c = row + (k == 1) - (k == 0), column + (k == 3) - (k == 2)
+                down, right = (k == 1) - (k == 0), (k == 3) - (k == 2)
+                for n in range(1, reach + 1):
+                    r, c = row + n * down, column + n * right
+                    if not (0 <= r < rows and 0 <= c < columns) or depth[r, c] > 0.0:
+                        break
                 if not (0 <= r < rows and 0 <= c < columns) or not inside[r, c] or labels[r, c] > 0:
                     continue
-                if abs(depth[r, c] - z) < step:
+                if abs(depth[r, c] - z) < most:
                     labels[r, c] = last
                     stack[count] = r * columns + c
                     count += 1

@@ -37,7 +37,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 STATURES_M = (0.82, 0.9, 0.98, 1.07, 1.16, 1.26, 1.38, 1.5, 1.62, 1.74, 1.86, 1.98)
-STATURE_STEPS = (0.97, 1.0, 1.03)  # factors of the best of these
+STATURE_STEPS = (0.91, 0.955, 1.0, 1.045, 1.09)  # factors of the best of these
 GIRTHS = (0.9, 1.05, 1.2, 1.4)
 USUAL_GIRTH = GIRTHS[1]
 CANDIDATES, TURNED = 120, 20  # in the first orientation of the image, and in each other
@@ -207,12 +207,18 @@ class Detector:
         poses: Array,
         settings: RefineSettings,
     ) -> Generator[Stage, None, tuple[tuple[float, float], Array]]:
-        """The size that explains a frame best, with the best of poses (N, D), refined: (1, D)."""
+        """The mean of sizes that explain a frame, and the best of poses (N, D), refined: (1, D).
+
+        Sizes are weighted with the likelihood of their best pose.
+        """
         of = np.tile(np.arange(len(sizes)), len(poses))
         models = [self._bodies.for_start(*size) for size in sizes]
         all_poses = np.repeat(poses, len(sizes), axis=0)
         found = yield from self._refine_candidates(subject, models, [(all_poses, of)], settings)
-        return sizes[found.sizes[0]], found.poses[:1]
+        best = np.array([found.log_likelihood[found.sizes == n].max(initial=-np.inf) for n in range(len(sizes))])
+        weights = np.exp(best - best.max())
+        stature, girth = (weights @ np.array(sizes) / weights.sum()).round(2).tolist()
+        return (stature, girth), found.poses[:1]
 
     def _match(
         self,

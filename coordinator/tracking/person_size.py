@@ -11,7 +11,7 @@ from coordinator.bodies.tracked import Bodies
 from coordinator.filters.belief import Belief
 from coordinator.tracking.estimate import MAX_HYPOTHESES
 from coordinator.tracking.reporting import is_settled
-from coordinator.tracking.size import SizeEstimate, head_to_ankle, likely_stature, measure_stature
+from coordinator.tracking.size import SizeEstimate, head_to_ankle, measure_stature
 from coordinator.tracking.state import Start
 from coordinator.tracking.track_management import TrackManagement
 
@@ -24,9 +24,9 @@ class PersonSize:
         self.estimate: SizeEstimate | None = None  # None if the size is not estimated
 
     def begin(self, start: Start, subject: SubjectFrame) -> Start:
-        """Begin to estimate: the start with the stature that the first frame shows, or the likely one."""
+        """Begin to estimate: the start with the stature that the first frame shows."""
         self.estimate = SizeEstimate()
-        stature = self._shown(start, start.pose, subject) or likely_stature(start.stature)
+        stature = self._shown(start, start.pose, subject) or start.stature
         return start.with_stature(stature, self._bodies)
 
     def revise(self, start: Start) -> Start:
