@@ -1,8 +1,8 @@
 """Detects a body in a frame, in any pose and orientation.
 
 Poses of a library that resemble the observed points are refined in stages: all of them for a few iterations,
-the best distinct ones until they converge, the best of these with bodies of several statures and then of
-several girths, and the remaining ones as the tracked body. The first two stages use few points and a coarse
+the best distinct ones until they converge, the best one with bodies of several statures and then of several
+girths, and the remaining ones as the tracked body. The first two stages use few points and a coarse
 surface. The others use all points and the whole surface, because a coarse surface does not show the girth.
 
 A search is a generator that yields the requests of each stage when they are sent, and needs their results
@@ -42,7 +42,6 @@ GIRTHS = (0.9, 1.05, 1.2, 1.4)
 USUAL_GIRTH = GIRTHS[1]
 CANDIDATES, TURNED = 120, 20  # in the first orientation of the image, and in each other
 SURVIVORS, FINALISTS = 16, 4  # distinct candidates after the first stage, and after the second
-SIZED = 2  # finalists that are refined with several sizes
 FIRST_ITERATIONS, ITERATIONS, LAST_ITERATIONS = 3, 12, 6  # of the first stage, the next ones, and the last
 FEW_POINTS = 1_000  # on which candidates are refined
 REQUEST_ITERATIONS = 150  # of ICP in one request: about 5 ms on two lanes
@@ -194,9 +193,9 @@ class Detector:
         size, poses = sizes[found.sizes[0]], found.poses
         if len(sizes) > 1:
             statures = [(size[0] * step, size[1]) for step in STATURE_STEPS]
-            size, _ = yield from self._choose_size(subject, statures, poses[:SIZED], then)
+            size, _ = yield from self._choose_size(subject, statures, poses[0], then)
             girths = [(size[0], girth) for girth in GIRTHS]
-            size, best = yield from self._choose_size(subject, girths, poses[:SIZED], then)
+            size, best = yield from self._choose_size(subject, girths, poses[0], then)
             poses = np.concatenate([best, poses])
         return size, poses
 
@@ -204,20 +203,16 @@ class Detector:
         self,
         subject: SubjectFrame,
         sizes: Sequence[tuple[float, float]],
-        poses: Array,
+        pose: Array,
         settings: RefineSettings,
     ) -> Generator[Stage, None, tuple[tuple[float, float], Array]]:
-        """The mean of sizes that explain a frame, and the best of poses (N, D), refined: (1, D).
-
-        Sizes are weighted with the likelihood of their best pose.
-        """
-        of = np.tile(np.arange(len(sizes)), len(poses))
+        """The mean of sizes, weighted with their likelihood, and the pose (D,) refined with the best: (1, D)."""
         models = [self._bodies.for_start(*size) for size in sizes]
-        all_poses = np.repeat(poses, len(sizes), axis=0)
-        found = yield from self._refine_candidates(subject, models, [(all_poses, of)], settings)
-        best = np.array([found.log_likelihood[found.sizes == n].max(initial=-np.inf) for n in range(len(sizes))])
-        weights = np.exp(best - best.max())
-        stature, girth = (weights @ np.array(sizes) / weights.sum()).round(2).tolist()
+        group = np.tile(pose, (len(sizes), 1)), np.arange(len(sizes))
+        found = yield from self._refine_candidates(subject, models, [group], settings)
+        weights = np.exp(found.log_likelihood - found.log_likelihood[0])
+        mean = weights @ np.array(sizes)[found.sizes] / weights.sum()
+        stature, girth = mean.round(2).tolist()
         return (stature, girth), found.poses[:1]
 
     def _match(

@@ -23,8 +23,6 @@ Array = NDArray[np.float64]
 
 INTERVAL_S = 0.095  # shortest time between measured frames: errors of successive frames are correlated
 WINDOW_FRAMES = 15  # medians of two successive windows differ by less than 1 cm (subjects 1 and 2)
-MEAN_STATURE_M = 1.69  # of men and women (ANSUR II)
-CHILD_STATURE_M = 1.45  # less than any of a thousand adults
 LEAST_CHANGE_SHARE = 0.005  # of stature; a smaller change does not justify a new body
 CONTRADICTION_SHARE = 0.03  # of stature; least change by a later window: three times a window's error
 DEVIATION_SHARES = (
@@ -69,14 +67,6 @@ class SizeEstimate:
         due = len(self.statures) == WINDOW_FRAMES or not self.settled
         least = CONTRADICTION_SHARE if self.settled else LEAST_CHANGE_SHARE
         return measured if due and abs(measured / stature - 1.0) > least else stature
-
-
-def likely_stature(detected: float) -> float:
-    """The likely stature (m) of a person who was detected with this one but not measured.
-
-    The detection is as uncertain as the spread of statures among adults; children have any stature.
-    """
-    return detected if detected < CHILD_STATURE_M else 0.5 * (detected + MEAN_STATURE_M)
 
 
 def measure_stature(model: BodyModel, pose: Array, straight_m: float, subject: SubjectFrame) -> float | None:
