@@ -206,7 +206,7 @@ class Detector:
         pose: Array,
         settings: RefineSettings,
     ) -> Generator[Stage, None, tuple[tuple[float, float], Array]]:
-        """The mean of sizes, weighted with their likelihood, and the pose (D,) refined with the best: (1, D)."""
+        """The mean of sizes, weighted with likelihood, and the pose (D,) refined with the best: (1, D)."""
         models = [self._bodies.for_start(*size) for size in sizes]
         group = np.tile(pose, (len(sizes), 1)), np.arange(len(sizes))
         found = yield from self._refine_candidates(subject, models, [group], settings)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -36,6 +38,20 @@ def test_a_person_is_found_and_not_the_cabinet(person: tuple[float, float]) -> N
     assert precision > 0.93
     assert recall > 0.95
     assert "m high" in found.why
+
+
+@pytest.mark.parametrize("nearer", [0.0, 0.1], ids=["not measured between", "one is nearer"])
+def test_halves_of_a_child_that_are_separated_in_depth_are_one_candidate(nearer: float) -> None:
+    """Each is too small for a person, and between them a row was not measured, or one is nearer (metres)."""
+    frame, truth = Room(noise=0.001).see(PERSON)
+    rows = np.arange(len(truth))[:, None]
+    middle = int(np.median(np.nonzero(truth)[0]))
+    depth = 0.7 * frame.depth  # the room and the person are small
+    depth[truth & (rows > middle)] -= 1000.0 * nearer
+    if not nearer:
+        depth[truth & (rows == middle)] = 0.0
+    (found,) = candidates(Scene().see(replace(frame, depth=depth.astype(np.uint16))))
+    assert overlap(found.mask, truth)[1] > 0.95
 
 
 def test_a_person_behind_a_table_comes_before_the_table() -> None:
