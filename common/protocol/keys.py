@@ -60,7 +60,7 @@ def check_name(kind: str, name: str) -> str:
     """The name of a worker or run, if it can be part of a key; InputError otherwise."""
     if not NAME.fullmatch(name):
         raise InputError(
-            f"{kind} '{name}' cannot be used; give at most 64 letters, digits, dots, dashes and underscores"
+            f"{kind} '{name}' cannot be used; give up to 64 letters, digits, dots, dashes, underscores"
         )
     return name
 

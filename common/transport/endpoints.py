@@ -92,9 +92,7 @@ def describe_refusal(endpoint: str, credentials: Credentials | None, refusal: ss
     """What is wrong with a certificate of either side of a TLS handshake, and the remedy."""
     if isinstance(refusal, ssl.SSLCertVerificationError):
         mend = "give its authority with --tls-ca, or connect by a host name in the certificate"
-        return (
-            f"{endpoint} shows a certificate that is not valid under ours: {refusal.verify_message}; {mend}"
-        )
+        return f"{endpoint} shows a certificate not valid under ours: {refusal.verify_message}; {mend}"
     if credentials is None:
         return f"{endpoint} refuses connections without a certificate; add {TLS_OPTIONS}"
     reason = (refusal.reason or "no reason given").lower().replace("_", " ")

@@ -46,9 +46,7 @@ def run_evaluate(options: EvaluateOptions) -> None:
         elif any(truths.values()):
             logger.warning("left out: the sequence of %s has no truth for this body, or was moved", run)
     if not found:
-        raise InputError(
-            f"the sequence of {runs[0]} has no truth for this body, or was moved; give it with --truth"
-        )
+        raise InputError(f"the sequence of {runs[0]} has no truth for this body, or was moved; give --truth")
     if options.csv:
         write_table(found)
     else:

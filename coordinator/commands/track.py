@@ -112,10 +112,7 @@ def record(
         recorded = recorder.finish(facts, rate.per_second or 0.0)
         if recorded and not complete and total is not None:
             kept = max(len(each.estimates) for each in recorded.values())  # as in the log
-            show.say(
-                f"ended early with {kept} of {total} frames in {out}; "
-                "the same command with --resume continues"
-            )
+            show.say(f"ended early with {kept} of {total} frames in {out}; --resume continues")
     return recorded, finished
 
 

@@ -11,17 +11,15 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import butter, filtfilt
 from scipy.spatial.transform import Rotation
 
+from common.arrays import Array
 from common.body import BodyModel
 from common.errors import InputError
-from coordinator.bodies.swing_twist import nearest_turn
+from common.kinematics.rotations import euler_angles
 from coordinator.exports.bones import continuous
 from coordinator.results.track import Track
-
-Array = NDArray[np.float64]
 
 
 def smooth_track(track: Track, model: BodyModel, cutoff_hz: float) -> Track:
@@ -96,9 +94,6 @@ def angles_about(axes: Array, rotations: Rotation, near: Array) -> Array:
     """Angles (F, 3) of rotations (F,) about a joint's axes (3, 3), on the branch nearest to `near` (F, 3)."""
     handed = np.sign(np.linalg.det(axes))
     inside = handed * axes @ rotations.as_matrix() @ (handed * axes).T
-    one = handed * Rotation.from_matrix(inside).as_euler("XYZ", suppress_warnings=True)
-    other = one * [1.0, -1.0, 1.0] + np.pi
-    branches = np.stack([nearest_turn(branch, near) for branch in (one, other)])
-    chosen = np.argmin(np.sum((branches - near) ** 2, axis=-1), axis=0)
-    picked: Array = np.take_along_axis(branches, chosen[None, :, None], axis=0)[0]
-    return picked
+    found = [euler_angles(*each) for each in zip(inside, handed * near, strict=True)]
+    angles: Array = handed * np.array(found).reshape(near.shape)
+    return angles

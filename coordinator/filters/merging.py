@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array, Indices, Mask
 from common.body import ROTATION, BodyModel
 from common.compiling import numba
 from common.kinematics import difference
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 MERGE_VARIANCES = 2.0 / 3.0  # squared Mahalanobis distance per degree of freedom
 
@@ -42,7 +39,7 @@ def merge_by_covariance(
 
 
 @numba.njit(cache=True, nogil=True)
-def are_within(root: Array, steps: Array, squared: float) -> NDArray[np.bool_]:
+def are_within(root: Array, steps: Array, squared: float) -> Mask:
     """Which steps (K, D) have a squared Mahalanobis length below a limit, by a Cholesky factor (D, D)."""
     within = np.empty(len(steps), dtype=np.bool_)
     whitened = np.empty(len(root))
@@ -59,7 +56,7 @@ def are_within(root: Array, steps: Array, squared: float) -> NDArray[np.bool_]:
 
 
 def merge(
-    model: BodyModel, poses: Array, log_likelihood: Array, is_near: Callable[[int, Array], NDArray[np.bool_]]
+    model: BodyModel, poses: Array, log_likelihood: Array, is_near: Callable[[int, Array], Mask]
 ) -> tuple[Indices, Indices]:
     """Group refined particles (N, D): each joins the most likely near particle, or starts a group.
 

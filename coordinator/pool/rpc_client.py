@@ -160,9 +160,7 @@ class RpcClient:
         if limit is not None and alone > limit:
             self._alone_since, self._alone_reported = None, False
             where = self._pool.listen or self._pool.connect or "ENDPOINT"
-            raise NoWorkers(
-                f"no worker came within {limit:g} s; start one with gepf-worker --connect {where}"
-            )
+            raise NoWorkers(f"no worker came within {limit:g} s; start gepf-worker --connect {where}")
         if alone > NOTICE_S and not self._alone_reported:
             self._alone_reported = True
             self._report(

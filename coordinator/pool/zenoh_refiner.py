@@ -10,9 +10,7 @@ from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
+from common.arrays import Array
 from common.body import BodyModel
 from common.closing import Closing
 from common.frame import SubjectFrame
@@ -119,12 +117,12 @@ class ZenohRefiner(Closing):
         self,
         subject: SubjectFrame,
         model: BodyModel,
-        poses: NDArray[np.float64],
+        poses: Array,
         settings: RefineSettings,
         *,
         covariance: bool = False,
         spare: bool = False,
-        velocity: NDArray[np.float64] | None = None,
+        velocity: Array | None = None,
     ) -> Refinement:
         """Send poses (N, D) to the workers, to be refined on a frame.
 

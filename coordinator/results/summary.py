@@ -162,7 +162,7 @@ def read_summary(run: Path) -> dict[str, Any]:
     summary = find_summary(run)
     if summary is None:
         raise InputError(
-            f"{run} holds no {SUMMARY_FILE} that can be read; give the --out folder of a finished gepf track"
+            f"{run} holds no readable {SUMMARY_FILE}; give the --out folder of a finished gepf track"
         )
     return summary
 

@@ -12,10 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import find_objects
 
+from common.arrays import Array, Mask
 from common.camera import Intrinsics, back_project, level_from_camera
 from coordinator.scene.flatness import FLAT_SHARE, LEAST_PART_M2, SAMPLED, find_flat
-from coordinator.scene.planes import Array, extents
-from coordinator.scene.scene import FOREGROUND, PERSON_LENGTH_M, Mask, SceneView
+from coordinator.scene.planes import extents
+from coordinator.scene.scene import FOREGROUND, PERSON_LENGTH_M, SceneView
 from coordinator.scene.segmentation import LEAST_AREA_M2, label_parts
 
 MOST_AREA_M2 = 1.6  # visible area of a person

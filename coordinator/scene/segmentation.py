@@ -13,12 +13,12 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
+from common.arrays import Array, Mask
 from common.camera import back_project
 from common.compiling import numba
 from common.frame import EMPTY, HIDDEN, SUBJECT, UNKNOWN, UNMEASURED
 from coordinator.scene.noise import margin_at
-from coordinator.scene.planes import Array
-from coordinator.scene.scene import FOREGROUND, NOT_MEASURED, ON_PLANE, Depth, Lens, Mask, SceneView
+from coordinator.scene.scene import FOREGROUND, NOT_MEASURED, ON_PLANE, Depth, Lens, SceneView
 
 Labels = NDArray[np.uint8]
 Window = tuple[int, int, int, int]  # left, top, right, bottom in pixels, half-open
@@ -225,19 +225,13 @@ def grow_apart(depth: Depth, free: Mask, distances: Depth, growth: float, least:
                 apart[grown[k] // columns, grown[k] % columns] = True
 
 
+@numba.njit(cache=True, nogil=True)
 def label_parts(depth: Depth, inside: Mask, growth: float) -> NDArray[np.int32]:
     """Label connected components in depth (H, W) among the pixels inside: 1, 2, ... from the top; 0 outside.
 
     Neighbouring pixels are connected if their difference in depth is possible on one surface with noise.
     """
     labels = np.zeros(depth.shape, dtype=np.int32)
-    label_pixels(depth, inside, growth, labels)
-    return labels
-
-
-@numba.njit(cache=True, nogil=True)
-def label_pixels(depth: Depth, inside: Mask, growth: float, labels: NDArray[np.int32]) -> None:
-    """Fill labels (H, W), initially 0, as in `label_parts`."""
     rows, columns = depth.shape
     stack = np.empty(rows * columns, dtype=np.int64)
     last = 0
@@ -260,3 +254,4 @@ def label_pixels(depth: Depth, inside: Mask, growth: float, labels: NDArray[np.i
                     labels[r, c] = last
                     stack[count] = r * columns + c
                     count += 1
+    return labels

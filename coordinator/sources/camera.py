@@ -68,9 +68,7 @@ def pinhole(matrix: ArrayLike, width: int, height: int, name: str) -> Intrinsics
     (fx, _, cx), (_, fy, cy), _ = values.astype(np.float64).tolist()
     good = values.tolist() == [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] and min(fx, fy) > 0
     if not (good and np.isfinite([fx, fy, cx, cy]).all()):
-        raise InputError(
-            f"{name}: intrinsics are not fx 0 cx, 0 fy cy, 0 0 1 with positive fx, fy; correct them"
-        )
+        raise InputError(f"{name}: intrinsics are not fx 0 cx, 0 fy cy, 0 0 1 with positive fx, fy")
     return Intrinsics(width, height, fx, fy, cx, cy)
 
 
@@ -102,17 +100,13 @@ AS_RECORDED = CameraOptions()
 def parse_camera_options(intrinsics: str | None, depth_scale: float | None) -> CameraOptions:
     """Parse the values of the command line; InputError if they are invalid."""
     if depth_scale is not None and not 0.0 < depth_scale < np.inf:
-        raise InputError(
-            f"--depth-scale {depth_scale:g} is not a number of units per metre; millimetres have 1000"
-        )
+        raise InputError(f"--depth-scale {depth_scale:g} is not above 0; millimetres have 1000")
     if intrinsics is None:
         return CameraOptions(None, depth_scale)
     try:
         fx, fy, cx, cy = (float(part) for part in intrinsics.split(","))
     except ValueError:
-        raise InputError(
-            f"--intrinsics '{intrinsics}' is not fx,fy,cx,cy in pixels; give four numbers"
-        ) from None
+        raise InputError(f"--intrinsics '{intrinsics}' is not fx,fy,cx,cy; give four numbers") from None
     options = CameraOptions((fx, fy, cx, cy), depth_scale)
     options.camera((1, 1), Path("--intrinsics"))
     return options

@@ -15,13 +15,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import unknown_dof
 from common.errors import InputError
 from coordinator.sources.ros_bag import Bag, depth_topic, is_bag
-
-Array = NDArray[np.float64]
 
 logger = logging.getLogger(__name__)
 
@@ -83,9 +81,7 @@ def read_csv(path: Path) -> tuple[tuple[str, ...], Array, Array]:
         ) from error
     heads = [head.strip() for head in heads]
     if TIME not in heads:
-        raise InputError(
-            f"{path} has no column {TIME}, but {', '.join(heads)}; give the column of times that name"
-        )
+        raise InputError(f"{path} has no column {TIME}, but {', '.join(heads)}; name the times so")
     joints = [k for k, head in enumerate(heads) if head != TIME]
     units = np.array([np.radians(1.0) if heads[k].endswith(DEGREES) else 1.0 for k in joints])
     names = tuple(heads[k].removesuffix(DEGREES) for k in joints)
@@ -102,9 +98,7 @@ def read_bag(path: Path) -> tuple[tuple[str, ...], Array, Array]:
     messages = [bag.message(topics[0], time) for time in stamps]
     names = tuple(messages[0].name)
     if any(tuple(message.name) != names for message in messages):
-        raise InputError(
-            f"{path}: messages of {topics[0]} name different joints; write them to a CSV instead"
-        )
+        raise InputError(f"{path}: messages of {topics[0]} name different joints; write them to a CSV")
     try:
         began = bag.times(depth_topic(bag))[0]
     except InputError:  # no depth

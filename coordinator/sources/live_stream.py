@@ -10,9 +10,7 @@ from itertools import pairwise
 from pathlib import Path
 from statistics import median
 
-import numpy as np
-from numpy.typing import NDArray
-
+from common.arrays import Array
 from common.camera import NOT_MOVED
 from common.frame import DepthFrame
 from common.protocol.keys import check_stream
@@ -55,7 +53,7 @@ class LiveCamera:
 
     key: str
     camera: str = ""
-    T_rig_camera: NDArray[np.float64] = field(default_factory=NOT_MOVED.copy)
+    T_rig_camera: Array = field(default_factory=NOT_MOVED.copy)
     offset_s: float = 0.0
 
 

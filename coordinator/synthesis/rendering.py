@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.camera import Intrinsics
 from common.closing import Closing
 from common.errors import GepfError
@@ -72,8 +73,6 @@ def missing_opengl(cause: Exception) -> GepfError:
         f"({type(cause).__name__}: {cause}); on Debian or Ubuntu: apt install libegl1 libgl1"
     )
 
-
-Array = NDArray[np.float64]
 
 FILLS = 0.85  # of the image
 NEAREST_M = 0.8

@@ -14,6 +14,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import TRANSLATION, BodyModel
 from common.bounds import MAX_CAMERAS
 from common.errors import InputError
@@ -70,9 +71,7 @@ def synthesise(  # noqa: PLR0913 one parameter an option
         raise InputError(f"seed {seed} is negative; choose 0 or more")
     late = late or 0.0
     if not (1 <= cameras <= MAX_CAMERAS and 0.0 <= late < 1000.0):
-        raise InputError(
-            f"choose 1 to {MAX_CAMERAS} cameras that are 0 to 1000 ms late, not {cameras}, {late:g}"
-        )
+        raise InputError(f"choose 1 to {MAX_CAMERAS} cameras, 0 to 1000 ms late, not {cameras}, {late:g}")
     shown = find_scene(scene, model, seed, frames)
     shown = furnished(shown) if room else shown
     one = Seen("", shown, np.eye(4), 0.0)
@@ -143,7 +142,7 @@ def write_depth(
         yield number
 
 
-def render(scene: Scene) -> Iterator[NDArray[np.float64]]:
+def render(scene: Scene) -> Iterator[Array]:
     """Exact depth (H, W) in metres of every frame."""
     with DepthRenderer(scene.camera) as renderer:
         for number in range(len(scene.poses)):
@@ -163,7 +162,7 @@ def joined(surfaces: Sequence[Surface]) -> Surface:
     return np.concatenate([vertices for vertices, _ in surfaces]), triangles
 
 
-def to_units(depth_m: NDArray[np.float64]) -> NDArray[np.uint16]:
+def to_units(depth_m: Array) -> NDArray[np.uint16]:
     """Depth in units of the file; depth that is too large becomes 0."""
     units = np.rint(depth_m * DEPTH_SCALE)
     return np.where(units <= np.iinfo(np.uint16).max, units, 0).astype(np.uint16)
@@ -182,7 +181,7 @@ def write_truth(scene: Scene, file: Path) -> None:
     )
 
 
-def write_start(model: BodyModel, pose: NDArray[np.float64], file: Path) -> None:
+def write_start(model: BodyModel, pose: Array, file: Path) -> None:
     """Write the start pose (D,); zeros are omitted."""
     start = {name: float(value) for name, value in zip(model.dof_names, pose, strict=True) if value}
     file.write_bytes(msgspec.json.format(msgspec.json.encode(start)) + b"\n")

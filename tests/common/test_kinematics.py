@@ -21,11 +21,11 @@ from common.kinematics import (
     natural_angles,
     pose_vertices,
     retract,
-    step_axes,
     within_limits,
 )
 from tests.support.bodies import moves, puppet, random_body
 from tests.support.kernel import plain_path
+from tests.support.kernel.plain_path import step_axes
 
 Array = NDArray[np.float64]
 

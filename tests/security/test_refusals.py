@@ -65,7 +65,7 @@ def test_listener_refuses_and_the_refused_learns_why(
 
 def test_foreign_listener_is_refused(place: str, ours: Folder, foreign: Folder) -> None:
     """A worker does not connect to a coordinator of another authority, and says why."""
-    why = pytest.raises(InputError, match="shows a certificate that is not valid under ours")
+    why = pytest.raises(InputError, match="shows a certificate not valid under ours")
     with open_coordinator([place], (), foreign.listening), why:
         open_worker([place], Security(ours.of("w0")))
 
@@ -107,7 +107,7 @@ def test_run_that_is_refused_by_its_router_ends(place: str, ours: Folder, foreig
 
 PROCESSES = {
     "foreign": "is not valid under",
-    "other name": "is for 'w0', not for 'w1'; give the one for 'w1'",
+    "other name": "is for 'w0', not for 'w1'",
     "unlisted": f"be worker '{STRANGER}'; have '{STRANGER}' listed there in workers.txt",
 }
 

@@ -250,7 +250,7 @@ def test_an_organised_cloud_that_no_pinhole_camera_sees_needs_a_camera(tmp_path:
     (twisted / "0.pcd").write_bytes(
         cloud.replace(b"WIDTH 320", b"WIDTH 240").replace(b"HEIGHT 240", b"HEIGHT 320")
     )
-    with pytest.raises(InputError, match=r"does not fit a pinhole camera; add camera_intrinsic\.json"):
+    with pytest.raises(InputError, match=r"not by a pinhole camera; add camera_intrinsic\.json"):
         open_source(twisted)
 
 

@@ -16,7 +16,8 @@ from scipy.spatial import cKDTree
 from common.body import ROOT_DOFS, ROTATION, BodyModel
 from common.camera import Intrinsics, back_project, project
 from common.frame import EMPTY, DepthFrame, SubjectFrame
-from common.kinematics import difference, dof_transforms, link_transforms, pose_vertices, retract, step_axes
+from common.kinematics import difference, dof_transforms, link_transforms, pose_vertices, retract
+from common.kinematics.chain import motion_axes
 from common.settings import RefineSettings
 from tests.support.bodies import moves
 from worker.kernel.gauss_newton import CONVERGED
@@ -218,6 +219,14 @@ def move_with_links(model: BodyModel, factors: Factors, pose: Array) -> Array:
     rest = np.einsum("nji,nj->ni", before[:, :, :3], factors.points - before[:, :, 3])
     found: Array = np.einsum("nij,nj->ni", after[:, :, :3], rest) + after[:, :, 3]
     return found
+
+
+def step_axes(model: BodyModel, poses: Array) -> tuple[Array, Array]:
+    """Axes w and points q (N, D, 3) of relative motion in poses (N, D). Eq. 2."""
+    w, q = np.empty((2, *poses.shape, 3))
+    for n, transforms in enumerate(dof_transforms(model, poses)):
+        motion_axes(model.parents, model.axes, model.points, model.balls, transforms, w[n], q[n])
+    return w, q
 
 
 def jacobian(model: BodyModel, factors: Factors, pose: Array, points: Array) -> Array:
