@@ -48,11 +48,16 @@ class Numbered(msgspec.Struct, frozen=True):
 NUMBER = msgspec.msgpack.Decoder(Numbered)
 
 
-class LiveFrameMessage(Message, frozen=True, kw_only=True, tag="live-frame"):
-    """A whole depth image of a camera."""
+class LiveMessage(Message, frozen=True, kw_only=True):
+    """A message of a camera."""
 
     VERSION: ClassVar[int] = LIVE
     version: int = LIVE
+
+
+class LiveFrameMessage(LiveMessage, frozen=True, kw_only=True, tag="live-frame"):
+    """A whole depth image of a camera."""
+
     number: Natural
     time_s: float
     depth_scale: float
@@ -61,20 +66,15 @@ class LiveFrameMessage(Message, frozen=True, kw_only=True, tag="live-frame"):
     gravity: tuple[float, float, float] | None = None
 
 
-class LiveColourMessage(Message, frozen=True, kw_only=True, tag="live-color"):
+class LiveColourMessage(LiveMessage, frozen=True, kw_only=True, tag="live-color"):
     """The colour image of a frame, registered to its depth, as a JPEG file."""
 
-    VERSION: ClassVar[int] = LIVE
-    version: int = LIVE
     number: Natural
     jpeg: memoryview
 
 
-class LiveEndMessage(Message, frozen=True, kw_only=True, tag="live-end"):
+class LiveEndMessage(LiveMessage, frozen=True, kw_only=True, tag="live-end"):
     """The end of a stream of depth images."""
-
-    VERSION: ClassVar[int] = LIVE
-    version: int = LIVE
 
 
 def encode_frame(subject: SubjectFrame) -> bytes:

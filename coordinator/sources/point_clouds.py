@@ -57,8 +57,6 @@ def read_cloud(path: Path) -> Array:
     """Points (N, 3), or (H, W, 3) for an organised cloud; InputError if it is damaged."""
     try:
         return read_ply(path) if path.suffix.lower() == ".ply" else read_pcd(path)
-    except ImportError as error:
-        raise InputError(f"{path} needs the package {error.name}; pip install 'gepf[coordinator]'") from error
     except Exception as error:  # the readers can raise anything
         reason = " ".join(str(error).split()) or type(error).__name__
         raise InputError(f"{path} is damaged or not a point cloud ({reason}); copy it again") from error

@@ -52,11 +52,9 @@ class Bag:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        try:
-            from rosbags.highlevel import AnyReader
-            from rosbags.typesys import Stores, get_typestore
-        except ImportError as error:
-            raise InputError(f"{path} needs the package rosbags; pip install 'gepf[coordinator]'") from error
+        from rosbags.highlevel import AnyReader  # slow to load
+        from rosbags.typesys import Stores, get_typestore
+
         types = get_typestore(Stores.ROS1_NOETIC if path.suffix == ".bag" else Stores.ROS2_HUMBLE)
         self._reader = self.guarded(lambda: AnyReader([path], default_typestore=types))
         self.guarded(self._reader.open)

@@ -120,10 +120,10 @@ class Source:
         return self.folder / name if self.folder and (self.folder / name).is_file() else None
 
 
-def to_units(metres: Array) -> NDArray[np.uint16]:
-    """Convert metres to units of 1 / `UNITS_PER_METRE`; 0 for no depth, or depth that is too large."""
-    known = np.where((metres > 0.0) & (metres <= FARTHEST_M), metres, 0.0)
-    return np.rint(known * UNITS_PER_METRE).astype(np.uint16)
+def to_units(metres: Array, per_metre: float = UNITS_PER_METRE) -> NDArray[np.uint16]:
+    """Convert metres to units; 0 for no depth, or depth that is too large."""
+    units = np.rint(metres * per_metre)
+    return np.where((units > 0.0) & (units <= np.iinfo(np.uint16).max), units, 0.0).astype(np.uint16)
 
 
 def downward(accelerations: Collection[ArrayLike]) -> Array | None:

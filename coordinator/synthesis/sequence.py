@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
@@ -12,6 +12,7 @@ from pathlib import Path
 import imageio.v3 as iio
 import msgspec
 import numpy as np
+import trimesh
 from numpy.typing import NDArray
 
 from common.arrays import Array
@@ -23,6 +24,7 @@ from coordinator.bodies.choice import load_body
 from coordinator.files import CAMERA_FILE, START_FILE, TRUTH_FILE, with_parent
 from coordinator.sources.camera import write_camera
 from coordinator.sources.rig import RIG_FILE, RigCamera, write_rig
+from coordinator.sources.source import to_units
 from coordinator.synthesis.noise import add_noise
 from coordinator.synthesis.person_scene import person
 from coordinator.synthesis.rendering import DepthRenderer
@@ -138,7 +140,7 @@ def write_depth(
     folder.mkdir(parents=True)
     for number, depth_m in enumerate(render(scene)):
         noisy = add_noise(depth_m, scene.camera, noise, np.random.default_rng([seed, number]), kinect=kinect)
-        iio.imwrite(folder / f"{number:06d}.png", to_units(noisy))
+        iio.imwrite(folder / f"{number:06d}.png", to_units(noisy, DEPTH_SCALE))
         yield number
 
 
@@ -150,22 +152,9 @@ def render(scene: Scene) -> Iterator[Array]:
                 (pose_vertices(each.model, each.poses[number, None])[0], each.model.triangles)
                 for each in (scene, *scene.others)
             ]
-            vertices, triangles = joined(surfaces if scene.room is None else [*surfaces, scene.room])
-            yield renderer.depth(vertices, triangles).astype(np.float64)
-
-
-def joined(surfaces: Sequence[Surface]) -> Surface:
-    """One surface of several: vertices (V, 3) and triangles (T, 3)."""
-    counts = [len(vertices) for vertices, _ in surfaces]
-    before = np.cumsum([0, *counts[:-1]])
-    triangles = np.concatenate([t + n for (_, t), n in zip(surfaces, before, strict=True)])
-    return np.concatenate([vertices for vertices, _ in surfaces]), triangles
-
-
-def to_units(depth_m: Array) -> NDArray[np.uint16]:
-    """Depth in units of the file; depth that is too large becomes 0."""
-    units = np.rint(depth_m * DEPTH_SCALE)
-    return np.where(units <= np.iinfo(np.uint16).max, units, 0).astype(np.uint16)
+            surfaces += [] if scene.room is None else [scene.room]
+            whole = trimesh.util.append_faces(*zip(*surfaces, strict=True))
+            yield renderer.depth(*whole).astype(np.float64)
 
 
 def write_truth(scene: Scene, file: Path) -> None:

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from common.arrays import Array
 from common.body import ROTATION, TRANSLATION, BodyModel
 from common.kinematics import (
     difference,
@@ -26,8 +26,6 @@ from common.kinematics import (
 from tests.support.bodies import moves, puppet, random_body
 from tests.support.kernel import plain_path
 from tests.support.kernel.plain_path import step_axes
-
-Array = NDArray[np.float64]
 
 seeds = st.integers(0, 2**32 - 1)
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from common.arrays import Array
 from common.errors import InputError
 from common.kinematics import joint_positions
 from coordinator.cli import main
@@ -21,8 +21,6 @@ from coordinator.results.track import write_track
 from tests.support.bodies import hinges, person
 from tests.support.export_readers import c3d_points
 from tests.support.runs import RATE, swing, write_run
-
-Array = NDArray[np.float64]
 
 
 def opensim_table(path: Path) -> tuple[list[str], Array, Array]:

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.camera import Intrinsics
 from common.frame import DepthFrame
 from common.kinematics import retract
@@ -29,8 +29,6 @@ from gepf.direct import DirectRefiner
 from tests.support.bodies import hinges, puppet
 from tests.support.filtering import INTERVAL, advance
 from tests.support.people import OnePerson, rendered
-
-Array = NDArray[np.float64]
 
 SETTINGS = FilterSettings(particles=300)
 BASELINES = ("condensation", "annealed")
@@ -184,7 +182,7 @@ def test_an_arm_is_followed(method: str, particles: int) -> None:
     tracker = OnePerson(DirectRefiner(), settings, choose_bodies(ARM_DOFS, "default"), start)
     estimates = [tracker.track(frame) for frame in shown()]
     columns = [human().dof_names.index(name) for name in tracker.model.dof_names]
-    poses: NDArray[np.float64] = np.array([estimate.pose for estimate in estimates])
+    poses: Array = np.array([estimate.pose for estimate in estimates])
     errors = np.rad2deg(np.abs(poses - arm().poses[:FRAMES, columns]))
     assert errors.mean() < 8.0
     assert all(0 < len(e.hypothesis_weight) <= min(particles, MAX_HYPOTHESES) for e in estimates)

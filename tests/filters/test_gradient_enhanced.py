@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import ROTATION, TRANSLATION
 from common.kinematics import difference
 from common.refinement import Refined
@@ -23,8 +23,6 @@ from coordinator.filters.merging import estimate_covariances, merge_by_angle
 from coordinator.filters.motion import draw_noise
 from tests.support.bodies import hinges, puppet
 from tests.support.filtering import INTERVAL, NOTHING_SEEN, advance
-
-Array = NDArray[np.float64]
 
 seeds = st.integers(0, 2**32 - 1)
 PAPER = preset("paper").filter
