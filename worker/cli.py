@@ -121,7 +121,7 @@ def serve_session(identity: Identity, kernel: Kernel) -> bool:
         signal.signal(number, signal.SIG_DFL)  # while connecting, Python handles no signal
     with connect_to(identity) as bus:
         if identity.security is not None:
-            check_admission(bus, identity, identity.security)
+            check_admission(bus, identity)
         service = Service(bus, identity.name, kernel)
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, partial(end, service))

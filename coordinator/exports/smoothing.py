@@ -52,8 +52,7 @@ class LowPass:
         rate = 1.0 / float(np.median(steps))
         if not 0.0 < cutoff_hz < 0.5 * rate:
             raise InputError(
-                f"--smooth {cutoff_hz:g} is not between 0 and half of the {rate:.3g} frames a second; "
-                "laboratories use 6"
+                f"--smooth {cutoff_hz:g} is not between 0 and half of {rate:.3g} frames a second; 6 is usual"
             )
         count = max(3, round((self._times[-1] - self._times[0]) * rate) + 1)
         self._even = np.linspace(self._times[0], self._times[-1], count)

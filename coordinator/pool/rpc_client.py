@@ -221,9 +221,7 @@ class RpcClient:
             self._send(self.scheduler.end(ticket, outcome, time.monotonic(), reason))
         except SilentWorkers as error:
             raise SilentWorkers(
-                f"workers are connected, but none answers within {REQUEST_TIMEOUT_S:.0f} s (the last was "
-                f"{worker}): the connection is broken, they do not respond, or a request has too many "
-                "particles or points"
+                f"workers are connected, but none answers within {REQUEST_TIMEOUT_S:.0f} s (last {worker})"
             ) from error
         except ProtocolError as error:
             raise ProtocolError(f"no worker can refine the particles: {error}") from error

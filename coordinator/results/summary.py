@@ -161,9 +161,7 @@ def read_summary(run: Path) -> dict[str, Any]:
     """The summary of a run; InputError if it is missing or damaged."""
     summary = find_summary(run)
     if summary is None:
-        raise InputError(
-            f"{run} holds no readable {SUMMARY_FILE}; give the --out folder of a finished gepf track"
-        )
+        raise InputError(f"{run} holds no readable {SUMMARY_FILE}; give the folder of a finished gepf track")
     return summary
 
 

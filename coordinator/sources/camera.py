@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 
 from common.camera import Intrinsics
 from common.errors import InputError
-from coordinator.files import CAMERA_FILE
 
 DEFAULT_FPS = 30.0
 MILLIMETRES = 1000.0  # per metre
@@ -41,8 +40,7 @@ def read_camera(path: Path) -> tuple[Intrinsics, float, float]:
         camera = msgspec.json.decode(path.read_bytes(), type=CameraFile)
     except FileNotFoundError:
         raise InputError(
-            f"{path} is missing; add --intrinsics fx,fy,cx,cy (pixels), or write it with width, height, "
-            "intrinsic_matrix (9 numbers, column by column) and depth_scale (units per metre)"
+            f"{path} is missing; add --intrinsics fx,fy,cx,cy (pixels), or write it (docs/formats.md)"
         ) from None
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror}; change its permissions") from error
@@ -82,10 +80,7 @@ class CameraOptions:
     def matrix(self, path: Path) -> list[list[float]]:
         """The user's camera matrix (3, 3); InputError if the recording at `path` needs one."""
         if self.intrinsics is None:
-            raise InputError(
-                f"{path} does not contain its camera; add --intrinsics fx,fy,cx,cy (pixels), or write "
-                f"{CAMERA_FILE} beside the frames"
-            )
+            raise InputError(f"{path} does not contain its camera; add --intrinsics fx,fy,cx,cy (pixels)")
         fx, fy, cx, cy = self.intrinsics
         return [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]
 
@@ -130,7 +125,4 @@ def doubt_camera(camera: Intrinsics) -> str | None:
     """A warning about an implausible camera matrix; None if it is plausible."""
     if 0.0 <= camera.cx <= camera.width and 0.0 <= camera.cy <= camera.height:
         return None
-    return (
-        f"the camera's centre ({camera.cx:g}, {camera.cy:g}) is outside its picture of "
-        f"{camera.width}x{camera.height}; are these the intrinsics of another size?"
-    )
+    return f"the centre ({camera.cx:g}, {camera.cy:g}) is outside its {camera.width}x{camera.height} image"

@@ -63,8 +63,7 @@ def read_joint_states(path: Path) -> JointStates:
     finite = np.isfinite(times).all() and np.isfinite(values).all()
     if len(times) < 2 or not names or not finite or not (np.diff(times[order]) > 0).all():
         raise InputError(
-            f"{path} has {len(times)} states of {len(names)} joints; give at least two, with finite numbers "
-            "and different times"
+            f"{path} has {len(times)} states of {len(names)} joints; give two, with finite numbers and times"
         )
     return JointStates(names, times[order], values[order])
 
@@ -77,7 +76,7 @@ def read_csv(path: Path) -> tuple[tuple[str, ...], Array, Array]:
         table = np.array([[float(cell) for cell in row] for row in rows]).reshape(len(rows), len(heads))
     except (OSError, ValueError) as error:
         raise InputError(
-            f"cannot read {path}: {error}; give a ROS bag, or a CSV with {TIME} and a column for each joint"
+            f"cannot read {path}: {error}; give a ROS bag, or a CSV with {TIME} and joints"
         ) from error
     heads = [head.strip() for head in heads]
     if TIME not in heads:

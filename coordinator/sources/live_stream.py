@@ -164,10 +164,7 @@ def find_misfit(frame: DepthFrame, last: DepthFrame) -> tuple[str, str] | None:
     if camera != other:
         return "intrinsics", "has other intrinsics than those before"
     if frame.depth_scale != last.depth_scale:
-        return (
-            "scale",
-            f"has {frame.depth_scale:g} units of depth per metre, those before {last.depth_scale:g}",
-        )
+        return "scale", f"has {frame.depth_scale:g} units per metre, those before {last.depth_scale:g}"
     if frame.number <= last.number or frame.time_s <= last.time_s:
         before = f"the one before number {last.number} of {last.time_s:g} s"
         return ORDER, f"is number {frame.number} of {frame.time_s:g} s, {before}"

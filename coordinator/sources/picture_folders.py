@@ -64,8 +64,7 @@ def read_pictures(path: Path, options: CameraOptions) -> Source:
     numbers, files, times = find_frames(folder, path)
     if not files:
         raise InputError(
-            f"{path} holds no depth/000000.png; give a folder as Open3D's recorders write it "
-            f"(depth/*.png and {CAMERA_FILE})"
+            f"{path} holds no depth/000000.png; give a folder with depth/*.png and {CAMERA_FILE}"
         )
     name = path.resolve().name
     if is_tum(path):

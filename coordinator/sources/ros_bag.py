@@ -104,10 +104,7 @@ def camera_of(bag: Bag, topic: str) -> Intrinsics:
     """The camera of a topic's images: the camera_info with the most similar name."""
     infos = bag.topics(CAMERA)
     if not infos:
-        raise InputError(
-            f"{bag.path} holds no camera_info, so its camera is unknown; "
-            "record it with the depth, or add --intrinsics fx,fy,cx,cy"
-        )
+        raise InputError(f"{bag.path} holds no camera_info; record it, or add --intrinsics fx,fy,cx,cy")
     info = bag.message(nearest(topic, infos))
     return camera_in(info, str(bag.path))
 

@@ -69,8 +69,7 @@ def load_pyrender() -> Any:
 def missing_opengl(cause: Exception) -> GepfError:
     """The message to the user."""
     return GepfError(
-        "cannot render without a display: OpenGL through EGL does not start "
-        f"({type(cause).__name__}: {cause}); on Debian or Ubuntu: apt install libegl1 libgl1"
+        f"OpenGL through EGL does not start ({cause}); on Debian or Ubuntu: apt install libegl1 libgl1"
     )
 
 

@@ -173,7 +173,7 @@ def test_a_cut_off_that_cannot_be_is_one_line(tmp_path: Path) -> None:
     body = hinges()
     write_run(tmp_path / "run", body, swing(body, 9))
     run = read_run(tmp_path / "run")
-    with pytest.raises(InputError, match="half of the 25 frames a second; laboratories use 6"):
+    with pytest.raises(InputError, match="half of 25 frames a second; 6 is usual"):
         smooth_track(run.track, body, 20.0)
     short = replace(run.track, time_s=run.track.time_s * 0.0)
     with pytest.raises(InputError, match="cannot be smoothed"):

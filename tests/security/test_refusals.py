@@ -72,7 +72,7 @@ def test_foreign_listener_is_refused(place: str, ours: Folder, foreign: Folder) 
 
 def test_worker_cannot_pose_as_coordinator(place: str, ours: Folder) -> None:
     """A worker's certificate of the same authority is not accepted from a listener."""
-    why = pytest.raises(InputError, match="shows a certificate that is not valid under")
+    why = pytest.raises(InputError, match="shows a certificate not valid under")
     with open_coordinator([place], (), Security(ours.of("w1"))), why:
         open_worker([place], Security(ours.of("w0")))
 
@@ -108,7 +108,7 @@ def test_run_that_is_refused_by_its_router_ends(place: str, ours: Folder, foreig
 PROCESSES = {
     "foreign": "is not valid under",
     "other name": "is for 'w0', not for 'w1'",
-    "unlisted": f"be worker '{STRANGER}'; have '{STRANGER}' listed there in workers.txt",
+    "unlisted": f"does not admit worker '{STRANGER}'; have it listed there in workers.txt",
 }
 
 

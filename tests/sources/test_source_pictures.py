@@ -188,7 +188,7 @@ def test_a_ros_2_bag_round_trip(tmp_path: Path, encoding: str, kind: str) -> Non
 @pytest.mark.parametrize(
     ("name", "says"),
     [
-        ("film.mp4", "a film holds colours, not depth; write its depth as 16-bit PNG"),
+        ("film.mp4", "a film holds colours, not depth; write it as 16-bit PNG"),
         ("walk.svo2", "ZED's files need its SDK"),
         ("walk.db3", "give the folder that ROS 2 recorded"),
         ("walk.h5", "save depth with numpy.save"),
