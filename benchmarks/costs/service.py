@@ -201,7 +201,7 @@ def start_one(lanes: int) -> tuple[float, float, float]:
     with ZenohRefiner(Pool(workers=lanes)) as refiner:
         refiner.wait_for(lanes)
         seconds = time.perf_counter() - began
-        (pid,) = refiner.local_pids.values()
+        pid = refiner.local_pid
         used = processor_seconds(pid)
         poses = np.repeat(case.start, 4 * lanes, axis=0)
         refine_now(refiner, case, poses, preset("default").refine)

@@ -119,11 +119,6 @@ def motion_of(
         turned = to_y_up @ t_dofs[:, bone.dof, :, :3] @ CAMERA_TO_Y_UP
         rotations[:, b] = turned
         places[:, b] = turned @ bone.origin + t_dofs[:, bone.dof, :, 3] @ to_y_up.T
-    return in_parents(bones, rotations, places)
-
-
-def in_parents(bones: tuple[Bone, ...], rotations: Array, places: Array) -> tuple[Array, Array]:
-    """Convert motion in the world to the axes and origin of the parent."""
     local_turns, local_places = rotations.copy(), places.copy()
     for b, bone in enumerate(bones):
         if bone.parent >= 0:

@@ -91,10 +91,9 @@ class ZenohRefiner(Closing):
         )
 
     @property
-    def local_pids(self) -> dict[str, int]:
-        """Process ids of local workers by name."""
-        process = self._local.process
-        return {} if process is None else {self._local.name: process.pid}
+    def local_pid(self) -> int:
+        """Process id of the local worker; 0 without one."""
+        return 0 if self._local.process is None else self._local.process.pid
 
     def wait_for(self, lanes: int) -> None:
         """Wait for workers with this number of lanes. Raises the same errors as the result of `submit`."""
