@@ -92,15 +92,6 @@ def test_layers_diffuse_less_and_less() -> None:
 
 
 @pytest.mark.parametrize("method", BASELINES)
-def test_a_still_peak_is_found_exactly_on_average(method: str) -> None:
-    """The mean of many runs is the peak: drawing and diffusion have no bias."""
-    path = np.tile([0.3, -0.2], (3, 1))
-    means = [follow(method, path, 0.05, SETTINGS, seed)[-1].reported for seed in range(40)]
-    error = np.std(means, axis=0) / np.sqrt(len(means))
-    np.testing.assert_array_less(np.abs(np.mean(means, axis=0) - path[0]), 4.0 * error)
-
-
-@pytest.mark.parametrize("method", BASELINES)
 def test_a_moving_peak_is_followed(method: str) -> None:
     """At a steady 3 degrees a frame, with noise of 2, a sharp likelihood is followed without lagging."""
     path = np.deg2rad(3.0) * np.arange(30)[:, None] * np.array([1.0, -1.0])

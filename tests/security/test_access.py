@@ -82,7 +82,7 @@ def test_unlisted_certificate_opens_nothing(place: str, ours: Folder) -> None:
             assert bus.fetch(keys.of_run(refiner.run, "frame/1"), 1.0) is None
             assert bus.fetch(keys.of_run(refiner.run, "model/*"), 1.0) is None
             assert refined_bytes(refiner, 2) == expected(2)
-            with pytest.raises(InputError, match=f"be worker '{STRANGER}'; have '{STRANGER}' listed"):
+            with pytest.raises(InputError, match=f"does not admit worker '{STRANGER}'"):
                 check_admission(bus, Identity(STRANGER, (place,), security))
         assert set(seen) <= {keys.of_worker(STRANGER, "alive")}  # its own, which never leaves it
         assert refiner.statistics.workers_seen == ("w0",)

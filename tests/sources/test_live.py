@@ -261,7 +261,7 @@ def test_a_port_in_use_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[st
             "--depth-scale is for recorded sequences",
         ),
         (["track", "PLATE", "--out", "y", "--publish-json"], "add --publish KEY"),
-        (["track", "PLATE", "--out", "y", "--record", "z"], "--record keeps the frames of live input"),
+        (["track", "PLATE", "--out", "y", "--record", "z"], "--record is for live input"),
         (["track", "ros2:/camera/depth", "--out", "x"], "its router, unencrypted; add --connect"),
         (["track", "PLATE", "--out", "y", "--joint-states", "ros2:/joints"], "for frames from ROS 2"),
         (["view", f"zenoh:{KEY}"], "no publisher could connect; add --connect or --listen"),
