@@ -33,7 +33,6 @@ from coordinator.results.configuration import (
     RunConfiguration,
     digest,
     digest_frame,
-    digest_rig,
     versions,
 )
 from coordinator.results.evaluation import Truth, read_truth
@@ -149,7 +148,8 @@ class RecordedInput(Input):
             "frame_range": f"{numbers[0]}:{numbers[-1] + 1}",
         }
         if first.camera:
-            recording["rig"] = digest_rig(first)
+            views = [(each.camera, each.T_rig_camera.tolist(), digest_frame(each)) for each in first.views]
+            recording["rig"] = digest(repr(views).encode())
         if given != AS_RECORDED:
             lens = given.intrinsics and list(given.intrinsics)
             recording[GIVEN] = {"lens": lens, "depth_scale": given.depth_scale}

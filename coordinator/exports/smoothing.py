@@ -78,15 +78,10 @@ def smooth_pose(model: BodyModel, poses: Array, low_pass: LowPass) -> Array:
     smooth = low_pass(turned)
     for first in model.balls.tolist():
         ball = slice(first, first + 3)
-        smooth[:, ball] = smooth_ball(model.axes[ball], poses[:, ball], low_pass)
+        turns = [Rotation.from_rotvec(poses[:, a, None] * model.axes[a]) for a in range(first, first + 3)]
+        quaternions = low_pass(continuous(turns[0] * turns[1] * turns[2]))
+        smooth[:, ball] = angles_about(model.axes[ball], Rotation.from_quat(quaternions), poses[:, ball])
     return smooth
-
-
-def smooth_ball(axes: Array, angles: Array, low_pass: LowPass) -> Array:
-    """Filter angles (F, 3) about the axes (3, 3) of a spherical joint, as quaternions of continuous sign."""
-    turns = [Rotation.from_rotvec(angles[:, a, None] * axis) for a, axis in enumerate(axes)]
-    quaternions = low_pass(continuous(turns[0] * turns[1] * turns[2]))
-    return angles_about(axes, Rotation.from_quat(quaternions), angles)
 
 
 def angles_about(axes: Array, rotations: Rotation, near: Array) -> Array:

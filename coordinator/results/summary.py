@@ -12,7 +12,7 @@ import numpy as np
 
 from common.errors import InputError
 from coordinator.results.configuration import versions
-from coordinator.tracking.estimate import UNKNOWN, Estimate, Status
+from coordinator.tracking.estimate import Estimate, Status
 
 if TYPE_CHECKING:  # it loads the compiler, which is slow
     from coordinator.results.log import Recorded, RecordedPerson
@@ -130,11 +130,6 @@ def describe_cameras(estimates: Sequence[Estimate]) -> dict[str, object]:
         for name in sorted({*shown, *faults})
     }
     return {"cameras": cameras} if cameras else {}
-
-
-def mostly_tracked(estimates: Sequence[Estimate]) -> bool:
-    """Whether at least half of the frames are tracked or ambiguous."""
-    return 2 * sum(e.status in UNKNOWN for e in estimates) <= len(estimates)
 
 
 def describe_status(statuses: Iterable[str]) -> str:
