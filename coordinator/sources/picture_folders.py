@@ -108,7 +108,8 @@ def find_frames(folder: Path, beside: Path) -> tuple[Sequence[int], list[Path], 
             "%s: %d of %d frames are missing, frame %d first; the others keep their times",
             folder, whole - len(numbers), whole, gap,
         )  # fmt: skip
-    return numbers, list(files.values()), times
+        return numbers, list(files.values()), times
+    return range(numbers[0], numbers[0] + len(numbers)) if numbers else range(0), list(files.values()), times
 
 
 def sorted_by_number(folder: Path) -> dict[float, Path]:
