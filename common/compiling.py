@@ -133,7 +133,7 @@ class Nowhere:
         """Raise InputError for one of our functions."""
         if is_ours(Path(py_file).resolve()):
             raise InputError(
-                f"kernels cannot be kept beside {py_file}; name a writable folder in NUMBA_CACHE_DIR"
+                f"compiled kernels cannot be kept beside {py_file}; name a writable folder in NUMBA_CACHE_DIR"
             )
 
 

@@ -118,7 +118,10 @@ def pose_vertices(model: BodyModel, poses: Array) -> Array:
 
 def joint_positions(model: BodyModel, poses: Array) -> Array:
     """Named joints (N, J, 3) in the camera frame, for poses (N, D)."""
-    t, (x, y, z) = link_transforms(model, poses)[:, model.joint_links], model.joint_points.T[..., None]
+    t, (x, y, z) = (
+        link_transforms(model, poses).take(model.joint_links, axis=1),
+        model.joint_points.T[..., None],
+    )
     positions: Array = t[..., 0] * x + t[..., 1] * y + t[..., 2] * z + t[..., 3]
     return positions
 

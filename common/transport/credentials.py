@@ -80,4 +80,4 @@ def check_holder(credentials: Credentials, name: str) -> None:
     """InputError if the certificate has another name."""
     holder = holder_of(credentials)
     if holder != name:
-        raise InputError(f"certificate {credentials.cert} is for '{holder}', not for '{name}'")
+        raise InputError(f"certificate {credentials.cert} is for '{holder}', not for '{name}'; give that one")

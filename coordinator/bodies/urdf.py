@@ -113,7 +113,7 @@ def check_joints(path: Path, robot: yourdfpy.Robot) -> None:
     """InputError for joints that cannot be tracked."""
     for joint in robot.joints:
         if joint.type not in {*MOVING, "fixed"}:
-            raise InputError(f"{path}: joint '{joint.name}' is {joint.type}, which cannot be tracked")
+            raise InputError(f"{path}: joint '{joint.name}' is {joint.type}; make it fixed or revolute")
         if joint.mimic is not None and joint.mimic.joint:
             logger.warning("%s: '%s' mimics '%s'; it is tracked alone", path, joint.name, joint.mimic.joint)
         if joint.type in MOVING and not np.linalg.norm(joint.axis) > 0.0:

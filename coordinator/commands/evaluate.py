@@ -80,5 +80,5 @@ def refuse_another_sequence(run: Path, truth: Path) -> None:
     first = int(str(frames).partition(":")[0])
     if first not in source.numbers or digest_frame(source.frame(first)) != recorded:
         raise InputError(
-            f"{truth} is the truth of {folder.name}, but {run} tracked {summary.get('sequence')}"
+            f"{truth} is for {folder.name}, but {run} tracked {summary.get('sequence')}; give its own"
         )

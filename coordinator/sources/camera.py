@@ -66,7 +66,9 @@ def pinhole(matrix: ArrayLike, width: int, height: int, name: str) -> Intrinsics
     (fx, _, cx), (_, fy, cy), _ = values.astype(np.float64).tolist()
     good = values.tolist() == [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] and min(fx, fy) > 0
     if not (good and np.isfinite([fx, fy, cx, cy]).all()):
-        raise InputError(f"{name}: intrinsics are not fx 0 cx, 0 fy cy, 0 0 1 with positive fx, fy")
+        raise InputError(
+            f"{name}: intrinsics are not fx 0 cx, 0 fy cy, 0 0 1; give them with positive fx, fy"
+        )
     return Intrinsics(width, height, fx, fy, cx, cy)
 
 

@@ -31,7 +31,7 @@ class ColourFolder:
         missing = [number for number in numbers if number not in self._files]
         if missing:
             raise InputError(
-                f"{path} has no colour frame {missing[0]} ({len(missing)} of {len(numbers)} are missing)"
+                f"{path} has no colour frame {missing[0]} ({len(missing)} of {len(numbers)}); add it"
             )
         for number in numbers:
             with opened(self._files[number], *FORMATS) as image:

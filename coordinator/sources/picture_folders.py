@@ -125,7 +125,9 @@ def sorted_by_number(folder: Path) -> dict[float, Path]:
             raise InputError(f"{file} is not named by a frame number such as 000000.png; rename or remove it")
         value = float(found.group())
         if value in numbered:
-            raise InputError(f"{folder} has a frame number twice ({numbered[value].name}, {file.name})")
+            raise InputError(
+                f"{folder} has a frame number twice ({numbered[value].name}, {file.name}); keep one"
+            )
         numbered[value] = file
     return dict(sorted(numbered.items()))
 

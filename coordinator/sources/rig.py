@@ -115,7 +115,7 @@ def read_rig(path: Path, options: CameraOptions) -> Source:
     from coordinator.sources import open_source
 
     if options != AS_RECORDED:
-        raise InputError(f"--intrinsics and --depth-scale are of one camera, {path} lists several")
+        raise InputError(f"--intrinsics and --depth-scale do not fit the rig {path}; leave them out")
     if live_cameras(path):
         raise InputError(f"the cameras of {path} are live; gepf track and gepf.live read them")
     cameras = []

@@ -36,7 +36,7 @@ def test_frames_are_found_by_number(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "size", "says"),
     [
-        ("000000.png", (64, 48), "has no colour frame 1 (1 of 2 are missing)"),
+        ("000000.png", (64, 48), "has no colour frame 1 (1 of 2)"),
         ("000001.png", (64, 64), "000001.png has another shape than the depth"),
     ],
 )
