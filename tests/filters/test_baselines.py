@@ -129,9 +129,9 @@ def test_particles_come_likeliest_first_with_their_velocity(method: str) -> None
     assert found.log_weights[0] == pytest.approx(refine(found.poses[:1]).log_likelihood[0], rel=1e-9)
 
 
-@pytest.mark.parametrize("method", BASELINES)
+@pytest.mark.parametrize("method", ["gepf", *BASELINES])
 def test_nothing_likely_does_not_end_it(method: str) -> None:
-    """If every likelihood is zero, all particles have the same weight and continue."""
+    """If every likelihood is zero, all hypotheses have the same weight and continue."""
 
     def nothing(poses: Array) -> Refined:
         return Refined(poses, np.full(len(poses), -np.inf), np.full(len(poses), np.inf))
@@ -139,7 +139,7 @@ def test_nothing_likely_does_not_end_it(method: str) -> None:
     begin = METHODS[method].begin
     first = begin(hinges(), np.zeros(2), SETTINGS)
     found = advance(method, hinges(), first, nothing, SETTINGS, np.random.default_rng(0))
-    np.testing.assert_allclose(found.weights, 1.0 / SETTINGS.particles)
+    np.testing.assert_allclose(found.weights, 1.0 / len(found.poses))
     assert np.all(np.isfinite(found.reported))
 
 

@@ -288,17 +288,6 @@ def test_a_single_particle_has_no_noise(explores: bool) -> None:
     np.testing.assert_allclose(np.concatenate(asked), expected, atol=1e-12)
 
 
-def test_a_frame_that_nothing_explains_does_not_end_it() -> None:
-    """If every likelihood is zero, all hypotheses have the same weight and continue."""
-
-    def nothing(poses: Array) -> Refined:
-        return Refined(poses, np.full(len(poses), -np.inf), np.full(len(poses), np.inf))
-
-    found = follow(nothing, PAPER, seed=0, frames=3)[-1]
-    np.testing.assert_array_equal(found.weights, 1.0 / len(found.poses))
-    assert np.all(np.isfinite(found.poses))
-
-
 @pytest.mark.parametrize(
     ("better_by", "interval", "reported"),
     [
