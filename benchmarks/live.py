@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 
 from benchmarks.costs.service import processor_seconds
 from benchmarks.running import add_data, command_line, keep
+from common.arrays import Array
 from common.camera import Intrinsics
 from common.frame import DepthFrame
 from common.protocol.frames import encode_live, encode_live_end
@@ -230,7 +231,7 @@ def processor_seconds_of_all(pid: int) -> float:
     return sum(processor_seconds(each) for each in (pid, *(child.pid for child in children)))
 
 
-def noisy(depth_m: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.uint16]:
+def noisy(depth_m: Array, rng: np.random.Generator) -> NDArray[np.uint16]:
     """A depth image (H, W) in metres with the noise of a time-of-flight camera, in millimetres."""
     sigma = 0.0012 + 0.0019 * (depth_m - 0.4) ** 2
     noise = sigma * rng.standard_normal(depth_m.shape)

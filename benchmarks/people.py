@@ -20,7 +20,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from benchmarks.recordings import Array, Recording, choose, find_people, find_skinned
+from benchmarks.recordings import Recording, choose, find_people, find_skinned
 from benchmarks.running import (
     Crash,
     add_changes,
@@ -35,6 +35,7 @@ from benchmarks.running import (
     settings_with,
 )
 from benchmarks.tracking import Outcome, near_percent, prepare, track
+from common.arrays import Array
 from common.errors import InputError
 from common.settings import Settings
 from coordinator.pictures.plots import styled

@@ -15,9 +15,10 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.people import DEFAULT, Trial, pool, run_trials
-from benchmarks.recordings import JOINTS, Array, find_people
+from benchmarks.recordings import JOINTS, find_people
 from benchmarks.running import add_data, add_processes, command_line, keep, measured
 from benchmarks.tracking import Outcome, near_percent
+from common.arrays import Array
 
 Mapped = Callable[[Array], Array]
 """Joints (F, 13, 3) as tracked -> as the reference has them."""

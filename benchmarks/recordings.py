@@ -15,16 +15,13 @@ from pathlib import Path
 
 import numpy as np
 import scipy.io
-from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
+from common.arrays import Array, Indices, Mask
 from common.errors import InputError
 from common.frame import DepthFrame
 from coordinator.results.evaluation import read_truth
 from coordinator.sources import open_source
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 SKINNED = ("dance", "turn", "dance_clean")
 HARD_ACTIONS = (5, 12, 14, 15, 17, 21, 25, 26)
@@ -69,7 +66,7 @@ class Reference:
     """Joints (F, J, 3) of the depth frames with numbers `frame` (F,), camera frame, metres."""
 
     names: tuple[str, ...]
-    frame: NDArray[np.int64]
+    frame: Indices
     joints: Array
     holds: Mask  # (F, J)
 

@@ -15,9 +15,10 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from benchmarks.people import Row, Trial, run_trials
-from benchmarks.recordings import Array, Recording
+from benchmarks.recordings import Recording
 from benchmarks.running import add_processes, command_line, keep, measured
 from benchmarks.tracking import near_percent
+from common.arrays import Array
 from coordinator.files import TRUTH_FILE
 from coordinator.synthesis.sequence import PERSON, synthesise
 

@@ -14,12 +14,12 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.table import Table
 
 from benchmarks.recordings import Recording, choose, find_people, read_frames, read_reference
 from benchmarks.running import add_data, command_line, keep, measured, screen
 from benchmarks.tracking import follow, prepare
+from common.arrays import Array
 from common.camera import Intrinsics
 from common.frame import DepthFrame
 from common.settings import preset
@@ -28,8 +28,6 @@ from coordinator.results.evaluation import positions
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
-
-Array = NDArray[np.float64]
 
 PARTS = ("starts", "gaps", "real", "situations")
 RENDERED = (

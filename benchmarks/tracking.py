@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from benchmarks.recordings import Array, Mask, Recording, read_frames, read_reference
+from benchmarks.recordings import Recording, read_frames, read_reference
+from common.arrays import Array, Mask
 from common.frame import DepthFrame
 from common.settings import Settings
 from coordinator.bodies.choice import choose_bodies
@@ -31,7 +31,7 @@ class Outcome:
     joints: Array  # (F, J, 3) metres, camera frame
     reference: Array  # (F, J, 3)
     holds: Mask  # (F, J) joints whose reference agrees with depth
-    seconds: NDArray[np.float64]  # processor time of each tracked frame
+    seconds: Array  # processor time of each tracked frame
     status: dict[str, int]  # number of frames by the tracker's status
     stature: float  # metres, after the last frame
 
@@ -78,7 +78,7 @@ def track(
     )
 
 
-def follow(tracker: Tracker, frames: Iterable[DepthFrame]) -> tuple[list[Tracked], NDArray[np.float64]]:
+def follow(tracker: Tracker, frames: Iterable[DepthFrame]) -> tuple[list[Tracked], Array]:
     """Estimates, and processor time (F,) in seconds of each frame, without reading it."""
     found, seconds = [], []
     for frame in frames:

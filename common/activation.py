@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array, Indices
 from common.body import BodyModel, find_balls, surface_carriers
 from common.kinematics import dof_transforms, joint_positions, pose_vertices
 
 
-def activate(model: BodyModel, active: Iterable[str], held: NDArray[np.float64]) -> BodyModel:
+def activate(model: BodyModel, active: Iterable[str], held: Array) -> BodyModel:
     """The body with only the `active` degrees of freedom; the others are held at `held` (D,).
 
     The held pose, with active degrees of freedom at zero, becomes the rest pose of the result. So a pose of
@@ -27,8 +27,9 @@ def activate(model: BodyModel, active: Iterable[str], held: NDArray[np.float64])
     points = np.einsum("dij,dj->di", t_rest[wanted, :, :3], model.points[wanted]) + t_rest[wanted, :, 3]
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)
 
-    parents = np.array([_ancestor(model, wanted, int(model.parents[j])) for j in wanted], dtype=np.int64)
-    link_dofs = np.array([_ancestor(model, wanted, int(d)) for d in model.link_dofs], dtype=np.int64)
+    place = {-1: -1} | {j: n for n, j in enumerate(wanted)}
+    parents = np.array([place[nearest_in(model, wanted, int(model.parents[j]))] for j in wanted], np.int64)
+    link_dofs = np.array([place[nearest_in(model, wanted, int(d))] for d in model.link_dofs], np.int64)
     moved, merged = np.unique(link_dofs, return_inverse=True)  # merged (L,): old link -> new link
     skin_links, skin_weights = merge_weights(merged[model.skin_links], model.skin_weights)
     kinds = model.kinds[wanted]
@@ -54,16 +55,14 @@ def activate(model: BodyModel, active: Iterable[str], held: NDArray[np.float64])
     )
 
 
-def _ancestor(model: BodyModel, wanted: list[int], dof: int) -> int:
-    """Index in `wanted` of `dof` or its nearest ancestor; -1 if there is none."""
+def nearest_in(model: BodyModel, wanted: list[int], dof: int) -> int:
+    """The degree of freedom, or its nearest ancestor, that is one of the wanted; -1 if there is none."""
     while dof >= 0 and dof not in wanted:
         dof = int(model.parents[dof])
-    return wanted.index(dof) if dof >= 0 else -1
+    return dof
 
 
-def merge_weights(
-    links: NDArray[np.int64], weights: NDArray[np.float64]
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def merge_weights(links: Indices, weights: Array) -> tuple[Indices, Array]:
     """Add the weights (V, K) of equal links (V, K); the dominant link is first."""
     merged = np.zeros_like(weights)
     for k in range(links.shape[1]):

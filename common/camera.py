@@ -6,9 +6,10 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from common.arrays import Array
 
 NOT_MOVED = np.eye(4)  # T_rig_camera of a camera alone
+ROUNDED = 1e-3  # error of a rotation, or a unit vector, that is written with a few digits
 STRAIGHT_DOWN = 0.1  # sine of the angle between the line of sight and the vertical
 
 
@@ -33,6 +34,13 @@ def moved(points: Array, transform: Array) -> Array:
     return after
 
 
+def is_rigid(matrix: Array) -> bool:
+    """Whether a matrix (4, 4) is a rotation and a translation, up to the error of a few written digits."""
+    turn = matrix[:3, :3]
+    off = np.abs(turn @ turn.T - np.eye(3)).max() + np.abs(matrix[3] - [0.0, 0.0, 0.0, 1.0]).max()
+    return bool(off < ROUNDED and np.linalg.det(turn) > 0.0)
+
+
 def inverse(transform: Array) -> Array:
     """The inverse (4, 4) of a rigid transform (4, 4)."""
     turn, back = transform[:3, :3], np.eye(4)
@@ -40,7 +48,7 @@ def inverse(transform: Array) -> Array:
     return back
 
 
-def project(points: NDArray[np.floating], camera: Intrinsics) -> NDArray[np.float64]:
+def project(points: NDArray[np.floating], camera: Intrinsics) -> Array:
     """Pixels (..., 2) of camera-frame points (..., 3) with z > 0."""
     z = points[..., 2]
     return np.stack(
@@ -48,7 +56,7 @@ def project(points: NDArray[np.floating], camera: Intrinsics) -> NDArray[np.floa
     )
 
 
-def back_project(depth_m: NDArray[np.floating], camera: Intrinsics) -> NDArray[np.float64]:
+def back_project(depth_m: NDArray[np.floating], camera: Intrinsics) -> Array:
     """Camera-frame points (H, W, 3) of a depth image (H, W) in metres; no depth gives the origin."""
     v, u = np.indices(depth_m.shape)
     return np.stack(

@@ -133,8 +133,7 @@ class Nowhere:
         """Raise InputError for one of our functions."""
         if is_ours(Path(py_file).resolve()):
             raise InputError(
-                f"compiled kernels cannot be kept beside {py_file} or in this user's cache;"
-                f" name a folder that can be written to in NUMBA_CACHE_DIR"
+                f"compiled kernels cannot be kept beside {py_file}; name a writable folder in NUMBA_CACHE_DIR"
             )
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.camera import NOT_MOVED, Intrinsics, inverse, moved
 
 
@@ -28,9 +29,9 @@ class DepthFrame:
     depth_scale: float
     intrinsics: Intrinsics
     camera: str = ""  # its name in the rig
-    T_rig_camera: NDArray[np.float64] = field(default_factory=NOT_MOVED.copy)
+    T_rig_camera: Array = field(default_factory=NOT_MOVED.copy)
     others: tuple[DepthFrame, ...] = ()
-    gravity: NDArray[np.float64] | None = None
+    gravity: Array | None = None
 
     @property
     def views(self) -> tuple[DepthFrame, ...]:
@@ -38,15 +39,15 @@ class DepthFrame:
         return (self, *self.others)
 
     @property
-    def T_camera_rig(self) -> NDArray[np.float64]:  # noqa: N802 as T_rig_camera
+    def T_camera_rig(self) -> Array:  # noqa: N802 as T_rig_camera
         """The inverse (4, 4) of T_rig_camera."""
         return inverse(self.T_rig_camera)
 
-    def to_rig(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def to_rig(self, points: Array) -> Array:
         """Points (..., 3) of the camera's frame in the rig's frame."""
         return moved(points, self.T_rig_camera)
 
-    def to_camera(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def to_camera(self, points: Array) -> Array:
         """Points (..., 3) of the rig's frame in the camera's frame."""
         return moved(points, self.T_camera_rig)
 

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from common.arrays import Array, Indices
+
 WEAK_TURN, WEAK_SLIDE = float(np.radians(30.0)), 0.05
 """Standard deviations, radians and metres, of the weak prior in every covariance of a pose."""
 
@@ -20,9 +22,9 @@ class Refined:
     If a deadline leaves a particle without an answer, all its values are NaN.
     """
 
-    poses: NDArray[np.float64]  # (N, D) metres and radians
-    log_likelihood: NDArray[np.float64]  # (N,)
-    residual: NDArray[np.float64]  # (N,) metres, mean distance of observed points from the model
+    poses: Array  # (N, D) metres and radians
+    log_likelihood: Array  # (N,)
+    residual: Array  # (N,) metres, mean distance of observed points from the model
     covariance_roots: NDArray[np.float32] | None = None
     """Lower triangles (N, D (D + 1) / 2) of Cholesky factors of the covariances, in relative motion.
 
@@ -30,15 +32,15 @@ class Refined:
     """
 
     @property
-    def answered(self) -> NDArray[np.int64]:
+    def answered(self) -> Indices:
         """Indices (K,) of the answered particles, ascending."""
         return np.flatnonzero(~np.isnan(self.log_likelihood))
 
-    def take(self, particles: NDArray[np.int64]) -> Refined:
+    def take(self, particles: Indices) -> Refined:
         """The particles with these indices, in this order."""
         return self._each(lambda array: array[particles])
 
-    def spread(self, places: NDArray[np.int64], particles: int) -> Refined:
+    def spread(self, places: Indices, particles: int) -> Refined:
         """This number of particles: these at indices (N,), and NaN for the others."""
 
         def placed(array: NDArray[Any]) -> NDArray[Any]:
@@ -75,7 +77,7 @@ def triangle_size(side: int) -> int:
     return side * (side + 1) // 2
 
 
-def lower_triangular(triangles: NDArray[np.float32], side: int) -> NDArray[np.float64]:
+def lower_triangular(triangles: NDArray[np.float32], side: int) -> Array:
     """Matrices (N, D, D), zero above the diagonal, from their lower triangles (N, D (D + 1) / 2)."""
     matrices = np.zeros((len(triangles), side, side))
     matrices[:, np.tri(side, dtype=np.bool_)] = triangles

@@ -168,6 +168,4 @@ def with_parent(out: Path) -> None:
             raise InputError(f"'{out}' is in use; choose another output folder or remove it")
         out.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(
-            f"cannot write to '{out}' ({error.strerror}); choose another output folder"
-        ) from error
+        raise InputError(f"cannot write to '{out}' ({error.strerror}); choose another folder") from error

@@ -7,9 +7,9 @@ import rerun as rr
 import rerun.blueprint as rrb
 from matplotlib import colormaps
 from matplotlib.colors import to_rgb
-from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from common.arrays import Array
 from common.body import ROTATION, BodyModel, vertex_normals
 from common.camera import Intrinsics, level_from_camera
 from common.frame import DepthFrame
@@ -22,8 +22,6 @@ from coordinator.results.track import Track
 from coordinator.tracking.certainty.certainty import FLAGGED
 from coordinator.tracking.observation import observed_points
 from coordinator.tracking.segmenter import PosedBody, Segmenter
-
-Array = NDArray[np.float64]
 
 NUMBER, SINCE = "frame", "time"  # timelines: number of the frame, seconds since the start
 

@@ -7,15 +7,13 @@ from dataclasses import dataclass, field, fields
 
 import numpy as np
 from markupsafe import Markup
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import TRANSLATION, BodyModel
 from common.errors import InputError
 from coordinator.bodies.angles import angles_of
 from coordinator.results.log import certainty_of
 from coordinator.tracking import estimate
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

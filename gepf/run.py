@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import ROOT_DOFS
 from common.errors import InputError
 from coordinator.bodies.swing_twist import isb_angles, isb_names
@@ -24,8 +24,6 @@ from gepf.named import index_of, refuse_degrees, table
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
-
-Array = NDArray[np.float64]
 
 
 class Run:

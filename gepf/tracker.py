@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack
+from dataclasses import replace
 from functools import partial
 from itertools import groupby
 from pathlib import Path
@@ -32,8 +33,8 @@ from coordinator.results.summary import PERSON
 from coordinator.results.track import TrackedBody
 from coordinator.security.access import TlsFiles
 from coordinator.sources import open_source
-from coordinator.sources.arrays import whole_depth
-from coordinator.sources.camera import DEFAULT_FPS, pinhole
+from coordinator.sources.arrays import ArraySource
+from coordinator.sources.camera import DEFAULT_FPS
 from coordinator.tracking import tracker as tracking
 from coordinator.tracking.state import given_start, read_start
 from gepf.live_source import LiveSource
@@ -92,15 +93,11 @@ class FrameLoop(Closing):
         """The frame itself, or the next frame from an array (H, W)."""
         if isinstance(depth, DepthFrame):
             return depth
-        image = np.asarray(depth)
         if self._camera is None:
             raise InputError("an array comes without its camera; give Tracker(camera=...) its matrix")
-        if image.ndim != 2 or 0 in image.shape:
-            raise InputError(f"depth has shape {image.shape}; give rows of columns (H, W)")
-        units, scale = whole_depth(image, self._depth_scale, "depth")
-        camera = pinhole(self._camera, image.shape[1], image.shape[0], "camera")
+        alone = ArraySource(np.asarray(depth)[None], self._camera, self._depth_scale, name="array").frame(0)
         when = self._frames / DEFAULT_FPS if time_s is None else time_s
-        return DepthFrame(self._frames, when, units, scale, camera)
+        return replace(alone, number=self._frames, time_s=when)
 
     def _save(self, estimates: Iterable[Estimate], place: int, folder: Path) -> Path:
         """Write one person's estimates as the folder of a run."""

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Annotated, NoReturn
 
 import typer
+from typer import Option
 
 from common.bounds import MAX_PARTICLES
 from common.cores import usable_cores
@@ -31,33 +32,6 @@ from worker.service import Kernel, Service
 
 log = logging.getLogger("gepf-worker")
 
-Connect = Annotated[
-    list[str], typer.Option(metavar="ENDPOINT", help="Where a coordinator or router listens: tls/HOST:PORT.")
-]
-Name = Annotated[
-    str | None,
-    typer.Option(metavar="NAME", help="Unique name of the worker (default: from its certificate)."),
-]
-TlsCa = Annotated[Path | None, typer.Option("--tls-ca", metavar="FILE", help="Certificate of the authority.")]
-TlsCert = Annotated[
-    Path | None, typer.Option("--tls-cert", metavar="FILE", help="This worker's certificate.")
-]
-TlsKey = Annotated[Path | None, typer.Option("--tls-key", metavar="FILE", help="The certificate's key.")]
-Check = Annotated[
-    bool,
-    typer.Option("--check", help="Only check whether this worker is connected; exit code 0 if so, 1 if not."),
-]
-LanesOption = Annotated[
-    int | None,
-    typer.Option("--lanes", metavar="N", help="Particles refined at once (default: the cores it may use)."),
-]
-ConnectTimeout = Annotated[
-    float | None,
-    typer.Option(metavar="SECONDS", help="Give up after this time without an answer (default: never)."),
-]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Log warnings and errors only.")]
-Tied = Annotated[bool, typer.Option("--tied", hidden=True, help="End when standard input ends.")]
-
 
 def main() -> None:
     """Entry point."""
@@ -65,17 +39,17 @@ def main() -> None:
 
 
 def work(  # noqa: PLR0913 one parameter an option
-    connect: Connect,
+    connect: Annotated[list[str], Option(metavar="ENDPOINT", help="A coordinator or router: tls/HOST:PORT.")],
     *,
-    lanes: LanesOption = None,
-    name: Name = None,
-    connect_timeout: ConnectTimeout = None,
-    tls_ca: TlsCa = None,
-    tls_cert: TlsCert = None,
-    tls_key: TlsKey = None,
-    check: Check = False,
-    quiet: Quiet = False,
-    tied: Tied = False,
+    lanes: Annotated[int | None, Option(metavar="N", help="Particles at once (default: all cores).")] = None,
+    name: Annotated[str | None, Option(metavar="NAME", help="Name (default: the certificate's).")] = None,
+    connect_timeout: Annotated[float | None, Option(metavar="SECONDS", help="Time for an answer.")] = None,
+    tls_ca: Annotated[Path | None, Option(metavar="FILE", help="Certificate of the authority.")] = None,
+    tls_cert: Annotated[Path | None, Option(metavar="FILE", help="This worker's certificate.")] = None,
+    tls_key: Annotated[Path | None, Option(metavar="FILE", help="Key of the certificate.")] = None,
+    check: Annotated[bool, Option("--check", help="Is it connected? Exit code 0 or 1.")] = False,
+    quiet: Annotated[bool, Option("--quiet", "-q", help="Log warnings and errors only.")] = False,
+    tied: Annotated[bool, Option("--tied", hidden=True, help="End when standard input ends.")] = False,
 ) -> None:
     """Refine particles for all connected coordinators until stopped. A host needs one worker."""
 
@@ -147,7 +121,7 @@ def serve_session(identity: Identity, kernel: Kernel) -> bool:
         signal.signal(number, signal.SIG_DFL)  # while connecting, Python handles no signal
     with connect_to(identity) as bus:
         if identity.security is not None:
-            check_admission(bus, identity, identity.security)
+            check_admission(bus, identity)
         service = Service(bus, identity.name, kernel)
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, partial(end, service))

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor, wait
 
-import numpy as np
-from numpy.typing import NDArray
-
+from common.arrays import Array
 from common.body import BodyModel
 from common.refinement import Refined
 from common.settings import RefineSettings
@@ -31,11 +29,11 @@ class Lanes:
         self,
         model: BodyModel,
         observation: Observation,
-        poses: NDArray[np.float64],
+        poses: Array,
         settings: RefineSettings,
         *,
         covariance: bool = False,
-        velocity: NDArray[np.float64] | None = None,
+        velocity: Array | None = None,
     ) -> Refined:
         """Refine poses (N, D); arguments, results and errors are those of `worker.kernel.icp.refine`.
 

@@ -112,7 +112,7 @@ class Memory:
             put_recent(self._models, wanted, model, 4 * MODELS_KEPT)  # of several runs
         if request.poses.shape[1] != len(model.dof_names):
             raise ProtocolError(
-                f"poses have {request.poses.shape[1]} values, the model has {len(model.dof_names)}"
+                f"poses of {request.poses.shape[1]} values for a model of {len(model.dof_names)}"
             )
         return model
 

@@ -21,9 +21,7 @@ from functools import partial
 from queue import Empty, Queue
 from typing import Any, NamedTuple, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
+from common.arrays import Array
 from common.body import BodyModel
 from common.errors import BusError, ProtocolError
 from common.frame import SubjectFrame
@@ -49,12 +47,12 @@ class Refine(Protocol):
         self,
         model: BodyModel,
         observation: Any,
-        poses: NDArray[np.float64],
+        poses: Array,
         settings: RefineSettings,
         /,
         *,
         covariance: bool = False,
-        velocity: NDArray[np.float64] | None = None,
+        velocity: Array | None = None,
     ) -> Refined:
         """The refined poses in the same order."""
         ...

@@ -10,10 +10,9 @@ from scipy.optimize import minimize
 from scipy.special import expit
 
 from benchmarks.certainty.gather import Gathered
+from common.arrays import Array, Mask
 from coordinator.tracking.certainty.certainty import OFF, Fit
 from coordinator.tracking.certainty.features import Features
-
-Array = NDArray[np.float64]
 
 RIDGE = 100.0  # joints without information, for each weight of a feature of unit deviation
 ONE_DEVIATION = 0.683  # share of the joints that should lie within it
@@ -59,7 +58,7 @@ def fit(gathered: Sequence[Gathered], people: Sequence[str]) -> Fit:
     return Fit(intercept, named, (a, b, c))
 
 
-def fit_logistic(features: Array, off: NDArray[np.bool_], counts: Array) -> tuple[float, Array]:
+def fit_logistic(features: Array, off: Mask, counts: Array) -> tuple[float, Array]:
     """Intercept and weights (K,) of the log odds, from features (n, K) of joints with weights (n,)."""
     mean, scale = features.mean(axis=0), features.std(axis=0) + np.finfo(float).tiny
     columns = np.column_stack([np.ones(len(off)), (features - mean) / scale])

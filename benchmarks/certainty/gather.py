@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.recordings import Recording, choose, find_people, read_frames, read_reference
+from common.arrays import Array, Mask
 from common.camera import Intrinsics
 from common.frame import DepthFrame
 from common.kinematics import joint_positions
@@ -27,8 +28,6 @@ from coordinator.tracking.segmenter import Segmenter
 from coordinator.tracking.target import TargetTracker
 from gepf.direct import DirectRefiner
 
-Array = NDArray[np.float64]
-
 ROOMS = ("skinned", "three_cameras", "rooms")  # folders of rendered recordings
 FRAMES = 50  # of each rendered person
 
@@ -41,7 +40,7 @@ class Gathered:
     person: str  # whose constant offsets are removed; empty if the truth is exact
     features: Features  # (F, J) each
     apart: Array  # (F, J, 3) metres from the reference
-    holds: NDArray[np.bool_]  # (F, J) where depth does not contradict the reference
+    holds: Mask  # (F, J) where depth does not contradict the reference
     status: NDArray[np.str_]  # (F,)
 
 
@@ -76,7 +75,7 @@ def gather(
         row = row_between(reference.joints, reference.names, cut, frames[0].intrinsics)
         frames = [cut_below(frame, row) for frame in frames]
     segmenter, tracker = Segmenter(settings.points), TargetTracker(DirectRefiner(), settings, bodies)
-    rows: list[tuple[Array, Array, NDArray[np.bool_], str]] = []
+    rows: list[tuple[Array, Array, Mask, str]] = []
     for frame in frames[::every]:
         segmented = segmenter.segment(frame, [tracker.expected])
         (subject,) = segmented.candidates[:1] or segmented.subjects

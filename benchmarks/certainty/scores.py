@@ -6,14 +6,12 @@ from collections.abc import Sequence
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 from rich.table import Table
 
 from benchmarks.certainty.fitting import joints_of
 from benchmarks.certainty.gather import Gathered
+from common.arrays import Array, Mask
 from coordinator.tracking.certainty.certainty import FLAGGED, OFF, SUSPECTED, Fit
-
-Array = NDArray[np.float64]
 
 FALSE_ALARMS = (0.01, 0.02, 0.05, 0.1, 0.2)
 SHOWN = 0.5  # share of its surface; a joint with more is visible
@@ -84,7 +82,7 @@ def limit_for(probability: Array, share: float) -> float:
     return float(np.quantile(probability, 1.0 - share)) if len(probability) else np.inf
 
 
-def percent(values: NDArray[np.bool_]) -> float:
+def percent(values: Mask) -> float:
     """Percentage of values that are true; NaN if there are none."""
     return round(100.0 * float(values.mean()), 1) if len(values) else np.nan
 

@@ -16,16 +16,14 @@ from typing import Any
 import msgspec
 import numpy as np
 import small_gicp
-from numpy.typing import NDArray
 
 from benchmarks.costs.standing import Case, standing
 from benchmarks.running import command_line, keep, processor
+from common.arrays import Array
 from common.settings import RefineSettings, preset
 from coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise
 from tests.support.kernel import plain_path
 from worker.kernel.icp import refine
-
-Array = NDArray[np.float64]
 
 POINTS, ITERATIONS, ROUNDS, PLAIN_ROUNDS = 10_000, 3, 51, 3
 NOISES = {"clean": NO_NOISE, "15 cm noise": SensorNoise(depth=0.15, lateral=0.01)}

@@ -20,9 +20,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from common.arrays import Array
 from coordinator.pool.scheduler import split
 
-Array = NDArray[np.float64]
 Depth = NDArray[np.uint16]
 Frame = Callable[[Depth, Array], Array]
 """Scatters poses (N, D) about the frame it was given last, takes the next one, and gathers results (N, D)."""

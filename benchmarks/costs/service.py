@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from benchmarks.costs.scatter_peers import Frame, process_pool, ray_tasks
 from benchmarks.costs.standing import Case, standing
 from benchmarks.running import command_line, keep
+from common.arrays import Array
 from common.body import BodyModel
 from common.camera import Intrinsics
 from common.frame import DepthFrame, SubjectFrame
@@ -34,8 +35,6 @@ from common.settings import RefineSettings, preset
 from coordinator.pool.options import WORKER_COMMAND, Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
 from worker.lanes import Lanes
-
-Array = NDArray[np.float64]
 
 SHAPE = (512, 512)  # of a 16-bit depth image: 512 KB
 PARTICLES = (20, 100, 1000)
@@ -202,7 +201,7 @@ def start_one(lanes: int) -> tuple[float, float, float]:
     with ZenohRefiner(Pool(workers=lanes)) as refiner:
         refiner.wait_for(lanes)
         seconds = time.perf_counter() - began
-        (pid,) = refiner.local_pids.values()
+        pid = refiner.local_pid
         used = processor_seconds(pid)
         poses = np.repeat(case.start, 4 * lanes, axis=0)
         refine_now(refiner, case, poses, preset("default").refine)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from common.activation import activate
+from common.arrays import Array
 from common.body import BodyModel
 from common.camera import Intrinsics
 from common.frame import DepthFrame, SubjectFrame
@@ -45,22 +45,22 @@ class Case:
     model: BodyModel
     subject: SubjectFrame
     observation: Observation
-    truth: NDArray[np.float64]  # (1, D)
-    start: NDArray[np.float64]  # (1, D)
+    truth: Array  # (1, D)
+    start: Array  # (1, D)
 
     @property
-    def observed(self) -> NDArray[np.float64]:
+    def observed(self) -> Array:
         """Observed points (P, 3) without padding."""
         return self.observation.points[: self.observation.count].astype(np.float64)
 
-    def visible(self) -> NDArray[np.float64]:
+    def visible(self) -> Array:
         """Model points (Q, 3) that are visible in the start pose."""
         skeleton, surface = pack_model(self.model)
         workspace = make_workspace(skeleton, surface, pack_observation(self.observation, RefineSettings()))
         pose_body(self.start[0], skeleton, surface, workspace)
         return workspace.posed[visible_vertices(surface, workspace)]
 
-    def joint_error(self, poses: NDArray[np.float64]) -> float:
+    def joint_error(self, poses: Array) -> float:
         """Mean distance of the joints of poses (1, D) from the true ones, metres."""
         apart = joint_positions(self.model, poses) - joint_positions(self.model, self.truth)
         return float(np.linalg.norm(apart, axis=-1).mean())

@@ -83,7 +83,7 @@ def run(frames: list[DepthFrame], lanes: int) -> dict[str, Any]:
 def spent(refiner: ZenohRefiner) -> tuple[float, ...]:
     """Seconds so far: wall time, processor time of coordinator and worker; ticks stolen, and all ticks."""
     ticks = [int(word) for word in Path("/proc/stat").read_text(encoding="utf-8").split()[1:9]]
-    worker = sum(processor_seconds(pid) for pid in refiner.local_pids.values())
+    worker = processor_seconds(refiner.local_pid)
     return time.perf_counter(), time.process_time(), worker, ticks[7], sum(ticks)
 
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from benchmarks.running import settings_with
 from benchmarks.tracking import follow
+from common.arrays import Array
 from common.body import ROOT_DOFS, BodyModel
 from common.errors import InputError
 from common.frame import DepthFrame
@@ -22,16 +23,15 @@ from common.settings import Settings
 from coordinator.bodies.choice import choose_bodies
 from coordinator.filters.baselines import Annealed
 from coordinator.results.evaluation import angle_error_deg, best_hypothesis, positions
+from coordinator.sources.source import to_units
 from coordinator.synthesis.noise import add_noise
 from coordinator.synthesis.scenes import ARM_DOFS, SCENES, Scene
-from coordinator.synthesis.sequence import DEPTH_SCALE, render, to_units
+from coordinator.synthesis.sequence import DEPTH_SCALE, render
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise, assume_noise
 from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
 from worker.kernel.parameters import pack_parameters
-
-Array = NDArray[np.float64]
 
 NONE, HEAVY, STEREO = NO_NOISE, SensorNoise(0.15, 0.01), SensorNoise(0.02, 0.003)
 
@@ -121,7 +121,7 @@ class Footage:
         camera, fps = self.scene.camera, self.scene.fps
         for number, depth_m in enumerate(self.exact[:count]):
             rng = np.random.default_rng([seed, number])
-            noisy = to_units(add_noise(depth_m.astype(np.float64), camera, noise, rng))
+            noisy = to_units(add_noise(depth_m.astype(np.float64), camera, noise, rng), DEPTH_SCALE)
             yield DepthFrame(number, number / fps, noisy, DEPTH_SCALE, camera)
 
 

@@ -6,17 +6,15 @@ from collections.abc import Sequence
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 from rich.table import Table
 
 from benchmarks.paper.runs import Row, Run
+from common.arrays import Array, Mask
 from common.camera import back_project
 from common.kinematics import joint_positions, pose_vertices
 from coordinator.results.evaluation import LOST_M, Errors, lost_from, to_the_end
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes import Scene
-
-Array = NDArray[np.float64]
 
 SETTLED = {"clean": 10, "turn": 0}  # frames that do not count: tracking starts with a wrong pose
 USUALLY_SETTLED = 30
@@ -52,7 +50,7 @@ class RowScore(msgspec.Struct, frozen=True):
     hidden_cm: float
 
 
-def score_row(row: Row, runs: Sequence[Run], visible: NDArray[np.bool_] | None) -> RowScore:
+def score_row(row: Row, runs: Sequence[Run], visible: Mask | None) -> RowScore:
     """The score of a row; `visible` (F, J): joints that the camera sees, if known."""
     first = SETTLED.get(row.part, USUALLY_SETTLED)
     reported, best = (
@@ -97,7 +95,7 @@ def limb_lost(joints: tuple[str, ...], errors: Errors) -> bool:
     return False
 
 
-def visible_joints(scene: Scene) -> NDArray[np.bool_]:
+def visible_joints(scene: Scene) -> Mask:
     """Whether the camera sees each joint (F, J).
 
     A joint lies inside its limb. It is visible if at least half of the limb's surface around it is visible.

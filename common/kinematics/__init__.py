@@ -5,7 +5,7 @@
 Functions of a `BodyModel` are imported from here, compiled kernels from their modules.
 """
 
-from common.kinematics.chain import dof_transforms, joint_positions, link_transforms, pose_vertices, step_axes
+from common.kinematics.chain import dof_transforms, joint_positions, link_transforms, pose_vertices
 from common.kinematics.manifold import difference, natural_angles, retract, within_limits
 
 __all__ = [
@@ -16,6 +16,5 @@ __all__ = [
     "natural_angles",
     "pose_vertices",
     "retract",
-    "step_axes",
     "within_limits",
 ]

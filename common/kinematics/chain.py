@@ -9,15 +9,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from common.arrays import Array, Indices
 from common.body import TRANSLATION, BodyModel
 from common.compiling import numba
 from common.kinematics.rotations import fill_rotation
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
-
-def contiguous(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def contiguous(values: Array) -> Array:
     """A copy in C order, of float64: kernels are compiled for one memory layout."""
     return np.array(values, dtype=np.float64, order="C")
 
@@ -35,17 +33,6 @@ def link_transforms(model: BodyModel, poses: Array) -> Array:
     out[:, -1] = np.eye(3, 4)  # of links that nothing moves
     forward_kinematics_each(model.kinds, model.parents, model.axes, model.points, contiguous(poses), out)
     return out.take(model.link_dofs, axis=1)
-
-
-def step_axes(model: BodyModel, poses: Array) -> tuple[Array, Array]:
-    """Axes w (N, D, 3) and points q (N, D, 3) of relative motion in the camera frame. Eq. 2.
-
-    A point p of a link that rotation j moves has derivative w_j x (p - q_j); translation, w_j.
-    """
-    w = np.empty((len(poses), len(model.kinds), 3))
-    q = np.empty_like(w)
-    motion_axes_each(model.parents, model.axes, model.points, model.balls, dof_transforms(model, poses), w, q)
-    return w, q
 
 
 @numba.njit(cache=True, nogil=True)
@@ -102,7 +89,11 @@ def forward_kinematics_each(
 def motion_axes(
     parents: Indices, axes: Array, points: Array, balls: Indices, transforms: Array, w: Array, q: Array
 ) -> None:
-    """Fill w, q (D, 3) with axes of relative motion, camera frame; a spherical joint's are its parent's."""
+    """Fill w, q (D, 3) with axes of relative motion and points on them, camera frame. Eq. 2.
+
+    A point p of a link that rotation j moves has derivative w_j x (p - q_j); translation, w_j. A spherical
+    joint has the axes of its parent.
+    """
     carrier = parents.copy()
     for start in balls:
         carrier[start + 1] = parents[start]
@@ -118,15 +109,6 @@ def motion_axes(
                 q[j, a] = t[a, 0] * points[j, 0] + t[a, 1] * points[j, 1] + t[a, 2] * points[j, 2] + t[a, 3]
 
 
-@numba.njit(cache=True, nogil=True)
-def motion_axes_each(
-    parents: Indices, axes: Array, points: Array, balls: Indices, transforms: Array, w: Array, q: Array
-) -> None:
-    """`motion_axes` for transforms (N, D, 3, 4) into w, q (N, D, 3)."""
-    for n in range(len(transforms)):
-        motion_axes(parents, axes, points, balls, transforms[n], w[n], q[n])
-
-
 def pose_vertices(model: BodyModel, poses: Array) -> Array:
     """Surface vertices (N, V, 3) in the camera frame, for poses (N, D)."""
     posed = np.empty((len(poses), *model.vertices.shape))
@@ -136,8 +118,11 @@ def pose_vertices(model: BodyModel, poses: Array) -> Array:
 
 def joint_positions(model: BodyModel, poses: Array) -> Array:
     """Named joints (N, J, 3) in the camera frame, for poses (N, D)."""
-    positions = np.empty((len(poses), len(model.joint_links), 3))
-    transform_points_each(model.joint_links, model.joint_points, link_transforms(model, poses), positions)
+    t, (x, y, z) = (
+        link_transforms(model, poses).take(model.joint_links, axis=1),
+        model.joint_points.T[..., None],
+    )
+    positions: Array = t[..., 0] * x + t[..., 1] * y + t[..., 2] * z + t[..., 3]
     return positions
 
 
@@ -177,13 +162,3 @@ def blend_each(vertices: Array, links: Indices, weights: Array, transforms: Arra
     """`blend_vertices` for transforms (N, L, 3, 4) into out (N, V, 3)."""
     for n in range(len(out)):
         blend_vertices(vertices, links, weights, transforms[n], out[n])
-
-
-@numba.njit(cache=True, nogil=True)
-def transform_points_each(links: Indices, points: Array, transforms: Array, out: Array) -> None:
-    """Fill out (N, J, 3) with points (J, 3), each moved by its link's transform of (N, L, 3, 4)."""
-    for n in range(len(out)):
-        for j in range(len(links)):
-            for a in range(3):
-                t = transforms[n, links[j], a]
-                out[n, j, a] = t[0] * points[j, 0] + t[1] * points[j, 1] + t[2] * points[j, 2] + t[3]

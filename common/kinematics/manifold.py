@@ -10,8 +10,8 @@ nearest to the old values are taken.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array, Indices, Mask
 from common.body import BodyModel
 from common.compiling import numba
 from common.kinematics.chain import contiguous
@@ -23,9 +23,6 @@ from common.kinematics.rotations import (
     multiply_by,
     quaternion,
 )
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 
 def retract(model: BodyModel, poses: Array, steps: Array) -> Array:
@@ -108,24 +105,15 @@ def natural_angles(model: BodyModel, poses: Array) -> Array:
 
 def within_limits(model: BodyModel, poses: Array) -> Array:
     """Poses (N, D) with single axes clamped to their limits; spherical joints are unchanged."""
-    clamped = contiguous(poses)
-    clamp_each(model.single, model.limits, clamped)
-    return clamped
+    return np.where(model.single, np.clip(poses, *model.limits.T), poses)
 
 
 @numba.njit(cache=True, nogil=True)
-def clamp_to_limits(single: NDArray[np.bool_], limits: Array, pose: Array) -> None:
+def clamp_to_limits(single: Mask, limits: Array, pose: Array) -> None:
     """Clamp the single axes of pose (D,) to their limits, in place."""
     for j in range(len(pose)):
         if single[j]:
             pose[j] = min(max(pose[j], limits[j, 0]), limits[j, 1])
-
-
-@numba.njit(cache=True, nogil=True)
-def clamp_each(single: NDArray[np.bool_], limits: Array, poses: Array) -> None:
-    """`clamp_to_limits` of poses (N, D), in place."""
-    for n in range(len(poses)):
-        clamp_to_limits(single, limits, poses[n])
 
 
 @numba.njit(cache=True, nogil=True)

@@ -6,11 +6,10 @@ Euler angles are those of Rx(a) Ry(b) Rz(c), in radians.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.compiling import numba
 
-Array = NDArray[np.float64]
 Angles = tuple[float, float, float]
 
 

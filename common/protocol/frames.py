@@ -8,15 +8,13 @@ from typing import Annotated, ClassVar
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from common.bounds import LARGEST, MAX_CAMERAS, MAX_PIXELS, SMALLEST
-from common.camera import Intrinsics
+from common.camera import ROUNDED, Intrinsics, is_rigid
 from common.errors import ProtocolError
 from common.frame import SUBJECT, UNMEASURED, DepthFrame, SubjectFrame
 from common.protocol.wire import LIVE, Array, Message, Natural, check, decode, encode, pack, unpack
 
-ROUNDED = 1e-3  # error of a rotation matrix of a few digits
 Pixel = Annotated[int, msgspec.Meta(gt=-(2**31), lt=2**31)]
 
 
@@ -50,11 +48,16 @@ class Numbered(msgspec.Struct, frozen=True):
 NUMBER = msgspec.msgpack.Decoder(Numbered)
 
 
-class LiveFrameMessage(Message, frozen=True, kw_only=True, tag="live-frame"):
-    """A whole depth image of a camera."""
+class LiveMessage(Message, frozen=True, kw_only=True):
+    """A message of a camera."""
 
     VERSION: ClassVar[int] = LIVE
     version: int = LIVE
+
+
+class LiveFrameMessage(LiveMessage, frozen=True, kw_only=True, tag="live-frame"):
+    """A whole depth image of a camera."""
+
     number: Natural
     time_s: float
     depth_scale: float
@@ -63,20 +66,15 @@ class LiveFrameMessage(Message, frozen=True, kw_only=True, tag="live-frame"):
     gravity: tuple[float, float, float] | None = None
 
 
-class LiveColourMessage(Message, frozen=True, kw_only=True, tag="live-color"):
+class LiveColourMessage(LiveMessage, frozen=True, kw_only=True, tag="live-color"):
     """The colour image of a frame, registered to its depth, as a JPEG file."""
 
-    VERSION: ClassVar[int] = LIVE
-    version: int = LIVE
     number: Natural
     jpeg: memoryview
 
 
-class LiveEndMessage(Message, frozen=True, kw_only=True, tag="live-end"):
+class LiveEndMessage(LiveMessage, frozen=True, kw_only=True, tag="live-end"):
     """The end of a stream of depth images."""
-
-    VERSION: ClassVar[int] = LIVE
-    version: int = LIVE
 
 
 def encode_frame(subject: SubjectFrame) -> bytes:
@@ -111,7 +109,8 @@ def decode_view(frame_message: FrameMessage, message: ViewMessage) -> SubjectFra
     """One view of a frame, or ProtocolError."""
     frame = depth_frame(frame_message.number, frame_message.time_s, message)
     placed = unpack("T_rig_camera", message.T_rig_camera, "<f8", (4, 4), {}, -LARGEST, LARGEST)
-    check_rigid(placed)
+    if not is_rigid(placed):
+        raise ProtocolError("T_rig_camera is not a rotation and a translation")
     check("the delay", message.delay_s, -LARGEST, LARGEST)
     picked = unpack("picked", message.picked, "<u4", ("P",), {}, 0, frame.depth.size - 1)
     if np.any(picked[1:] <= picked[:-1]):
@@ -128,14 +127,6 @@ def decode_view(frame_message: FrameMessage, message: ViewMessage) -> SubjectFra
             raise ProtocolError("kinds and depth disagree about the subject's pixels")
     frame = replace(frame, T_rig_camera=placed)
     return SubjectFrame(frame, picked, message.view, kinds, message.delay_s)
-
-
-def check_rigid(placed: NDArray[np.float64]) -> None:
-    """ProtocolError unless a matrix (4, 4) is a rotation and a translation."""
-    turn = placed[:3, :3]
-    off = np.abs(turn @ turn.T - np.eye(3)).max() + np.abs(placed[3] - [0.0, 0.0, 0.0, 1.0]).max()
-    if off > ROUNDED or np.linalg.det(turn) < 0.0:
-        raise ProtocolError("T_rig_camera is not a rotation and a translation")
 
 
 def number_of(payload: bytes) -> int:
@@ -202,9 +193,7 @@ def depth_frame(number: int, time_s: float, message: ViewMessage | LiveFrameMess
 def check_camera(camera: Intrinsics, depth_scale: float) -> None:
     """ProtocolError if a frame cannot have this camera or this scale."""
     if camera.width < 1 or camera.height < 1 or camera.width * camera.height > MAX_PIXELS:
-        raise ProtocolError(
-            f"a frame has 1 to {MAX_PIXELS} pixels, this one {camera.width} by {camera.height}"
-        )
+        raise ProtocolError(f"a frame has 1 to {MAX_PIXELS} pixels, not {camera.width} by {camera.height}")
     check("the depth scale", depth_scale, SMALLEST, LARGEST)
     check("the focal lengths", np.array([camera.fx, camera.fy]), SMALLEST, LARGEST)
     check("the camera's centre", np.array([camera.cx, camera.cy]), -LARGEST, LARGEST)

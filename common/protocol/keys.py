@@ -59,9 +59,7 @@ def lanes_of(key: str) -> int:
 def check_name(kind: str, name: str) -> str:
     """The name of a worker or run, if it can be part of a key; InputError otherwise."""
     if not NAME.fullmatch(name):
-        raise InputError(
-            f"{kind} '{name}' cannot be used; give at most 64 letters, digits, dots, dashes and underscores"
-        )
+        raise InputError(f"{kind} '{name}' cannot be used; give up to 64 letters, digits and . - _")
     return name
 
 
@@ -71,10 +69,7 @@ def check_stream(key: str, *, guarded: bool = False) -> str:
     With access control it must be below `gepf/live/`: everything else is dropped without a message.
     """
     if not STREAM.fullmatch(key):
-        raise InputError(
-            f"key '{key}' cannot be used; give names between slashes, such as camera/depth, "
-            "of letters, digits, dots, dashes and underscores"
-        )
+        raise InputError(f"key '{key}' cannot be used; give names between slashes, such as camera/depth")
     if guarded and not key.startswith(GUARDED):
         raise InputError(f"with certificates only keys of gepf are allowed; use {GUARDED}{key}")
     return key

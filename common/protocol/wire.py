@@ -123,9 +123,7 @@ def unpack(
     extents.update((want, n) for want, n in zip(wanted, array.shape, strict=True) if isinstance(want, str))
     expected = NATIVE[dtype].itemsize * math.prod(array.shape)
     if array.data.nbytes != expected:
-        raise ProtocolError(
-            f"{what} of shape {array.shape} has {array.data.nbytes} bytes, expected {expected}"
-        )
+        raise ProtocolError(f"{what} {array.shape} has {array.data.nbytes} bytes, expected {expected}")
     values = np.ndarray(array.shape, dtype, array.data).astype(NATIVE[dtype])
     check(what, values, least, extents[most] - 1 if isinstance(most, str) else most)
     return values

@@ -67,8 +67,7 @@ def holder_of(credentials: Credentials) -> str:
                 side.do_handshake()
     except ssl.SSLError as error:
         raise InputError(
-            f"certificate {credentials.cert} with key {credentials.key} is not valid under {credentials.ca}: "
-            f"{error}; {MEND}"
+            f"{credentials.cert} with {credentials.key} is not valid under {credentials.ca}: {error}; {MEND}"
         ) from error
     subject: Any = (sides[1].getpeercert() or {}).get("subject", ())
     names: list[str] = [value for part in subject for name, value in part if name == "commonName"]
@@ -81,6 +80,4 @@ def check_holder(credentials: Credentials, name: str) -> None:
     """InputError if the certificate has another name."""
     holder = holder_of(credentials)
     if holder != name:
-        raise InputError(
-            f"certificate {credentials.cert} is for '{holder}', not for '{name}'; give the one for '{name}'"
-        )
+        raise InputError(f"certificate {credentials.cert} is for '{holder}', not for '{name}'; give that one")

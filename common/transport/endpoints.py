@@ -36,8 +36,7 @@ def check_listening(endpoint: str, credentials: Credentials | None, *, insecure:
     check_endpoint("--listen", endpoint, credentials)
     if credentials is None and not insecure and not is_loopback(endpoint):
         raise InputError(
-            f"--listen {endpoint} accepts anyone who can reach it; give tls/HOST:PORT with {TLS_OPTIONS} "
-            "(gepf certificates makes them), or --insecure"
+            f"--listen {endpoint} accepts anyone; give tls/HOST:PORT with {TLS_OPTIONS}, or --insecure"
         )
 
 
@@ -92,9 +91,7 @@ def describe_refusal(endpoint: str, credentials: Credentials | None, refusal: ss
     """What is wrong with a certificate of either side of a TLS handshake, and the remedy."""
     if isinstance(refusal, ssl.SSLCertVerificationError):
         mend = "give its authority with --tls-ca, or connect by a host name in the certificate"
-        return (
-            f"{endpoint} shows a certificate that is not valid under ours: {refusal.verify_message}; {mend}"
-        )
+        return f"{endpoint} shows a certificate not valid under ours: {refusal.verify_message}; {mend}"
     if credentials is None:
         return f"{endpoint} refuses connections without a certificate; add {TLS_OPTIONS}"
     reason = (refusal.reason or "no reason given").lower().replace("_", " ")

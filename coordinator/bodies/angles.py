@@ -15,13 +15,13 @@ rotation inward; trunk, neck and pelvis bend forward, lean to the person's right
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array, Mask
 from common.body import ROOT_DOFS, ROTATION, BodyModel
 from common.camera import level_from_camera
 from coordinator.bodies.human.dofs import JOINT_ANGLES
@@ -34,8 +34,6 @@ from coordinator.bodies.swing_twist import (
     quaternions,
     swing_twist,
 )
-
-Array = NDArray[np.float64]
 
 SIDES = {"r": "right", "l": "left"}
 NECK_FLEXION = "neck_flexion"
@@ -97,34 +95,29 @@ def plain_name(dof: str) -> str:
 @cache
 def anatomical_joints() -> tuple[tuple[SphericalJoint, ...], tuple[RevoluteJoint, ...]]:
     """All joints of the template; each degree of freedom except translations of the root belongs to one."""
-    spherical = tuple(_spherical_joints())
-    within = {dof.name for joint in spherical for dof in joint.dofs}
+    spherical = [whole_body("pelvis")]
+    for name, carrier, segment in (("trunk", "pelvis", "vt1"), ("neck", "vt1", "skull")):
+        names = (f"{name}_flexion", f"{name}_side_bending", f"{name}_rotation")
+        spherical.append(SphericalJoint(names, _between(carrier, segment), upward=True))
+    for side, word in SIDES.items():
+        for joint, (carrier, segment, tilt) in _LIMB_BONES.items():
+            names = (f"{word}_{joint}_flexion", f"{word}_{joint}_abduction", f"{word}_{joint}_rotation")
+            chain = _between(carrier, segment.format(side=side))
+            spherical.append(SphericalJoint(names, chain, mirrored=side == "r", tilt=tilt))
+    within = {dof.name for each in spherical for dof in each.dofs}
     revolute = [
         RevoluteJoint(plain_name(dof.name), dof.name)
         for dof in build_skeleton().dofs
         if dof.kind == ROTATION and dof.name not in within
     ]
-    return spherical, tuple(revolute)
-
-
-def _spherical_joints() -> Iterator[SphericalJoint]:
-    yield whole_body("pelvis")
-    for name, carrier, segment in (("trunk", "pelvis", "vt1"), ("neck", "vt1", "skull")):
-        names = (f"{name}_flexion", f"{name}_side_bending", f"{name}_rotation")
-        yield SphericalJoint(names, _between(carrier, segment), upward=True)
-    for side, word in SIDES.items():
-        for joint, (carrier, segment, tilt) in _LIMB_BONES.items():
-            names = (f"{word}_{joint}_flexion", f"{word}_{joint}_abduction", f"{word}_{joint}_rotation")
-            chain = _between(carrier, segment.format(side=side))
-            yield SphericalJoint(names, chain, mirrored=side == "r", tilt=tilt)
+    return tuple(spherical), tuple(revolute)
 
 
 def whole_body(name: str) -> SphericalJoint:
     """The orientation of the root in the camera's axes, relative to the body's heading."""
     names = (f"{name}_forward_tilt", f"{name}_side_tilt", f"{name}_turn")
-    return SphericalJoint(
-        names, tuple(d for d in build_skeleton().dofs if d.name in ROOT_DOFS[3:]), upward=True
-    )
+    dofs = tuple(dof for dof in build_skeleton().dofs if dof.name in ROOT_DOFS[3:])
+    return SphericalJoint(names, dofs, upward=True)
 
 
 def _between(carrier: str, segment: str) -> tuple[Dof, ...]:
@@ -137,11 +130,6 @@ def _between(carrier: str, segment: str) -> tuple[Dof, ...]:
         chain.append(by_name[name])
         name = by_name[name].parent
     return tuple(reversed(chain))
-
-
-def hanging(joint: SphericalJoint) -> NDArray[np.float64]:
-    """Rotation vector (3,) from the vertical to the left limb's bone at rest."""
-    return np.array([0.0, 0.0, -joint.tilt])
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,7 +191,7 @@ class Angles:
             if {f"{side}_shoulder_rotation", f"{side}_elbow_flexion"} <= set(names)
         }
 
-    def follow(self, angles: Array, unknown: NDArray[np.bool_] | None = None) -> Array:
+    def follow(self, angles: Array, unknown: Mask | None = None) -> Array:
         """Angles (F, A) of successive frames, each at the value nearest to the last.
 
         Rotations that are not visible, because the elbow is straight, and `unknown` (F,) frames are not used
@@ -250,7 +238,8 @@ class Angles:
         turns = quaternions(values[..., None] * axes)
         for k in range(longest):
             total = compose(total, turns[:, :, k])
-        return compose(total, quaternions(np.array([hanging(joint) for joint in joints]).reshape(-1, 3)))
+        hanging = [[0.0, 0.0, -joint.tilt] for joint in joints]  # from the vertical to a left limb's bone
+        return compose(total, quaternions(np.array(hanging).reshape(-1, 3)))
 
     def _value(self, dof: str, poses: Array) -> Array:
         if dof in self.dof_names:

@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from common.arrays import Array
+
 Places = Mapping[str, Array]  # (F, 3) of each joint
 
 OUTWARD = {"right": -1.0, "left": 1.0}

@@ -15,13 +15,10 @@ from typing import Any
 import numpy as np
 import trimesh
 import yourdfpy
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from common.arrays import Array, Indices
 from common.errors import InputError
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 VERTICES = 4_500  # approximate number for a whole body
 SHARP_RAD = np.radians(30.0)
@@ -44,9 +41,7 @@ def link_surfaces(path: Path, t_links: dict[str, Array]) -> dict[str, trimesh.Tr
         )
         found = surfaces_in(shapes.collision_scene, t_links)
     if not found:
-        raise InputError(
-            f"{path} has no surface to track; give its links <visual> meshes, boxes or cylinders"
-        )
+        raise InputError(f"{path} has no surface; give its links <visual> meshes, boxes or cylinders")
     spacing = np.sqrt(1.3 * sum(part.area for part in found.values()) / VERTICES)
     return {link: resample(part, spacing) for link, part in found.items()}
 
@@ -59,9 +54,7 @@ def load_urdf(path: Path, **what: bool) -> yourdfpy.URDF:
     except InputError:
         raise
     except Exception as error:
-        raise InputError(
-            f"{path} is not a readable URDF file ({type(error).__name__}: {error}); check the file"
-        ) from error
+        raise InputError(f"{path} is no readable URDF ({type(error).__name__}: {error}); check it") from error
 
 
 def find_mesh(fname: str, path: Path) -> str:

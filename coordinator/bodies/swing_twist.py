@@ -21,9 +21,8 @@ from __future__ import annotations
 from math import tau
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from common.arrays import Array, Mask
 
 FARTHEST = np.radians(270.0)
 """Largest rotation of a person's joint to either side; larger values are reduced by a full turn."""
@@ -62,7 +61,7 @@ def swing_twist(turned: Array) -> tuple[Array, Array]:
     return across * (sign * scale)[..., None], twist
 
 
-def nearest_swing(swings: Array, reference: Array, limb: bool | NDArray[np.bool_] = False) -> Array:
+def nearest_swing(swings: Array, reference: Array, limb: bool | Mask = False) -> Array:
     """The swings (..., 2), or the equivalent opposite ones, whichever are nearer to `reference`.
 
     For a jump by more than `BEHIND`, directions that are impossible for limbs, backward or inward, are not

@@ -7,14 +7,12 @@ from dataclasses import replace
 from functools import cached_property, lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from common.activation import activate
+from common.arrays import Array
 from common.body import BodyModel
 from coordinator.bodies.human.dofs import HUMAN_DOFS
 from coordinator.bodies.human.measures import REFERENCE_STATURE
-
-Array = NDArray[np.float64]
 
 SIZES = 32  # bodies that are kept
 

@@ -15,8 +15,8 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import yourdfpy
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import (
     REST_FROM_URDF,
     ROOT_DOFS,
@@ -28,8 +28,6 @@ from common.body import (
 )
 from common.errors import InputError
 from coordinator.bodies.robot_surface import joined, link_surfaces, load_urdf
-
-Array = NDArray[np.float64]
 
 XACRO = "http://www.ros.org/wiki/xacro"
 
@@ -115,14 +113,9 @@ def check_joints(path: Path, robot: yourdfpy.Robot) -> None:
     """InputError for joints that cannot be tracked."""
     for joint in robot.joints:
         if joint.type not in {*MOVING, "fixed"}:
-            raise InputError(
-                f"{path}: joint '{joint.name}' is {joint.type}; only revolute, continuous, prismatic "
-                "and fixed joints can be tracked"
-            )
+            raise InputError(f"{path}: joint '{joint.name}' is {joint.type}; make it fixed or revolute")
         if joint.mimic is not None and joint.mimic.joint:
-            logger.warning(
-                "%s: joint '%s' mimics '%s'; it is tracked on its own", path, joint.name, joint.mimic.joint
-            )
+            logger.warning("%s: '%s' mimics '%s'; it is tracked alone", path, joint.name, joint.mimic.joint)
         if joint.type in MOVING and not np.linalg.norm(joint.axis) > 0.0:
             raise InputError(f"{path}: the axis of joint '{joint.name}' is zero; give it a direction")
 

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from coordinator.cli.grouped import grouped
 from coordinator.commands import options as given
 from coordinator.commands.console import loading, say
-from coordinator.commands.options import CameraOptions, Quiet, SecurityOptions, grouped
+from coordinator.commands.options import CameraOptions, Quiet, SecurityOptions
 
 if TYPE_CHECKING:
     from coordinator.commands.progress import Show

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from common.bounds import MAX_CAMERAS
 from common.errors import InputError
@@ -24,8 +23,6 @@ from coordinator.files import require_new, with_parent
 from coordinator.pool.options import Pool
 from coordinator.sources import Source, open_source
 from coordinator.sources.rig import RigCamera, find_fault, write_rig
-
-Array = NDArray[np.float64]
 
 
 def run_calibrate(options: CalibrateOptions, show: Show, connect: Connect) -> None:

@@ -46,9 +46,7 @@ def run_evaluate(options: EvaluateOptions) -> None:
         elif any(truths.values()):
             logger.warning("left out: the sequence of %s has no truth for this body, or was moved", run)
     if not found:
-        raise InputError(
-            f"the sequence of {runs[0]} has no truth for this body, or was moved; give it with --truth"
-        )
+        raise InputError(f"the sequence of {runs[0]} has no truth for this body, or was moved; give --truth")
     if options.csv:
         write_table(found)
     else:
@@ -82,6 +80,5 @@ def refuse_another_sequence(run: Path, truth: Path) -> None:
     first = int(str(frames).partition(":")[0])
     if first not in source.numbers or digest_frame(source.frame(first)) != recorded:
         raise InputError(
-            f"{truth} is the truth of {folder.name}, but {run} tracked {summary.get('sequence')}; "
-            "give the truth of its own sequence"
+            f"{truth} is for {folder.name}, but {run} tracked {summary.get('sequence')}; give its own"
         )

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from common.errors import InputError
 from common.frame import DepthFrame
@@ -34,12 +33,12 @@ from coordinator.results.configuration import (
     RunConfiguration,
     digest,
     digest_frame,
-    digest_rig,
     versions,
 )
 from coordinator.results.evaluation import Truth, read_truth
 from coordinator.results.live_results import results_key
 from coordinator.sources import Source, open_source
+from coordinator.sources.background import check_size, read_background
 from coordinator.sources.camera import AS_RECORDED
 from coordinator.sources.colour_folder import ColourFolder
 from coordinator.sources.devices.device import AttachedCamera, vendor_of
@@ -47,7 +46,6 @@ from coordinator.sources.frame_recorder import FrameRecorder
 from coordinator.sources.joint_states import JointStates
 from coordinator.sources.live import LiveFrames, from_first_seen
 from coordinator.sources.live_stream import LiveCamera, colour_key, is_topic
-from coordinator.sources.picture_folders import read_depth
 from coordinator.sources.source import select_frames
 from coordinator.tracking.known_motion import KnownMotion
 from coordinator.tracking.reporting import Tracked
@@ -56,10 +54,11 @@ from coordinator.tracking.state import read_start
 if TYPE_CHECKING:  # it loads the types of ROS
     from coordinator.sources.ros2 import Node
 
+Streams = Generator[Iterator[DepthFrame], None, None]
+
 MEND_STREAM = "is its publisher running, with this key and endpoint, and is its depth above 0?"
 LEFT_OUT = {"skipped": "for newer frames", "rejected": "do not fit the stream", "malformed": "malformed"}
 """Counts of live input that are shown, and why these messages were left out."""
-AVERAGED_FRAMES = 30  # of an empty room, at most
 
 
 class Input:
@@ -85,17 +84,15 @@ class Input:
         self.scope = replace(job.scope, background=background, up=up, camera=first.camera)
         self.motion = None if job.joint_states is None else KnownMotion(job.joint_states)
 
-    def announce(self, done: int) -> str:
-        """A message on how it is tracked; `done` frames are already recorded."""
-        del done
+    def announce(self, _done: int) -> str:
+        """A message on how it is tracked; some frames are already recorded."""
         job = self.job
         people = f", up to {job.people} people" if job.people > 1 else ""
         particles = counted(job.settings.filter.particles, "particle")
         return f"tracking {job.sequence} into {job.out}: {job.settings.method}, {particles}{people}"
 
-    def received_at(self, frame: int) -> float | None:
+    def received_at(self, _frame: int) -> float | None:
         """When a frame was received, in seconds of the monotonic clock; None if it is recorded."""
-        del frame
         return None
 
     def describe(self, tracked: Sequence[Tracked], rate: FrameRate) -> str:
@@ -151,7 +148,8 @@ class RecordedInput(Input):
             "frame_range": f"{numbers[0]}:{numbers[-1] + 1}",
         }
         if first.camera:
-            recording["rig"] = digest_rig(first)
+            views = [(each.camera, each.T_rig_camera.tolist(), digest_frame(each)) for each in first.views]
+            recording["rig"] = digest(repr(views).encode())
         if given != AS_RECORDED:
             lens = given.intrinsics and list(given.intrinsics)
             recording[GIVEN] = {"lens": lens, "depth_scale": given.depth_scale}
@@ -168,11 +166,8 @@ class RecordedInput(Input):
             return f"nothing to resume in {job.out}; starting again"
         return f"{super().announce(done)}; {counted(total, 'frame')} of {camera.width}x{camera.height}"
 
-    def streams(
-        self, workers: ZenohRefiner, node: Node | None, done: int
-    ) -> Generator[Iterator[DepthFrame], None, None]:
+    def streams(self, _workers: ZenohRefiner, _node: Node | None, done: int) -> Streams:
         """One stream: the frames that are not recorded yet."""
-        del workers, node
         yield map(self.source.frame, self.numbers[done:])
 
     def facts(self) -> dict[str, object]:
@@ -210,11 +205,8 @@ class LiveInput(Input):
         self._attached = AttachedCamera(job.sequence, show.say) if vendor_of(job.sequence) else None
         self._recorder = None if job.record is None else FrameRecorder(job.record, cameras, show.say)
 
-    def streams(
-        self, workers: ZenohRefiner, node: Node | None, done: int
-    ) -> Generator[Iterator[DepthFrame], None, None]:
+    def streams(self, workers: ZenohRefiner, node: Node | None, _done: int) -> Streams:
         """The newest frames until the publisher ends; each stream starts with its first frame with depth."""
-        del done
         self._show.say(f"listening on {self.keys}")
         with ExitStack() as stack:
             if self._attached is not None:
@@ -290,40 +282,3 @@ def choose_start(
     if init is None and source is not None and source.init is not None:
         return read_start(source.init, dof_names, "; is --model right? --init auto leaves this file out")
     return None if init in (None, AUTOMATIC) else read_start(Path(init), dof_names)
-
-
-def read_background(asked: str, source: Source | None) -> NDArray[np.float32]:
-    """Depth (H, W) in metres of an empty room, 0 if unknown, from a frame, a picture or a recording."""
-    if asked.isdigit():
-        if source is None:
-            raise InputError("--background with a frame's number is for recorded sequences; give a sequence")
-        if int(asked) not in source.numbers:
-            last = source.numbers[-1]
-            raise InputError(f"--background {asked}: the frames are {source.numbers[0]} to {last}")
-        return source.frame(int(asked)).metres()
-    path = Path(asked)
-    if path.suffix.lower() == ".png" and source is not None:
-        first = source.frame(source.numbers[0])
-        empty = np.asarray(read_depth(path) / np.float32(first.depth_scale), dtype=np.float32)
-    else:
-        empty = averaged(open_source(path))
-    if source is not None:
-        check_size(asked, empty, (source.intrinsics.height, source.intrinsics.width))
-    return empty
-
-
-def check_size(name: str | None, room: NDArray[np.float32] | None, shape: tuple[int, ...]) -> None:
-    """InputError if the room without people has another size than the frames (H, W)."""
-    if room is not None and room.shape != shape:
-        sizes = f"{room.shape[1]}x{room.shape[0]}, the frames are {shape[1]}x{shape[0]}"
-        raise InputError(f"--background {name} is {sizes}")
-
-
-def averaged(source: Source) -> NDArray[np.float32]:
-    """The median of the measured depth (H, W) in some frames, metres."""
-    chosen = np.unique(np.linspace(0, len(source.numbers) - 1, AVERAGED_FRAMES).astype(int)).tolist()
-    depths = np.array([source.frame(source.numbers[n]).metres() for n in chosen])
-    ordered = np.sort(np.where(depths > 0.0, depths, np.inf), axis=0)
-    middle = np.minimum(np.count_nonzero(depths, axis=0) // 2, len(depths) - 1)
-    found = np.take_along_axis(ordered, middle[None], axis=0)[0]
-    return np.where(np.isfinite(found), found, 0.0).astype(np.float32)

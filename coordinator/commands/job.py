@@ -97,9 +97,7 @@ def choose_job(options: TrackOptions, camera: CameraOptions, security: SecurityO
         topic = live_key(options.joint_states)
         keys = [each.key for each in live_cameras(job.sequence)]
         if (topic or keys) and not (keys and all(map(is_topic, [topic, *keys]))):
-            raise InputError(
-                "--joint-states FILE is for recordings, --joint-states ros2:/TOPIC for frames from ROS 2"
-            )
+            raise InputError("--joint-states FILE is for recordings, ros2:/TOPIC for frames from ROS 2")
         if topic is None:
             job = replace(job, joint_states=read_joint_states(options.joint_states))
         else:
@@ -119,17 +117,13 @@ def check_outputs(job: Job, *, several: bool) -> None:
     if job.results_json and (job.results is None or is_topic(job.results)):
         raise InputError("--publish-json is the format of published results; add --publish KEY")
     if job.uses_ros and (job.pool.connect is None or job.pool.security is not None):
-        raise InputError(
-            "topics of ROS are reached at its router, without certificates; add --connect tcp/HOST:7447"
-        )
+        raise InputError("topics of ROS are reached at its router, unencrypted; add --connect tcp/HOST:7447")
     if job.results is not None and not is_topic(job.results):
         if job.pool.listen is None and job.pool.connect is None:
             raise InputError("no subscriber could connect; add --listen or --connect with an endpoint")
         check_stream(job.results, guarded=job.pool.security is not None)
     if job.record is not None and (several or not live_cameras(job.sequence)):
-        raise InputError(
-            "--record keeps the frames of live input (zenoh:KEY), recordings have theirs; leave it out"
-        )
+        raise InputError("--record is for live input (zenoh:KEY); leave it out")
 
 
 def choose_settings(options: TrackOptions) -> Settings:

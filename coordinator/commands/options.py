@@ -1,21 +1,13 @@
-"""The arguments and options of the commands, each a field of a dataclass.
-
-`grouped` converts these fields to parameters of typer. Every option that is a quantity must be above zero.
-"""
+"""The arguments and options of the commands, each a field of a dataclass."""
 
 from __future__ import annotations
 
-import inspect
-import math
-from collections.abc import Callable
-from dataclasses import MISSING, dataclass, field, fields, is_dataclass
+from dataclasses import MISSING, dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-
-from common.errors import InputError
 
 if TYPE_CHECKING:
     from common.transport.session import Security
@@ -60,9 +52,7 @@ class DemoOptions:
     """Options of `gepf demo`."""
 
     out: Path | None = option("DIR", "Folder for the demo (default: gepf-demo).")
-    scene: str = option(
-        "person|arm", "People who move fast, or the paper's arm with noise.", default="person"
-    )
+    scene: str = option("person|arm", "Fast people, or the paper's arm with noise.", default="person")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,7 +71,7 @@ class SecurityOptions:
     tls_cert: Path | None = security_option("FILE", "Certificate of this program.")
     tls_key: Path | None = security_option("FILE", "Key of this certificate.")
     insecure: bool = security_option(
-        "", "Listen without encryption: anyone on the network can connect.", "--insecure", default=False
+        "", "Listen unencrypted: anyone can connect.", "--insecure", default=False
     )
 
     def choose(self, listen: str | None, connect: str | None, **holder: str) -> Security | None:
@@ -98,98 +88,61 @@ class TrackOptions:
 
     sequences: list[Path] = argument(
         "SEQ...",
-        "Recorded depth (docs/formats.md), or zenoh:KEY, ros2:/TOPIC, realsense:[SERIAL], orbbec: or "
-        "azure-kinect: for live input. "
-        "Several recordings, or a .txt file with one per line, share the workers.",
+        "Recorded depth (docs/formats.md), or live: zenoh:KEY, ros2:/TOPIC, realsense:[SERIAL], orbbec:, "
+        "azure-kinect:. Several recordings, or a .txt file that lists them, share the workers.",
     )
     dof: str | None = input_option("NAME,...", "Track only these, hold the rest; joints: all but the root.")
-    model: str = input_option(
-        "human|FILE", "Body to track: a URDF file, or a file of measures.", default="human"
-    )
+    model: str = input_option("human|FILE", "Body: a URDF file, or a file of measures.", default="human")
     init: str | None = input_option("auto|FILE", "Pose to start from (default: SEQ/init.json, else auto).")
     joint_states: Path | None = input_option(
-        "FILE|ros2:/TOPIC",
-        "Joint values by encoders, a CSV with time_s or a ROS bag; they predict the motion.",
+        "FILE|ros2:/TOPIC", "Joint values by encoders: a CSV with time_s, or a ROS bag."
     )
     domain: int = input_option("N", "Domain of ros2:/TOPIC.", default=0, min=0, envvar="ROS_DOMAIN_ID")
     frames: str | None = input_option("A:B", FRAMES)
-    idle_timeout: float | None = input_option(
-        "SECONDS", "End live input after this time without a frame (default: wait)."
-    )
+    idle_timeout: float | None = input_option("SECONDS", "End live input without frames (default: wait).")
     record: Path | None = output_option("DIR", "Keep the tracked frames of live input in a new folder.")
     rotate: str = input_option(
-        "0|90|180|270|auto",
-        "Clockwise rotation in degrees that makes the image upright (default: found).",
-        default="auto",
+        "0|90|180|270|auto", "Clockwise degrees to upright (default: found).", default="auto"
     )
     color: Path | None = input_option("DIR", "Draw results over these colour frames.")
     person: str = scene_option(
-        "X,Y|nearest|largest|moving",
-        "The person to track; X,Y is a pixel of the first frame (default: the most likely).",
-        default="best",
+        "X,Y|nearest|largest|moving", "The person to track; X,Y is a pixel.", default="best"
     )
-    people: int = scene_option(
-        "N", "Track up to N people at once, each into its own folder in --out: person1, ...", default=1, min=1
-    )
+    people: int = scene_option("N", "Track up to N people, into --out/person1, ...", default=1, min=1)
     background: str | None = scene_option(
-        "FRAME|SEQ", "The room without people: the number of a frame, a depth PNG, or a sequence."
+        "FRAME|SEQ", "The empty room: a frame's number, a depth PNG, or a sequence."
     )
     near: float | None = scene_option("M", "Ignore everything nearer, metres.")
     far: float | None = scene_option("M", "Ignore everything farther, metres.")
     roi: str | None = scene_option("LEFT,TOP,RIGHT,BOTTOM", "Use only this part of the image, pixels.")
     method: str = method_option(
-        "NAME", "gepf (many hypotheses), gradient (one), condensation or annealed.", default="gepf"
+        "NAME", "gepf, gradient (one particle), condensation or annealed.", default="gepf"
     )
     preset: str = method_option("NAME", "default, or paper (its constants).", default="default")
-    particles: int | None = method_option(
-        "N", "Particles per frame; for annealed in each of its 10 layers.", min=1
-    )
+    particles: int | None = method_option("N", "Particles per frame; of annealed per layer.", min=1)
     points: int | None = method_option("N", "Largest number of observed points.", min=1)
-    noise_depth: float | None = method_option(
-        "M", "Noise of the camera in depth (default: measured in the first frame)."
-    )
-    noise_lateral: float | None = method_option("M", "Lateral noise of the camera.")
-    seed: int = method_option(
-        "N",
-        "Seed of all random numbers: the same seed gives the same bytes.",
-        default=0,
-        min=0,
-        max=2**32 - 1,
-    )
+    noise_depth: float | None = method_option("M", "Noise in depth (default: measured in the first frame).")
+    noise_lateral: float | None = method_option("M", "Lateral noise.")
+    seed: int = method_option("N", "The same seed gives the same bytes.", default=0, min=0, max=2**32 - 1)
     seeds: range | None = method_option(
-        "A:B", "Track with each of the seeds A to B - 1, in folders within --out.", parser=seed_range
+        "A:B", "Track with seeds A to B - 1, in folders in --out.", parser=seed_range
     )
-    deadline: float | None = method_option(
-        "MS", "Finish a frame with the particles that are refined within this time."
-    )
+    deadline: float | None = method_option("MS", "Use the particles that are refined within this time.")
     workers: int | None = worker_option(
-        "N", "Lanes of the local worker (default: one per core); 0 for none.", min=0
+        "N", "Lanes of the local worker (default: all cores; 0: none).", min=0
     )
     listen: str | None = worker_option("ENDPOINT", "Let other workers join, e.g. at tls/0.0.0.0:7447.")
     connect: str | None = worker_option("ENDPOINT", "Use the workers at a router.")
-    worker_timeout: float | None = worker_option(
-        "SECONDS", "Stop after this time without any worker (default: wait)."
-    )
+    worker_timeout: float | None = worker_option("SECONDS", "Stop if no worker comes (default: wait).")
     out: Path = output_option("DIR", "New folder for the results.", default=MISSING)
     resume: bool = output_option("", "Continue the run in --out, if there is one.", "--resume", default=False)
-    pictures: bool = output_option(
-        "",
-        "Draw pictures at the end; gepf pictures draws them later.",
-        "--pictures/--no-pictures",
-        default=True,
-    )
+    pictures: bool = output_option("", "Draw pictures at the end.", "--pictures/--no-pictures", default=True)
     results: str | None = output_option(
-        "KEY|ros2:/TOPIC",
-        "Publish results there during the run (default for zenoh:KEY: KEY/results).",
-        "--publish",
+        "KEY|ros2:/TOPIC", "Publish results there (for zenoh:KEY: KEY/results).", "--publish"
     )
-    results_json: bool = output_option(
-        "", "Publish results as JSON instead of MessagePack.", "--publish-json", default=False
-    )
+    results_json: bool = output_option("", "Publish results as JSON.", "--publish-json", default=False)
     quiet: Quiet = False
-    as_json: bool = output_option(
-        "", "Print the summary as a JSON object at the end.", "--json", default=False
-    )
+    as_json: bool = output_option("", "Print the summary as JSON.", "--json", default=False)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -249,14 +202,12 @@ class PublishOptions:
     """Options of `gepf publish` without security."""
 
     sequence: Path = argument(
-        "SEQ|CAMERA", "Recorded depth, or realsense:[SERIAL|FILE], orbbec: or azure-kinect:."
+        "SEQ|CAMERA", "Recorded depth, or realsense:[SERIAL|FILE], orbbec:, azure-kinect:."
     )
     key: str = option("KEY", "Key to publish on, e.g. camera/depth.", default=MISSING)
     rate: float | None = option("FPS", "Frames per second (default: as recorded).")
     frames: str | None = input_option("A:B", FRAMES)
-    color: bool = option(
-        "", "Publish a camera's colour images, registered to depth, on KEY/color.", "--color", default=False
-    )
+    color: bool = option("", "Publish a camera's colour images on KEY/color.", "--color", default=False)
     listen: str | None = option("ENDPOINT", "Let trackers connect, e.g. tcp/127.0.0.1:7448.")
     connect: str | None = option("ENDPOINT", OTHER_SIDE)
 
@@ -329,49 +280,3 @@ class ReportOptions:
 
     run: Path = argument("DIR", RUN)
     out: Path | None = option("FILE", "Page to write (default: DIR/report.html).")
-
-
-def grouped(command: Callable[..., None]) -> Callable[..., None]:
-    """A command for typer, with the fields of the dataclasses that are the parameters of `command`.
-
-    Names of fields must differ within a command.
-    """
-    kinds = get_type_hints(command, include_extras=True)
-    flat, groups = list[inspect.Parameter](), dict[str, Any]()
-    for name, parameter in inspect.signature(command).parameters.items():
-        kind = kinds[name]
-        if is_dataclass(kind):
-            groups[name] = kind
-            flat += parameters_of(kind)
-        else:
-            flat.append(parameter.replace(kind=parameter.KEYWORD_ONLY, annotation=kind))
-
-    def run(**values: Any) -> None:
-        for name, value in values.items():
-            if isinstance(value, float) and not 0.0 < value < math.inf:
-                raise InputError(f"--{name.replace('_', '-')} {value:g} is not above 0; give another number")
-        built = {
-            name: make(**{field.name: values.pop(field.name) for field in fields(make)})
-            for name, make in groups.items()
-        }
-        command(**built, **values)
-
-    run.__name__, run.__doc__ = command.__name__, command.__doc__
-    run.__annotations__ = {parameter.name: parameter.annotation for parameter in flat}
-    run.__signature__ = inspect.Signature(flat)  # type: ignore[attr-defined]
-    return run
-
-
-def parameters_of(kind: Any) -> list[inspect.Parameter]:
-    """A parameter for each field of a dataclass."""
-    types, found = get_type_hints(kind, include_extras=True), list[inspect.Parameter]()
-    for each in fields(kind):
-        default = inspect.Parameter.empty if each.default is MISSING else each.default
-        shown = each.metadata.get("typer")
-        annotation = types[each.name] if shown is None else Annotated[types[each.name], shown]
-        found.append(
-            inspect.Parameter(
-                each.name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation
-            )
-        )
-    return found

@@ -23,16 +23,10 @@ from coordinator.pool.zenoh_refiner import ZenohRefiner
 from coordinator.results.live_results import LiveResults, PackedOutlet
 from coordinator.results.log import RecordedPerson
 from coordinator.results.recorder import Recorder, is_complete
-from coordinator.results.summary import (
-    PERSON,
-    SUMMARY_FILE,
-    describe_failure,
-    describe_status,
-    folder_of,
-    mostly_tracked,
-)
+from coordinator.results.summary import PERSON, SUMMARY_FILE, describe_failure, describe_status, folder_of
 from coordinator.sources.live_stream import is_topic, live_key
 from coordinator.sources.rig import live_cameras
+from coordinator.tracking.estimate import UNKNOWN
 from coordinator.tracking.faults import Kind, describe_changes
 from coordinator.tracking.reporting import Tracked
 from coordinator.tracking.tracker import Tracker
@@ -112,10 +106,7 @@ def record(
         recorded = recorder.finish(facts, rate.per_second or 0.0)
         if recorded and not complete and total is not None:
             kept = max(len(each.estimates) for each in recorded.values())  # as in the log
-            show.say(
-                f"ended early with {kept} of {total} frames in {out}; "
-                "the same command with --resume continues"
-            )
+            show.say(f"ended early with {kept} of {total} frames in {out}; --resume continues")
     return recorded, finished
 
 
@@ -249,7 +240,7 @@ def conclude(job: Job, recorded: Mapping[int, RecordedPerson], show: Show) -> bo
     for number, each in recorded.items():
         # one of several people may be absent at times
         seen = [e for e in each.estimates if not several or e.status != "absent"]
-        if not seen or not mostly_tracked(seen):
+        if 2 * sum(e.status not in UNKNOWN for e in seen) < max(1, len(seen)):
             tracked = False
             why = describe_failure(each.estimates)
             show.say(f"person {number}: {why}" if several else why, "bold red")

@@ -11,14 +11,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from common.activation import nearest_in
+from common.arrays import Array
 from common.body import ROTATION, BodyModel
 from common.kinematics import dof_transforms
 from coordinator.exports.recorded import CAMERA_TO_Y_UP
-
-Array = NDArray[np.float64]
 
 WORLD = "world"
 LARGEST_OFFSET_M = 0.05  # of a joint from the centre of rotation of its bone
@@ -68,10 +67,7 @@ def jointed_dofs(model: BodyModel) -> list[int]:
 
 def ancestor(model: BodyModel, dof: int, among: list[int]) -> int:
     """The nearest ancestor of `dof` in `among`; -1 if there is none."""
-    above = int(model.parents[dof]) if dof >= 0 else -1
-    while above >= 0 and above not in among:
-        above = int(model.parents[above])
-    return above
+    return nearest_in(model, among, int(model.parents[dof])) if dof >= 0 else -1
 
 
 def pivot(model: BodyModel, above: int, dof: int) -> Array:
@@ -123,11 +119,6 @@ def motion_of(
         turned = to_y_up @ t_dofs[:, bone.dof, :, :3] @ CAMERA_TO_Y_UP
         rotations[:, b] = turned
         places[:, b] = turned @ bone.origin + t_dofs[:, bone.dof, :, 3] @ to_y_up.T
-    return in_parents(bones, rotations, places)
-
-
-def in_parents(bones: tuple[Bone, ...], rotations: Array, places: Array) -> tuple[Array, Array]:
-    """Convert motion in the world to the axes and origin of the parent."""
     local_turns, local_places = rotations.copy(), places.copy()
     for b, bone in enumerate(bones):
         if bone.parent >= 0:

@@ -12,13 +12,11 @@ from collections.abc import Iterator, Sequence
 from typing import BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from common.arrays import Array
 from coordinator.exports.bones import Bone, bones_of, children, motion_of, offset, slides
 from coordinator.exports.recorded import RecordedRun
-
-Array = NDArray[np.float64]
 
 ORDER = "ZXY"
 TIP = "0.000000 5.000000 0.000000"  # centimetres from the last joint of a limb to the end of its bone

@@ -14,12 +14,10 @@ from typing import BinaryIO
 
 import numpy as np
 from ezc3d import c3d
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from coordinator.bodies.angles import angles_of
 from coordinator.exports.recorded import RecordedRun
-
-Array = NDArray[np.float64]
 
 
 def write_c3d(run: RecordedRun, file: BinaryIO) -> None:

@@ -11,32 +11,8 @@ from __future__ import annotations
 from typing import BinaryIO
 
 import numpy as np
+import pygltflib as gl
 from numpy.typing import NDArray
-from pygltflib import (
-    ARRAY_BUFFER,
-    ELEMENT_ARRAY_BUFFER,
-    FLOAT,
-    GLTF2,
-    UNSIGNED_INT,
-    UNSIGNED_SHORT,
-    Accessor,
-    Animation,
-    AnimationChannel,
-    AnimationChannelTarget,
-    AnimationSampler,
-    Asset,
-    Attributes,
-    Buffer,
-    BufferFormat,
-    BufferView,
-    Material,
-    Mesh,
-    Node,
-    PbrMetallicRoughness,
-    Primitive,
-    Scene,
-    Skin,
-)
 from scipy.spatial.transform import Rotation
 
 from common.activation import merge_weights
@@ -44,9 +20,7 @@ from common.body import BodyModel, vertex_normals
 from coordinator.exports.bones import Bone, bones_of, children, continuous, motion_of, offset, slides
 from coordinator.exports.recorded import CAMERA_TO_Y_UP, RecordedRun
 
-Array = NDArray[np.float64]
-
-COMPONENT_TYPES = {"u2": UNSIGNED_SHORT, "u4": UNSIGNED_INT, "f4": FLOAT}
+COMPONENT_TYPES = {"u2": gl.UNSIGNED_SHORT, "u4": gl.UNSIGNED_INT, "f4": gl.FLOAT}
 COLOUR = [0.8, 0.45, 0.2, 1.0]
 
 
@@ -58,18 +32,18 @@ def write_glb(run: RecordedRun, file: BinaryIO) -> None:
 def write_gltf(run: RecordedRun, file: BinaryIO) -> None:
     """One JSON file, with the arrays inside as text."""
     scene = scene_of(run)
-    scene.convert_buffers(BufferFormat.DATAURI)
+    scene.convert_buffers(gl.BufferFormat.DATAURI)
     file.write(scene.to_json().encode())
 
 
-def scene_of(run: RecordedRun) -> GLTF2:
+def scene_of(run: RecordedRun) -> gl.GLTF2:
     """The whole scene."""
     model = run.body().model
     bones = bones_of(model)
-    gltf = GLTF2(asset=Asset(generator="gepf", version="2.0"), scene=0, scenes=[Scene(nodes=[0])])
+    gltf = gl.GLTF2(asset=gl.Asset(generator="gepf", version="2.0"), scene=0, scenes=[gl.Scene(nodes=[0])])
     arrays = Arrays(gltf)
     gltf.nodes = [
-        Node(name=bone.name, translation=offset(bones, bone).tolist(), children=children(bones, b) or None)
+        gl.Node(name=bone.name, translation=offset(bones, bone).tolist(), children=children(bones, b) or None)
         for b, bone in enumerate(bones)
     ]
     if bones[0].dof < 0:  # the fixed root is rotated here, once
@@ -77,13 +51,13 @@ def scene_of(run: RecordedRun) -> GLTF2:
         gltf.nodes[0].rotation = Rotation.from_matrix(level).as_quat().tolist()
         gltf.nodes[0].translation = (level @ bones[0].origin).tolist()
     if len(model.triangles):
-        looks = PbrMetallicRoughness(baseColorFactor=COLOUR, metallicFactor=0.0, roughnessFactor=0.8)
-        gltf.materials = [Material(pbrMetallicRoughness=looks)]
+        looks = gl.PbrMetallicRoughness(baseColorFactor=COLOUR, metallicFactor=0.0, roughnessFactor=0.8)
+        gltf.materials = [gl.Material(pbrMetallicRoughness=looks)]
         add_surface(gltf, arrays, model, bones)
-        gltf.nodes.append(Node(name=model.name, mesh=0, skin=0))
+        gltf.nodes.append(gl.Node(name=model.name, mesh=0, skin=0))
         gltf.scenes[0].nodes.append(len(bones))
     gltf.animations = [animation_of(arrays, run, model, bones)]
-    gltf.buffers = [Buffer(byteLength=len(arrays.blob))]
+    gltf.buffers = [gl.Buffer(byteLength=len(arrays.blob))]
     gltf.set_binary_blob(bytes(arrays.blob))
     return gltf
 
@@ -91,50 +65,46 @@ def scene_of(run: RecordedRun) -> GLTF2:
 class Arrays:
     """The file's one buffer, filled array by array."""
 
-    def __init__(self, gltf: GLTF2) -> None:
+    def __init__(self, gltf: gl.GLTF2) -> None:
         self.blob = bytearray()
         self._gltf = gltf
 
-    def add(
-        self, array: NDArray[np.generic], form: str, target: int | None = None, limits: bool = False
-    ) -> int:
+    def add(self, array: NDArray[np.generic], form: str, target: int | None = None) -> int:
         """Add an array with rows of a type such as VEC3; returns the index of its accessor."""
         kind = COMPONENT_TYPES[array.dtype.str[1:]]
         data = np.ascontiguousarray(array).astype(array.dtype.newbyteorder("<")).tobytes()
         self._gltf.bufferViews.append(
-            BufferView(buffer=0, byteOffset=len(self.blob), byteLength=len(data), target=target)
+            gl.BufferView(buffer=0, byteOffset=len(self.blob), byteLength=len(data), target=target)
         )
         self.blob += data + bytes(-len(data) % 4)
         rows = array.reshape(len(array), -1)
-        accessor = Accessor(
+        accessor = gl.Accessor(
             bufferView=len(self._gltf.bufferViews) - 1, componentType=kind, count=len(array), type=form
         )
-        if limits:
-            accessor.min, accessor.max = rows.min(axis=0).tolist(), rows.max(axis=0).tolist()
+        accessor.min, accessor.max = rows.min(axis=0).tolist(), rows.max(axis=0).tolist()
         self._gltf.accessors.append(accessor)
         return len(self._gltf.accessors) - 1
 
 
-def add_surface(gltf: GLTF2, arrays: Arrays, model: BodyModel, bones: tuple[Bone, ...]) -> None:
+def add_surface(gltf: gl.GLTF2, arrays: Arrays, model: BodyModel, bones: tuple[Bone, ...]) -> None:
     """The mesh in the rest pose, and its skin."""
     carrying = {int(dof) for dof in model.link_dofs[model.skin_links[model.skin_weights > 0]]}
     first = {bone.dof: b for b, bone in reversed(list(enumerate(bones)))}
     moving = sorted(first[dof] for dof in carrying)  # one bone for the last degree of freedom of each link
     joints, weights = skin_of(model, bones, moving)
     vertices = model.vertices @ CAMERA_TO_Y_UP
-    attributes = Attributes(
-        POSITION=arrays.add(vertices.astype(np.float32), "VEC3", ARRAY_BUFFER, limits=True),
-        NORMAL=arrays.add(vertex_normals(vertices, model.triangles), "VEC3", ARRAY_BUFFER),
-        JOINTS_0=arrays.add(joints, "VEC4", ARRAY_BUFFER),
-        WEIGHTS_0=arrays.add(weights, "VEC4", ARRAY_BUFFER),
+    attributes = gl.Attributes(
+        POSITION=arrays.add(vertices.astype(np.float32), "VEC3", gl.ARRAY_BUFFER),
+        NORMAL=arrays.add(vertex_normals(vertices, model.triangles), "VEC3", gl.ARRAY_BUFFER),
+        JOINTS_0=arrays.add(joints, "VEC4", gl.ARRAY_BUFFER),
+        WEIGHTS_0=arrays.add(weights, "VEC4", gl.ARRAY_BUFFER),
     )
-    indices = arrays.add(model.triangles.ravel().astype(np.uint32), "SCALAR", ELEMENT_ARRAY_BUFFER)
-    gltf.meshes = [
-        Mesh(name=model.name, primitives=[Primitive(attributes=attributes, indices=indices, material=0)])
-    ]
+    indices = arrays.add(model.triangles.ravel().astype(np.uint32), "SCALAR", gl.ELEMENT_ARRAY_BUFFER)
+    surface = gl.Primitive(attributes=attributes, indices=indices, material=0)
+    gltf.meshes = [gl.Mesh(name=model.name, primitives=[surface])]
     back = np.tile(np.eye(4, dtype=np.float32), (len(moving), 1, 1))
     back[:, 3, :3] = [-bones[b].origin for b in moving]  # column by column
-    gltf.skins = [Skin(joints=moving, skeleton=0, inverseBindMatrices=arrays.add(back, "MAT4"))]
+    gltf.skins = [gl.Skin(joints=moving, skeleton=0, inverseBindMatrices=arrays.add(back, "MAT4"))]
 
 
 def skin_of(
@@ -151,19 +121,19 @@ def skin_of(
     return np.where(shares > 0, links, 0).astype(np.uint16), shares
 
 
-def animation_of(arrays: Arrays, run: RecordedRun, model: BodyModel, bones: tuple[Bone, ...]) -> Animation:
+def animation_of(arrays: Arrays, run: RecordedRun, model: BodyModel, bones: tuple[Bone, ...]) -> gl.Animation:
     """Rotations of rotating bones and positions of translating bones, at the times of the frames."""
     track = run.track
     turns, places = motion_of(model, bones, track.pose, run.to_y_up)
     seconds = (track.time_s - track.time_s[:1]).astype(np.float32)
-    times = arrays.add(seconds, "SCALAR", limits=True)
-    animation = Animation(name=run.name, samplers=[], channels=[])
+    times = arrays.add(seconds, "SCALAR")
+    animation = gl.Animation(name=run.name, samplers=[], channels=[])
     animation.extras = {"frame": track.frame.tolist(), "status": track.status.tolist()}
 
     def add(node: int, path: str, values: NDArray[np.float32], form: str) -> None:
-        animation.samplers.append(AnimationSampler(input=times, output=arrays.add(values, form)))
-        target = AnimationChannelTarget(node=node, path=path)
-        animation.channels.append(AnimationChannel(sampler=len(animation.samplers) - 1, target=target))
+        animation.samplers.append(gl.AnimationSampler(input=times, output=arrays.add(values, form)))
+        target = gl.AnimationChannelTarget(node=node, path=path)
+        animation.channels.append(gl.AnimationChannel(sampler=len(animation.samplers) - 1, target=target))
 
     for b, bone in enumerate(bones):
         if bone.moves:

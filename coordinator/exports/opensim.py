@@ -17,15 +17,13 @@ import io
 from typing import BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from common.arrays import Array
+from common.kinematics.rotations import euler_angles
 from coordinator.bodies.angles import MIRROR, Angles, SphericalJoint, is_person, person_angles
-from coordinator.bodies.swing_twist import nearest_turn
 from coordinator.exports.recorded import CAMERA_TO_OPENSIM, RecordedRun
 from coordinator.results.angles import read_slides
-
-Array = NDArray[np.float64]
 
 BALLS = {
     # a joint's first angle: OpenSim's coordinates about Z, X, Y
@@ -42,6 +40,7 @@ HINGES = {
     "elbow_flexion": "elbow_flex",
     "elbow_twisting": "pro_sup",
 }
+ZXY = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # these axes as x, y, z
 PELVIS = ("pelvis_tx", "pelvis_ty", "pelvis_tz")
 
 
@@ -85,18 +84,11 @@ def turned_zxy(angles: Angles, ball: SphericalJoint, poses: Array) -> Array:
     rotations = Rotation.from_quat(angles.turned((ball,), poses)[:, 0])
     if not ball.upward:
         rotations = Rotation.from_rotvec(rotations.as_rotvec() * MIRROR)
-    turned = CAMERA_TO_OPENSIM @ rotations.as_matrix() @ CAMERA_TO_OPENSIM.T
-    return without_leaps(Rotation.from_matrix(turned).as_euler("ZXY", suppress_warnings=True))
-
-
-def without_leaps(euler: Array) -> Array:
-    """The rotations (F, 3), each on the branch nearest to the frame before."""
-    chosen = euler.copy()
-    for f in range(1, len(chosen)):
-        other = euler[f] * [1.0, -1.0, 1.0] + np.pi
-        branches = [nearest_turn(branch, chosen[f - 1]) for branch in (euler[f], other)]
-        chosen[f] = min(branches, key=lambda branch: float(np.sum((branch - chosen[f - 1]) ** 2)))
-    return chosen
+    turned = ZXY @ CAMERA_TO_OPENSIM @ rotations.as_matrix() @ CAMERA_TO_OPENSIM.T @ ZXY.T
+    found = np.zeros((len(turned), 3))
+    for f, rotation in enumerate(turned):  # each on the branch nearest to the frame before
+        found[f] = euler_angles(rotation, found[max(0, f - 1)])
+    return found
 
 
 HEAD = ("DataRate", "CameraRate", "NumFrames", "NumMarkers", "Units", "OrigDataRate", "OrigDataStartFrame",

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array, Mask
 from common.camera import level_from_camera
-from coordinator.results.track import Track, TrackedBody, emptied, filled, read_track, read_tracked_body
-from coordinator.sources.camera import DEFAULT_FPS
+from coordinator.results.track import Track, TrackedBody, filled, read_track, read_tracked_body, where_missing
+from coordinator.sources.source import rate_of
 
 CAMERA_TO_Y_UP = np.diag([1.0, -1.0, -1.0])
 """Half a turn about x: y up, and a person who faces the camera looks along +z, their left at +x."""
@@ -26,13 +26,13 @@ class RecordedRun:
     name: str
     track: Track
     folder: Path
-    placed: NDArray[np.bool_]  # (F,) frames that have a pose; the others get the first one
+    placed: Mask  # (F,) frames that have a pose; the others get the first one
     smoothed_hz: float | None = None
 
     @property
     def told(self) -> Track:
         """The track for formats with values: NaN in frames before the body was found."""
-        return emptied(self.track, self.placed)
+        return where_missing(self.track, ~self.placed, lambda _: np.nan)
 
     @property
     def remark(self) -> str:
@@ -42,15 +42,15 @@ class RecordedRun:
         return f"gepf; {how}; camera at the origin; up is {up}"
 
     @property
-    def to_y_up(self) -> NDArray[np.float64]:
+    def to_y_up(self) -> Array:
         """Rotation (3, 3) from the camera's axes to axes with y up: against gravity, if it is known."""
-        turned: NDArray[np.float64] = CAMERA_TO_Y_UP @ level_from_camera(self.track.up)
+        turned: Array = CAMERA_TO_Y_UP @ level_from_camera(self.track.up)
         return turned
 
     @property
-    def to_opensim(self) -> NDArray[np.float64]:
+    def to_opensim(self) -> Array:
         """Rotation (3, 3) from the camera's axes to OpenSim's, with the same up direction."""
-        turned: NDArray[np.float64] = CAMERA_TO_OPENSIM @ level_from_camera(self.track.up)
+        turned: Array = CAMERA_TO_OPENSIM @ level_from_camera(self.track.up)
         return turned
 
     def body(self) -> TrackedBody:
@@ -60,9 +60,7 @@ class RecordedRun:
     @property
     def rate(self) -> float:
         """Frames per second: the inverse of the median time between frames."""
-        steps = np.diff(self.track.time_s)
-        steps = steps[steps > 0]
-        return float(np.round(1.0 / np.median(steps), 6)) if len(steps) else DEFAULT_FPS
+        return round(rate_of(self.track.time_s), 6)
 
 
 def read_run(folder: Path, smooth_hz: float | None = None) -> RecordedRun:

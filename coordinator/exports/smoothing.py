@@ -11,17 +11,15 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import butter, filtfilt
 from scipy.spatial.transform import Rotation
 
+from common.arrays import Array
 from common.body import BodyModel
 from common.errors import InputError
-from coordinator.bodies.swing_twist import nearest_turn
+from common.kinematics.rotations import euler_angles
 from coordinator.exports.bones import continuous
 from coordinator.results.track import Track
-
-Array = NDArray[np.float64]
 
 
 def smooth_track(track: Track, model: BodyModel, cutoff_hz: float) -> Track:
@@ -54,8 +52,7 @@ class LowPass:
         rate = 1.0 / float(np.median(steps))
         if not 0.0 < cutoff_hz < 0.5 * rate:
             raise InputError(
-                f"--smooth {cutoff_hz:g} is not between 0 and half of the {rate:.3g} frames a second; "
-                "laboratories use 6"
+                f"--smooth {cutoff_hz:g} is not between 0 and half of {rate:.3g} frames a second; 6 is usual"
             )
         count = max(3, round((self._times[-1] - self._times[0]) * rate) + 1)
         self._even = np.linspace(self._times[0], self._times[-1], count)
@@ -81,24 +78,16 @@ def smooth_pose(model: BodyModel, poses: Array, low_pass: LowPass) -> Array:
     smooth = low_pass(turned)
     for first in model.balls.tolist():
         ball = slice(first, first + 3)
-        smooth[:, ball] = smooth_ball(model.axes[ball], poses[:, ball], low_pass)
+        turns = [Rotation.from_rotvec(poses[:, a, None] * model.axes[a]) for a in range(first, first + 3)]
+        quaternions = low_pass(continuous(turns[0] * turns[1] * turns[2]))
+        smooth[:, ball] = angles_about(model.axes[ball], Rotation.from_quat(quaternions), poses[:, ball])
     return smooth
-
-
-def smooth_ball(axes: Array, angles: Array, low_pass: LowPass) -> Array:
-    """Filter angles (F, 3) about the axes (3, 3) of a spherical joint, as quaternions of continuous sign."""
-    turns = [Rotation.from_rotvec(angles[:, a, None] * axis) for a, axis in enumerate(axes)]
-    quaternions = low_pass(continuous(turns[0] * turns[1] * turns[2]))
-    return angles_about(axes, Rotation.from_quat(quaternions), angles)
 
 
 def angles_about(axes: Array, rotations: Rotation, near: Array) -> Array:
     """Angles (F, 3) of rotations (F,) about a joint's axes (3, 3), on the branch nearest to `near` (F, 3)."""
     handed = np.sign(np.linalg.det(axes))
     inside = handed * axes @ rotations.as_matrix() @ (handed * axes).T
-    one = handed * Rotation.from_matrix(inside).as_euler("XYZ", suppress_warnings=True)
-    other = one * [1.0, -1.0, 1.0] + np.pi
-    branches = np.stack([nearest_turn(branch, near) for branch in (one, other)])
-    chosen = np.argmin(np.sum((branches - near) ** 2, axis=-1), axis=0)
-    picked: Array = np.take_along_axis(branches, chosen[None, :, None], axis=0)[0]
-    return picked
+    found = [euler_angles(*each) for each in zip(inside, handed * near, strict=True)]
+    angles: Array = handed * np.array(found).reshape(near.shape)
+    return angles

@@ -20,9 +20,8 @@ def export_csv(run: RecordedRun, file: BinaryIO) -> None:
 
 def export_json(run: RecordedRun, file: BinaryIO) -> None:
     """Write one object with the keys of `track.npz`, null for padding, and whether the run is filtered."""
-    content: dict[str, object] = {
-        field.name: np.asarray(getattr(run.told, field.name)).tolist() for field in fields(Track)
-    }
+    values = {field.name: getattr(run.told, field.name) for field in fields(Track)}
+    content: dict[str, object] = {name: np.asarray(value).tolist() for name, value in values.items()}
     if run.smoothed_hz:
         content["smoothed_hz"] = run.smoothed_hz
     file.write(msgspec.json.encode(content))

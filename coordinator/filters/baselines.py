@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array, Indices
 from common.body import ROTATION, BodyModel
 from common.kinematics import difference, retract
 from common.refinement import Refined
@@ -20,9 +20,6 @@ from coordinator.filters.belief import (
     mean_pose,
     normalise,
 )
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 LARGEST_POWER = 1e9  # of a likelihood
 

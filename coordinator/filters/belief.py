@@ -6,14 +6,11 @@ from dataclasses import dataclass, field, replace
 from typing import Generic, Self, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array, Indices
 from common.body import BodyModel
 from common.kinematics import difference, joint_positions, retract
 from common.settings import RefineSettings
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 USUAL_INTERVAL = 1.0 / 30.0  # seconds between frames
 USUAL_SPEED = 1.8  # metres per second, root mean square over the joints of the reported pose

@@ -13,16 +13,12 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array, Indices, Mask
 from common.body import ROTATION, BodyModel
 from common.compiling import numba
 from common.kinematics import link_transforms
 from common.kinematics.chain import blend_each
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
-Flags = NDArray[np.bool_]
 
 FEWEST = 8  # particles of a frame that the prediction explains; with 5, hidden limbs are worse
 DATA_DRIVEN_SHARE = 0.4  # of the particles
@@ -62,13 +58,13 @@ class Layout(NamedTuple):
     limbs: tuple[Limb, ...]
 
 
-def explain(model: BodyModel, pose: Array, points: Array) -> Flags:
+def explain(model: BodyModel, pose: Array, points: Array) -> Mask:
     """Which points (P, 3) each part of the body in pose (D,) is near, (G, P)."""
     transforms = link_transforms(model, pose[None])
     return np.array([mark_near(points, part.pose(transforms))[0] for part in layout_of(model).parts])
 
 
-def choose_count(most: int, near: Flags, cameras: int = 1) -> int:
+def choose_count(most: int, near: Mask, cameras: int = 1) -> int:
     """How many particles a frame needs, by the share of the points that the prediction leaves unexplained.
 
     `near` (G, P) is from `explain`. Particles times cameras, that is the images to draw, are as many for any
@@ -79,7 +75,7 @@ def choose_count(most: int, near: Flags, cameras: int = 1) -> int:
     return math.ceil(images / cameras)
 
 
-def choose_kinds(count: int, rng: np.random.Generator, cameras: int = 1) -> tuple[Flags, Flags]:
+def choose_kinds(count: int, rng: np.random.Generator, cameras: int = 1) -> tuple[Mask, Mask]:
     """Which particles (N,) get noise, and which are data-driven; the first is the prediction.
 
     If a frame has only the FEWEST particles, none of them is data-driven.
@@ -92,7 +88,7 @@ def choose_kinds(count: int, rng: np.random.Generator, cameras: int = 1) -> tupl
 
 
 def propose_limbs(
-    model: BodyModel, pose: Array, points: Array, near: Flags, count: int, rng: np.random.Generator
+    model: BodyModel, pose: Array, points: Array, near: Mask, count: int, rng: np.random.Generator
 ) -> list[tuple[Indices, Array]]:
     """`count` proposals: degrees of freedom (d,) of a limb, and values (d,) that explain more points.
 
@@ -118,7 +114,7 @@ def propose_limbs(
     return [(layout.limbs[k // DRAWS].dofs, ways[k // DRAWS][k % DRAWS]) for k in drawn]
 
 
-def mark_near(points: Array, vertices: Array) -> Flags:
+def mark_near(points: Array, vertices: Array) -> Mask:
     """Which points (P, 3) are near each of several surfaces (K, V, 3), (K, P)."""
     near = np.empty((len(vertices), len(points)), dtype=np.bool_)
     fill_near(np.ascontiguousarray(points.T), vertices, near)
@@ -126,7 +122,7 @@ def mark_near(points: Array, vertices: Array) -> Flags:
 
 
 @numba.njit(cache=True, nogil=True)
-def fill_near(points: Array, vertices: Array, near: Flags) -> None:
+def fill_near(points: Array, vertices: Array, near: Mask) -> None:
     """`mark_near` of points (3, P), in this layout for vectorised code."""
     near[:] = False
     for k in range(len(vertices)):

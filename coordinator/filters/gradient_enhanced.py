@@ -13,8 +13,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import ROTATION, BodyModel
 from common.kinematics import difference, retract
 from common.refinement import Refined, lower_triangular
@@ -23,9 +23,6 @@ from coordinator.filters.belief import Belief, Observation, Proposal, choose_rep
 from coordinator.filters.exploration import choose_count, choose_kinds, explain, propose_limbs
 from coordinator.filters.merging import estimate_covariances, merge_by_angle, merge_by_covariance
 from coordinator.filters.motion import draw_noise, fuse_with_prediction
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 REDUCTION = 0.1  # share by which step 7 reduces every covariance in each frame
 FIRST_POSITION_DEVIATION = 0.02  # metres, of the initial values of prismatic joints

@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
 
+from common.arrays import Array, Indices, Mask
 from common.body import ROTATION, BodyModel
-from common.compiling import numba
 from common.kinematics import difference
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 MERGE_VARIANCES = 2.0 / 3.0  # squared Mahalanobis distance per degree of freedom
 
@@ -38,28 +35,16 @@ def merge_by_covariance(
     covariances. Returns the same as `merge`.
     """
     rim = MERGE_VARIANCES * poses.shape[1]
-    return merge(model, poses, log_likelihood, lambda n, steps: are_within(roots[n], steps, rim))
 
+    def is_near(n: int, steps: Array) -> Mask:
+        whitened = solve_triangular(roots[n], steps.T, lower=True, check_finite=False)
+        return np.asarray(np.sum(whitened**2, axis=0) < rim)
 
-@numba.njit(cache=True, nogil=True)
-def are_within(root: Array, steps: Array, squared: float) -> NDArray[np.bool_]:
-    """Which steps (K, D) have a squared Mahalanobis length below a limit, by a Cholesky factor (D, D)."""
-    within = np.empty(len(steps), dtype=np.bool_)
-    whitened = np.empty(len(root))
-    for k in range(len(steps)):
-        total = 0.0
-        for i in range(len(root)):
-            rest = steps[k, i]
-            for j in range(i):
-                rest -= root[i, j] * whitened[j]
-            whitened[i] = rest / root[i, i]
-            total += whitened[i] * whitened[i]
-        within[k] = total < squared
-    return within
+    return merge(model, poses, log_likelihood, is_near)
 
 
 def merge(
-    model: BodyModel, poses: Array, log_likelihood: Array, is_near: Callable[[int, Array], NDArray[np.bool_]]
+    model: BodyModel, poses: Array, log_likelihood: Array, is_near: Callable[[int, Array], Mask]
 ) -> tuple[Indices, Indices]:
     """Group refined particles (N, D): each joins the most likely near particle, or starts a group.
 

@@ -12,8 +12,8 @@ from typing import Any, get_args
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import BodyModel
 from common.errors import InputError
 from common.refinement import Refined
@@ -22,7 +22,6 @@ from coordinator.filters import gradient_enhanced
 from coordinator.filters.baselines import Annealed, Condensation
 from coordinator.filters.belief import USUAL_INTERVAL, Belief, Observation, Proposal
 
-Array = NDArray[np.float64]
 Begin = Callable[[BodyModel, Array, FilterSettings], Belief]
 Propose = Callable[[BodyModel, Any, Observation, FilterSettings, np.random.Generator], Proposal[Any]]
 Update = Callable[[BodyModel, Any, Refined, FilterSettings, np.random.Generator], Belief | Proposal[Any]]

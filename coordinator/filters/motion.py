@@ -5,16 +5,13 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array, Indices, Mask
 from common.body import ROOT_DOFS, ROTATION, BodyModel
 from common.compiling import numba
 from common.kinematics import difference, retract, within_limits
 from common.refinement import WEAK_SLIDE, WEAK_TURN
 from coordinator.filters.belief import USUAL_INTERVAL
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 UNEXPECTED_TURN = float(np.radians(15.0))
 """Standard deviation of a joint angle around its prediction after a usual interval. Prismatic joints have
@@ -78,7 +75,7 @@ def fuse_with_prediction(
 
 
 @lru_cache(maxsize=16)
-def precisions(model: BodyModel) -> tuple[Array, Array, NDArray[np.bool_]]:
+def precisions(model: BodyModel) -> tuple[Array, Array, Mask]:
     """Inverse variances (D,) of the weak prior and of the motion in one second; which DOFs place the base."""
     turning = model.kinds == ROTATION
     weak = np.where(turning, WEAK_TURN, WEAK_SLIDE) ** -2.0

@@ -9,18 +9,16 @@ from pathlib import Path
 
 import av
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
+from common.arrays import Array
 from coordinator.files import write_atomically
 
 TICK_S = Fraction(1, 1000)
 """Resolution of time in a film: milliseconds."""
 
 
-def write_film(
-    pictures: Iterable[Image.Image], size: tuple[int, int], times_s: NDArray[np.float64], file: Path
-) -> None:
+def write_film(pictures: Iterable[Image.Image], size: tuple[int, int], times_s: Array, file: Path) -> None:
     """Write pictures of one even size (width, height), each shown from its time (F,) to the next."""
     encoded = io.BytesIO()
     with av.open(encoded, "w", format="mp4") as film:

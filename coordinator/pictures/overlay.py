@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
+from common.arrays import Array, Mask
 from common.body import BodyModel
 from common.camera import NOT_MOVED, Intrinsics, moved, project
 from common.kinematics import joint_positions
@@ -16,8 +16,6 @@ from coordinator.pictures.plots import STATUS
 from coordinator.pictures.shading import BACKGROUND, Colour, draw_body
 from coordinator.results.track import Track
 from coordinator.tracking.certainty.certainty import FLAGGED
-
-Array = NDArray[np.float64]
 
 FINER = 2  # the picture is drawn at this multiple and averaged
 MARGIN_M = 0.25  # around the joints: half a torso, a hand, the top of the head
@@ -134,7 +132,7 @@ def draw_skeleton(
     pixels: Array,
     colour: tuple[int, ...],
     width: int,
-    hollow: NDArray[np.bool_] | None = None,
+    hollow: Mask | None = None,
 ) -> None:
     """Draw joints at pixels (J, 2) as dots, or as rings where they are `hollow` (J,), and lines between."""
     for a, b in bones(model.joint_names):

@@ -13,15 +13,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import ROOT_DOFS
 from coordinator.bodies.angles import angles_of
 from coordinator.results.angles import Slides, measure, near_to, slides_of
 from coordinator.results.evaluation import Truth, compare
 from coordinator.results.track import Track, TrackedBody
-
-Array = NDArray[np.float64]
 
 REPORTED, HYPOTHESIS, TRUE = "#e8590c", "#3b82c4", "#1b1f27"
 STATUS = {

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 from scipy.ndimage import gaussian_filter
 
+from common.arrays import Array
 from common.body import BodyModel
 from common.camera import NOT_MOVED, Intrinsics, moved, project
 from common.kinematics import pose_vertices
@@ -36,10 +37,10 @@ def shade_depth(depth_m: NDArray[np.float32], camera: Intrinsics) -> Image.Image
 def draw_body(
     picture: Image.Image,
     model: BodyModel,
-    pose: NDArray[np.float64],
+    pose: Array,
     camera: Intrinsics,
     opacity: float,
-    placed: NDArray[np.float64] = NOT_MOVED,
+    placed: Array = NOT_MOVED,
 ) -> Image.Image:
     """The picture with the body's surface in a pose (D,) over it, and lines around nearer parts.
 

@@ -160,9 +160,7 @@ class RpcClient:
         if limit is not None and alone > limit:
             self._alone_since, self._alone_reported = None, False
             where = self._pool.listen or self._pool.connect or "ENDPOINT"
-            raise NoWorkers(
-                f"no worker came within {limit:g} s; start one with gepf-worker --connect {where}"
-            )
+            raise NoWorkers(f"no worker came within {limit:g} s; start gepf-worker --connect {where}")
         if alone > NOTICE_S and not self._alone_reported:
             self._alone_reported = True
             self._report(
@@ -223,9 +221,7 @@ class RpcClient:
             self._send(self.scheduler.end(ticket, outcome, time.monotonic(), reason))
         except SilentWorkers as error:
             raise SilentWorkers(
-                f"workers are connected, but none answers within {REQUEST_TIMEOUT_S:.0f} s (the last was "
-                f"{worker}): the connection is broken, they do not respond, or a request has too many "
-                "particles or points"
+                f"workers are connected, but none answers within {REQUEST_TIMEOUT_S:.0f} s (last {worker})"
             ) from error
         except ProtocolError as error:
             raise ProtocolError(f"no worker can refine the particles: {error}") from error

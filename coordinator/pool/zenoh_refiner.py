@@ -10,9 +10,7 @@ from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
+from common.arrays import Array
 from common.body import BodyModel
 from common.closing import Closing
 from common.frame import SubjectFrame
@@ -93,10 +91,9 @@ class ZenohRefiner(Closing):
         )
 
     @property
-    def local_pids(self) -> dict[str, int]:
-        """Process ids of local workers by name."""
-        process = self._local.process
-        return {} if process is None else {self._local.name: process.pid}
+    def local_pid(self) -> int:
+        """Process id of the local worker; 0 without one."""
+        return 0 if self._local.process is None else self._local.process.pid
 
     def wait_for(self, lanes: int) -> None:
         """Wait for workers with this number of lanes. Raises the same errors as the result of `submit`."""
@@ -119,12 +116,12 @@ class ZenohRefiner(Closing):
         self,
         subject: SubjectFrame,
         model: BodyModel,
-        poses: NDArray[np.float64],
+        poses: Array,
         settings: RefineSettings,
         *,
         covariance: bool = False,
         spare: bool = False,
-        velocity: NDArray[np.float64] | None = None,
+        velocity: Array | None = None,
     ) -> Refinement:
         """Send poses (N, D) to the workers, to be refined on a frame.
 

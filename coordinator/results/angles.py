@@ -16,14 +16,12 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import TRANSLATION, BodyModel
 from coordinator.bodies.angles import Angles, is_person
 from coordinator.results.track import MODEL_FILE, Track, filled, read_tracked_body
 from coordinator.sources.camera import DEFAULT_FPS
-
-Array = NDArray[np.float64]
 
 UNSEEN = 2.0
 """True errors are about twice as large as the spread of hypotheses, because there are few particles: for the

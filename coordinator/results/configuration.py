@@ -48,12 +48,6 @@ def digest_frame(frame: DepthFrame) -> str:
     return digest(camera.encode() + frame.depth.tobytes())
 
 
-def digest_rig(frame: DepthFrame) -> str:
-    """A hash of the frames of all cameras of a rig, and their poses."""
-    views = [(view.camera, view.T_rig_camera.tolist(), digest_frame(view)) for view in frame.views]
-    return digest(repr(views).encode())
-
-
 def digest(content: bytes) -> str:
     """A short hash of the content."""
     return hashlib.sha256(content).hexdigest()[:12]

@@ -10,12 +10,12 @@ import io
 from typing import BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from coordinator.bodies.swing_twist import isb_angles, isb_names
 from coordinator.results.track import Track
 
-Columns = dict[str, NDArray[np.float64]]
+Columns = dict[str, Array]
 
 
 def write_csv(track: Track, file: BinaryIO) -> None:
@@ -42,7 +42,7 @@ def angle_columns(track: Track) -> Columns:
     return {f"{name}_deg": np.degrees(values) for name, values in columns.items()}
 
 
-def named(names: tuple[str, ...], values: NDArray[np.float64]) -> Columns:
+def named(names: tuple[str, ...], values: Array) -> Columns:
     """Columns (F,) of values (F, N) by their names."""
     return dict(zip(names, values.T, strict=True))
 

@@ -13,8 +13,8 @@ from typing import Annotated
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array, Indices, Mask
 from common.body import ROOT_DOFS
 from common.camera import NOT_MOVED, moved
 from common.errors import InputError
@@ -30,15 +30,15 @@ class Truth:
     Each field has the layout of its array in a file.
     """
 
-    frame: Annotated[NDArray[np.int64], "?whole numbers (F)"]
+    frame: Annotated[Indices, "?whole numbers (F)"]
     joint_names: Annotated[tuple[str, ...], "names (J)"]
-    joint_positions: Annotated[NDArray[np.float64], "numbers (F, J, 3)"]
+    joint_positions: Annotated[Array, "numbers (F, J, 3)"]
     dof_names: Annotated[tuple[str, ...], "?names (D)"]  # empty if the pose is unknown
-    pose: Annotated[NDArray[np.float64], "?numbers (F, D)"]
+    pose: Annotated[Array, "?numbers (F, D)"]
     slides: Annotated[tuple[str, ...], "?names (S)"] = ROOT_DOFS[:3]  # what is not an angle
 
 
-def read_truth(path: Path, placed: NDArray[np.float64] = NOT_MOVED) -> Truth:
+def read_truth(path: Path, placed: Array = NOT_MOVED) -> Truth:
     """Read a truth file; without `frame`, its rows are the frames from 0. InputError if it is not one.
 
     Joints are moved by the transform `placed` (4, 4), as from the camera of the file into the rig.
@@ -90,16 +90,14 @@ class Evaluation(msgspec.Struct, frozen=True):
 class Errors:
     """Errors of F frames; NaN if the truth is unknown."""
 
-    frame: NDArray[np.int64]  # (F,)
+    frame: Indices  # (F,)
     dof_names: tuple[str, ...]  # (A,) the compared angles
-    angle_deg: NDArray[np.float64]  # (F, A) of the reported pose
-    best_angle_deg: NDArray[np.float64]  # (F, A) of the best hypothesis
-    joint_m: NDArray[np.float64]  # (F, J)
-    joint_deviation_m: NDArray[np.float64] = field(
-        default_factory=lambda: np.empty((0, 0))
-    )  # as joint_m, expected
+    angle_deg: Array  # (F, A) of the reported pose
+    best_angle_deg: Array  # (F, A) of the best hypothesis
+    joint_m: Array  # (F, J)
+    joint_deviation_m: Array = field(default_factory=lambda: np.empty((0, 0)))  # as joint_m, expected
     slide_names: tuple[str, ...] = ()  # (S,) prismatic joints, without the root
-    slide_m: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))  # (F, S)
+    slide_m: Array = field(default_factory=lambda: np.empty((0, 0)))  # (F, S)
 
 
 def evaluate(track: Track, truth: Truth) -> Evaluation:
@@ -128,8 +126,7 @@ def compare(track: Track, truth: Truth) -> Errors:
     frame, mine, theirs = np.intersect1d(track.frame, truth.frame, return_indices=True)
     if not len(frame):
         raise InputError(
-            f"track ({span(track.frame)}) and truth ({span(truth.frame)}) have no frame in common; "
-            "give the truth of the same sequence"
+            f"track ({span(track.frame)}) and truth ({span(truth.frame)}) share no frame; give its own"
         )
     angles = tuple(n for n in track.dof_names if n in truth.dof_names and n not in truth.slides)
     joints = tuple(n for n in track.joint_names if n in truth.joint_names)
@@ -152,7 +149,7 @@ def compare(track: Track, truth: Truth) -> Errors:
     )
 
 
-def errors_by_angle(track: Track, truth: Truth) -> dict[str, NDArray[np.float64]]:
+def errors_by_angle(track: Track, truth: Truth) -> dict[str, Array]:
     """Errors (K,) in degrees of each angle of a person's limbs, over the frames in which both are known.
 
     The true angles follow from the true joints; angles without these joints are omitted.
@@ -164,7 +161,7 @@ def errors_by_angle(track: Track, truth: Truth) -> dict[str, NDArray[np.float64]
     return {name: known for name, errors in off.items() if len(known := errors[np.isfinite(errors)])}
 
 
-def best_hypothesis(poses: NDArray[np.float64], truth: NDArray[np.float64]) -> NDArray[np.float64]:
+def best_hypothesis(poses: Array, truth: Array) -> Array:
     """Errors (F, A) in degrees of the hypothesis of poses (F, M, A) nearest to truth (F, A) in each frame."""
     errors = angle_error_deg(poses, truth[:, None])  # (F, M, A)
     if not errors.size:
@@ -174,7 +171,7 @@ def best_hypothesis(poses: NDArray[np.float64], truth: NDArray[np.float64]) -> N
     return np.take_along_axis(errors, best[:, None, None], axis=1)[:, 0]
 
 
-def angle_error_deg(angles: NDArray[np.float64], truth: NDArray[np.float64]) -> NDArray[np.float64]:
+def angle_error_deg(angles: Array, truth: Array) -> Array:
     """Absolute difference of angles in degrees, 0 to 180."""
     return np.abs((np.rad2deg(angles - truth) + 180.0) % 360.0 - 180.0)
 
@@ -186,33 +183,33 @@ def lost_from(errors: Errors) -> int | None:
     return to_the_end(errors.frame[known], ((angle > LOST_DEG) | (joint > LOST_M))[known])
 
 
-def to_the_end(frames: NDArray[np.int64], lost: NDArray[np.bool_]) -> int | None:
+def to_the_end(frames: Indices, lost: Mask) -> int | None:
     """First frame of (F,) from which all frames are lost (F,); None if the last frame is not."""
     kept = np.flatnonzero(~lost)
     first = kept[-1] + 1 if len(kept) else 0
     return int(frames[first]) if first < len(lost) else None
 
 
-def overall(errors: NDArray[np.float64]) -> float | None:
+def overall(errors: Array) -> float | None:
     """Mean of the known values."""
     known = errors[~np.isnan(errors)]
     return float(known.mean()) if len(known) else None
 
 
-def by_dof(names: tuple[str, ...], errors: NDArray[np.float64]) -> dict[str, float] | None:
+def by_dof(names: tuple[str, ...], errors: Array) -> dict[str, float] | None:
     """Mean error of each angle that is known in any frame."""
     means = {name: overall(errors[:, a]) for a, name in enumerate(names)}
     return {name: mean for name, mean in means.items() if mean is not None} or None
 
 
-def share_within(errors: NDArray[np.float64], limit: float) -> float | None:
+def share_within(errors: Array, limit: float) -> float | None:
     """Share of the known errors that are at most `limit`."""
     return overall(np.where(np.isnan(errors), np.nan, errors <= limit))
 
 
-def known_mean(values: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
+def known_mean(values: Array, axis: int) -> Array:
     """Mean of the known values along an axis; NaN if there are none."""
-    mean: NDArray[np.float64] = np.ma.masked_invalid(values).mean(axis=axis).filled(np.nan)
+    mean: Array = np.ma.masked_invalid(values).mean(axis=axis).filled(np.nan)
     return mean
 
 
@@ -221,6 +218,6 @@ def positions(names: tuple[str, ...], wanted: tuple[str, ...]) -> list[int]:
     return [names.index(name) for name in wanted]
 
 
-def span(frames: NDArray[np.int64]) -> str:
+def span(frames: Indices) -> str:
     """First and last frame, as text."""
     return f"frames {frames.min()} to {frames.max()}" if len(frames) else "no frames"

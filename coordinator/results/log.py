@@ -88,8 +88,7 @@ def read_records(file: BinaryIO) -> Iterator[tuple[Record, int]]:
                 raise msgspec.ValidationError(f"form {record.form}, not {FORM}")
         except msgspec.MsgspecError as error:
             raise InputError(
-                f"the run was recorded by another version of gepf ({error}); "
-                "track the sequence again into another folder"
+                f"the run was recorded by another version of gepf ({error}); track the sequence again"
             ) from error
         yield record, end
 

@@ -201,9 +201,7 @@ def check_configuration(folder: Path, recorded: Mapping[str, Any], asked: RunCon
     """InputError that names the differences, if there are any."""
     found = differences(recorded, asked)
     if found:
-        raise InputError(
-            f"{folder} was recorded with other options: {found}; give the same or choose another --out"
-        )
+        raise InputError(f"{folder} was recorded with other options: {found}; choose another --out")
 
 
 def open_log(path: Path) -> int:
@@ -213,9 +211,7 @@ def open_log(path: Path) -> int:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         os.close(descriptor)
-        raise InputError(
-            f"{path.parent} is in use by a run that has not ended; choose another --out"
-        ) from None
+        raise InputError(f"{path.parent} is in use by another run; choose another --out") from None
     if not path.exists() or path.stat().st_ino != os.fstat(descriptor).st_ino:  # the other run just ended
         os.close(descriptor)
         raise InputError(f"{path.parent} was in use until now; {ELSEWHERE}")

@@ -12,7 +12,7 @@ import numpy as np
 
 from common.errors import InputError
 from coordinator.results.configuration import versions
-from coordinator.tracking.estimate import UNKNOWN, Estimate, Status
+from coordinator.tracking.estimate import Estimate, Status
 
 if TYPE_CHECKING:  # it loads the compiler, which is slow
     from coordinator.results.log import Recorded, RecordedPerson
@@ -132,11 +132,6 @@ def describe_cameras(estimates: Sequence[Estimate]) -> dict[str, object]:
     return {"cameras": cameras} if cameras else {}
 
 
-def mostly_tracked(estimates: Sequence[Estimate]) -> bool:
-    """Whether at least half of the frames are tracked or ambiguous."""
-    return 2 * sum(e.status in UNKNOWN for e in estimates) <= len(estimates)
-
-
 def describe_status(statuses: Iterable[str]) -> str:
     """Number of frames of each status that occurs, as text."""
     return ", ".join(f"{n} {status}" for status, n in count_status(statuses).items() if n)
@@ -161,9 +156,7 @@ def read_summary(run: Path) -> dict[str, Any]:
     """The summary of a run; InputError if it is missing or damaged."""
     summary = find_summary(run)
     if summary is None:
-        raise InputError(
-            f"{run} holds no {SUMMARY_FILE} that can be read; give the --out folder of a finished gepf track"
-        )
+        raise InputError(f"{run} holds no readable {SUMMARY_FILE}; give the folder of a finished gepf track")
     return summary
 
 

@@ -12,12 +12,11 @@ from typing import Annotated, Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from common.arrays import Array, Indices, Mask
 from common.body import BodyModel
 from common.errors import InputError
 from coordinator.files import LOG_FILE, layout_of, read_arrays
 from coordinator.tracking.estimate import UNKNOWN
-
-Array = NDArray[np.float64]
 
 TRACK_FILE = "track.npz"
 
@@ -32,7 +31,7 @@ class Track:
     ones are NaN. Each field has the layout of its array.
     """
 
-    frame: Annotated[NDArray[np.int64], "whole numbers (F)"]
+    frame: Annotated[Indices, "whole numbers (F)"]
     time_s: Annotated[Array, "numbers (F)"]
     dof_names: Annotated[tuple[str, ...], "names (D)"]
     pose: Annotated[Array, "numbers (F, D)"]
@@ -48,19 +47,19 @@ class Track:
     angle: Annotated[Array, "numbers (F, A)"]  # continuous from frame to frame
     angle_deviation: Annotated[Array, "numbers (F, A)"]  # one standard deviation; NaN where unknown
     # before the deadline; None without one
-    particles_answered: Annotated[NDArray[np.int64] | None, "?whole numbers (F)"] = None
+    particles_answered: Annotated[Indices | None, "?whole numbers (F)"] = None
     up: Annotated[Array | None, "?numbers (3)"] = None  # unit vector away from the ground; None if unknown
     camera_names: Annotated[tuple[str, ...] | None, "?names (C)"] = None
     joint_seen_by: Annotated[Array | None, "?numbers (F, C, J)"] = None  # joint_seen for each camera
     camera_fault: Annotated[NDArray[np.str_] | None, "?texts (F, C)"] = None  # empty if there is none
 
     @property
-    def unknown(self) -> NDArray[np.bool_]:
+    def unknown(self) -> Mask:
         """Frames (F,) without a known pose: the body is lost, searched for, or absent."""
         return np.asarray(np.isin(self.status, UNKNOWN))
 
     @property
-    def placed(self) -> NDArray[np.bool_]:
+    def placed(self) -> Mask:
         """Frames (F,) with a pose, also a guessed one: all after the body was found."""
         return np.asarray(np.isfinite(self.pose).all(axis=1))
 
@@ -82,12 +81,7 @@ def filled(track: Track) -> Track:
     return where_missing(track, ~track.placed, lambda values: values[first] if track.placed.any() else 0.0)
 
 
-def emptied(track: Track, placed: NDArray[np.bool_]) -> Track:
-    """The track with NaN for pose, joints and angles in frames (F,) that are not `placed`."""
-    return where_missing(track, ~placed, lambda _: np.nan)
-
-
-def where_missing(track: Track, missing: NDArray[np.bool_], value: Callable[[Array], Array | float]) -> Track:
+def where_missing(track: Track, missing: Mask, value: Callable[[Array], Array | float]) -> Track:
     """The track with pose, joints and angles replaced by `value` of the field in some frames (F,)."""
     changed = {name: getattr(track, name).copy() for name in ("pose", "joint_positions", "angle")}
     for name, values in changed.items():
@@ -110,9 +104,7 @@ def read_track(folder: Path) -> Track:
         where = f"{folder} holds a run that has not ended or was interrupted"
         if not (folder / TRACK_FILE).exists():
             raise InputError(f"{where}; finish it with the same gepf track command and --resume")
-        logger.warning(
-            "%s, only its first frames are used; the same gepf track command with --resume continues", where
-        )
+        logger.warning("%s, only its first frames are used; gepf track --resume continues", where)
     if not (folder / TRACK_FILE).exists():
         people = sorted(each.parent.name for each in folder.glob(f"person*/{TRACK_FILE}"))
         if people:

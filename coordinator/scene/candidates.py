@@ -14,10 +14,11 @@ from functools import reduce
 import numpy as np
 from scipy.ndimage import find_objects
 
+from common.arrays import Array, Mask
 from common.camera import Intrinsics, back_project, level_from_camera
 from coordinator.scene.flatness import FLAT_SHARE, LEAST_PART_M2, SAMPLED, find_flat
-from coordinator.scene.planes import Array, extents
-from coordinator.scene.scene import FOREGROUND, PERSON_LENGTH_M, Mask, SceneView
+from coordinator.scene.planes import extents
+from coordinator.scene.scene import FOREGROUND, PERSON_LENGTH_M, SceneView
 from coordinator.scene.segmentation import LEAST_AREA_M2, REACH_M, STEP_M, label_parts
 
 MOST_AREA_M2 = 1.6  # visible area of a person
@@ -77,7 +78,7 @@ def candidates(view: SceneView, known: Mask | None = None) -> list[Candidate]:
 
 def find_parts(view: SceneView, free: Mask, step: float) -> list[Part]:
     """The connected components of pixels (H, W), if their depths differ by less than a step, metres."""
-    labels = label_parts(view, view.depth, free, step)
+    labels = label_parts(view.depth, free, step, view.growth, view.camera.fx)
     areas = np.bincount(labels.ravel(), (view.depth**2 / (view.camera.fx * view.camera.fy)).ravel())
     windows = find_objects(labels)
     large = np.flatnonzero(areas[1:] >= LEAST_PART_M2).tolist()
@@ -118,12 +119,13 @@ def cut(view: SceneView, part: Part) -> list[Part]:
     """
     depth = view.depth[part.window]
     flat = find_flat(depth, part.mask, camera_of(view, part.window), view.growth)
-    labels = label_parts(view, depth, flat.mask)
+    steps = STEP_M, view.growth, view.camera.fx
+    labels = label_parts(depth, flat.mask, *steps)
     areas = np.bincount(labels.ravel(), (depth**2 / (view.camera.fx * view.camera.fy)).ravel())
     areas[0] = 0.0
     rests = list[Part]()
     if areas.max() >= LEAST_AREA_M2:
-        labels = label_parts(view, depth, part.mask & ~flat.grow((areas >= LEAST_PART_M2)[labels]))
+        labels = label_parts(depth, part.mask & ~flat.grow((areas >= LEAST_PART_M2)[labels]), *steps)
         rests = [part_of(view, labels == label, part.window) for label in range(1, labels.max() + 1)]
         rests = [rest for rest in rests if area_of(view, rest.points) >= LEAST_AREA_M2]
     if max((rest.height for rest in rests), default=0.0) >= min(1.0, part.height):

@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, uniform_filter
 
+from common.arrays import Mask
 from common.camera import Intrinsics, back_project
 from coordinator.scene.planes import count_points, draw_planes, lie_on, refit, to_rays
-
-Mask = NDArray[np.bool_]
 
 FLAT_SHARE = 0.5  # of points in one plane, above which an object is flat and not a person
 LEAST_PART_M2 = 0.008  # visible area of the smallest part of a person or of furniture

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.compiling import numba
 
 LEAST = 0.001  # metres, at any distance
@@ -14,7 +15,7 @@ DEVIATIONS = 4.0  # standard deviations; smaller differences are noise
 ONE_DEVIATION = 68.3  # per cent of a Gaussian within one standard deviation
 
 
-def sigma(z: NDArray[np.float64], growth: float) -> NDArray[np.float64]:
+def sigma(z: Array, growth: float) -> Array:
     """Standard deviation of the noise at depths z, metres: 1 mm + growth z^2."""
     return LEAST + growth * z * z
 

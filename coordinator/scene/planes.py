@@ -12,11 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from common.arrays import Array, Indices, Mask
 from common.camera import Intrinsics
 from common.compiling import numba
 from coordinator.scene.noise import DEVIATIONS, sigma
-
-Array = NDArray[np.float64]
 
 SAMPLED_ACROSS = 80  # points per row of the image for fitting planes
 DRAWN_PLANES = 2_000  # samples of RANSAC, of three points each
@@ -107,10 +106,10 @@ def find_planes(rays: Array, approximate_up: Array) -> Planes:
     return Planes(np.array(chosen).reshape(-1, 3), floor is not None, approximate_up)
 
 
-def support(planes: Array, rays: Array) -> NDArray[np.int64]:
+def support(planes: Array, rays: Array) -> Indices:
     """Number of rays (N, 4) within half the margin of each plane (M, 3), minus those in the other half."""
     counts = count_points(planes, rays)
-    more: NDArray[np.int64] = 2 * counts[:, 0] - counts[:, 1]
+    more: Indices = 2 * counts[:, 0] - counts[:, 1]
     return more
 
 
@@ -139,7 +138,7 @@ def draw_planes(rays: Array) -> Array:
 
 
 @numba.njit(cache=True, nogil=True)
-def count_points(planes: Array, rays: Array) -> NDArray[np.int64]:
+def count_points(planes: Array, rays: Array) -> Indices:
     """Numbers of rays (N, 4): within half the margin of each plane (M, 3), within it, beyond twice of it."""
     counts = np.empty((len(planes), 3), dtype=np.int64)
     x, y, inverse = rays[:, 0] / rays[:, 3], rays[:, 1] / rays[:, 3], rays[:, 2] / rays[:, 3]
@@ -177,7 +176,7 @@ def refit(planes: Array, rays: Array) -> Array:
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def sum_moments(planes: Array, rays: Array, within: float) -> tuple[Array, NDArray[np.int64]]:
+def sum_moments(planes: Array, rays: Array, within: float) -> tuple[Array, Indices]:
     """Sums (M, 3, 4) of x x^T and x / z of x = (x/z, y/z, 1) over the rays (N, 4) on each plane (M, 3).
 
     A ray is on a plane within the given multiple of its margin. Also returns the numbers (M,) of these rays.
@@ -198,9 +197,9 @@ def sum_moments(planes: Array, rays: Array, within: float) -> tuple[Array, NDArr
     return moments, counts
 
 
-def lie_on(plane: Array, rays: Array) -> NDArray[np.bool_]:
+def lie_on(plane: Array, rays: Array) -> Mask:
     """Which rays (N, 4) are on a plane."""
-    on: NDArray[np.bool_] = np.abs(rays[:, :2] @ plane[:2] + plane[2] - rays[:, 2]) < rays[:, 3]
+    on: Mask = np.abs(rays[:, :2] @ plane[:2] + plane[2] - rays[:, 2]) < rays[:, 3]
     return on
 
 

@@ -12,22 +12,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from common.arrays import Array, Mask
 from common.camera import NOT_MOVED, Intrinsics
 from common.compiling import numba
 from common.frame import DepthFrame
 from coordinator.scene.noise import USUAL_GROWTH, fit_noise, margin_at
-from coordinator.scene.planes import (
-    Array,
-    Planes,
-    extents,
-    find_planes,
-    follow_planes,
-    sample_rays,
-    to_points,
-)
+from coordinator.scene.planes import Planes, extents, find_planes, follow_planes, sample_rays, to_points
 
 Depth = NDArray[np.float32]
-Mask = NDArray[np.bool_]
 Marks = NDArray[np.uint8]
 Lens = tuple[float, float, float, float]  # fx, fy, cx, cy
 
@@ -112,7 +104,7 @@ class SceneChange:
     furnished: bool = False
     size: tuple[int, int] = (0, 0)  # rows and columns of the background; none at the start
     learned: Learned = NOTHING
-    T_rig_camera: NDArray[np.float64] = field(default_factory=NOT_MOVED.copy)  # of the frame
+    T_rig_camera: Array = field(default_factory=NOT_MOVED.copy)  # of the frame
 
     @property
     def up(self) -> Array | None:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from common.arrays import Array, Mask
 from common.frame import DepthFrame
 from coordinator.scene.candidates import Candidate
 from coordinator.scene.scene import SceneView
@@ -34,10 +35,10 @@ class Scope:
     region: tuple[int, int, int, int] | None = None
     person: str | tuple[int, int] = "best"
     background: NDArray[np.float32] | None = None
-    up: NDArray[np.float64] | None = None
+    up: Array | None = None
     camera: str = ""
 
-    def limit(self, frame: DepthFrame) -> tuple[DepthFrame, NDArray[np.bool_] | None]:
+    def limit(self, frame: DepthFrame) -> tuple[DepthFrame, Mask | None]:
         """The frame with depth within the limits only; the excluded pixels (H, W), with or without depth.
 
         Without limits: the same frame, and None.

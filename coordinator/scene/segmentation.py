@@ -13,12 +13,12 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
+from common.arrays import Array, Mask
 from common.camera import back_project
 from common.compiling import numba
 from common.frame import EMPTY, HIDDEN, SUBJECT, UNKNOWN, UNMEASURED
 from coordinator.scene.noise import margin_at
-from coordinator.scene.planes import Array
-from coordinator.scene.scene import FOREGROUND, NOT_MEASURED, ON_PLANE, Depth, Lens, Mask, SceneView
+from coordinator.scene.scene import FOREGROUND, NOT_MEASURED, ON_PLANE, Depth, Lens, SceneView
 
 Labels = NDArray[np.uint8]
 Window = tuple[int, int, int, int]  # left, top, right, bottom in pixels, half-open
@@ -130,7 +130,7 @@ def segment_body(
         if mask is not None:
             unclear |= mask[inside]
     possible = (marks == FOREGROUND) & (near <= REACH_M) & ~unclear
-    parts = label_parts(view, depth, possible)
+    parts = label_parts(depth, possible, STEP_M, view.growth, view.camera.fx)
     chosen = np.zeros(parts.max(initial=0) + 1, dtype=np.bool_)
     chosen[parts[near <= NEAR_M]] = True
     labels = np.full(depth.shape, EMPTY, dtype=np.uint8)
@@ -225,22 +225,14 @@ def grow_apart(depth: Depth, free: Mask, distances: Depth, growth: float, least:
                 apart[grown[k] // columns, grown[k] % columns] = True
 
 
-def label_parts(view: SceneView, depth: Depth, inside: Mask, step: float = STEP_M) -> NDArray[np.int32]:
+@numba.njit(cache=True, nogil=True)
+def label_parts(depth: Depth, inside: Mask, step: float, growth: float, focal: float) -> NDArray[np.int32]:
     """Label connected components in depth (H, W) among the pixels inside: 1, 2, ... from the top; 0 outside.
 
     Neighbouring pixels are connected if their depths differ by less than a step in metres, and noise. Pixels
-    without depth separate them only if the gap is wider than STEP_M.
+    without depth separate them only if the gap is wider than STEP_M; `focal` is in pixels.
     """
     labels = np.zeros(depth.shape, dtype=np.int32)
-    label_pixels(depth, inside, step, view.growth, view.camera.fx, labels)
-    return labels
-
-
-@numba.njit(cache=True, nogil=True)
-def label_pixels(
-    depth: Depth, inside: Mask, step: float, growth: float, focal: float, labels: NDArray[np.int32]
-) -> None:
-    """Fill labels (H, W), initially 0, as in `label_parts`."""
     rows, columns = depth.shape
     stack = np.empty(rows * columns, dtype=np.int64)
     last = 0
@@ -267,3 +259,4 @@ def label_pixels(
                     labels[r, c] = last
                     stack[count] = r * columns + c
                     count += 1
+    return labels

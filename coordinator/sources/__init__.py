@@ -59,9 +59,7 @@ FORMATS = (
 """In the order of the tests."""
 
 
-DEPTH_PNG = (
-    "write its depth as 16-bit PNG of millimetres in depth/000000.png, ..., and add --intrinsics fx,fy,cx,cy"
-)
+DEPTH_PNG = "write it as 16-bit PNG of millimetres, depth/000000.png, ..., and add --intrinsics fx,fy,cx,cy"
 ROS_FOLDER = "give the folder that ROS 2 recorded, with its metadata.yaml; ros2 bag reindex writes it again"
 CONVERSIONS = {
     **dict.fromkeys((".mp4", ".avi"), f"a film holds colours, not depth; {DEPTH_PNG}"),

@@ -39,9 +39,7 @@ class ArraySource(Source):
     ) -> None:
         array = np.asarray(depth)
         if array.ndim != 3 or 0 in array.shape:
-            raise InputError(
-                f"{name}: depth has shape {array.shape}; give frames of rows of columns (F, H, W)"
-            )
+            raise InputError(f"{name}: depth has shape {array.shape}; give frames (F, H, W)")
         if not 0 < fps < np.inf:
             raise InputError(f"{name}: {fps} frames a second is not valid; give a positive number")
         units, scale = whole_depth(array, depth_scale, name)

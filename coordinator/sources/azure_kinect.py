@@ -18,13 +18,12 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.camera import Intrinsics
 from common.errors import InputError
 from coordinator.sources.camera import MILLIMETRES, CameraOptions
 from coordinator.sources.lens import Lens
 from coordinator.sources.source import Source, downward, rate_of
-
-Array = NDArray[np.float64]
 
 MODES = {
     # depth mode: size of the sensor after binning, then left and top of the used part
@@ -116,9 +115,7 @@ def depth_stream(container: Any, path: Path) -> Any:
         named = "DEPTH" in stream.metadata.get("title", "").upper() or "K4A_DEPTH_MODE" in stream.metadata
         if named and stream.codec_context.pix_fmt in ("gray16be", "gray16le"):
             return stream
-    raise InputError(
-        f"{path} holds no depth stream of 16-bit grey pictures; record it: k4arecorder -d NFOV_UNBINNED"
-    )
+    raise InputError(f"{path} holds no 16-bit depth stream; record it: k4arecorder -d NFOV_UNBINNED")
 
 
 def scan(container: Any, stream: Any, path: Path) -> tuple[list[float], Array]:
@@ -158,9 +155,7 @@ def read_calibration(container: Any, path: Path) -> Calibration | None:
                     turn=msgspec.convert(sensor["Rt"]["Rotation"], list[float]) if sensor else None,
                 )
             except (msgspec.MsgspecError, LookupError, TypeError, AttributeError) as error:
-                raise InputError(
-                    f"{path}: its calibration is damaged ({error}); give --intrinsics"
-                ) from error
+                raise InputError(f"{path}: damaged calibration ({error}); give --intrinsics") from error
     return None
 
 
@@ -173,10 +168,7 @@ def depth_camera(calibration: Calibration, stream: Any, path: Path) -> Intrinsic
     """The pinhole camera of the depth mode of the stream, with pixel centres at integers."""
     mode = stream.metadata.get("K4A_DEPTH_MODE", "")
     if mode not in MODES or len(calibration.lens) < 14:
-        raise InputError(
-            f"{path}: its calibration, or its depth mode '{mode}', is not known; "
-            "give --intrinsics fx,fy,cx,cy"
-        )
+        raise InputError(f"{path}: unknown calibration or depth mode '{mode}'; give --intrinsics")
     cx, cy, fx, fy = calibration.lens[:4]
     binned, left, top = MODES[mode]
     centre = (cx * binned - left - 0.5, cy * binned - top - 0.5)

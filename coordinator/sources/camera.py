@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 
 from common.camera import Intrinsics
 from common.errors import InputError
-from coordinator.files import CAMERA_FILE
 
 DEFAULT_FPS = 30.0
 MILLIMETRES = 1000.0  # per metre
@@ -41,8 +40,7 @@ def read_camera(path: Path) -> tuple[Intrinsics, float, float]:
         camera = msgspec.json.decode(path.read_bytes(), type=CameraFile)
     except FileNotFoundError:
         raise InputError(
-            f"{path} is missing; add --intrinsics fx,fy,cx,cy (pixels), or write it with width, height, "
-            "intrinsic_matrix (9 numbers, column by column) and depth_scale (units per metre)"
+            f"{path} is missing; add --intrinsics fx,fy,cx,cy (pixels), or write it (docs/formats.md)"
         ) from None
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror}; change its permissions") from error
@@ -69,7 +67,7 @@ def pinhole(matrix: ArrayLike, width: int, height: int, name: str) -> Intrinsics
     good = values.tolist() == [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] and min(fx, fy) > 0
     if not (good and np.isfinite([fx, fy, cx, cy]).all()):
         raise InputError(
-            f"{name}: intrinsics are not fx 0 cx, 0 fy cy, 0 0 1 with positive fx, fy; correct them"
+            f"{name}: intrinsics are not fx 0 cx, 0 fy cy, 0 0 1; give them with positive fx, fy"
         )
     return Intrinsics(width, height, fx, fy, cx, cy)
 
@@ -84,10 +82,7 @@ class CameraOptions:
     def matrix(self, path: Path) -> list[list[float]]:
         """The user's camera matrix (3, 3); InputError if the recording at `path` needs one."""
         if self.intrinsics is None:
-            raise InputError(
-                f"{path} does not contain its camera; add --intrinsics fx,fy,cx,cy (pixels), or write "
-                f"{CAMERA_FILE} beside the frames"
-            )
+            raise InputError(f"{path} does not contain its camera; add --intrinsics fx,fy,cx,cy (pixels)")
         fx, fy, cx, cy = self.intrinsics
         return [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]
 
@@ -102,17 +97,13 @@ AS_RECORDED = CameraOptions()
 def parse_camera_options(intrinsics: str | None, depth_scale: float | None) -> CameraOptions:
     """Parse the values of the command line; InputError if they are invalid."""
     if depth_scale is not None and not 0.0 < depth_scale < np.inf:
-        raise InputError(
-            f"--depth-scale {depth_scale:g} is not a number of units per metre; millimetres have 1000"
-        )
+        raise InputError(f"--depth-scale {depth_scale:g} is not above 0; millimetres have 1000")
     if intrinsics is None:
         return CameraOptions(None, depth_scale)
     try:
         fx, fy, cx, cy = (float(part) for part in intrinsics.split(","))
     except ValueError:
-        raise InputError(
-            f"--intrinsics '{intrinsics}' is not fx,fy,cx,cy in pixels; give four numbers"
-        ) from None
+        raise InputError(f"--intrinsics '{intrinsics}' is not fx,fy,cx,cy; give four numbers") from None
     options = CameraOptions((fx, fy, cx, cy), depth_scale)
     options.camera((1, 1), Path("--intrinsics"))
     return options
@@ -136,7 +127,4 @@ def doubt_camera(camera: Intrinsics) -> str | None:
     """A warning about an implausible camera matrix; None if it is plausible."""
     if 0.0 <= camera.cx <= camera.width and 0.0 <= camera.cy <= camera.height:
         return None
-    return (
-        f"the camera's centre ({camera.cx:g}, {camera.cy:g}) is outside its picture of "
-        f"{camera.width}x{camera.height}; are these the intrinsics of another size?"
-    )
+    return f"the centre ({camera.cx:g}, {camera.cy:g}) is outside its {camera.width}x{camera.height} image"

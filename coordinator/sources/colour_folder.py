@@ -31,16 +31,14 @@ class ColourFolder:
         missing = [number for number in numbers if number not in self._files]
         if missing:
             raise InputError(
-                f"{path} has no colour frame {missing[0]} ({len(missing)} of {len(numbers)} are missing); "
-                "number them as the depth frames, as in 000000.png"
+                f"{path} has no colour frame {missing[0]} ({len(missing)} of {len(numbers)}); add it"
             )
         for number in numbers:
             with opened(self._files[number], *FORMATS) as image:
                 width, height = image.size
             if abs(width * camera.height / camera.width - height) > 1.0:
                 raise InputError(
-                    f"{self._files[number]} is {width}x{height}, not in the shape of the depth, "
-                    f"{camera.width}x{camera.height}; register colour to depth, or leave --color out"
+                    f"{self._files[number]} has another shape than the depth; register colour to depth"
                 )
 
     def frame(self, number: int) -> Image.Image:

@@ -15,13 +15,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import unknown_dof
 from common.errors import InputError
 from coordinator.sources.ros_bag import Bag, depth_topic, is_bag
-
-Array = NDArray[np.float64]
 
 logger = logging.getLogger(__name__)
 
@@ -65,8 +63,7 @@ def read_joint_states(path: Path) -> JointStates:
     finite = np.isfinite(times).all() and np.isfinite(values).all()
     if len(times) < 2 or not names or not finite or not (np.diff(times[order]) > 0).all():
         raise InputError(
-            f"{path} has {len(times)} states of {len(names)} joints; give at least two, with finite numbers "
-            "and different times"
+            f"{path} has {len(times)} states of {len(names)} joints; give two, with finite numbers and times"
         )
     return JointStates(names, times[order], values[order])
 
@@ -79,13 +76,11 @@ def read_csv(path: Path) -> tuple[tuple[str, ...], Array, Array]:
         table = np.array([[float(cell) for cell in row] for row in rows]).reshape(len(rows), len(heads))
     except (OSError, ValueError) as error:
         raise InputError(
-            f"cannot read {path}: {error}; give a ROS bag, or a CSV with {TIME} and a column for each joint"
+            f"cannot read {path}: {error}; give a ROS bag, or a CSV with {TIME} and joints"
         ) from error
     heads = [head.strip() for head in heads]
     if TIME not in heads:
-        raise InputError(
-            f"{path} has no column {TIME}, but {', '.join(heads)}; give the column of times that name"
-        )
+        raise InputError(f"{path} has no column {TIME}, but {', '.join(heads)}; name the times so")
     joints = [k for k, head in enumerate(heads) if head != TIME]
     units = np.array([np.radians(1.0) if heads[k].endswith(DEGREES) else 1.0 for k in joints])
     names = tuple(heads[k].removesuffix(DEGREES) for k in joints)
@@ -102,9 +97,7 @@ def read_bag(path: Path) -> tuple[tuple[str, ...], Array, Array]:
     messages = [bag.message(topics[0], time) for time in stamps]
     names = tuple(messages[0].name)
     if any(tuple(message.name) != names for message in messages):
-        raise InputError(
-            f"{path}: messages of {topics[0]} name different joints; write them to a CSV instead"
-        )
+        raise InputError(f"{path}: messages of {topics[0]} name different joints; write them to a CSV")
     try:
         began = bag.times(depth_topic(bag))[0]
     except InputError:  # no depth

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from common.arrays import Indices
 from common.camera import Intrinsics
 
 
@@ -27,7 +28,7 @@ class Lens:
     radius: float = 0.0
 
     @cached_property
-    def pixels(self) -> NDArray[np.int64]:
+    def pixels(self) -> Indices:
         """Flat index (H, W) of the distorted pixel for each pixel of the pinhole camera; -1 for none."""
         camera = self.camera
         k1, k2, p1, p2, k3, k4, k5, k6 = (*self.coefficients, *[0.0] * (8 - len(self.coefficients)))

@@ -58,7 +58,7 @@ class LiveFrames:
     def is_ready(self) -> bool:
         """Whether the next frame waits, or the stream has ended."""
         with self._changed:
-            return self._is_ready()
+            return self._ended or self._rig.next(time.monotonic()) is not None
 
     @property
     def period_s(self) -> float:
@@ -69,7 +69,7 @@ class LiveFrames:
     def wait(self, seconds: float) -> None:
         """Wait for the next frame or the end of the stream, at most so long."""
         with self._changed:
-            self._wait(seconds)
+            self._changed.wait_for(lambda: self.is_ready, None if math.isinf(seconds) else seconds)
 
     def receive(
         self, payload: bytes, *, place: int = 0, decode: Callable[[bytes], DepthFrame | None] = decode_live
@@ -118,20 +118,15 @@ class LiveFrames:
         """Wait for the newest frame, with its stream and reception; None at the end."""
         keys = " and ".join(camera.key for camera in self.cameras)
         with self._changed:
-            if not self._wait(min(self._notice, self._idle)) and self._notice < self._idle:
+            self.wait(min(self._notice, self._idle))
+            if not self.is_ready and self._notice < self._idle:
                 self._report(f"no frame comes on {keys}{self.explain()}; waiting for one")
-                self._wait(self._idle - self._notice)
-            if not self._is_ready():
+                self.wait(self._idle - self._notice)
+            if not self.is_ready:
                 self._report(f"no frame came on {keys} for {self._idle:g} s{self.explain()}; ending")
                 self._ended = True
             frame = self._rig.take(time.monotonic())
             return None if frame is None else (self._rig.begun, frame, self._rig.lead.received)
-
-    def _wait(self, seconds: float) -> bool:
-        return self._changed.wait_for(self._is_ready, None if math.isinf(seconds) else seconds)
-
-    def _is_ready(self) -> bool:
-        return self._ended or self._rig.next(time.monotonic()) is not None
 
 
 def from_first_seen(frames: Iterator[DepthFrame], report: Callable[[str], None]) -> Iterator[DepthFrame]:

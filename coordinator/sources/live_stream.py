@@ -10,9 +10,7 @@ from itertools import pairwise
 from pathlib import Path
 from statistics import median
 
-import numpy as np
-from numpy.typing import NDArray
-
+from common.arrays import Array
 from common.camera import NOT_MOVED
 from common.frame import DepthFrame
 from common.protocol.keys import check_stream
@@ -55,7 +53,7 @@ class LiveCamera:
 
     key: str
     camera: str = ""
-    T_rig_camera: NDArray[np.float64] = field(default_factory=NOT_MOVED.copy)
+    T_rig_camera: Array = field(default_factory=NOT_MOVED.copy)
     offset_s: float = 0.0
 
 
@@ -166,10 +164,7 @@ def find_misfit(frame: DepthFrame, last: DepthFrame) -> tuple[str, str] | None:
     if camera != other:
         return "intrinsics", "has other intrinsics than those before"
     if frame.depth_scale != last.depth_scale:
-        return (
-            "scale",
-            f"has {frame.depth_scale:g} units of depth per metre, those before {last.depth_scale:g}",
-        )
+        return "scale", f"has {frame.depth_scale:g} units per metre, those before {last.depth_scale:g}"
     if frame.number <= last.number or frame.time_s <= last.time_s:
         before = f"the one before number {last.number} of {last.time_s:g} s"
         return ORDER, f"is number {frame.number} of {frame.time_s:g} s, {before}"

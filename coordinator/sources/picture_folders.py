@@ -64,8 +64,7 @@ def read_pictures(path: Path, options: CameraOptions) -> Source:
     numbers, files, times = find_frames(folder, path)
     if not files:
         raise InputError(
-            f"{path} holds no depth/000000.png; give a folder as Open3D's recorders write it "
-            f"(depth/*.png and {CAMERA_FILE})"
+            f"{path} holds no depth/000000.png; give a folder with depth/*.png and {CAMERA_FILE}"
         )
     name = path.resolve().name
     if is_tum(path):
@@ -98,9 +97,7 @@ def find_frames(folder: Path, beside: Path) -> tuple[Sequence[int], list[Path], 
         files, times = listed_times(listed, files)
     if times is not None and np.any(np.diff(times) <= 0.0):
         late = int(np.argmax(np.diff(times) <= 0.0)) + 1
-        raise InputError(
-            f"{listed or folder}: the time of frame {late} is not after the one before; correct it"
-        )
+        raise InputError(f"{listed or folder}: the time of frame {late} is not after the last; correct it")
     if (times is not None and listed is None) or not all(value.is_integer() for value in files):
         return range(len(files)), list(files.values()), times
     numbers = [int(value) for value in files]
@@ -129,7 +126,7 @@ def sorted_by_number(folder: Path) -> dict[float, Path]:
         value = float(found.group())
         if value in numbered:
             raise InputError(
-                f"{folder} names a frame number twice ({numbered[value].name}, {file.name}); remove one"
+                f"{folder} has a frame number twice ({numbered[value].name}, {file.name}); keep one"
             )
         numbered[value] = file
     return dict(sorted(numbered.items()))
@@ -175,9 +172,7 @@ def read_depth(path: Path) -> NDArray[np.uint16]:
     with opened(path, "PNG") as image:
         if image.mode != SIXTEEN_BIT_GREY:
             kind = {"1": "1-bit", "L": "8-bit"}.get(image.mode, f"of kind {image.mode}")
-            raise InputError(
-                f"{path} is {kind}, not 16-bit grey; save depth as uint16 with depth_scale units per metre"
-            )
+            raise InputError(f"{path} is {kind}, not 16-bit grey; save depth as uint16")
         image.verify()  # all checksums: decoding alone accepts truncated or altered files
     with opened(path, "PNG") as image:
         return np.asarray(image).astype(np.uint16, copy=False)

@@ -14,13 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.camera import Intrinsics, project
 from common.errors import InputError
 from coordinator.files import CAMERA_FILE
 from coordinator.sources.camera import DEFAULT_FPS, NOMINAL, CameraOptions, read_camera
 from coordinator.sources.source import Source
-
-Array = NDArray[np.float64]
 
 SUFFIXES = (".ply", ".pcd")
 LARGEST_MISFIT_PX = 0.05  # error of the pixels of a pinhole camera
@@ -58,8 +57,6 @@ def read_cloud(path: Path) -> Array:
     """Points (N, 3), or (H, W, 3) for an organised cloud; InputError if it is damaged."""
     try:
         return read_ply(path) if path.suffix.lower() == ".ply" else read_pcd(path)
-    except ImportError as error:
-        raise InputError(f"{path} needs the package {error.name}; pip install 'gepf[coordinator]'") from error
     except Exception as error:  # the readers can raise anything
         reason = " ".join(str(error).split()) or type(error).__name__
         raise InputError(f"{path} is damaged or not a point cloud ({reason}); copy it again") from error
@@ -91,9 +88,7 @@ def own_camera(points: Array, path: Path) -> Intrinsics:
     fx, cx, off_x = fit_axis(points[seen][:, 0] / points[seen][:, 2], u[seen])
     fy, cy, off_y = fit_axis(points[seen][:, 1] / points[seen][:, 2], v[seen])
     if not (fx > 0 and fy > 0 and max(off_x, off_y) < LARGEST_MISFIT_PX):
-        raise InputError(
-            f"{path} is organised, but does not fit a pinhole camera; add {CAMERA_FILE} to the folder"
-        )
+        raise InputError(f"{path} is organised, but not by a pinhole camera; add {CAMERA_FILE} to the folder")
     return Intrinsics(columns, rows, fx, fy, cx, cy)
 
 

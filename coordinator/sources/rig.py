@@ -10,9 +10,10 @@ from typing import Annotated
 import msgspec
 import numpy as np
 from msgspec import Meta
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.bounds import LARGEST, MAX_CAMERAS
+from common.camera import is_rigid
 from common.errors import InputError
 from coordinator.files import write_json
 from coordinator.sources.camera import AS_RECORDED, CameraOptions
@@ -22,7 +23,6 @@ from coordinator.sources.source import Source
 Row = Annotated[list[float], Meta(min_length=4, max_length=4)]
 Matrix = Annotated[list[Row], Meta(min_length=4, max_length=4)]
 RIG_FILE = "rig.json"
-ROUNDED = 1e-3  # error of a rotation that is written with a few digits
 EXAMPLE = '{"cameras": [{"name": "front", "sequence": "front/", "T_rig_camera": [[1, 0, 0, 0], ...]}, ...]}'
 
 
@@ -35,7 +35,7 @@ class RigCamera(msgspec.Struct, frozen=True):
     time_offset_s: float = 0.0  # added to the camera's time it gives the rig's
 
     @property
-    def placed(self) -> NDArray[np.float64]:
+    def placed(self) -> Array:
         """T_rig_camera (4, 4), with an exact rotation."""
         matrix = np.array(self.T_rig_camera)
         left, _, right = np.linalg.svd(matrix[:3, :3])
@@ -75,13 +75,8 @@ def read_rig_file(path: Path) -> RigFile:
 def find_fault(camera: RigCamera) -> str | None:
     """What is wrong with a camera by itself; None if nothing is."""
     name, matrix = camera.name, np.array(camera.T_rig_camera)
-    turn, rest = matrix[:3, :3], matrix[3] - [0.0, 0.0, 0.0, 1.0]
-    rigid = np.abs(turn @ turn.T - np.eye(3)).max() + np.abs(rest).max() < ROUNDED
-    if not (name and rigid and np.linalg.det(turn) > 0.0 and np.abs(matrix).max() < LARGEST):
-        return (
-            f"T_rig_camera of '{name}' is not a rotation and a translation in metres; "
-            "give 4 rows of 4 numbers, the last 0 0 0 1"
-        )
+    if not (name and is_rigid(matrix) and np.abs(matrix).max() < LARGEST):
+        return f"T_rig_camera of '{name}' is not a rotation and a translation in metres; give 4 rows of 4"
     if abs(camera.time_offset_s) > LARGEST:
         return f"time_offset_s of '{name}' is not in seconds; correct it"
     return None
@@ -120,9 +115,7 @@ def read_rig(path: Path, options: CameraOptions) -> Source:
     from coordinator.sources import open_source
 
     if options != AS_RECORDED:
-        raise InputError(
-            f"--intrinsics and --depth-scale are of one camera, {path} lists several; leave them out"
-        )
+        raise InputError(f"--intrinsics and --depth-scale do not fit the rig {path}; leave them out")
     if live_cameras(path):
         raise InputError(f"the cameras of {path} are live; gepf track and gepf.live read them")
     cameras = []

@@ -52,11 +52,9 @@ class Bag:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        try:
-            from rosbags.highlevel import AnyReader
-            from rosbags.typesys import Stores, get_typestore
-        except ImportError as error:
-            raise InputError(f"{path} needs the package rosbags; pip install 'gepf[coordinator]'") from error
+        from rosbags.highlevel import AnyReader  # slow to load
+        from rosbags.typesys import Stores, get_typestore
+
         types = get_typestore(Stores.ROS1_NOETIC if path.suffix == ".bag" else Stores.ROS2_HUMBLE)
         self._reader = self.guarded(lambda: AnyReader([path], default_typestore=types))
         self.guarded(self._reader.open)
@@ -106,10 +104,7 @@ def camera_of(bag: Bag, topic: str) -> Intrinsics:
     """The camera of a topic's images: the camera_info with the most similar name."""
     infos = bag.topics(CAMERA)
     if not infos:
-        raise InputError(
-            f"{bag.path} holds no camera_info, so its camera is unknown; "
-            "record it with the depth, or add --intrinsics fx,fy,cx,cy"
-        )
+        raise InputError(f"{bag.path} holds no camera_info; record it, or add --intrinsics fx,fy,cx,cy")
     info = bag.message(nearest(topic, infos))
     return camera_in(info, str(bag.path))
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from common.arrays import Indices
 from common.compiling import numba
 
 
 @numba.njit(cache=True, nogil=True)
-def decode_rvl(words: NDArray[np.int64], out: NDArray[np.uint16]) -> bool:
+def decode_rvl(words: Indices, out: NDArray[np.uint16]) -> bool:
     """Fill out (P,) from words (W,) of 32 bits; returns whether these hold exactly the pixels.
 
     A word has eight nibbles, the first in the highest bits. A number has three bits per nibble, the lowest

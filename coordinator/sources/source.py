@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from common.arrays import Array
 from common.camera import NOT_MOVED, Intrinsics
 from common.errors import InputError
 from common.frame import DepthFrame
@@ -49,10 +50,10 @@ class Source:
     depth_scale: float
     fps: float = DEFAULT_FPS
     times: Sequence[float] | None = None
-    gravity: NDArray[np.float64] | None = None
+    gravity: Array | None = None
     folder: Path | None = None
     camera: str = ""
-    T_rig_camera: NDArray[np.float64] = field(default_factory=NOT_MOVED.copy)
+    T_rig_camera: Array = field(default_factory=NOT_MOVED.copy)
     offset_s: float = 0.0
     others: tuple[Source, ...] = ()
 
@@ -119,24 +120,24 @@ class Source:
         return self.folder / name if self.folder and (self.folder / name).is_file() else None
 
 
-def to_units(metres: NDArray[np.float64]) -> NDArray[np.uint16]:
-    """Convert metres to units of 1 / `UNITS_PER_METRE`; 0 for no depth, or depth that is too large."""
-    known = np.where((metres > 0.0) & (metres <= FARTHEST_M), metres, 0.0)
-    return np.rint(known * UNITS_PER_METRE).astype(np.uint16)
+def to_units(metres: Array, per_metre: float = UNITS_PER_METRE) -> NDArray[np.uint16]:
+    """Convert metres to units; 0 for no depth, or depth that is too large."""
+    units = np.rint(metres * per_metre)
+    return np.where((units > 0.0) & (units <= np.iinfo(np.uint16).max), units, 0.0).astype(np.uint16)
 
 
-def downward(accelerations: Collection[ArrayLike]) -> NDArray[np.float64] | None:
+def downward(accelerations: Collection[ArrayLike]) -> Array | None:
     """Direction of gravity (3,), unit vector, by an accelerometer's measurements (3,); None without any.
 
     At rest, they are of the upward force.
     """
     if not len(accelerations):
         return None
-    upward: NDArray[np.float64] = np.median(np.array(accelerations, dtype=np.float64), axis=0)
+    upward: Array = np.median(np.array(accelerations, dtype=np.float64), axis=0)
     return -upward / np.linalg.norm(upward)
 
 
-def rate_of(seconds: Sequence[float]) -> float:
+def rate_of(seconds: Sequence[float] | Array) -> float:
     """Frames per second of ascending times: the inverse of the median time between frames."""
     return float(1.0 / np.median(np.diff(seconds))) if len(seconds) > 1 else DEFAULT_FPS
 

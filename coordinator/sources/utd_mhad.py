@@ -42,7 +42,6 @@ def read_depth(path: Path) -> NDArray[np.uint16]:
         whole = depth.astype(np.uint16) if depth.dtype.kind in "iuf" else np.empty(0, np.uint16)
     if whole.shape[:2] != (KINECT.height, KINECT.width) or not whole.size or not np.array_equal(whole, depth):
         raise InputError(
-            f"{path} has no variable '{VARIABLE}' of shape (240, 320, frames) in whole millimetres; "
-            "give one of the data set's *_depth.mat files"
+            f"{path} has no '{VARIABLE}' (240, 320, frames) in whole millimetres; give a *_depth.mat"
         )
     return whole

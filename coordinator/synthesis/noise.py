@@ -10,13 +10,11 @@ surfaces seen at a grazing angle.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, map_coordinates, maximum_filter, minimum_filter
 
+from common.arrays import Array
 from common.camera import Intrinsics, back_project
 from coordinator.tracking.sensor_noise import SensorNoise
-
-Image = NDArray[np.float64]
 
 FARTHEST = 6.0  # standard deviations, the largest noise
 KINECT_STEP = 2.85e-3  # of inverse depth, 1/m
@@ -27,8 +25,8 @@ SAME_SURFACE = 0.01  # largest relative difference of neighbouring depths on one
 
 
 def add_noise(
-    depth_m: Image, camera: Intrinsics, noise: SensorNoise, rng: np.random.Generator, *, kinect: bool = False
-) -> Image:
+    depth_m: Array, camera: Intrinsics, noise: SensorNoise, rng: np.random.Generator, *, kinect: bool = False
+) -> Array:
     """A noisy copy of a depth image (H, W) in metres; 0 for no depth stays 0.
 
     Lateral noise: each pixel measures the surface along a ray displaced by Gaussian noise. So back-projected
@@ -47,7 +45,7 @@ def add_noise(
     return noisy
 
 
-def as_a_kinect(depth_m: Image, camera: Intrinsics, rng: np.random.Generator) -> Image:
+def as_a_kinect(depth_m: Array, camera: Intrinsics, rng: np.random.Generator) -> Array:
     """Depth (H, W) of a Kinect: noise and quantisation of inverse depth, irregular edges with gaps."""
     beside_a_jump = maximum_filter(depth_m, 3) - minimum_filter(depth_m, 3) > JUMP_M
     kept = ~(beside_a_jump & (rng.random(depth_m.shape) < 0.5))
@@ -60,18 +58,18 @@ def as_a_kinect(depth_m: Image, camera: Intrinsics, rng: np.random.Generator) ->
     return np.divide(1.0 / KINECT_STEP, steps, out=np.zeros_like(seen), where=measured)
 
 
-def facing(depth_m: Image, camera: Intrinsics) -> Image:
+def facing(depth_m: Array, camera: Intrinsics) -> Array:
     """Cosine (H, W) of the angle between line of sight and normal, from differences of depth."""
     points = back_project(depth_m, camera)
     down, right = np.gradient(points, axis=(0, 1))
     normal = np.cross(down, right)
     length = np.linalg.norm(normal, axis=-1) * np.linalg.norm(points, axis=-1)
     cosine = np.abs(np.sum(normal * points, axis=-1))
-    facing: Image = np.divide(cosine, length, out=np.zeros_like(depth_m), where=length > 0.0)
+    facing: Array = np.divide(cosine, length, out=np.zeros_like(depth_m), where=length > 0.0)
     return facing
 
 
-def reached(depth_m: Image, camera: Intrinsics, lateral: float) -> tuple[slice, slice]:
+def reached(depth_m: Array, camera: Intrinsics, lateral: float) -> tuple[slice, slice]:
     """Rows and columns that can have depth: the measured ones, enlarged by the range of the noise."""
     rows, columns = np.flatnonzero(depth_m.any(axis=1)), np.flatnonzero(depth_m.any(axis=0))
     if not len(rows):
@@ -83,7 +81,7 @@ def reached(depth_m: Image, camera: Intrinsics, lateral: float) -> tuple[slice, 
     )
 
 
-def look_aside(depth_m: Image, camera: Intrinsics, across: Image) -> Image:
+def look_aside(depth_m: Array, camera: Intrinsics, across: Array) -> Array:
     """Depth (H, W) at `across` (2, H, W) metres from the ray of each pixel.
 
     The offset in pixels depends on the depth there. It is computed from the depth of the nearest pixel and
@@ -101,7 +99,7 @@ def look_aside(depth_m: Image, camera: Intrinsics, across: Image) -> Image:
     return read(depth_m, here + focal * across / reach)
 
 
-def read(depth_m: Image, pixels: Image) -> Image:
+def read(depth_m: Array, pixels: Array) -> Array:
     """Depth at fractional pixels (2, H, W), as (row, column).
 
     It is interpolated within a surface, and that of the nearest pixel at its edge.
@@ -110,5 +108,5 @@ def read(depth_m: Image, pixels: Image) -> Image:
     nearest = map_coordinates(inverse, np.rint(pixels), order=0)
     between = map_coordinates(inverse, pixels, order=1)
     inside = np.abs(between - nearest) < SAME_SURFACE * nearest
-    chosen: Image = np.where(inside, between, nearest)
+    chosen: Array = np.where(inside, between, nearest)
     return np.divide(1.0, chosen, out=np.zeros_like(chosen), where=chosen > 0.0)

@@ -8,8 +8,8 @@ The person must be detected and does not move in the first half second.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import BodyModel
 from common.camera import Intrinsics
 from common.kinematics import joint_positions, pose_vertices
@@ -17,7 +17,6 @@ from coordinator.bodies.human.measures import LENGTHS, Measures
 from coordinator.bodies.human.template import human_of
 from coordinator.synthesis.scenes import Scene
 
-Array = NDArray[np.float64]
 Ranges = dict[str, tuple[float, float]]
 
 FRAMES, FPS = 60, 10.0

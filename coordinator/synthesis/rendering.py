@@ -8,11 +8,11 @@ Mesa). The segmentation pass renders one sample per pixel, at the centre.
 from __future__ import annotations
 
 import os
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.camera import Intrinsics
 from common.closing import Closing
 from common.errors import GepfError
@@ -27,11 +27,16 @@ class DepthRenderer(Closing):
     def __init__(self, camera: Intrinsics) -> None:
         """Open an OpenGL context; raises GepfError with the missing packages if that fails."""
         self.camera = camera
-        self._pyrender = load_pyrender()
+        os.environ["PYOPENGL_PLATFORM"] = "egl"
+        os.environ["PYGLET_HEADLESS"] = "1"
         try:
-            self._renderer = self._pyrender.OffscreenRenderer(camera.width, camera.height)
-        except Exception as error:  # EGL, PyOpenGL and pyrender raise different exceptions
-            raise missing_opengl(error) from error
+            import pyrender
+
+            self._renderer = pyrender.OffscreenRenderer(camera.width, camera.height)
+        except Exception as error:  # EGL, PyOpenGL, pyrender and the loader raise different ones
+            remedy = "on Debian or Ubuntu: apt install libegl1 libgl1"
+            raise GepfError(f"OpenGL through EGL does not start ({error}); {remedy}") from error
+        self._pyrender = pyrender
 
     def depth(self, vertices: NDArray[np.floating], triangles: NDArray[np.integer]) -> NDArray[np.float32]:
         """Depth (H, W) in metres of a surface with vertices (V, 3) in the camera frame, 0 elsewhere.
@@ -53,27 +58,6 @@ class DepthRenderer(Closing):
         """Release the OpenGL context."""
         self._renderer.delete()
 
-
-def load_pyrender() -> Any:
-    """Import pyrender for use without a display."""
-    os.environ["PYOPENGL_PLATFORM"] = "egl"
-    os.environ["PYGLET_HEADLESS"] = "1"
-    try:
-        import pyrender
-    except Exception as error:  # a missing shared library raises one of many exceptions
-        raise missing_opengl(error) from error
-    return pyrender
-
-
-def missing_opengl(cause: Exception) -> GepfError:
-    """The message to the user."""
-    return GepfError(
-        "cannot render without a display: OpenGL through EGL does not start "
-        f"({type(cause).__name__}: {cause}); on Debian or Ubuntu: apt install libegl1 libgl1"
-    )
-
-
-Array = NDArray[np.float64]
 
 FILLS = 0.85  # of the image
 NEAREST_M = 0.8

@@ -16,9 +16,9 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
+from common.arrays import Array, Indices
 from common.body import ROOT_DOFS, ROTATION, BodyModel
 from common.camera import Intrinsics
 from common.errors import InputError
@@ -26,8 +26,6 @@ from common.kinematics import pose_vertices
 from coordinator.bodies.human.template import human
 from coordinator.sources.camera import DEFAULT_FPS
 from coordinator.synthesis.rendering import fit_in_view
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,10 +39,10 @@ class Scene:
     model: BodyModel
     camera: Intrinsics
     fps: float
-    poses: NDArray[np.float64]  # (F, D) radians and metres
-    start: NDArray[np.float64] | None  # (D,)
+    poses: Array  # (F, D) radians and metres
+    start: Array | None  # (D,)
     others: tuple[Scene, ...] = ()
-    room: tuple[NDArray[np.float64], NDArray[np.int64]] | None = None
+    room: tuple[Array, Indices] | None = None
 
     def __post_init__(self) -> None:
         self.poses.setflags(write=False)
@@ -52,9 +50,7 @@ class Scene:
             self.start.setflags(write=False)
 
 
-def animate(
-    model: BodyModel, angles_deg: dict[str, dict[int, float]], **metres: dict[int, float]
-) -> NDArray[np.float64]:
+def animate(model: BodyModel, angles_deg: dict[str, dict[int, float]], **metres: dict[int, float]) -> Array:
     """Poses (F, D) of a body from keyframes of some degrees of freedom; the others are zero.
 
     Between two keyframes a value moves smoothly without overshoot; before the first and after the last it is

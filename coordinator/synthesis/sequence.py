@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
@@ -12,8 +12,10 @@ from pathlib import Path
 import imageio.v3 as iio
 import msgspec
 import numpy as np
+import trimesh
 from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import TRANSLATION, BodyModel
 from common.bounds import MAX_CAMERAS
 from common.errors import InputError
@@ -22,6 +24,7 @@ from coordinator.bodies.choice import load_body
 from coordinator.files import CAMERA_FILE, START_FILE, TRUTH_FILE, with_parent
 from coordinator.sources.camera import write_camera
 from coordinator.sources.rig import RIG_FILE, RigCamera, write_rig
+from coordinator.sources.source import to_units
 from coordinator.synthesis.noise import add_noise
 from coordinator.synthesis.person_scene import person
 from coordinator.synthesis.rendering import DepthRenderer
@@ -70,9 +73,7 @@ def synthesise(  # noqa: PLR0913 one parameter an option
         raise InputError(f"seed {seed} is negative; choose 0 or more")
     late = late or 0.0
     if not (1 <= cameras <= MAX_CAMERAS and 0.0 <= late < 1000.0):
-        raise InputError(
-            f"choose 1 to {MAX_CAMERAS} cameras that are 0 to 1000 ms late, not {cameras}, {late:g}"
-        )
+        raise InputError(f"choose 1 to {MAX_CAMERAS} cameras, 0 to 1000 ms late, not {cameras}, {late:g}")
     shown = find_scene(scene, model, seed, frames)
     shown = furnished(shown) if room else shown
     one = Seen("", shown, np.eye(4), 0.0)
@@ -139,11 +140,11 @@ def write_depth(
     folder.mkdir(parents=True)
     for number, depth_m in enumerate(render(scene)):
         noisy = add_noise(depth_m, scene.camera, noise, np.random.default_rng([seed, number]), kinect=kinect)
-        iio.imwrite(folder / f"{number:06d}.png", to_units(noisy))
+        iio.imwrite(folder / f"{number:06d}.png", to_units(noisy, DEPTH_SCALE))
         yield number
 
 
-def render(scene: Scene) -> Iterator[NDArray[np.float64]]:
+def render(scene: Scene) -> Iterator[Array]:
     """Exact depth (H, W) in metres of every frame."""
     with DepthRenderer(scene.camera) as renderer:
         for number in range(len(scene.poses)):
@@ -151,22 +152,9 @@ def render(scene: Scene) -> Iterator[NDArray[np.float64]]:
                 (pose_vertices(each.model, each.poses[number, None])[0], each.model.triangles)
                 for each in (scene, *scene.others)
             ]
-            vertices, triangles = joined(surfaces if scene.room is None else [*surfaces, scene.room])
-            yield renderer.depth(vertices, triangles).astype(np.float64)
-
-
-def joined(surfaces: Sequence[Surface]) -> Surface:
-    """One surface of several: vertices (V, 3) and triangles (T, 3)."""
-    counts = [len(vertices) for vertices, _ in surfaces]
-    before = np.cumsum([0, *counts[:-1]])
-    triangles = np.concatenate([t + n for (_, t), n in zip(surfaces, before, strict=True)])
-    return np.concatenate([vertices for vertices, _ in surfaces]), triangles
-
-
-def to_units(depth_m: NDArray[np.float64]) -> NDArray[np.uint16]:
-    """Depth in units of the file; depth that is too large becomes 0."""
-    units = np.rint(depth_m * DEPTH_SCALE)
-    return np.where(units <= np.iinfo(np.uint16).max, units, 0).astype(np.uint16)
+            surfaces += [] if scene.room is None else [scene.room]
+            whole = trimesh.util.append_faces(*zip(*surfaces, strict=True))
+            yield renderer.depth(*whole).astype(np.float64)
 
 
 def write_truth(scene: Scene, file: Path) -> None:
@@ -182,7 +170,7 @@ def write_truth(scene: Scene, file: Path) -> None:
     )
 
 
-def write_start(model: BodyModel, pose: NDArray[np.float64], file: Path) -> None:
+def write_start(model: BodyModel, pose: Array, file: Path) -> None:
     """Write the start pose (D,); zeros are omitted."""
     start = {name: float(value) for name, value in zip(model.dof_names, pose, strict=True) if value}
     file.write_bytes(msgspec.json.format(msgspec.json.encode(start)) + b"\n")

@@ -6,17 +6,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from common.arrays import Array
 from common.body import ROOT_DOFS
 from common.camera import inverse, moved
 from common.errors import InputError
 from common.kinematics import pose_vertices
 from common.kinematics.rotations import euler_angles, euler_matrix
 from coordinator.synthesis.scenes import Scene
-
-Array = NDArray[np.float64]
 
 ROOM_M, ROOM_HEIGHT_M = 2.2, 2.7  # from the person to the walls; seen from outside, walls are not drawn
 

@@ -8,13 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from common.arrays import Mask
 from common.body import BodyModel
 from common.camera import back_project
 from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import pose_vertices
 from coordinator.scene.candidates import candidates
 from coordinator.scene.planes import Planes
-from coordinator.scene.scene import Mask, Scene, SceneChange, SceneChanges, SceneView
+from coordinator.scene.scene import Scene, SceneChange, SceneChanges, SceneView
 from coordinator.scene.scope import Scope
 from coordinator.scene.segmentation import (
     NEAR_M,

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from benchmarks import ablation, people, placement, rooms
@@ -17,10 +16,10 @@ from benchmarks.people import GROUPS, Row, Trial
 from benchmarks.recordings import JOINTS, Recording
 from benchmarks.running import Crash, run_forked, settings_with
 from benchmarks.tracking import Outcome
+from common.arrays import Array
 from common.errors import InputError
 from common.settings import PRESETS, FilterSettings, RefineSettings
 
-Array = NDArray[np.float64]
 FRAMES = 30
 
 

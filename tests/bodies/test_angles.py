@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from common.arrays import Array
 from common.body import ROOT_DOFS, BodyModel
 from common.kinematics import joint_positions
 from coordinator.bodies.angles import Angles, angles_of, person_angles
@@ -20,8 +20,6 @@ from coordinator.bodies.human.template import human
 from coordinator.bodies.swing_twist import isb_shoulder, nearest_swing, swing_twist
 from coordinator.bodies.tracked import name_pose
 from coordinator.bodies.urdf import read_urdf
-
-Array = NDArray[np.float64]
 
 DOWN, LEFT, FRONT = np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, -1.0])
 ARM = ("l_shoulder_flexion", "l_shoulder_abduct", "l_shoulder_twisting")

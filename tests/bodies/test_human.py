@@ -6,16 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from common.activation import activate
+from common.arrays import Array, Indices
 from common.body import BodyModel
 from common.errors import InputError
 from common.kinematics import joint_positions, pose_vertices
 from coordinator.bodies.human.dofs import JOINT_ANGLES
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
-
-Array = NDArray[np.float64]
 
 SIDES = {"left": "l", "right": "r"}
 LEFTWARD, FORWARD, UPWARD = (1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, -1.0, 0.0)
@@ -55,12 +53,12 @@ def test_spreads_that_mean_nothing_are_refused(model: BodyModel, wrong: float) -
         replace(model, rest_spreads=spreads)
 
 
-def directed_edges(triangles: NDArray[np.int64]) -> NDArray[np.int64]:
+def directed_edges(triangles: Indices) -> Indices:
     """All three edges of each triangle, in its direction, (3T, 2)."""
     return np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
 
 
-def volume(vertices: Array, triangles: NDArray[np.int64]) -> float:
+def volume(vertices: Array, triangles: Indices) -> float:
     """Volume enclosed, positive where triangles are counter-clockwise from outside."""
     a, b, c = (vertices[triangles[:, i]] for i in range(3))
     return float(np.sum(np.cross(a, b) * c) / 6.0)

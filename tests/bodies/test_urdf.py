@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import trimesh
 import yourdfpy
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from common.arrays import Array
 from common.body import REST_FROM_URDF, ROOT_DOFS, ROTATION, TRANSLATION, BodyModel
 from common.kinematics import joint_positions, link_transforms
 from coordinator.bodies.urdf import read_urdf
@@ -53,14 +53,14 @@ def crane(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def random_poses(model: BodyModel, count: int = 5) -> NDArray[np.float64]:
+def random_poses(model: BodyModel, count: int = 5) -> Array:
     """Poses (count, D), root included."""
     return np.random.default_rng(3).uniform(-0.8, 0.8, (count, len(model.dof_names)))
 
 
-def in_rest_frame(urdf: yourdfpy.URDF, link: str) -> NDArray[np.float64]:
+def in_rest_frame(urdf: yourdfpy.URDF, link: str) -> Array:
     """T_rest_link (3, 4) by the library's own kinematics."""
-    turned: NDArray[np.float64] = REST_FROM_URDF @ urdf.get_transform(link)[:3]
+    turned: Array = REST_FROM_URDF @ urdf.get_transform(link)[:3]
     return turned
 
 
@@ -144,7 +144,7 @@ def test_a_joint_that_mimics_moves_on_its_own(tmp_path: Path, caplog: pytest.Log
     path = tmp_path / "gripper.urdf"
     path.write_text(robot("<mimic joint='k'/>"))
     assert read_urdf(path).dof_names == (*ROOT_DOFS, "j")
-    assert "joint 'j' mimics 'k'; it is tracked on its own" in caplog.text
+    assert "'j' mimics 'k'; it is tracked alone" in caplog.text
 
 
 @pytest.mark.parametrize(

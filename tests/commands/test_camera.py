@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import gepf
+from common.arrays import Array
 from common.camera import back_project, inverse, moved
 from common.kinematics import joint_positions
 from common.kinematics.rotations import euler_matrix
@@ -21,8 +21,6 @@ from tests.support.people import CAMERA, STANDING, rendered
 from tests.support.recordings import write_open3d
 from tests.support.rooms import along
 from tests.support.stand_ins import Direct
-
-Array = NDArray[np.float64]
 
 FRAMES, RATE = 12, 10.0
 FLOOR, WALL = 1.15, 4.0  # metres below and before the camera

@@ -51,9 +51,7 @@ def test_a_signal_ends_it_well(
     assert not any(map(is_alive, workers))
     lines = (tmp_path / "log").read_text().splitlines()
     kept = recorded(out)
-    assert lines[-2] == (
-        f"ended early with {kept} of {FRAMES} frames in {out}; the same command with --resume continues"
-    )
+    assert lines[-2] == (f"ended early with {kept} of {FRAMES} frames in {out}; --resume continues")
     assert lines[-1] == "gepf: stopped"
     assert (out / "track.npz").exists()
 

@@ -102,6 +102,6 @@ def test_a_worker_that_takes_requests_and_never_answers_is_named(endpoint: str) 
         bus.announce(keys.of_worker("mute", "alive"))
         refiner.wait_for(1)
         pending = refiner.submit(frame(1), MODEL, POSES, SETTINGS)
-        with pytest.raises(SilentWorkers, match=r"none answers within 30 s \(the last was mute\)"):
+        with pytest.raises(SilentWorkers, match=r"none answers within 30 s \(last mute\)"):
             pending.result()
         assert len(kept) == 1

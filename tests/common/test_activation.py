@@ -9,16 +9,14 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from common.activation import activate
+from common.arrays import Array
 from common.body import ROTATION, TRANSLATION, BodyModel, find_balls
 from common.kinematics import joint_positions, pose_vertices
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from tests.support.bodies import person, puppet
 from tests.support.refusals import refused
-
-Array = NDArray[np.float64]
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -167,10 +165,7 @@ THROUGH_ONE_POINT = np.zeros((4, 3))
 
 
 def balls_of(
-    parents: list[int],
-    carriers: list[int],
-    axes: NDArray[np.float64] | None = None,
-    kinds: list[int] | None = None,
+    parents: list[int], carriers: list[int], axes: Array | None = None, kinds: list[int] | None = None
 ) -> list[int]:
     """Balls among rotations about x, y, z and x again."""
     count = len(parents)

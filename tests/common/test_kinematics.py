@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from common.arrays import Array
 from common.body import ROTATION, TRANSLATION, BodyModel
 from common.kinematics import (
     difference,
@@ -21,13 +21,11 @@ from common.kinematics import (
     natural_angles,
     pose_vertices,
     retract,
-    step_axes,
     within_limits,
 )
 from tests.support.bodies import moves, puppet, random_body
 from tests.support.kernel import plain_path
-
-Array = NDArray[np.float64]
+from tests.support.kernel.plain_path import step_axes
 
 seeds = st.integers(0, 2**32 - 1)
 

@@ -258,7 +258,7 @@ BAD = [  # kind, fault, what is said
     ("frame", of_view("kinds", np.full((32, 32), EMPTY, np.uint8)), "kinds and depth"),
     ("frame", of_view("T_rig_camera", MIRRORED), "T_rig_camera is not a rotation"),
     ("frame", of_view("view", [3, 0, 2, 9]), "ends before it begins"),
-    ("frame", no_columns, "a frame has 1 to 8388608 pixels, this one 0 by 32"),
+    ("frame", no_columns, "a frame has 1 to 8388608 pixels, not 0 by 32"),
     ("model", of_model("triangles", np.full((4, 3), 4)), "triangles must be 0 to 3, not 4"),
     ("model", of_model("skin_links", np.full((4, 1), -1)), "skin_links must be 0"),
     ("model", of_model("balls", np.array([4])), "balls must be in"),

@@ -9,8 +9,8 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.bounds import LARGEST, LARGEST_LOG_LIKELIHOOD, MOST_PIXELS, check_work
 from common.errors import ProtocolError
 from common.protocol.messages import decode_refined, encode_refined
@@ -98,7 +98,7 @@ def test_a_filter_survives_any_answer(name: str) -> None:
     settings, rng, liar = preset(name).filter, np.random.default_rng(0), np.random.default_rng(1)
     model = tiny_model()
 
-    def make_up(poses: NDArray[np.float64]) -> Refined:
+    def make_up(poses: Array) -> Refined:
         made_up = liar.choice([0.0, 1e-300, 1.0, -1.0, LARGEST, -LARGEST], size=poses.shape)
         log_likelihood = liar.choice(
             [-np.inf, 0.0, -LARGEST_LOG_LIKELIHOOD, LARGEST_LOG_LIKELIHOOD], len(poses)

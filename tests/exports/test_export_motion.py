@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from common.arrays import Array
 from common.errors import InputError
 from common.kinematics import joint_positions
 from coordinator.cli import main
@@ -21,8 +21,6 @@ from coordinator.results.track import write_track
 from tests.support.bodies import hinges, person
 from tests.support.export_readers import c3d_points
 from tests.support.runs import RATE, swing, write_run
-
-Array = NDArray[np.float64]
 
 
 def opensim_table(path: Path) -> tuple[list[str], Array, Array]:
@@ -175,7 +173,7 @@ def test_a_cut_off_that_cannot_be_is_one_line(tmp_path: Path) -> None:
     body = hinges()
     write_run(tmp_path / "run", body, swing(body, 9))
     run = read_run(tmp_path / "run")
-    with pytest.raises(InputError, match="half of the 25 frames a second; laboratories use 6"):
+    with pytest.raises(InputError, match="half of 25 frames a second; 6 is usual"):
         smooth_track(run.track, body, 20.0)
     short = replace(run.track, time_s=run.track.time_s * 0.0)
     with pytest.raises(InputError, match="cannot be smoothed"):

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from common.arrays import Array
 from common.body import BodyModel
 from common.camera import Intrinsics
 from common.kinematics.rotations import euler_angles, euler_matrix
@@ -26,8 +26,6 @@ from tests.support.bodies import person, puppet, random_body
 from tests.support.export_readers import bvh_joints, c3d_points, world_matrices
 from tests.support.rooms import HEIGHT, Room
 from tests.support.runs import swing, write_run
-
-Array = NDArray[np.float64]
 
 PITCH = np.radians(30.0)
 CAMERAS = {

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.camera import Intrinsics
 from common.frame import DepthFrame
 from common.kinematics import retract
@@ -29,8 +29,6 @@ from gepf.direct import DirectRefiner
 from tests.support.bodies import hinges, puppet
 from tests.support.filtering import INTERVAL, advance
 from tests.support.people import OnePerson, rendered
-
-Array = NDArray[np.float64]
 
 SETTINGS = FilterSettings(particles=300)
 BASELINES = ("condensation", "annealed")
@@ -94,15 +92,6 @@ def test_layers_diffuse_less_and_less() -> None:
 
 
 @pytest.mark.parametrize("method", BASELINES)
-def test_a_still_peak_is_found_exactly_on_average(method: str) -> None:
-    """The mean of many runs is the peak: drawing and diffusion have no bias."""
-    path = np.tile([0.3, -0.2], (3, 1))
-    means = [follow(method, path, 0.05, SETTINGS, seed)[-1].reported for seed in range(40)]
-    error = np.std(means, axis=0) / np.sqrt(len(means))
-    np.testing.assert_array_less(np.abs(np.mean(means, axis=0) - path[0]), 4.0 * error)
-
-
-@pytest.mark.parametrize("method", BASELINES)
 def test_a_moving_peak_is_followed(method: str) -> None:
     """At a steady 3 degrees a frame, with noise of 2, a sharp likelihood is followed without lagging."""
     path = np.deg2rad(3.0) * np.arange(30)[:, None] * np.array([1.0, -1.0])
@@ -140,9 +129,9 @@ def test_particles_come_likeliest_first_with_their_velocity(method: str) -> None
     assert found.log_weights[0] == pytest.approx(refine(found.poses[:1]).log_likelihood[0], rel=1e-9)
 
 
-@pytest.mark.parametrize("method", BASELINES)
+@pytest.mark.parametrize("method", ["gepf", *BASELINES])
 def test_nothing_likely_does_not_end_it(method: str) -> None:
-    """If every likelihood is zero, all particles have the same weight and continue."""
+    """If every likelihood is zero, all hypotheses have the same weight and continue."""
 
     def nothing(poses: Array) -> Refined:
         return Refined(poses, np.full(len(poses), -np.inf), np.full(len(poses), np.inf))
@@ -150,7 +139,7 @@ def test_nothing_likely_does_not_end_it(method: str) -> None:
     begin = METHODS[method].begin
     first = begin(hinges(), np.zeros(2), SETTINGS)
     found = advance(method, hinges(), first, nothing, SETTINGS, np.random.default_rng(0))
-    np.testing.assert_allclose(found.weights, 1.0 / SETTINGS.particles)
+    np.testing.assert_allclose(found.weights, 1.0 / len(found.poses))
     assert np.all(np.isfinite(found.reported))
 
 
@@ -184,7 +173,7 @@ def test_an_arm_is_followed(method: str, particles: int) -> None:
     tracker = OnePerson(DirectRefiner(), settings, choose_bodies(ARM_DOFS, "default"), start)
     estimates = [tracker.track(frame) for frame in shown()]
     columns = [human().dof_names.index(name) for name in tracker.model.dof_names]
-    poses: NDArray[np.float64] = np.array([estimate.pose for estimate in estimates])
+    poses: Array = np.array([estimate.pose for estimate in estimates])
     errors = np.rad2deg(np.abs(poses - arm().poses[:FRAMES, columns]))
     assert errors.mean() < 8.0
     assert all(0 < len(e.hypothesis_weight) <= min(particles, MAX_HYPOTHESES) for e in estimates)

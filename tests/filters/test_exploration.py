@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array, Indices
 from common.body import BodyModel
 from common.kinematics import pose_vertices
 from coordinator.filters import exploration
 from coordinator.filters.exploration import explain
 from tests.support.bodies import hinges, puppet
-
-Array = NDArray[np.float64]
 
 MODEL = puppet()
 DOWN = np.zeros(len(MODEL.dof_names))
@@ -21,7 +19,7 @@ RAISED[MODEL.dof("l_arm_1")] = 1.2
 
 def propose_limbs(
     model: BodyModel, pose: Array, points: Array, count: int, seed: int = 0
-) -> list[tuple[NDArray[np.int64], Array]]:
+) -> list[tuple[Indices, Array]]:
     """Proposals for the points that the pose leaves unexplained."""
     near = explain(model, pose, points)
     return exploration.propose_limbs(model, pose, points, near, count, np.random.default_rng(seed))

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import ROTATION, TRANSLATION
 from common.kinematics import difference
 from common.refinement import Refined
@@ -23,8 +23,6 @@ from coordinator.filters.merging import estimate_covariances, merge_by_angle
 from coordinator.filters.motion import draw_noise
 from tests.support.bodies import hinges, puppet
 from tests.support.filtering import INTERVAL, NOTHING_SEEN, advance
-
-Array = NDArray[np.float64]
 
 seeds = st.integers(0, 2**32 - 1)
 PAPER = preset("paper").filter
@@ -208,19 +206,6 @@ def test_covariance_by_hand() -> None:
     np.testing.assert_allclose(found[1], 0.9 * inherited[1], atol=1e-12)  # a lone particle inherits
 
 
-@given(seeds, st.integers(2, 20))
-def test_covariances_are_symmetric_and_never_negative(seed: int, count: int) -> None:
-    """All are positive semidefinite, on balls at any pose and with fewer particles than angles."""
-    rng = np.random.default_rng(seed)
-    model, before = puppet(), 2.0 * rng.normal(size=(count, 19))
-    group = np.concatenate([[0], rng.integers(2, size=count - 1)])
-    found = estimate_covariances(model, before, before[:2], group, np.tile(np.eye(19), (2, 1, 1)), 0.1)
-    for covariance in found:
-        np.testing.assert_array_equal(covariance, covariance.T)
-        assert np.linalg.eigvalsh(covariance).min() > -1e-9
-        assert np.trace(covariance) > 0.0
-
-
 # The whole
 
 
@@ -301,17 +286,6 @@ def test_a_single_particle_has_no_noise(explores: bool) -> None:
     follow(moving, settings, seed=0, frames=3)
     expected = np.array([[0.0, 0.0], [0.15, -0.3], [0.325, -0.65]])
     np.testing.assert_allclose(np.concatenate(asked), expected, atol=1e-12)
-
-
-def test_a_frame_that_nothing_explains_does_not_end_it() -> None:
-    """If every likelihood is zero, all hypotheses have the same weight and continue."""
-
-    def nothing(poses: Array) -> Refined:
-        return Refined(poses, np.full(len(poses), -np.inf), np.full(len(poses), np.inf))
-
-    found = follow(nothing, PAPER, seed=0, frames=3)[-1]
-    np.testing.assert_array_equal(found.weights, 1.0 / len(found.poses))
-    assert np.all(np.isfinite(found.poses))
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import ROTATION
 from common.kinematics import difference, retract
 from common.refinement import Refined, lower_triangular
@@ -20,7 +21,6 @@ from coordinator.filters.merging import estimate_covariances, merge_by_covarianc
 from tests.support.bodies import hinges, puppet
 from tests.support.filtering import NOTHING_SEEN
 
-Array = NDArray[np.float64]
 Triangles = NDArray[np.float32]
 
 seeds = st.integers(0, 2**32 - 1)

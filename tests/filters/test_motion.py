@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import ROOT_DOFS, ROTATION, BodyModel
 from common.kinematics import difference
 from common.refinement import Refined, lower_triangular
@@ -17,8 +18,6 @@ from coordinator.filters.gradient_enhanced import begin, propose, update
 from coordinator.filters.motion import fuse_with_prediction
 from tests.support.bodies import puppet
 from tests.support.filtering import INTERVAL, NOTHING_SEEN
-
-Array = NDArray[np.float64]
 
 MODEL = puppet()
 WEAK = np.radians(30.0), 0.05  # deviations of what nothing is known about

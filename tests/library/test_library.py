@@ -35,21 +35,17 @@ def test_workers_give_the_same_bytes() -> None:
 
 
 def test_arrays_are_tracked_as_frames_are() -> None:
-    """Whole units with their scale give the bytes of the frames they are from, numbered by themselves."""
+    """Whole units with their scale give the bytes of the frames they are from; metres nearly the same."""
     frames = shown("standing").frames[:2]
     by_frame = gepf.Tracker(PERSON, SETTINGS, start=STANDING)
     assert by_frame.size == (PERSON.stature, PERSON.girth)
     by_array = gepf.Tracker(PERSON, SETTINGS, start=STANDING, camera=MATRIX, depth_scale=1000.0)
     for frame in frames:
-        assert as_bytes(by_array.track(frame.depth)) == as_bytes(by_frame.track(frame))
-
-
-def test_metres_are_tracked_too() -> None:
-    """A float array in metres puts the joints where whole units put them, within its steps of 0.2 mm."""
-    frame = shown("standing").frames[0]
-    metres = gepf.Tracker(PERSON, SETTINGS, start=STANDING, camera=MATRIX).track(frame.metres(), time_s=4.5)
-    units = gepf.Tracker(PERSON, SETTINGS, start=STANDING).track(frame)
-    assert metres.time_s == 4.5
+        units = by_frame.track(frame)
+        assert as_bytes(by_array.track(frame.depth)) == as_bytes(units)
+    in_metres = gepf.Tracker(PERSON, SETTINGS, start=STANDING, camera=MATRIX)
+    metres = [in_metres.track(frame.metres(), time_s=frame.time_s) for frame in frames][-1]
+    assert metres.time_s == frames[-1].time_s
     np.testing.assert_allclose(metres.joint_positions, units.joint_positions, atol=1e-3)
 
 
@@ -64,15 +60,6 @@ def test_a_body_may_be_given_whole() -> None:
     assert np.linalg.norm(joints - shown("standing").joints, axis=-1).max() < 0.05
 
 
-def test_how_far_joints_may_be_off_is_estimated() -> None:
-    """Metres for each joint while tracked, NaN when the frame is lost."""
-    frame = shown("standing").frames[0]
-    tracker = gepf.Tracker(PERSON, SETTINGS, start=STANDING, camera=MATRIX)
-    tracked, lost = tracker.track(frame.metres()), tracker.track(np.zeros(frame.depth.shape))
-    assert all(0.0 < tracked.joint_deviation(name) < 0.5 for name in tracked.joint_names)
-    assert np.isnan(lost.joint_deviation("head"))
-
-
 @pytest.mark.parametrize(
     ("mistake", "says"),
     [
@@ -82,6 +69,8 @@ def test_how_far_joints_may_be_off_is_estimated() -> None:
         (lambda: gepf.Tracker(PERSON, active=("elbow",)), "unknown degree of freedom 'elbow'"),
         (lambda: gepf.Tracker(PERSON).track(np.ones((4, 4))), "camera"),
         (lambda: gepf.Tracker(PERSON, camera=MATRIX).track(np.ones((4, 4), int)), "depth_scale"),
+        (lambda: gepf.PeopleTracker(0), "would track no one"),
+        (lambda: gepf.PeopleTracker(2).save([], "nowhere"), "no person to save"),
     ],
 )
 def test_mistakes_are_refused_in_one_line(mistake: Callable[[], object], says: str) -> None:
@@ -127,11 +116,3 @@ def test_two_people_are_tracked_and_saved(tmp_path: Path) -> None:
         np.testing.assert_array_equal(run.joint("head")[2], frames[2][place].joint("head"))
     apart = runs[0].joint("pelvis") - runs[1].joint("pelvis")
     assert np.linalg.norm(apart, axis=1) == pytest.approx(1.02, abs=0.06)
-
-
-def test_nobody_is_refused() -> None:
-    """Zero people to track, and no estimates to save."""
-    with pytest.raises(gepf.InputError, match="would track no one"):
-        gepf.PeopleTracker(0)
-    with pytest.raises(gepf.InputError, match="no person to save"):
-        gepf.PeopleTracker(2).save([], "nowhere")

@@ -97,6 +97,7 @@ def test_estimates_are_asked_by_name_and_saved(tmp_path: Path) -> None:
     first = estimates[0]
     at = first.model.joint_names.index("right_wrist")
     assert np.array_equal(first.joint("right_wrist"), first.joint_positions[at])
+    assert 0.0 < first.joint_deviation("head") < 0.5
     elbow = first.angle("right_elbow_flexion", degrees=True)
     assert elbow == pytest.approx(np.degrees(first.angle("r_elbow_flexion")))
     with pytest.raises(gepf.InputError, match="unknown angle 'elbow'"):

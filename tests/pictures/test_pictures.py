@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from PIL import Image, ImageColor
 from scipy.ndimage import binary_dilation
 
 from common.activation import activate
+from common.arrays import Array
 from common.body import BodyModel
 from common.camera import Intrinsics, project
 from common.kinematics import pose_vertices
@@ -34,8 +34,6 @@ from coordinator.synthesis.scenes import ARM_DOFS, SCENES
 from coordinator.synthesis.sequence import synthesise
 from tests.support.bodies import person
 from tests.support.runs import make_track, swing, write_run
-
-Array = NDArray[np.float64]
 
 FRAMES = 4
 

@@ -43,7 +43,7 @@ def test_a_worker_speaks_while_nobody_answers_and_gives_up() -> None:
         f"loading, before connecting to {endpoint}; the first time this takes a minute",
         f"connecting to {endpoint}\n",
         f"no answer at {endpoint} yet; retrying",
-        f"no answer at {endpoint} within 5 s; start the coordinator or router there",
+        f"no answer at {endpoint} within 5 s; start the coordinator there",
     ):
         assert says in done.stderr
 

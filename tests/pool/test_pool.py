@@ -360,7 +360,7 @@ def test_unknown_frame_and_other_degrees_of_freedom_get_a_reason(endpoint: str) 
         assert decode_refusal(answer).reason == f"frame 99 of run {refiner.run} is not available"
         kind, answer = client.ask(encode_request(replace(request, poses=POSES[:, :5])))
         assert kind == "refusal"
-        assert decode_refusal(answer).reason == "poses have 5 values, the model has 6"
+        assert decode_refusal(answer).reason == "poses of 5 values for a model of 6"
 
 
 def test_endpoint_that_cannot_be_opened() -> None:

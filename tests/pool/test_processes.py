@@ -88,7 +88,7 @@ def test_killed_worker_is_replaced(lanes: int, outside: int, tmp_path: Path) -> 
     said: list[str] = []
     with local_and_outside(lanes, outside, tmp_path, said.append) as refiner:
         assert refined_bytes(refiner, 0) == expected(0)
-        name, pid = next(iter(refiner.local_pids.items()))
+        name, pid = f"{refiner.run}-0", refiner.local_pid
         with later(0.03, lambda: os.kill(pid, signal.SIGKILL)):
             assert refined_bytes(refiner, 1) == expected(1)
         wait_until(lambda: not is_alive(pid))
@@ -109,7 +109,7 @@ def test_the_only_worker_is_replaced_when_it_stays_frozen(monkeypatch: pytest.Mo
     said: list[str] = []
     with local(1, said.append) as refiner:
         assert refined_bytes(refiner, 0) == expected(0)
-        name, pid = next(iter(refiner.local_pids.items()))
+        name, pid = f"{refiner.run}-0", refiner.local_pid
         os.kill(pid, signal.SIGSTOP)
         assert refined_bytes(refiner, 1) == expected(1)
         assert not is_alive(pid)
@@ -125,7 +125,7 @@ def test_frozen_worker_is_worked_around(lanes: int, outside: int, tmp_path: Path
     with local_and_outside(lanes, outside, tmp_path, said.append) as refiner:
         for number in range(3):
             assert refined_bytes(refiner, number) == expected(number)
-        pid = next(iter(refiner.local_pids.values()))
+        pid = refiner.local_pid
         try:
             with later(0.03, lambda: os.kill(pid, signal.SIGSTOP)):
                 assert refined_bytes(refiner, 3) == expected(3)
@@ -143,7 +143,7 @@ def test_frozen_worker_is_ended_with_the_run() -> None:
     """A worker that does not listen to the end of the run is killed."""
     with local(1) as refiner:
         refiner.wait_for(1)
-        pid = refiner.local_pids[f"{refiner.run}-0"]
+        pid = refiner.local_pid
         os.kill(pid, signal.SIGSTOP)
     assert not is_alive(pid)
 
@@ -163,7 +163,7 @@ from coordinator.pool.zenoh_refiner import ZenohRefiner
 from tests.support.processes.programs import INSTANT
 with ZenohRefiner(Pool(workers=2, worker_command=INSTANT)) as refiner:
     refiner.wait_for(2)
-    print(*refiner.local_pids.values(), flush=True)
+    print(refiner.local_pid, flush=True)
     time.sleep(60)
 """
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.errors import InputError
 from coordinator.results.evaluation import Truth, angle_error_deg, evaluate, read_truth
 from coordinator.results.track import Track, read_track, write_track
@@ -178,7 +178,7 @@ def test_only_frames_of_both_sides_count_and_are_matched_by_number() -> None:
         evaluate(make_track(frame=np.arange(FRAMES) + 10), make_truth())
 
 
-def off(frames: list[int], error: float) -> NDArray[np.float64]:
+def off(frames: list[int], error: float) -> Array:
     """One error in some frames, none in the others."""
     return np.where(np.isin(np.arange(FRAMES), frames), error, 0.0)
 

@@ -240,7 +240,7 @@ def test_a_folder_in_use_is_refused_and_the_run_in_it_goes_on(tmp_path: Path) ->
     """Two runs never write into one folder."""
     with Recorder(tmp_path / "run", CONFIGURATION) as recorder:
         for resume in (False, True):
-            with pytest.raises(InputError, match="in use by a run that has not ended"):
+            with pytest.raises(InputError, match="in use by another run"):
                 Recorder(tmp_path / "run", CONFIGURATION, resume=resume)
         append(recorder, ESTIMATES[0])
     recorded = read_log(tmp_path / "run" / "frames.log")

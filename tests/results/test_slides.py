@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from PIL import Image
 
 import gepf
+from common.arrays import Array
 from common.body import BodyModel
 from common.kinematics import joint_positions
 from coordinator.bodies.urdf import read_urdf
@@ -110,7 +110,7 @@ def test_the_library_gives_metres_and_never_degrees(gantry: BodyModel, tmp_path:
     assert not {"main_lift_deg", "root_tx_deg"} & set(table.columns)
 
 
-def estimate_of(model: BodyModel, pose: NDArray[np.float64]) -> gepf.Estimate:
+def estimate_of(model: BodyModel, pose: Array) -> gepf.Estimate:
     """One frame of it."""
     joints = joint_positions(model, pose[None])[0]
     plain = Estimate(0, 0.0, "tracked", pose, joints, pose[None], np.ones(1), 0.01)

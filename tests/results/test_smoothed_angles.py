@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import BodyModel
 from common.kinematics import joint_positions
 from coordinator.bodies.angles import angles_of
@@ -17,8 +17,6 @@ from coordinator.results.track import Track
 from coordinator.tracking.certainty.certainty import Certainty
 from coordinator.tracking.estimate import Estimate, Status
 from tests.support.bodies import person
-
-Array = NDArray[np.float64]
 
 SURE = 0.02  # metres
 

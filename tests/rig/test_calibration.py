@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.camera import inverse, moved
 from common.errors import InputError
 from coordinator.calibration.rig import CameraPlace, judge
 from coordinator.calibration.skeletons import Alignment, Motion, align
 from tests.support.rigs import around
-
-Array = NDArray[np.float64]
 
 TRUE, OFFSET_S = around(70.0), 0.0123
 

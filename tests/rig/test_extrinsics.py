@@ -8,13 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from coordinator.cli import main
 from tests.support.rigs import around
 from tests.support.stand_ins import no_workers
-
-Array = NDArray[np.float64]
 
 WORLD, FRONT_TO_SIDE = around(-35.0), around(70.0)  # T_world_front, T_front_side
 FRONT, SIDE = WORLD, WORLD @ FRONT_TO_SIDE

@@ -8,8 +8,8 @@ from functools import cache
 import msgspec
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import BodyModel
 from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import joint_positions, retract
@@ -25,8 +25,6 @@ from tests.support.people import SETTINGS, STANDING, known, subject_of
 from tests.support.rigs import around, seen_from, together
 from worker.kernel.icp import refine
 from worker.kernel.observation import observe
-
-Array = NDArray[np.float64]
 
 RULES = msgspec.structs.replace(preset("default").refine, pose_deviation=0.0, noise_depth=0.015)
 ASIDE = {"front": around(0.0), "side": around(80.0)}

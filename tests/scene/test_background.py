@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from common.arrays import Mask
 from coordinator.scene.candidates import candidates
 from coordinator.scene.scene import Scene, SceneView
 from coordinator.scene.segmentation import measure_distances, segment_body
@@ -17,7 +18,7 @@ PERSON = (-0.4, 2.6)
 CHAIR = ((0.5, 0.4, 2.3), (0.9, 1.1, 2.7))
 
 
-def people(view: SceneView, room: Room, person: tuple[float, float] = PERSON) -> NDArray[np.bool_]:
+def people(view: SceneView, room: Room, person: tuple[float, float] = PERSON) -> Mask:
     """Pixels (H, W) of a person whose body is known."""
     return measure_distances(view, room.surface(person)) < 0.12
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from common.arrays import Mask
 from common.frame import UNKNOWN
 from coordinator.scene.candidates import Candidate, candidates
 from coordinator.scene.scene import Scene
@@ -23,7 +23,7 @@ def found_in(room: Room, person: tuple[float, float] | None) -> list[Candidate]:
     return candidates(Scene().see(room.see(person).frame))
 
 
-def overlap(mask: NDArray[np.bool_], truth: NDArray[np.bool_]) -> tuple[float, float]:
+def overlap(mask: Mask, truth: Mask) -> tuple[float, float]:
     """Precision and recall."""
     both = np.sum(mask & truth)
     return float(both / mask.sum()), float(both / truth.sum())

@@ -18,11 +18,11 @@ from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
 from coordinator.cli import main
 from coordinator.commands.info import describe_scene, look
-from coordinator.commands.inputs import read_background
 from coordinator.commands.job import choose_scope
 from coordinator.commands.options import TrackOptions
 from coordinator.scene.scope import Scope
 from coordinator.sources import open_source
+from coordinator.sources.background import read_background
 from coordinator.tracking.segmenter import PosedBody, Segmenter
 from tests.support.people import STANDING, shown
 from tests.support.recordings import write_open3d

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from common.arrays import Array
 from coordinator.scene.noise import fit_noise
-from coordinator.scene.planes import Array, Planes, find_planes, follow_planes, sample_rays
+from coordinator.scene.planes import Planes, find_planes, follow_planes, sample_rays
 from tests.support.rooms import CABINET, CAMERA, HEIGHT, TABLE, WALL, Box, Room
 
 PERSON = (-0.4, 2.6)

@@ -65,14 +65,14 @@ def test_listener_refuses_and_the_refused_learns_why(
 
 def test_foreign_listener_is_refused(place: str, ours: Folder, foreign: Folder) -> None:
     """A worker does not connect to a coordinator of another authority, and says why."""
-    why = pytest.raises(InputError, match="shows a certificate that is not valid under ours")
+    why = pytest.raises(InputError, match="shows a certificate not valid under ours")
     with open_coordinator([place], (), foreign.listening), why:
         open_worker([place], Security(ours.of("w0")))
 
 
 def test_worker_cannot_pose_as_coordinator(place: str, ours: Folder) -> None:
     """A worker's certificate of the same authority is not accepted from a listener."""
-    why = pytest.raises(InputError, match="shows a certificate that is not valid under")
+    why = pytest.raises(InputError, match="shows a certificate not valid under")
     with open_coordinator([place], (), Security(ours.of("w1"))), why:
         open_worker([place], Security(ours.of("w0")))
 
@@ -107,8 +107,8 @@ def test_run_that_is_refused_by_its_router_ends(place: str, ours: Folder, foreig
 
 PROCESSES = {
     "foreign": "is not valid under",
-    "other name": "is for 'w0', not for 'w1'; give the one for 'w1'",
-    "unlisted": f"be worker '{STRANGER}'; have '{STRANGER}' listed there in workers.txt",
+    "other name": "is for 'w0', not for 'w1'",
+    "unlisted": f"does not admit worker '{STRANGER}'; have it listed there in workers.txt",
 }
 
 

@@ -36,8 +36,8 @@ def test_frames_are_found_by_number(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "size", "says"),
     [
-        ("000000.png", (64, 48), "has no colour frame 1 (1 of 2 are missing)"),
-        ("000001.png", (64, 64), "000001.png is 64x64, not in the shape of the depth, 64x48"),
+        ("000000.png", (64, 48), "has no colour frame 1 (1 of 2)"),
+        ("000001.png", (64, 64), "000001.png has another shape than the depth"),
     ],
 )
 def test_wrong_counts_and_sizes_are_refused_before_tracking(

@@ -84,7 +84,7 @@ def test_malformed_messages_are_counted_and_reported_once() -> None:
     [
         (image(3, camera=WIDE), "is 6x3, those before 4x3"),
         (image(3, camera=LONG), "has other intrinsics"),
-        (image(3, depth_scale=5000.0), "has 5000 units of depth per metre"),
+        (image(3, depth_scale=5000.0), "has 5000 units per metre"),
         (image(2), "is number 2 of 0.0666667 s"),
         (image(3, time_s=0.01), "is number 3 of 0.01 s"),
         (image(1, time_s=9.0), "is number 1 of 9 s"),

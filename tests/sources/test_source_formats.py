@@ -250,7 +250,7 @@ def test_an_organised_cloud_that_no_pinhole_camera_sees_needs_a_camera(tmp_path:
     (twisted / "0.pcd").write_bytes(
         cloud.replace(b"WIDTH 320", b"WIDTH 240").replace(b"HEIGHT 240", b"HEIGHT 320")
     )
-    with pytest.raises(InputError, match=r"does not fit a pinhole camera; add camera_intrinsic\.json"):
+    with pytest.raises(InputError, match=r"not by a pinhole camera; add camera_intrinsic\.json"):
         open_source(twisted)
 
 
@@ -271,7 +271,7 @@ def test_info_says_what_a_sequence_is(tmp_path: Path, capsys: pytest.CaptureFixt
     [
         (["--depth-scale", "50"], "all depth lies between 40 and 40 m; is the unit right? --depth-scale"),
         (["--depth-scale", "10000"], "all depth lies between 0.2 and 0.2 m; is the unit right?"),
-        (["--intrinsics", "500,500,3200,240"], "centre (3200, 240) is outside its picture of 40x30"),
+        (["--intrinsics", "500,500,3200,240"], "centre (3200, 240) is outside its 40x30 image"),
         (["--depth-scale", "1000"], ""),
     ],
 )

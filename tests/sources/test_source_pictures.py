@@ -103,7 +103,7 @@ def test_a_text_file_gives_times(tmp_path: Path, lines: str, times: list[float])
     [
         ("1\n2\n", r"timestamps\.txt has 2 times for 3 pictures; write one line for each"),
         ("1\n2\nsoon\n", "write times in seconds"),
-        ("1\n3\n2\n", "the time of frame 2 is not after the one before"),
+        ("1\n3\n2\n", "the time of frame 2 is not after the last"),
     ],
 )
 def test_wrong_times_are_one_line(tmp_path: Path, lines: str, says: str) -> None:
@@ -188,7 +188,7 @@ def test_a_ros_2_bag_round_trip(tmp_path: Path, encoding: str, kind: str) -> Non
 @pytest.mark.parametrize(
     ("name", "says"),
     [
-        ("film.mp4", "a film holds colours, not depth; write its depth as 16-bit PNG"),
+        ("film.mp4", "a film holds colours, not depth; write it as 16-bit PNG"),
         ("walk.svo2", "ZED's files need its SDK"),
         ("walk.db3", "give the folder that ROS 2 recorded"),
         ("walk.h5", "save depth with numpy.save"),
@@ -216,7 +216,7 @@ def test_a_folder_of_recordings_names_one_of_them(tmp_path: Path) -> None:
         ("500,500,320", None, "give four numbers"),
         ("500,-1,320,240", None, "positive fx, fy"),
         ("a,b,c,d", None, "give four numbers"),
-        (None, 0.0, "is not a number of units per metre"),
+        (None, 0.0, "is not above 0; millimetres have 1000"),
     ],
 )
 def test_what_is_given_makes_sense(intrinsics: str | None, scale: float | None, says: str) -> None:

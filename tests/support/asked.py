@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import BodyModel
 from common.frame import SubjectFrame
 from common.refinement import Refined
@@ -22,7 +23,7 @@ class Asked:
     """The content of one request."""
 
     model: BodyModel
-    poses: NDArray[np.float64]  # (N, D)
+    poses: Array  # (N, D)
     settings: RefineSettings
     covariance: bool
     subject: SubjectFrame | None = None  # None in a worker, which has an observation
@@ -40,19 +41,16 @@ def refining(answer: Callable[[Asked, Any], Refined]) -> Refine:
     def refine(
         model: BodyModel,
         seen: object,
-        poses: NDArray[np.float64],
+        poses: Array,
         settings: RefineSettings,
         *,
         covariance: bool = False,
-        velocity: NDArray[np.float64] | None = None,
+        velocity: Array | None = None,
     ) -> Refined:
         del velocity
         return answer(Asked(model, poses, settings, covariance), seen)
 
     return refine
-
-
-Array = NDArray[np.float64]
 
 
 def sure(poses: Array, deviation: float = 0.01) -> NDArray[np.float32]:

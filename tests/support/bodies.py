@@ -6,13 +6,11 @@ from functools import cache
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 
 from common.activation import activate
+from common.arrays import Array, Indices, Mask
 from common.body import ROOT_DOFS, ROTATION, TRANSLATION, BodyModel, find_balls
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
-
-Array = NDArray[np.float64]
 
 RIGHT_HANDED = np.array([[0.0, 0.6, 0.8], [1.0, 0.0, 0.0], [0.0, 0.8, -0.6]])
 LEFT_HANDED = RIGHT_HANDED * (-1.0, 1.0, 1.0)  # its mirror image
@@ -91,7 +89,7 @@ def puppet(blended: bool = True) -> BodyModel:
     )
 
 
-def ellipsoid(centre: Array, radii: Array) -> tuple[Array, NDArray[np.int64]]:
+def ellipsoid(centre: Array, radii: Array) -> tuple[Array, Indices]:
     """Vertices (V, 3) and triangles (T, 3), counter-clockwise from outside."""
     ball = trimesh.creation.icosphere(subdivisions=2)
     return np.asarray(ball.vertices) * radii + centre, np.asarray(ball.faces, dtype=np.int64)
@@ -102,7 +100,7 @@ def share(
     vertices: Array,
     names: tuple[str, ...],
     blended: bool,
-) -> tuple[NDArray[np.int64], Array]:
+) -> tuple[Indices, Array]:
     """Links (V, 2) and weights (V, 2) of a part's vertices: its own, and its neighbour's near the joint."""
     name, _, _, _, neighbour, joint = row
     other = names.index(neighbour) if neighbour else names.index(name)
@@ -165,7 +163,7 @@ def random_body(rng: np.random.Generator) -> BodyModel:
     )
 
 
-def moves(model: BodyModel) -> NDArray[np.bool_]:
+def moves(model: BodyModel) -> Mask:
     """Which degree of freedom moves which link (D, L)."""
     table = np.zeros((len(model.dof_names), len(model.link_names)), dtype=bool)
     for link, last in enumerate(model.link_dofs):

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from common.arrays import Array
+
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")  # it imports a package by its old name
     import bvhio
-
-Array = NDArray[np.float64]
 
 
 def array_of(gltf: Any, number: int) -> NDArray[Any]:

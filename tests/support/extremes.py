@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import LEAST_SPREAD, ROOT_DOFS, BodyModel
 from common.bounds import LARGEST, SMALLEST
 from common.camera import Intrinsics
@@ -68,7 +69,7 @@ class Extremes:
     def _coin(self) -> bool:
         return bool(self._rng.integers(2))
 
-    def _numbers(self, shape: tuple[int, ...], largest: float) -> NDArray[np.float64]:
+    def _numbers(self, shape: tuple[int, ...], largest: float) -> Array:
         """Usual ones, extreme ones, a few extreme ones among usual ones, or all the same."""
         usual = self._rng.normal(size=shape) * self._one_of((1e-3, 0.1, 1.0))
         sizes = [0.0, 1e-300, 1e-9, 1e-3, 0.1, 1.0, 10.0, largest / 2, largest]
@@ -76,11 +77,11 @@ class Extremes:
         few = np.where(self._rng.random(shape) < 0.1, extreme, usual)
         return self._one_of((usual, extreme, few, np.full(shape, extreme.flat[0])))
 
-    def _poses(self, dofs: int) -> NDArray[np.float64]:
+    def _poses(self, dofs: int) -> Array:
         """Anywhere, or where the pyramid is seen."""
         if self._coin():
             return self._numbers((2, dofs), LARGEST)
-        near: NDArray[np.float64] = 0.01 * self._rng.normal(size=(2, dofs))
+        near: Array = 0.01 * self._rng.normal(size=(2, dofs))
         near[:, 2:3] += 2.0
         return near
 
@@ -96,7 +97,7 @@ class Extremes:
         )
         return replace(tiny_model(), **self._one_of(changes))
 
-    def _spreads(self, dofs: int, balls: list[int]) -> NDArray[np.float64]:
+    def _spreads(self, dofs: int, balls: list[int]) -> Array:
         """Positive, and one of each ball."""
         spreads = np.exp(self._rng.uniform(np.log(LEAST_SPREAD), np.log(LARGEST), dofs))
         for start in balls:
@@ -130,12 +131,12 @@ class Extremes:
             joint_points=np.zeros((1, 3)),
         )
 
-    def _axes(self, dofs: int) -> NDArray[np.float64]:
+    def _axes(self, dofs: int) -> Array:
         axes = np.eye(3)[self._rng.integers(0, 3, dofs)] if self._coin() else self._rng.normal(size=(dofs, 3))
-        unit: NDArray[np.float64] = axes / np.linalg.norm(axes, axis=1, keepdims=True)
+        unit: Array = axes / np.linalg.norm(axes, axis=1, keepdims=True)
         return unit
 
-    def _weights(self, vertices: int) -> NDArray[np.float64]:
+    def _weights(self, vertices: int) -> Array:
         """Shares (V, 2) that sum to 1, and may be far beyond it."""
         share = self._rng.random(vertices) if self._coin() else self._numbers((vertices,), 900.0)
         return np.stack([share, 1.0 - share], axis=1)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import BodyModel
 from common.frame import SubjectFrame
 from common.kinematics import joint_positions
@@ -17,11 +17,7 @@ from gepf.direct import DirectRefiner
 
 
 def features_in(
-    model: BodyModel,
-    poses: NDArray[np.float64],
-    subject: SubjectFrame,
-    settings: RefineSettings,
-    stretch: float = 1.0,
+    model: BodyModel, poses: Array, subject: SubjectFrame, settings: RefineSettings, stretch: float = 1.0
 ) -> Features:
     """Features (J,) of the first of hypotheses (N, D) that are equally likely, held for a while."""
     still, pose = msgspec.structs.replace(settings, icp_iterations=0), poses[0]

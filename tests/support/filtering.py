@@ -6,8 +6,8 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import BodyModel
 from common.refinement import Refined
 from common.settings import FilterSettings
@@ -22,7 +22,7 @@ def advance(
     method: str | Method,
     model: BodyModel,
     past: Any,
-    refine: Callable[[NDArray[np.float64]], Refined],
+    refine: Callable[[Array], Refined],
     settings: FilterSettings,
     rng: np.random.Generator,
     sighting: Observation = NOTHING_SEEN,

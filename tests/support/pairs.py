@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.kinematics import joint_positions
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
@@ -44,7 +45,7 @@ def raised(posture: Mapping[str, float], number: int) -> dict[str, float]:
     return {**posture, **{name: rate * number for name, rate in RAISING.items()}}
 
 
-def nearer(one: NDArray[np.floating], other: NDArray[np.floating]) -> NDArray[np.float64]:
+def nearer(one: NDArray[np.floating], other: NDArray[np.floating]) -> Array:
     """Of two depth images the nearer in each pixel, where 0 is nothing."""
     least = np.minimum(np.where(one > 0, one, np.inf), np.where(other > 0, other, np.inf))
     return np.where(np.isfinite(least), least, 0.0)

@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import BodyModel
 from common.camera import Intrinsics, inverse, moved
 from common.frame import DepthFrame, SubjectFrame
@@ -74,8 +75,6 @@ class OnePerson:
         for tracked in self._tracker.follow(frames):
             yield tracked[0].estimate, tracked[0].state
 
-
-Array = NDArray[np.float64]
 
 CAMERA = Intrinsics(320, 240, 290.0, 290.0, 159.5, 119.5)
 FRAMES = 4

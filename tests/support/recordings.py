@@ -17,6 +17,7 @@ from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_typestore
 from scipy.io import savemat
 
+from common.arrays import Array
 from common.camera import Intrinsics, back_project
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
@@ -39,7 +40,7 @@ def camera_file(folder: Path, scale: float, camera: Intrinsics = KINECT, fps: fl
     (folder / "camera_intrinsic.json").write_text(json.dumps(content))
 
 
-def matrix_of(camera: Intrinsics) -> NDArray[np.float64]:
+def matrix_of(camera: Intrinsics) -> Array:
     """The camera's matrix (3, 3)."""
     return np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]])
 
@@ -149,8 +150,6 @@ WRITERS: dict[str, Write] = {
 """Name of the file or folder -> how it is written."""
 
 
-Array = NDArray[np.float64]
-
 START = {"root_ty": 0.1, "root_tz": 2.6, "r_shoulder_abduct": 0.3, "l_shoulder_abduct": 0.3}
 RAISING = {"r_elbow_flexion": 0.12, "root_tx": 0.01}  # by frame
 FRAMES = 3
@@ -163,5 +162,5 @@ def recorded() -> Depth:
     poses = np.array(
         [name_pose(model, START | {name: rate * n for name, rate in RAISING.items()}) for n in range(FRAMES)]
     )
-    millimetres: NDArray[np.float64] = np.rint(np.array(rendered(model, poses, KINECT)) * 1000.0)
+    millimetres: Array = np.rint(np.array(rendered(model, poses, KINECT)) * 1000.0)
     return millimetres.astype(np.uint16)

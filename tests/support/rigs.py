@@ -6,14 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import BodyModel
 from common.frame import DepthFrame
 from common.kinematics.rotations import euler_matrix
 from tests.support.people import frame_of, rendered
-
-Array = NDArray[np.float64]
 
 MIDDLE = np.array([0.1, 0.1, 2.7])  # where the person is
 

@@ -7,12 +7,11 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array, Mask
 from common.camera import Intrinsics
 from common.frame import DepthFrame
 
-Array = NDArray[np.float64]
 Box = tuple[tuple[float, float, float], tuple[float, float, float]]  # least and greatest corner
 
 CAMERA = Intrinsics(160, 120, 140.0, 140.0, 79.5, 59.5)
@@ -33,7 +32,7 @@ class Seen(NamedTuple):
     """A frame, and which pixels (H, W) are the person's."""
 
     frame: DepthFrame
-    mask: NDArray[np.bool_]
+    mask: Mask
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array, Indices
 from common.body import ROOT_DOFS, ROTATION, BodyModel
 from common.kinematics import joint_positions
 from coordinator.bodies.angles import angles_of
@@ -22,8 +22,6 @@ from coordinator.results.track import (
     write_track,
     write_tracked_body,
 )
-
-Array = NDArray[np.float64]
 
 RATE = 25.0
 
@@ -77,7 +75,7 @@ def write_run(
     poses: Array,
     lost: tuple[int, ...] = (),
     held: Mapping[str, float] | None = None,
-    frames: NDArray[np.int64] | None = None,
+    frames: Indices | None = None,
     up: Array | None = None,
     status: str = "lost",
 ) -> Track:

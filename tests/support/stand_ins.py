@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import BodyModel
 from common.camera import Intrinsics
 from common.frame import SubjectFrame
@@ -50,12 +51,12 @@ class StandIn(ABC):
         self,
         subject: SubjectFrame,
         model: BodyModel,
-        poses: NDArray[np.float64],
+        poses: Array,
         settings: RefineSettings,
         *,
         covariance: bool = False,
         spare: bool = False,
-        velocity: NDArray[np.float64] | None = None,
+        velocity: Array | None = None,
     ) -> Pending:
         """The result of `answer`."""
         del spare, velocity

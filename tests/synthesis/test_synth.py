@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.camera import Intrinsics, back_project, project
 from common.errors import GepfError, InputError
 from common.kinematics import joint_positions, pose_vertices
@@ -25,7 +25,7 @@ from coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise
 CAMERA = Intrinsics(160, 120, 170.0, 180.0, 77.3, 61.8)
 
 
-def rays(camera: Intrinsics) -> NDArray[np.float64]:
+def rays(camera: Intrinsics) -> Array:
     """Points (H, W, 3) at depth 1 through every pixel's centre."""
     return back_project(np.ones((camera.height, camera.width)), camera)
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import BodyModel
 from common.camera import Intrinsics
 from common.frame import DepthFrame
@@ -23,8 +23,6 @@ from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
 from tests.support.people import SETTINGS, STANDING, frame_of, known, rendered
 from tests.support.rigs import around, together
-
-Array = NDArray[np.float64]
 
 TINY = Intrinsics(4, 16, 10.0, 10.0, 2.0, 1.5)
 FPS = 30.0

@@ -7,8 +7,8 @@ from typing import cast
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import BodyModel
 from common.kinematics import joint_positions, pose_vertices
 from common.settings import preset
@@ -36,8 +36,6 @@ from tests.support.people import (
     subject_of,
 )
 from tests.support.stand_ins import Listening
-
-Array = NDArray[np.float64]
 
 BRACKET = Path(__file__).parents[2] / "examples" / "bracket.urdf"
 KNEELING = {

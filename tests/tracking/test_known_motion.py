@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_typestore
 
+from common.arrays import Array
 from common.errors import InputError
 from common.kinematics import retract
 from coordinator.bodies.human.template import human
@@ -113,7 +113,7 @@ def test_a_ball_turns_as_its_three_joints_say() -> None:
     pose[columns] = one
     step = KnownMotion(states(names, [one, other])).step(model, pose, 0.0, 1.0)
     assert step is not None
-    moved: NDArray[np.float64] = retract(model, pose[None], np.nan_to_num(step)[None])[0]
+    moved: Array = retract(model, pose[None], np.nan_to_num(step)[None])[0]
     assert np.allclose(moved[columns], other)
 
 
@@ -139,7 +139,7 @@ def test_a_bag_of_joint_states_is_read(tmp_path: Path) -> None:
     [
         ("a,b\n1,2\n3,4\n", "has no column time_s, but a, b"),
         ("time_s,a\n0,1\n", "has 1 states of 1 joints"),
-        ("time_s,a\n0,1\n0,2\n", "different times"),
+        ("time_s,a\n0,1\n0,2\n", "finite numbers and times"),
         ("time_s,a\n0,one\n", "cannot read"),
         ("time_s,a\n0,nan\n1,2\n", "with finite numbers"),
     ],

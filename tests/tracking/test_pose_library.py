@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import BodyModel
 from common.kinematics import joint_positions, pose_vertices
 from coordinator.bodies.human.template import human
@@ -13,8 +14,6 @@ from coordinator.bodies.tracked import name_pose
 from coordinator.tracking.descriptor import COLUMNS, EMPTY, ROWS, compare, describe
 from coordinator.tracking.pose_library import describe_poses, displaced, draw_people, look_straight
 from tests.support.people import STANDING
-
-Array = NDArray[np.float64]
 
 MODEL = human(1.75)
 CELL = 0.06  # metres

@@ -9,8 +9,8 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.camera import Intrinsics
 from common.frame import DepthFrame
 from common.settings import preset
@@ -27,7 +27,7 @@ DEFAULT = preset("default").refine
 
 
 @cache
-def person() -> NDArray[np.float64]:
+def person() -> Array:
     """Depth (H, W) in metres of the arm's first frame, at half the size."""
     return rendered(human(), arm().poses[:1], CAMERA)[0]
 

@@ -10,8 +10,8 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.frame import SubjectFrame
 from common.kinematics import joint_positions
 from common.refinement import Refined
@@ -52,8 +52,6 @@ from tests.support.people import (
 from tests.support.rooms import in_a_room
 from tests.support.stand_ins import Direct, StillWorkers
 from worker.kernel.icp import refine
-
-Array = NDArray[np.float64]
 
 FOLLOWING = msgspec.structs.replace(SETTINGS, recover=False)  # looks nowhere else
 

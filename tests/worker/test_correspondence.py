@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from common.arrays import Array
 from common.camera import Intrinsics
 from tests.support.kernel.kernel_cases import PAPER
 from worker.kernel.correspondence import closest_points
@@ -17,7 +18,6 @@ from worker.kernel.observation import TILE, Observation, pack_observation
 from worker.kernel.surface import LEAF
 from worker.kernel.workspace import make_search
 
-Array = NDArray[np.float64]
 Points = NDArray[np.float32]
 Cloud = Callable[[np.random.Generator, int], Array]
 

@@ -8,8 +8,8 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import ROTATION, BodyModel
 from common.refinement import lower_triangular, triangle_size
 from common.settings import RefineSettings
@@ -40,8 +40,6 @@ from worker.kernel.visibility import DepthImage, draw, pose_body, visible_vertic
 from worker.kernel.weighting import accumulate_correspondences
 from worker.kernel.workspace import Problem, make_workspace, make_workspaces
 from worker.lanes import Lanes
-
-Array = NDArray[np.float64]
 
 POSES = 3
 

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from tests.support.kernel.posterior import (
     BODIES,
     SETTINGS,
@@ -31,8 +31,6 @@ from worker.kernel.surface import pack_model
 from worker.kernel.visibility import draw, pose_body, visible_vertices
 from worker.kernel.weighting import accumulate_correspondences
 from worker.kernel.workspace import make_workspace
-
-Array = NDArray[np.float64]
 
 MANY, FEW = 200, 6
 

@@ -6,9 +6,9 @@ from functools import cache
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from common.activation import activate
+from common.arrays import Array
 from common.body import BodyModel
 from common.camera import Intrinsics
 from common.settings import preset
@@ -20,8 +20,6 @@ from coordinator.tracking.sensor_noise import SensorNoise
 from tests.support.people import frame_of, rendered, subject_of
 from worker.kernel.icp import refine
 from worker.kernel.observation import Observation, observe
-
-Array = NDArray[np.float64]
 
 CAMERA = Intrinsics(512, 512, 790.0, 790.0, 255.5, 255.5)
 NOISE = SensorNoise(0.15, 0.01)

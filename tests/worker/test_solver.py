@@ -8,8 +8,8 @@ from functools import cache
 import msgspec
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import ROTATION
 from common.kinematics import joint_positions
 from common.settings import preset
@@ -18,8 +18,6 @@ from tests.support.bodies import person
 from tests.support.people import frame_of, rendered, subject_of
 from worker.kernel.icp import refine
 from worker.kernel.observation import Observation, observe
-
-Array = NDArray[np.float64]
 
 POINTS = 3000
 PERTURBATIONS = 6

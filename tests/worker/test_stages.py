@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, minimum_filter
 
+from common.arrays import Array, Mask
 from common.body import ROOT_DOFS
 from common.camera import Intrinsics, project
 from common.kinematics import pose_vertices
@@ -22,7 +22,7 @@ from worker.kernel.workspace import make_workspace
 AROUND = 7  # pixels: what the surface does within 14 mm, about a pixel of the worker, counts as its edge
 SEEN, HIDDEN = 0.003, 0.05  # metres behind the z-buffer
 
-Marks = NDArray[np.bool_]
+Marks = Mask
 
 
 def test_a_body_is_packed_whole() -> None:
@@ -41,7 +41,7 @@ def test_a_body_is_packed_whole() -> None:
     assert tuple(np.array(model.dof_names)[skeleton.precisions == 0.0]) == ROOT_DOFS
 
 
-def judge(vertices: NDArray[np.float64], scene: Scene) -> tuple[Marks, Marks, Marks]:
+def judge(vertices: Array, scene: Scene) -> tuple[Marks, Marks, Marks]:
     """Vertices (V,) that the z-buffer shows, and those that are clearly to be seen or clearly hidden."""
     whole = scene.camera
     camera = Intrinsics(1024, 1024, whole.fx * 2.0, whole.fy * 2.0, 511.5, 511.5)

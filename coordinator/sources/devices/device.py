@@ -97,10 +97,7 @@ def explain_absence(vendor: Vendor, devices: Path = USB_DEVICES, nodes: Path = U
             continue
         node = nodes / f"{int(facts['busnum']):03}" / f"{int(facts['devnum']):03}"
         if not os.access(node, os.R_OK | os.W_OK):
-            return (
-                f"no permission for {node}; install the udev rules of its vendor (docs/live.md, Cameras), "
-                "and plug the camera in again"
-            )
+            return f"no permission for {node}; install its udev rules (docs/live.md), and plug it in again"
         return f"a {vendor.cameras} camera is connected, but not this one, or it is in use; plug it in again"
     return f"no {vendor.cameras} camera is connected to this host; plug one in"
 

@@ -175,9 +175,9 @@ def test_runs_are_compared_with_their_own_truths_alone(
     assert main(["evaluate", run]) == 0
     assert json.loads(capsys.readouterr().out)["frames"] == 5
     for asked, says in (
-        ((run, "--truth", str(other / "truth.npz")), "is the truth of other, but"),
+        ((run, "--truth", str(other / "truth.npz")), "is for other, but"),
         ((run, without), "add --csv"),
-        ((without, "--csv"), "has no truth for this body, or was moved; give it with --truth"),
+        ((without, "--csv"), "has no truth for this body, or was moved; give --truth"),
     ):
         assert main(["evaluate", *asked]) == 2
         assert says in capsys.readouterr().err

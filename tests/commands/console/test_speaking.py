@@ -57,7 +57,7 @@ def test_results_of_a_part_of_a_run_are_said_to_be_that(
     desk.fail(2)
     assert desk.track() == 130
     assert main(["export", str(desk.out), "--to", "csv", "--out", str(tmp_path / "part.csv")]) == 0
-    assert "the same gepf track command with --resume continues" in caplog.text
+    assert "gepf track --resume continues" in caplog.text
 
 
 def test_track_says_what_it_does_before_it_loads_what_takes_long(sequence: Path, tmp_path: Path) -> None:

@@ -86,7 +86,7 @@ def test_each_person_is_a_run(calm: Path, sequence: Path, capsys: pytest.Capture
 def test_a_truth_is_not_taken_for_anybodys(calm: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The user must say to whom the truth belongs, and which person is meant."""
     assert main(["evaluate", str(calm / "person1")]) == 2
-    assert "give it with --truth" in capsys.readouterr().err
+    assert "give --truth" in capsys.readouterr().err
     assert main(["export", str(calm), "--to", "bvh", "--out", str(calm / "all.bvh")]) == 2
     assert f"{calm} holds several people; give one of them: {calm / 'person1'}" in capsys.readouterr().err
 

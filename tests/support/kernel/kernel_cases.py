@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from common.arrays import Array, Indices
 from common.body import ROTATION, BodyModel
 from common.camera import Intrinsics
 from common.frame import SubjectFrame
@@ -20,8 +21,6 @@ from tests.support.kernel import plain_path
 from tests.support.people import subject_of
 from worker.kernel.surface import order_vertices
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 Numbers = NDArray[np.uint32]
 
 CAMERA = Intrinsics(200, 160, 200.0, 210.0, 98.7, 81.2)

@@ -9,14 +9,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 from scipy.spatial import cKDTree
 
+from common.arrays import Array, Indices, Mask
 from common.body import ROOT_DOFS, ROTATION, BodyModel
 from common.camera import Intrinsics, back_project, project
 from common.frame import EMPTY, DepthFrame, SubjectFrame
-from common.kinematics import difference, dof_transforms, link_transforms, pose_vertices, retract, step_axes
+from common.kinematics import difference, dof_transforms, link_transforms, pose_vertices, retract
+from common.kinematics.chain import motion_axes
 from common.settings import RefineSettings
 from tests.support.bodies import moves
 from worker.kernel.gauss_newton import CONVERGED
@@ -24,9 +25,6 @@ from worker.kernel.parameters import OUTLIER_DISTANCE_M, STEPS
 from worker.kernel.priors import LIMIT_WEIGHT_M2
 from worker.kernel.visibility import NEAREST_M, PIXEL_M, TOLERANCE_M
 from worker.kernel.workspace import LARGEST_SIDE_PX
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 UNITS_PER_METRE = 10_000.0
 
@@ -76,11 +74,11 @@ def barycentric(corners: Array, places: Indices) -> Array:
     return np.asarray(areas / areas.sum(axis=1, keepdims=True))
 
 
-def facing(image: Array, z: Array, triangles: Indices) -> NDArray[np.bool_]:
+def facing(image: Array, z: Array, triangles: Indices) -> Mask:
     """Which triangles (T,) in front of the camera show it their outside."""
     a, b, c = (image[triangles[:, i]] for i in range(3))
     area = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
-    clear: NDArray[np.bool_] = (area < 0.0) & (z[triangles].min(axis=1) > NEAREST_M)
+    clear: Mask = (area < 0.0) & (z[triangles].min(axis=1) > NEAREST_M)
     return clear
 
 
@@ -125,7 +123,7 @@ def robust_cost(squared: Array, settings: RefineSettings) -> Array:
     return scale * squared / (scale + squared) if scale > 0.0 else squared
 
 
-def is_measurable(model: BodyModel, pose: Array, posed: Array) -> NDArray[np.bool_]:
+def is_measurable(model: BodyModel, pose: Array, posed: Array) -> Mask:
     """Which posed (V, 3) are on surfaces that the camera sees at less than 78 degrees from their normal."""
     corners = model.vertices[model.triangles]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -135,13 +133,11 @@ def is_measurable(model: BodyModel, pose: Array, posed: Array) -> NDArray[np.boo
     turns = transforms[model.link_dofs[model.skin_links[:, 0]], :, :3]
     along = np.einsum("vij,vj,vi->v", turns, around, posed)
     lengths = np.linalg.norm(around, axis=1) * np.linalg.norm(posed, axis=1)
-    facing: NDArray[np.bool_] = np.abs(along) > np.cos(np.radians(78.0)) * lengths
+    facing: Mask = np.abs(along) > np.cos(np.radians(78.0)) * lengths
     return facing
 
 
-def nearest_outline(
-    seen: Array, facing: NDArray[np.bool_], subject: SubjectFrame
-) -> tuple[Array, NDArray[np.bool_]]:
+def nearest_outline(seen: Array, facing: Mask, subject: SubjectFrame) -> tuple[Array, Mask]:
     """Nearest pixel (column, row) of the outline to model points (Q, 3); which (Q,) are in free space."""
     camera, depth = subject.frame.intrinsics, subject.frame.depth
     left, top, right, bottom = subject.view
@@ -159,7 +155,7 @@ def nearest_outline(
 
 
 def project_onto_silhouette(
-    seen: Array, facing: NDArray[np.bool_], subject: SubjectFrame, settings: RefineSettings
+    seen: Array, facing: Mask, subject: SubjectFrame, settings: RefineSettings
 ) -> tuple[Array, Array]:
     """The targets of model points (Q, 3) and the squared distances (Q,), 0 for those not in free space."""
     camera = subject.frame.intrinsics
@@ -218,6 +214,14 @@ def move_with_links(model: BodyModel, factors: Factors, pose: Array) -> Array:
     rest = np.einsum("nji,nj->ni", before[:, :, :3], factors.points - before[:, :, 3])
     found: Array = np.einsum("nij,nj->ni", after[:, :, :3], rest) + after[:, :, 3]
     return found
+
+
+def step_axes(model: BodyModel, poses: Array) -> tuple[Array, Array]:
+    """Axes w and points q (N, D, 3) of relative motion in poses (N, D). Eq. 2."""
+    w, q = np.empty((2, *poses.shape, 3))
+    for n, transforms in enumerate(dof_transforms(model, poses)):
+        motion_axes(model.parents, model.axes, model.points, model.balls, transforms, w[n], q[n])
+    return w, q
 
 
 def jacobian(model: BodyModel, factors: Factors, pose: Array, points: Array) -> Array:
@@ -307,17 +311,17 @@ def add_limit_prior(
     return gram, gradient
 
 
-def single(model: BodyModel) -> NDArray[np.bool_]:
+def single(model: BodyModel) -> Mask:
     """Degrees of freedom (D,) that are no part of a ball."""
     found = np.ones(len(model.dof_names), dtype=bool)
     found[(model.balls[:, None] + np.arange(3)).ravel()] = False
     return found
 
 
-def active_limits(model: BodyModel, pose: Array, gradient: Array) -> NDArray[np.bool_]:
+def active_limits(model: BodyModel, pose: Array, gradient: Array) -> Mask:
     """Single axes (D,) at a limit that are pushed out of it."""
     low, high = model.limits.T
-    pushed: NDArray[np.bool_] = ((pose <= low) & (gradient > 0.0)) | ((pose >= high) & (gradient < 0.0))
+    pushed: Mask = ((pose <= low) & (gradient > 0.0)) | ((pose >= high) & (gradient < 0.0))
     return pushed & single(model)
 
 

@@ -7,9 +7,9 @@ from functools import cache
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from common.activation import activate
+from common.arrays import Array, Indices, Mask
 from common.body import ROTATION, BodyModel
 from common.camera import Intrinsics
 from common.frame import EMPTY, HIDDEN, SUBJECT, UNMEASURED, SubjectFrame
@@ -26,8 +26,6 @@ from tests.support.people import frame_of, rendered, subject_of
 from worker.kernel.soft import OUTLIER_DENSITY, sample_window
 from worker.kernel.surface import Surface
 from worker.kernel.visibility import DepthImage
-
-Array = NDArray[np.float64]
 
 CAMERA = Intrinsics(320, 240, 300.0, 300.0, 159.5, 119.5)
 POINTS = 800
@@ -83,8 +81,6 @@ def random_poses(of: PosteriorCase, count: int) -> Array:
     return within_limits(of.model, of.truth + spread * rng.normal(size=(count, len(of.truth))))
 
 
-Indices = NDArray[np.int64]
-
 STEP = 1e-6  # radians and metres
 
 
@@ -107,7 +103,7 @@ class Held:
     closest: Indices  # (P,) vertices
     visible: Indices  # (Q,) vertices
     rays: Array  # (Q, 2) of the outline's nearest pixels, for each metre of depth
-    free: NDArray[np.bool_]  # (Q,) whether each of them is in free space
+    free: Mask  # (Q,) whether each of them is in free space
     samples: Samples | None  # of soft correspondences
 
 

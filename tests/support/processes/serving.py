@@ -9,8 +9,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.frame import SubjectFrame
 from common.protocol.messages import RefineRequest
 from common.settings import RefineSettings
@@ -35,7 +35,7 @@ def frame(number: int) -> SubjectFrame:
     return replace(subject, frame=replace(subject.frame, number=number, depth=depth))
 
 
-def expected(number: int, poses: NDArray[np.float64] = POSES) -> list[bytes]:
+def expected(number: int, poses: Array = POSES) -> list[bytes]:
     """The expected result of refining poses on a frame."""
     return as_bytes(refine(MODEL, observe(frame(number)), poses, SETTINGS))
 
@@ -67,7 +67,7 @@ def pool(endpoint: str, **options: Any) -> ZenohRefiner:
     return ZenohRefiner(Pool(workers=0, listen=endpoint, worker_timeout=60.0, **options))
 
 
-def refined_bytes(refiner: ZenohRefiner, number: int, poses: NDArray[np.float64] = POSES) -> list[bytes]:
+def refined_bytes(refiner: ZenohRefiner, number: int, poses: Array = POSES) -> list[bytes]:
     """Have poses refined on a frame."""
     return as_bytes(refiner.submit(frame(number), MODEL, poses, SETTINGS).result())
 

@@ -7,8 +7,8 @@ from functools import cache
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import BodyModel
 from common.camera import Intrinsics, project
 from common.frame import HIDDEN, SUBJECT, SubjectFrame
@@ -22,8 +22,6 @@ from coordinator.tracking.track_management import TrackManagement
 from tests.support.bodies import person
 from tests.support.features import features_in
 from tests.support.people import SETTINGS, STANDING, frame_of, rendered, subject_of
-
-Array = NDArray[np.float64]
 
 FINE = Intrinsics(1280, 960, 1160.0, 1160.0, 639.5, 479.5)
 POSTURES = {

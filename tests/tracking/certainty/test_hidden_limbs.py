@@ -7,9 +7,9 @@ from functools import cache
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from common.activation import activate
+from common.arrays import Array
 from common.body import BodyModel
 from common.camera import Intrinsics
 from common.frame import DepthFrame, SubjectFrame
@@ -108,8 +108,6 @@ def test_joints_outside_the_picture_are_much_less_sure() -> None:
     assert (whole.off_probability[outside] < FLAGGED).all()
     assert (whole.seen[outside] > 0.5).all()
 
-
-Array = NDArray[np.float64]
 
 NOISE = SensorNoise(depth=0.15, lateral=0.01)
 FRAME = 30
