@@ -77,7 +77,9 @@ def find_fault(camera: RigCamera) -> str | None:
     name, matrix = camera.name, np.array(camera.T_rig_camera)
     turn, rest = matrix[:3, :3], matrix[3] - [0.0, 0.0, 0.0, 1.0]
     rigid = np.abs(turn @ turn.T - np.eye(3)).max() + np.abs(rest).max() < ROUNDED
-    if not (name and rigid and np.linalg.det(turn) > 0.0 and np.abs(matrix).max() < LARGEST):
+    if not name:
+        return "a camera has an empty name; name it"
+    if not (rigid and np.linalg.det(turn) > 0.0 and np.abs(matrix).max() < LARGEST):
         return (
             f"T_rig_camera of '{name}' is not a rotation and a translation in metres; "
             "give 4 rows of 4 numbers, the last 0 0 0 1"
@@ -129,8 +131,14 @@ def read_rig(path: Path, options: CameraOptions) -> Source:
     for camera in read_rig_file(path).cameras:
         source, placed = open_source(sequence_of(path, camera)), camera.placed
         gravity = None if source.gravity is None else placed[:3, :3] @ source.gravity
+        if source.others:
+            raise InputError(f"{path}: '{camera.name}' is a rig itself; list its cameras instead")
         named = source.changed(camera=camera.name, T_rig_camera=placed, gravity=gravity)
         cameras.append(named.changed(offset_s=camera.time_offset_s))
+        first, last = (each.times_s for each in (cameras[0], cameras[-1]))
+        if last[0] > first[-1] or last[-1] < first[0]:
+            apart = f"'{camera.name}' and '{cameras[0].camera}' were not recorded at the same time"
+            raise InputError(f"{path}: {apart}; correct time_offset_s, or remove one")
     return cameras[0].changed(name=path.stem, others=tuple(cameras[1:]))
 
 
