@@ -77,7 +77,8 @@ def align(first: Motion, other: Motion) -> Alignment | None:
     least = max(1.0, 0.5 * length)  # seconds
     earliest = first.time_s[0] + least - other.time_s[-1]
     latest = first.time_s[-1] - least - other.time_s[0]
-    fits = [fit_at(first, other, offset) for offset in np.arange(earliest, latest + STEP_S, STEP_S)]
+    offsets: list[float] = np.arange(earliest, latest + STEP_S, STEP_S).tolist()
+    fits = [fit_at(first, other, offset) for offset in offsets]
     known = [each for each in fits if each is not None]
     if not known:
         return None

@@ -75,7 +75,9 @@ def read_rig_file(path: Path) -> RigFile:
 def find_fault(camera: RigCamera) -> str | None:
     """What is wrong with a camera by itself; None if nothing is."""
     name, matrix = camera.name, np.array(camera.T_rig_camera)
-    if not (name and is_rigid(matrix) and np.abs(matrix).max() < LARGEST):
+    if not name:
+        return "a camera has an empty name; name it"
+    if not (is_rigid(matrix) and np.abs(matrix).max() < LARGEST):
         return f"T_rig_camera of '{name}' is not a rotation and a translation in metres; give 4 rows of 4"
     if abs(camera.time_offset_s) > LARGEST:
         return f"time_offset_s of '{name}' is not in seconds; correct it"
@@ -122,8 +124,14 @@ def read_rig(path: Path, options: CameraOptions) -> Source:
     for camera in read_rig_file(path).cameras:
         source, placed = open_source(sequence_of(path, camera)), camera.placed
         gravity = None if source.gravity is None else placed[:3, :3] @ source.gravity
+        if source.others:
+            raise InputError(f"{path}: '{camera.name}' is a rig itself; list its cameras instead")
         named = source.changed(camera=camera.name, T_rig_camera=placed, gravity=gravity)
         cameras.append(named.changed(offset_s=camera.time_offset_s))
+        first, last = (each.times_s for each in (cameras[0], cameras[-1]))
+        if last[0] > first[-1] or last[-1] < first[0]:
+            apart = f"'{camera.name}' and '{cameras[0].camera}' were not recorded at the same time"
+            raise InputError(f"{path}: {apart}; correct time_offset_s, or remove one")
     return cameras[0].changed(name=path.stem, others=tuple(cameras[1:]))
 
 

@@ -72,6 +72,12 @@ class Source:
         """The file with the start pose in the folder of the sequence, if there is one."""
         return self._beside(START_FILE)
 
+    @property
+    def times_s(self) -> NDArray[np.float64]:
+        """Times (F,) of the frames by the rig's clock, seconds."""
+        times = np.array(self.numbers) / self.fps if self.times is None else np.array(self.times)
+        return times + self.offset_s
+
     def frame(self, number: int) -> DepthFrame:
         """Read one frame; 0 for pixels without depth. Raises InputError if it is damaged.
 
@@ -90,8 +96,7 @@ class Source:
 
     def nearest(self, time_s: float, within_s: float) -> int | None:
         """The place of the frame nearest to a time of the rig, or the later of two; None if it is far off."""
-        times = np.array(self.numbers) / self.fps if self.times is None else np.array(self.times)
-        apart = np.abs(times + self.offset_s - time_s)
+        apart = np.abs(self.times_s - time_s)
         place = int(np.flatnonzero(apart <= apart.min() + ROUNDING_S)[-1])
         return place if apart[place] <= within_s + ROUNDING_S else None
 

@@ -100,6 +100,8 @@ class Detector:
         settings = assume_noise(self._refine, noise)
         ways = upright_ways(planes, self._ways_up)
         size, found = yield from self._search(subject, settings, self._sizes, ways)
+        if len(subject.views) > 1 and len(self._sizes) > 1:  # candidates of all sizes are few of each
+            _, found = yield from self._search(subject, settings, [size], ways, found[0])
         model = self._bodies.for_start(*size)
         start = detected_start(model, found[0], size, self._bodies, noise)
         settled = iterations(settings, LAST_ITERATIONS)

@@ -12,7 +12,7 @@ NO_DEPTH: Kind = "gives no depth"
 REPEATS: Kind = "repeats an image"
 CONTRADICTS: Kind = "contradicts the others"
 PERSISTS_S = 0.5  # until a fault is reported
-REMEDY = "; gepf calibrate finds its place again from recordings of the cameras"
+REMEDY = "; it or another one was moved: gepf calibrate finds the places again from recordings"
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,8 @@
-"""The stature of a tracked person, measured in frames in which the pose is settled."""
+"""The size of a tracked person: stature in frames in which the pose is settled, girth at each new stature.
+
+One camera hardly determines the girth, so it stays as detected, with the detected stature. Cameras on several
+sides determine it sharply. At a wrong girth they contradict each other.
+"""
 
 from __future__ import annotations
 
@@ -7,33 +11,40 @@ from numpy.typing import NDArray
 
 from common.frame import SubjectFrame
 from common.kinematics import joint_positions
+from common.settings import RefineSettings
 from coordinator.bodies.tracked import Bodies
 from coordinator.filters.belief import Belief
+from coordinator.tracking.detector import ITERATIONS, iterations
 from coordinator.tracking.estimate import MAX_HYPOTHESES
+from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.reporting import is_settled
 from coordinator.tracking.size import SizeEstimate, head_to_ankle, measure_stature
 from coordinator.tracking.state import Start
 from coordinator.tracking.track_management import TrackManagement
 
+GIRTH_STEPS = np.array([0.85, 1.0, 1.15])  # factors; a parabola through their likelihoods is off by 1 %
+
 
 class PersonSize:
-    """Estimates the stature of a person from the detection on."""
+    """Estimates the size of a person from the detection on."""
 
-    def __init__(self, bodies: Bodies) -> None:
-        self._bodies = bodies
+    def __init__(self, bodies: Bodies, refiner: Refiner) -> None:
+        self._bodies, self._refiner = bodies, refiner
         self.estimate: SizeEstimate | None = None  # None if the size is not estimated
 
-    def begin(self, start: Start, subject: SubjectFrame) -> Start:
+    def begin(self, start: Start, belief: Belief, subject: SubjectFrame, rules: RefineSettings) -> Start:
         """Begin to estimate: the start with the stature that the first frame shows."""
         self.estimate = SizeEstimate()
         stature = self._shown(start, start.pose, subject) or start.stature
-        return start.with_stature(stature, self._bodies)
+        return self._fit_girth(start, stature, belief, subject, rules)
 
-    def revise(self, start: Start) -> Start:
-        """The start with the stature that is known by now."""
-        if self.estimate is None:
+    def revise(
+        self, start: Start, belief: Belief | None, subject: SubjectFrame | None, rules: RefineSettings
+    ) -> Start:
+        """The start with the size that is known by now."""
+        if self.estimate is None or belief is None:
             return start
-        return start.with_stature(self.estimate.revise(start.stature), self._bodies)
+        return self._fit_girth(start, self.estimate.revise(start.stature), belief, subject, rules)
 
     def measure(
         self, start: Start, belief: Belief, management: TrackManagement, subject: SubjectFrame
@@ -46,6 +57,34 @@ class PersonSize:
             stature = self._shown(start, poses[0], subject)
             if stature is not None:
                 self.estimate = self.estimate.add(stature, time_s)
+
+    def _fit_girth(
+        self,
+        start: Start,
+        stature: float,
+        belief: Belief,
+        subject: SubjectFrame | None,
+        rules: RefineSettings,
+    ) -> Start:
+        """The start with another stature, and the likeliest girth if several cameras show the person."""
+        if stature == start.stature or subject is None or len(subject.views) == 1:
+            return start.with_size(stature, start.girth, self._bodies)
+        settled = iterations(rules, ITERATIONS)
+        sent = [
+            self._refiner.submit(
+                subject,
+                self._bodies.tracked(stature, girth, start.values)[0],
+                belief.reported[None],
+                settled,
+                velocity=belief.velocity,
+            )
+            for girth in start.girth * GIRTH_STEPS
+        ]
+        likely = np.array([pending.result().log_likelihood[0] for pending in sent])
+        steps = np.linspace(GIRTH_STEPS[0], GIRTH_STEPS[-1], 31)
+        visible = np.isfinite(likely).all()
+        best = np.polyval(np.polyfit(GIRTH_STEPS, likely, 2), steps).argmax() if visible else len(steps) // 2
+        return start.with_size(stature, float(start.girth * steps[best]), self._bodies)
 
     def _shown(self, start: Start, pose: NDArray[np.float64], subject: SubjectFrame) -> float | None:
         """Stature in metres that a frame shows of the person in pose (D,); None if it does not show it."""

@@ -54,11 +54,12 @@ class Start:
         """Whether the body can move: its root is not held."""
         return set(ROOT_DOFS) <= set(self.model.dof_names)
 
-    def with_stature(self, stature: float, bodies: Bodies) -> Self:
-        """The same start, of a body of this stature in metres."""
-        if stature == self.stature:
+    def with_size(self, stature: float, girth: float, bodies: Bodies) -> Self:
+        """The same start, of a body of this stature in metres and this girth."""
+        if (stature, girth) == (self.stature, self.girth):
             return self
-        return replace(self, model=bodies.tracked(stature, self.girth, self.values)[0], stature=stature)
+        model, _ = bodies.tracked(stature, girth, self.values)
+        return replace(self, model=model, stature=stature, girth=girth)
 
     @property
     def way_up(self) -> float:

@@ -82,7 +82,7 @@ class TargetTracker:
         self._expected = self.start.pose if self._given else None  # (D,) where the next frame is segmented
         self._time_s: float | None = None  # of the last frame that showed the body
         self._distance = 0.0  # of the subject in the present frame, metres
-        self._size = PersonSize(bodies)
+        self._size = PersonSize(bodies, refiner)
         self.searching = BodySearch(self._detector, settings.refine)
         self.scenes = SceneChanges()  # what the last submitted frame changed in the scenes
         self.cameras = CameraStates()  # after the last submitted frame
@@ -192,7 +192,7 @@ class TargetTracker:
         first = self._belief is None
         expected = self._expected is not None or (first and self.searching.subject is not None)
         shows = subject is not None or (expected and bool(frame.depth.any()))
-        self.start = self._size.revise(self.start)
+        self.start = self._size.revise(self.start, self._belief, subject, self._refine_settings)
         detection = None if subject is None else self._detect(subject, planes, clock, live=pace is not None)
         anywhere = self.management.is_lost and self._redetects
         self._expected = None if self._belief is None or anywhere else self._belief.reported
@@ -276,7 +276,7 @@ class TargetTracker:
         self._belief = self._filter.believe(self.model, detection.candidates)
         unknown = self._bodies.people and not self._bodies.measures
         if self._settings.measure_person and unknown and self.start.is_free:
-            self.start = self._size.begin(self.start, subject)
+            self.start = self._size.begin(self.start, self._belief, subject, self._refine_settings)
 
     def _accept(self, belief: Belief, submitted: Submitted) -> None:
         """Gate the tracked hypotheses; replace them by a detection that explains the frame better."""

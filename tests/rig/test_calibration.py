@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from common.camera import inverse, moved
 from common.errors import InputError
 from coordinator.calibration.rig import CameraPlace, judge
 from coordinator.calibration.skeletons import Alignment, Motion, align
+from coordinator.sources.rig import RigCamera, read_rig_file, write_rig
 from tests.support.rigs import around
 
 TRUE, OFFSET_S = around(70.0), 0.0123
@@ -41,6 +44,16 @@ def test_joints_tell_where_a_camera_is_and_its_clock() -> None:
     assert np.degrees(np.arccos(min(1.0, (np.trace(turn) - 1.0) / 2.0))) < 0.5
     person = moved(np.array([0.0, 0.0, 2.7]), inverse(TRUE))
     assert np.linalg.norm(moved(person, found.placed) - [0.0, 0.0, 2.7]) < 0.01
+
+
+def test_an_alignment_is_written_as_a_rig(tmp_path: Path) -> None:
+    """Read again, place and clock are the same."""
+    found = align(motion(0.0, np.eye(4)), motion(OFFSET_S, TRUE))
+    assert found is not None
+    write_rig(tmp_path / "rig.json", [RigCamera("b", "b", found.placed.tolist(), found.offset_s)])
+    (camera,) = read_rig_file(tmp_path / "rig.json").cameras
+    assert camera.time_offset_s == found.offset_s
+    np.testing.assert_array_equal(camera.placed, found.placed)
 
 
 def test_recordings_of_different_times_are_not_aligned() -> None:

@@ -32,8 +32,7 @@ def write(folder: Path, offsets: dict[str, float], frames: int = 5) -> Path:
 
 
 @pytest.mark.parametrize(
-    ("offset", "expected"),
-    [(0.0, [0, 1, 2, 3, 4]), (0.05, [None, 0, 1, 2, 3]), (-0.03, [1, 2, 3, 4, None]), (10.0, [None] * 5)],
+    ("offset", "expected"), [(0.0, [0, 1, 2, 3, 4]), (0.05, [None, 0, 1, 2, 3]), (-0.03, [1, 2, 3, 4, None])]
 )
 def test_frames_that_are_nearest_in_time_belong_together(
     tmp_path: Path, offset: float, expected: list[int | None]
@@ -72,13 +71,20 @@ def change(**fields: object) -> Callable[[dict[str, Any]], object]:
         (change(T_rig_camera=np.eye(3).tolist()), "length"),
         (change(time_offset_s=1e9), "time_offset_s of 'b' is not in seconds"),
         (change(time_offset_s="soon"), "time_offset_s"),
+        (change(time_offset_s=10.0), "'b' and 'a' were not recorded at the same time"),
+        (change(name=""), "a camera has an empty name"),
+        (change(sequence="inner.json"), "'b' is a rig itself"),
     ],
-    ids=["key", "none", "twice", "names", "live", "missing", "scaled", "mirrored", "short", "late", "text"],
+    ids=[
+        *("key", "none", "twice", "names", "live", "missing", "scaled", "mirrored", "short", "late", "text"),
+        *("apart", "nameless", "nested"),
+    ],
 )
 def test_a_bad_rig_is_refused(tmp_path: Path, damage: Callable[[dict[str, Any]], object], said: str) -> None:
     """One line says what is wrong, and where."""
     path = write(tmp_path, {"a": 0.0, "b": 0.0})
     rig = json.loads(path.read_text())
+    path.with_name("inner.json").write_text(path.read_text())
     damage(rig)
     path.write_text(json.dumps(rig))
     with pytest.raises(InputError, match=said) as raised:

@@ -1,4 +1,4 @@
-"""A person's stature by the length from head to sole, in rendered frames."""
+"""A person's stature by the length from head to sole, and girth by cameras on several sides; rendered."""
 
 from __future__ import annotations
 
@@ -14,7 +14,10 @@ from coordinator.bodies.choice import choose_bodies
 from coordinator.bodies.human.measures import Measures
 from coordinator.bodies.human.template import human_of
 from coordinator.bodies.tracked import name_pose
+from coordinator.filters.gradient_enhanced import begin
+from coordinator.tracking.person_size import PersonSize
 from coordinator.tracking.size import SizeEstimate, head_to_ankle, measure_stature
+from coordinator.tracking.state import Start
 from gepf.direct import DirectRefiner
 from tests.support.people import (
     CAMERA,
@@ -27,6 +30,7 @@ from tests.support.people import (
     shown,
     subject_of,
 )
+from tests.support.rigs import around, seen_from
 
 STATURE = 1.7
 CROWN = 0.975  # of a rendered template's stature is measured: its crown is narrower than people's
@@ -123,6 +127,20 @@ def test_a_tracked_person_gets_the_right_stature_and_keeps_the_pose() -> None:
     assert estimate.status == "tracked"
     assert statures[-1] == pytest.approx(CROWN * 1.82, abs=0.025)
     assert len(set(statures)) <= 3
+
+
+@pytest.mark.parametrize(("yaws", "girth"), [((0.0,), 1.05), ((0.0, 180.0), 0.92)], ids=["one", "two"])
+def test_cameras_on_both_sides_show_the_girth(yaws: tuple[float, ...], girth: float) -> None:
+    """Within 3 % when the stature is revised; one camera keeps the girth that was detected."""
+    body = BODIES.tracked(STATURE, 0.92, {})[0]
+    pose = name_pose(body, {n: v for n, v in POSTURE.items() if n in body.dof_names})
+    frame = seen_from(body, [pose] * len(yaws), {f"{yaw:.0f}": around(yaw) for yaw in yaws})
+    model = BODIES.tracked(1.55, 1.05, {})[0]
+    start, size = Start(model, pose, 1.55, 1.05), PersonSize(BODIES, DirectRefiner())
+    belief = begin(model, pose, SETTINGS.filter)
+    found = size.begin(start, belief, subject_of(frame, 3000), SETTINGS.refine)
+    assert found.stature == pytest.approx(CROWN * STATURE, abs=0.03)
+    assert found.girth == pytest.approx(girth, rel=0.03)
 
 
 def test_a_stature_that_is_not_wanted_is_not_measured() -> None:
