@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import find_objects
 
 from common.camera import Intrinsics, back_project, level_from_camera
 from coordinator.scene.flatness import FLAT_SHARE, LEAST_PART_M2, SAMPLED, find_flat
@@ -70,10 +69,12 @@ def candidates(view: SceneView, known: Mask | None = None) -> list[Candidate]:
     pixel_areas = (view.depth**2 / (view.camera.fx * view.camera.fy)).ravel()
     areas = np.bincount(labels.ravel(), pixel_areas)
     areas[0] = 0.0  # label 0 is the rest
-    windows = find_objects(labels)
 
     def part(label: int) -> Part:
-        return part_of(view, labels[windows[label - 1]] == label, windows[label - 1])
+        mask = labels == label
+        rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
+        window = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+        return part_of(view, mask[window], window)
 
     large = np.flatnonzero((areas >= LEAST_AREA_M2) & (areas <= MOST_AREA_M2)).tolist()
     found = [judge(view, each) for label in large for each in cut(view, part(label))]

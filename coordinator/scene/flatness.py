@@ -6,10 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation, uniform_filter
 
 from common.camera import Intrinsics, back_project
-from coordinator.scene.planes import count_points, draw_planes, lie_on, refit, to_rays
+from coordinator.scene.planes import Array, count_points, draw_planes, lie_on, refit, to_rays
 
 Mask = NDArray[np.bool_]
 
@@ -34,7 +33,14 @@ class Flat:
 
     def grow(self, some: Mask) -> Mask:
         """Some of the pixels (H, W) of the mask, with those nearby that may be on the plane."""
-        grown: Mask = some | (binary_dilation(some, iterations=self.size) & self.on)
+        near = some.copy()
+        for _ in range(self.size):
+            before = near.copy()
+            near[1:] |= before[:-1]
+            near[:-1] |= before[1:]
+            near[:, 1:] |= before[:, :-1]
+            near[:, :-1] |= before[:, 1:]
+        grown: Mask = some | (near & self.on)
         return grown
 
 
@@ -47,11 +53,11 @@ def find_flat(depth: NDArray[np.floating], mask: Mask, camera: Intrinsics, growt
     size = max(1, int(np.sqrt(LEAST_PART_M2) * camera.fx / np.median(depth[mask])))
     points = back_project(depth, camera)[mask]
     rays = to_rays(points, growth)
-    weight, image = uniform_filter(mask.astype(np.float64), size)[mask], np.zeros(mask.shape)
+    weight, image = average(mask.astype(np.float64), size)[mask], np.zeros(mask.shape)
     averaged = rays.copy()
     for n in range(3):
         image[mask] = rays[:, n]
-        averaged[:, n] = uniform_filter(image, size)[mask] / weight
+        averaged[:, n] = average(image, size)[mask] / weight
     averaged[:, 3] /= size * np.sqrt(weight)
     some = averaged[:: 1 + len(averaged) // SAMPLED]
     planes = draw_planes(some)
@@ -60,3 +66,15 @@ def find_flat(depth: NDArray[np.floating], mask: Mask, camera: Intrinsics, growt
     flat, on = np.zeros_like(mask), np.zeros_like(mask)
     flat[mask], on[mask] = lie_on(plane, averaged), lie_on(plane, rays)
     return Flat(flat, float(near.max()) / len(some), on, size)
+
+
+def average(image: Array, size: int) -> Array:
+    """Means of an image (H, W) over the square of `size` pixels around each pixel; borders are mirrored.
+
+    Its filter in scipy takes longer to load than `gepf info` may take.
+    """
+    image = np.pad(image, (size // 2, (size - 1) // 2), mode="symmetric")
+    for _ in range(2):  # along rows, then along columns
+        sums = np.pad(image.cumsum(axis=1), ((0, 0), (1, 0)))
+        image = (sums[:, size:] - sums[:, :-size]).T / size
+    return image

@@ -10,7 +10,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from common.camera import Intrinsics
 from common.compiling import numba
@@ -124,11 +123,11 @@ def draw_planes(rays: Array) -> Array:
 
     If only patches of a floor are visible, three random rays are rarely all on it.
     """
-    random, tree = np.random.default_rng(0), cKDTree(rays[:, :2])
+    random = np.random.default_rng(0)
     first = rays[random.integers(len(rays), size=DRAWN_PLANES)]
     apart = 0.5 * random.uniform(size=(DRAWN_PLANES, 1)) ** 2 * np.ptp(rays[:, :2], axis=0)
     second, third = (
-        rays[tree.query(first[:, :2] + apart * random.normal(size=apart.shape))[1], :3] - first[:, :3]
+        rays[nearest_rays(first[:, :2] + apart * random.normal(size=apart.shape), rays), :3] - first[:, :3]
         for _ in range(2)
     )
     normal = np.cross(second, third)
@@ -136,6 +135,22 @@ def draw_planes(rays: Array) -> Array:
     normal, first = normal[plain], first[plain]
     slopes = -normal[:, :2] / normal[:, 2:]
     return np.column_stack([slopes, first[:, 2] - np.sum(slopes * first[:, :2], axis=1)])
+
+
+@numba.njit(cache=True, nogil=True)
+def nearest_rays(places: Array, rays: Array) -> NDArray[np.int64]:
+    """Index (M,) of the ray (N, 4) nearest to each place (M, 2), x/z and y/z.
+
+    scipy's tree takes longer to load than this search.
+    """
+    nearest = np.empty(len(places), dtype=np.int64)
+    for m in range(len(places)):
+        best = np.inf
+        for n in range(len(rays)):
+            x, y = rays[n, 0] - places[m, 0], rays[n, 1] - places[m, 1]
+            if x * x + y * y < best:
+                best, nearest[m] = x * x + y * y, n
+    return nearest
 
 
 @numba.njit(cache=True, nogil=True)
