@@ -3,6 +3,8 @@ SHELL := /bin/bash
 BIN := .venv/bin
 STAMP := .venv/.installed
 PACKAGES := common worker coordinator gepf benchmarks examples tests
+KERNELS := $(BIN)/python -m tests.support.kernel.warm_tracker & tracker=$$!; \
+    $(BIN)/python -m tests.support.kernel.warm_kernel && wait $$tracker
 
 .DEFAULT_GOAL := help
 .PHONY: help setup demo test test-slow chaos hosts fuzz check format bench paper ablation real-people images images-test lock clean clean-kernels
@@ -14,16 +16,17 @@ setup: $(STAMP) ## virtual environment in .venv with gepf, gepf-worker and the t
 
 $(STAMP): pyproject.toml constraints.txt .ci/setup
 	@.ci/setup .venv
-	@# pip compiles nothing: what is imported here starts in half the time from now on
+	@# pip compiles nothing: what is loaded here starts in half the time from now on
 	@PYTHONDONTWRITEBYTECODE= $(BIN)/python -c 'import open3d, coordinator.commands.demo, worker.service'
+	@echo 'setup: compiling the kernels, about a minute' >&2
+	@export PYTHONDONTWRITEBYTECODE=; $(KERNELS)
 	@touch $@
 
 demo: setup ## people who move fast, tracked with one particle and with many; table and pictures in demo/
 	$(BIN)/gepf demo --out demo
 
 test: setup ## the tests, on two cores, four at once as many only wait; kernels are compiled before
-	$(BIN)/python -m tests.support.kernel.warm_tracker & tracker=$$!; \
-	    $(BIN)/python -m tests.support.kernel.warm_kernel && wait $$tracker
+	$(KERNELS)
 	$(BIN)/python -m pytest -q -n 4 --dist worksteal --max-worker-restart 0
 
 test-slow: setup ## the tests that take long

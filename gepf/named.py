@@ -15,6 +15,8 @@ from coordinator.bodies.angles import angles_of
 from coordinator.results.log import certainty_of
 from coordinator.tracking import estimate
 
+ROW = Markup('<tr><th>{}</th><td style="text-align: left">{}</td></tr>')
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Estimate(estimate.Estimate):
@@ -80,7 +82,7 @@ class Estimate(estimate.Estimate):
         facts |= {"residual": f"{1000.0 * self.residual:.0f} mm", "hypotheses": len(self.hypothesis_weight)}
         angles = angles_of(self.model, self.held).measure(self.pose[None])[0]
         degrees = (
-            f"{name} {value:.0f}" for name, value in zip(self.angle_names, np.degrees(angles), strict=True)
+            f"{name} {value:z.0f}" for name, value in zip(self.angle_names, np.degrees(angles), strict=True)
         )
         return table({**facts, "angles, degrees": ", ".join(degrees)}.items())
 
@@ -93,7 +95,7 @@ def named(plain: estimate.Estimate, model: BodyModel, held: Mapping[str, float])
 
 def table(rows: Iterable[tuple[str, object]]) -> str:
     """Names and values as HTML."""
-    lines = (Markup("<tr><th>{}</th><td>{}</td></tr>").format(name, value) for name, value in rows)
+    lines = (ROW.format(name, value) for name, value in rows)
     return f"<table>{Markup('').join(lines)}</table>"
 
 

@@ -27,7 +27,7 @@ from coordinator.pool.options import Pool
 from coordinator.results.live_results import Result, results_key
 from coordinator.results.track import filled, read_track, read_tracked_body
 from coordinator.sources.frame_recorder import WAITING_FRAMES
-from coordinator.sources.live_stream import live_key
+from coordinator.sources.live_stream import is_topic, live_key
 from coordinator.viewing import FrameLog, PersonLog, layout
 
 logger = logging.getLogger(__name__)
@@ -36,6 +36,8 @@ logger = logging.getLogger(__name__)
 def run_view(options: ViewOptions, security: SecurityOptions, show: Show) -> None:
     """Write a file for the rerun viewer if one is given, else serve a browser."""
     key = live_key(options.run)
+    if is_topic(key):  # its images have no numbers, by which results are found
+        raise InputError("topics of ROS 2 are shown by RViz, with results of --publish ros2:/TOPIC")
     live = {"--results": options.results, "--listen": options.listen, "--connect": options.connect}
     for option, value in ({"--sequence": options.sequence} if key else live).items():
         if value is not None:

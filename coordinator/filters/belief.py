@@ -25,6 +25,8 @@ class Belief:
     residual: Array  # (M,) metres
     velocities: Array  # (M, D) relative motion per second
     reported: Array  # (D,)
+    posterior: Array = field(default_factory=lambda: np.empty((0, 0)), kw_only=True)
+    """Covariance (D, D) of the reported pose by its refinement, in relative motion; empty if unknown."""
 
     @property
     def weights(self) -> Array:

@@ -90,18 +90,22 @@ def update(
     covariances = estimate_covariances(  # 7
         model, before, poses, group, past.covariances[parents], REDUCTION
     )
+    found = np.empty((0, 0, 0))
     if roots is not None and proposal.expected is not None:
         found = lower[chosen] @ lower[chosen].transpose(0, 2, 1)
         poses = fuse_with_prediction(
             model, poses, found, proposal.expected[answered[chosen]], proposal.interval
         )
+    reported = choose_reported(model, past.reported, poses, log_likelihood, proposal.interval)
+    at = np.argmin(np.abs(poses - reported).sum(axis=1))
     return Hypotheses(
         poses=poses,
         log_weights=log_likelihood,
         residual=after.residual[chosen],
         velocities=difference(model, past.poses[parents], poses) / proposal.interval,
-        reported=choose_reported(model, past.reported, poses, log_likelihood, proposal.interval),
+        reported=reported,
         covariances=covariances,
+        posterior=found[at] if len(found) else np.empty((0, 0)),
     )
 
 

@@ -103,7 +103,8 @@ class Errors:
 def evaluate(track: Track, truth: Truth) -> Evaluation:
     """Score a track; InputError if it has no frame, or no angle and no joint, in common with the truth."""
     errors, limbs = compare(track, truth), errors_by_angle(track, truth)
-    off = errors.joint_m / errors.joint_deviation_m
+    moves = errors.joint_deviation_m > 0.0  # other joints are held, at any distance from the truth
+    off = errors.joint_m / np.where(moves, errors.joint_deviation_m, np.nan)
     return Evaluation(
         frames=len(errors.frame),
         mean_angle_error_deg=overall(errors.angle_deg),

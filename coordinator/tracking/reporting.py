@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import joint_positions
+from coordinator.bodies.angles import is_person
 from coordinator.filters.belief import Belief
 from coordinator.stopwatch import Stopwatch
+from coordinator.tracking.certainty import known_body
 from coordinator.tracking.certainty.certainty import FIT, OFF, SUSPECTED, Certainty, unknown_certainty
 from coordinator.tracking.certainty.features import FrameContext, measure_features
 from coordinator.tracking.certainty.surface import seen_shares
@@ -64,6 +66,8 @@ def report(updated: Updated) -> Tracked:
             seen_by = seen_shares(model, pose, context.subject, context.stretch)
             features = measure_features(model, pose, joints, weights, context, management.residual, seen_by)
             certainty = FIT.judge(features)
+            if belief is not None and belief.posterior.size and not is_person(model.dof_names):
+                certainty = replace(certainty, deviation=known_body.deviations(model, pose, belief.posterior))
             cameras = [each.frame.camera for each in context.subject.views]
             seen = dict(zip(cameras, seen_by, strict=True))
         status = updated.status or judge(management, weights, joints[1:], joints[0], certainty)
