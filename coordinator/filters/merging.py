@@ -38,7 +38,8 @@ def merge_by_covariance(
 
     def is_near(n: int, steps: Array) -> Mask:
         whitened = solve_triangular(roots[n], steps.T, lower=True, check_finite=False)
-        return np.asarray(np.sum(whitened**2, axis=0) < rim)
+        with np.errstate(over="ignore"):  # a worker may reply anything
+            return np.asarray(np.sum(whitened**2, axis=0) < rim)
 
     return merge(model, poses, log_likelihood, is_near)
 
