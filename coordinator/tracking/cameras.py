@@ -19,7 +19,15 @@ from common.body import BodyModel
 from common.compiling import numba
 from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import pose_vertices
-from coordinator.tracking.faults import CONTRADICTS, NO_DEPTH, REPEATS, CameraState, CameraStates
+from coordinator.tracking.faults import (
+    CONTRADICTS,
+    NO_DEPTH,
+    PERSISTS_S,
+    REPEATS,
+    Agreement,
+    CameraState,
+    CameraStates,
+)
 from coordinator.tracking.gating import RESIDUAL_M
 from coordinator.tracking.observation import camera_points
 
@@ -58,20 +66,32 @@ def look(view: DepthFrame, before: CameraState | None, time_s: float) -> CameraS
     return CameraState(image, before.good_s if before else time_s, REPEATS if view.depth.any() else NO_DEPTH)
 
 
-def find_contradicting(
-    model: BodyModel, pose: Array, views: Sequence[SubjectFrame], noise_depth: float, before: Collection[str]
-) -> tuple[str, ...]:
-    """The cameras whose points a pose (D,) does not explain, but for the one that it explains best.
+def compare(
+    model: BodyModel,
+    pose: Array,
+    views: Sequence[SubjectFrame],
+    noise_depth: float,
+    before: Agreement,
+    interval_s: float,
+) -> Agreement:
+    """The agreement of cameras after a frame with this pose (D,).
 
-    Those of `before` that cannot be compared with another one stay.
+    Cameras contradict whose points it does not explain, but for the one that it explains best. Those that
+    contradicted before and cannot be compared with another one still do.
     """
     if len(views) < 2:
-        return tuple(before)
+        return before
     corners = pose_vertices(model, pose[None])[0][model.triangles[::3]]
     residuals = {view.frame.camera: mean_distance(view, corners) for view in views}
     allowed = max(RESIDUAL_M + noise_depth, min(residuals.values()))
-    unseen = [name for name in before if name not in residuals]
-    return (*unseen, *(name for name, residual in residuals.items() if residual > allowed))
+    against = [name for name, residual in residuals.items() if residual > allowed]
+    unseen = [name for name in before.contradicting if name not in residuals]
+    agreed_s = before.agreed_s
+    if len(residuals) > len(against) + 1:
+        agreed_s += interval_s
+    elif agreed_s < PERSISTS_S:
+        agreed_s = 0.0
+    return Agreement((*unseen, *against), agreed_s)
 
 
 def mean_distance(view: SubjectFrame, corners: Array) -> float:

@@ -1,8 +1,8 @@
-"""The faults of the cameras of a rig, and how they are reported."""
+"""The faults of the cameras of a rig, what they agree on, and how this is reported."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -11,8 +11,8 @@ Kind = Literal["gives no depth", "repeats an image", "contradicts the others"]
 NO_DEPTH: Kind = "gives no depth"
 REPEATS: Kind = "repeats an image"
 CONTRADICTS: Kind = "contradicts the others"
-PERSISTS_S = 0.5  # until a fault is reported
-REMEDY = "; it or another one was moved: gepf calibrate finds the places again from recordings"
+PERSISTS_S = 0.5  # until a fault is reported, and until cameras that agree are believed
+REMEDY = "it or another one was moved: gepf calibrate finds the places again from recordings"
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +26,29 @@ class CameraState:
 
 CameraStates = dict[str, CameraState]
 """By the camera's name."""
+
+
+@dataclass(frozen=True, slots=True)
+class Agreement:
+    """Whether the cameras that show a body agree on its place.
+
+    contradicting: cameras whose points the last pose does not explain. agreed_s: for how long two cameras
+    or more have agreed; what was long enough counts until the body is lost.
+    """
+
+    contradicting: tuple[str, ...] = ()
+    agreed_s: float = 0.0
+
+    def dispute(self, shown: Sequence[str]) -> str:
+        """Why a pose by the cameras that are `shown` may be at a wrong place; empty if it is not.
+
+        Of two cameras that contradict each other, one is believed only if they agreed before.
+        """
+        others = [name for name in shown if name not in self.contradicting]
+        if not self.contradicting or len(others) > 1 or (others and self.agreed_s >= PERSISTS_S):
+            return ""
+        against = ", ".join(others) or "the others"
+        return f"{', '.join(self.contradicting)} contradicts {against}: either may have a wrong T_rig_camera"
 
 
 def faults_of(states: Mapping[str, CameraState], time_s: float) -> dict[str, tuple[Kind, float]]:
@@ -43,7 +66,7 @@ def describe_changes(
     """Messages on the faults that were found since another frame, and on those that have ended."""
     found = [
         f"camera {name} {kind} since {since:.2f} s"
-        + (f" and is left out{REMEDY}" if kind == CONTRADICTS else "")
+        + (f" and is left out; {REMEDY}" if kind == CONTRADICTS else "")
         for name, (kind, since) in now.items()
         if name not in before or before[name][0] != kind
     ]

@@ -17,7 +17,7 @@ from coordinator.filters.belief import Belief
 from coordinator.tracking.detector import ITERATIONS, iterations
 from coordinator.tracking.estimate import MAX_HYPOTHESES
 from coordinator.tracking.refiner import Refiner
-from coordinator.tracking.reporting import is_settled
+from coordinator.tracking.reporting import judge
 from coordinator.tracking.size import SizeEstimate, head_to_ankle, measure_stature
 from coordinator.tracking.state import Start
 from coordinator.tracking.track_management import TrackManagement
@@ -53,7 +53,8 @@ class PersonSize:
         time_s, poses, weights = subject.frame.time_s, belief.poses[:MAX_HYPOTHESES], belief.weights
         if self.estimate is None or not self.estimate.is_due(time_s):
             return
-        if is_settled(management, weights[:MAX_HYPOTHESES], joint_positions(start.model, poses)):
+        joints = joint_positions(start.model, poses)
+        if judge(management, weights[:MAX_HYPOTHESES], joints, joints[0], doubted=False) == "tracked":
             stature = self._shown(start, poses[0], subject)
             if stature is not None:
                 self.estimate = self.estimate.add(stature, time_s)

@@ -53,7 +53,7 @@ def report(updated: Updated) -> Tracked:
     with updated.clock.stage("report"):
         start, management = updated.state.start, updated.state.checkpoint.management
         model, belief = start.model, updated.belief
-        certainty = unknown_certainty(len(model.joint_names))
+        certainty, disputed = unknown_certainty(len(model.joint_names)), ""
         pose, poses, weights = start.pose, np.empty((0, len(start.pose))), np.empty(0)
         if belief is not None:
             pose, poses = belief.reported, belief.poses[:MAX_HYPOTHESES]
@@ -70,7 +70,10 @@ def report(updated: Updated) -> Tracked:
                 certainty = replace(certainty, deviation=known_body.deviations(model, pose, belief.posterior))
             cameras = [each.frame.camera for each in context.subject.views]
             seen = dict(zip(cameras, seen_by, strict=True))
-        status = updated.status or judge(management, weights, joints[1:], joints[0], certainty)
+            disputed = updated.state.checkpoint.agreement.dispute(cameras)
+        doubt = explain_doubt(model.joint_names, certainty)
+        doubted = bool(disputed or doubt)
+        status = updated.status or judge(management, weights, joints[1:], joints[0], doubted=doubted)
     estimate = Estimate(
         frame=updated.frame.number,
         time_s=updated.frame.time_s,
@@ -81,7 +84,7 @@ def report(updated: Updated) -> Tracked:
         hypothesis_weight=weights,
         residual=np.nan if belief is None else float(belief.residual[0]),
         particles_answered=updated.answered,
-        why=management.reason or explain_doubt(model.joint_names, certainty),
+        why=disputed or management.reason or doubt,
         stage_seconds=updated.clock.seconds,
         seen_by=seen,
         faults=faults_of(updated.state.checkpoint.cameras, updated.frame.time_s),
@@ -92,32 +95,21 @@ def report(updated: Updated) -> Tracked:
 
 
 def judge(
-    management: TrackManagement, weights: Array, joints: Array, reported: Array, certainty: Certainty
+    management: TrackManagement, weights: Array, joints: Array, reported: Array, *, doubted: bool
 ) -> Status:
     """Status of a frame that shows something, from weights (M,) and joints (M, J, 3), most likely first.
 
     `reported` (J, 3) are the reported joints; they may differ from those of the most likely hypothesis.
 
-    `searching`: the body may be anywhere. `lost`: the pose does not explain the frame. `ambiguous`: a joint
-    is probably wrong, an equally likely hypothesis has a joint elsewhere, or front and back look alike.
+    `searching`: the body may be anywhere. `lost`: the pose does not explain the frame. `ambiguous`: it is
+    `doubted`, an equally likely hypothesis has a joint elsewhere, or front and back look alike.
     """
     if management.is_lost:
         return "searching"
     if management.unexplained:
         return "lost"
-    suspected = np.any(certainty.off_probability > SUSPECTED)
-    doubt = management.ambiguous_facing or suspected or has_rival(weights, joints, reported)
-    return "ambiguous" if doubt else "tracked"
-
-
-def is_settled(management: TrackManagement, weights: Array, joints: Array) -> bool:
-    """Whether the hypotheses explain the frame and agree, without the certainty of single joints."""
-    return not (
-        management.is_lost
-        or management.unexplained
-        or management.ambiguous_facing
-        or has_rival(weights, joints, joints[0])
-    )
+    doubted = doubted or management.ambiguous_facing or has_rival(weights, joints, reported)
+    return "ambiguous" if doubted else "tracked"
 
 
 def has_rival(weights: Array, joints: Array, reported: Array) -> bool:

@@ -17,7 +17,7 @@ from coordinator.bodies.human.measures import REFERENCE_STATURE
 from coordinator.bodies.tracked import Bodies, pose_by_name
 from coordinator.files import read_numbers
 from coordinator.scene.scene import SceneChanges
-from coordinator.tracking.faults import CameraStates
+from coordinator.tracking.faults import Agreement, CameraStates
 from coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise
 from coordinator.tracking.size import SizeEstimate
 from coordinator.tracking.track_management import TrackManagement
@@ -125,7 +125,7 @@ class Checkpoint:
     size: SizeEstimate | None = None  # of the person; None if it is not estimated
     cameras: CameraStates = field(default_factory=dict)
     left_out: tuple[str, ...] = ()  # cameras, when the next frame is segmented
-    contradicting: tuple[str, ...] = ()  # cameras, by the last pose
+    agreement: Agreement = field(default_factory=Agreement)  # of the cameras, by the last pose
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -23,11 +23,11 @@ from coordinator.filters.methods import apply_method
 from coordinator.scene.planes import Planes
 from coordinator.scene.scene import SceneChanges
 from coordinator.stopwatch import Stopwatch
-from coordinator.tracking.cameras import find_contradicting
+from coordinator.tracking.cameras import compare
 from coordinator.tracking.certainty.features import FrameContext
 from coordinator.tracking.detector import Detector
 from coordinator.tracking.estimate import Status
-from coordinator.tracking.faults import CameraStates
+from coordinator.tracking.faults import Agreement, CameraStates
 from coordinator.tracking.gating import LEAST_PIXELS, gate_pose
 from coordinator.tracking.known_motion import KnownMotion
 from coordinator.tracking.loop import Pace
@@ -88,7 +88,7 @@ class TargetTracker:
         self.cameras = CameraStates()  # after the last submitted frame
         self.aside: SubjectFrame | None = None  # what cameras that are left out show of the body
         self.left_out: tuple[str, ...] = ()  # cameras, when the next frame is segmented
-        self._contradicting: tuple[str, ...] = ()  # the last pose
+        self._agreement = Agreement()
         if state is not None:
             self._resume(state)
 
@@ -96,7 +96,7 @@ class TargetTracker:
         past = state.checkpoint
         self.start, self.scenes, self.management = state.start, past.scenes, past.management
         self._expected, self._time_s, self._size.estimate = past.expected, past.time_s, past.size
-        self.cameras, self.left_out, self._contradicting = past.cameras, past.left_out, past.contradicting
+        self.cameras, self.left_out, self._agreement = past.cameras, past.left_out, past.agreement
         self._filter.rng.bit_generator.state = json.loads(past.generator)
         if past.belief:
             self._belief = replace(self._filter.begin(self.model, self.start.pose), **past.belief)
@@ -122,7 +122,7 @@ class TargetTracker:
             size=self._size.estimate,
             cameras=self.cameras,
             left_out=self.left_out,
-            contradicting=self._contradicting,
+            agreement=self._agreement,
         )
         return TrackerState(self.start, checkpoint)
 
@@ -196,7 +196,7 @@ class TargetTracker:
         detection = None if subject is None else self._detect(subject, planes, clock, live=pace is not None)
         anywhere = self.management.is_lost and self._redetects
         self._expected = None if self._belief is None or anywhere else self._belief.reported
-        self.left_out = self._contradicting
+        self.left_out = self._agreement.contradicting
         if self._belief is None or subject is None:
             status = self._lose(shows=shows)
             return Updated(frame, self.state, self._belief, status, 0, None, clock)
@@ -291,10 +291,12 @@ class TargetTracker:
             joints = joint_positions(self.model, self._belief.poses[:1])[0]
             facing = detection.looks_alike(self.model.joint_names, joints, self._belief.log_weights[0])
             self.management = replace(self.management, ambiguous_facing=facing)
+        if self.management.is_lost and not self._agreement.contradicting:
+            self._agreement = Agreement()
         self.management = self.management.updated(gate, subject.pixels, redetected=redetected)
         views = [*subject.views, *(self.aside.views if self.aside is not None else ())]
         seen = self.model, self._belief.poses[0], views, submitted.rules.noise_depth
-        self._contradicting = find_contradicting(*seen, self._contradicting)
+        self._agreement = compare(*seen, self._agreement, submitted.proposal.interval)
         if self._belief is belief:
             self._size.measure(self.start, belief, self.management, subject)
 

@@ -20,7 +20,6 @@ from coordinator.bodies.tracked import name_pose
 from coordinator.scene.planes import Planes
 from coordinator.scene.scope import Scope
 from coordinator.stopwatch import Stopwatch
-from coordinator.tracking.certainty.certainty import Certainty
 from coordinator.tracking.detector import Detector
 from coordinator.tracking.estimate import UNKNOWN, Estimate
 from coordinator.tracking.loop import Pace
@@ -333,8 +332,7 @@ def test_one_word_says_how_sure_it_is(
     """Searching: it may be anywhere. Lost: its pose explains nothing. Ambiguous: a rival is elsewhere."""
     joints = np.zeros((len(weights), 2, 3))
     joints[:, 1, 0] = away
-    sure = Certainty(np.ones(2), np.zeros(2), np.zeros(2))
-    assert judge(management, np.array(weights), joints, joints[reported], sure) == word
+    assert judge(management, np.array(weights), joints, joints[reported], doubted=False) == word
 
 
 def test_points_are_picked_evenly() -> None:

@@ -152,5 +152,7 @@ def test_a_frame_without_the_body_in_it_still_says_something() -> None:
 def test_status_follows_from_the_joints(off: list[float], word: str, why: str) -> None:
     """One joint in doubt makes a frame ambiguous; joints are listed, the most likely first."""
     certainty = Certainty(np.ones(3), np.array(off), np.full(3, 0.05))
-    assert judge(TrackManagement(), np.ones(1), np.zeros((1, 3, 3)), np.zeros((3, 3)), certainty) == word
-    assert explain_doubt(("head", "left_knee", "left_hip"), certainty) == why
+    doubt = explain_doubt(("head", "left_knee", "left_hip"), certainty)
+    assert doubt == why
+    still = np.ones(1), np.zeros((1, 3, 3)), np.zeros((3, 3))
+    assert judge(TrackManagement(), *still, doubted=bool(doubt)) == word
