@@ -23,6 +23,7 @@ from coordinator.sources.source import Source
 Row = Annotated[list[float], Meta(min_length=4, max_length=4)]
 Matrix = Annotated[list[Row], Meta(min_length=4, max_length=4)]
 RIG_FILE = "rig.json"
+FARTHEST_M = 100.0  # of a camera from the origin of its rig; what is farther is given in millimetres
 EXAMPLE = '{"cameras": [{"name": "front", "sequence": "front/", "T_rig_camera": [[1, 0, 0, 0], ...]}, ...]}'
 
 
@@ -77,8 +78,10 @@ def find_fault(camera: RigCamera) -> str | None:
     name, matrix = camera.name, np.array(camera.T_rig_camera)
     if not name:
         return "a camera has an empty name; name it"
-    if not (is_rigid(matrix) and np.abs(matrix).max() < LARGEST):
-        return f"T_rig_camera of '{name}' is not a rotation and a translation in metres; give 4 rows of 4"
+    if not (is_rigid(matrix) and np.isfinite(matrix).all()):
+        return f"T_rig_camera of '{name}' is not a rotation and a translation; give 4 rows of 4"
+    if (away := np.linalg.norm(matrix[:3, 3])) > FARTHEST_M:
+        return f"T_rig_camera of '{name}' puts it {away:.0f} m away; give metres, not millimetres"
     if abs(camera.time_offset_s) > LARGEST:
         return f"time_offset_s of '{name}' is not in seconds; correct it"
     return None
