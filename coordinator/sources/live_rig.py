@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from common.frame import DepthFrame
 from coordinator.sources.live_stream import ORDER, LiveCamera, LiveStream
+from coordinator.stopwatch import NOTICE_S
 
 COUNTED = ("received", "skipped", "rejected", "malformed")
 """Received frames are tracked, skipped because a newer one came, or rejected if they do not fit the stream.
@@ -30,6 +31,8 @@ class LiveRig:
         self.begun = 0
         self.lead = self.streams[0]  # the camera of the last taken frame
         self._last: DepthFrame | None = None  # the last taken frame since then
+        self._first = math.inf  # when the first frame was received
+        self._all_heard = False  # or those that were not are reported
 
     def lives(self, now: float) -> bool:
         """Whether any camera has sent a frame recently."""
@@ -63,7 +66,17 @@ class LiveRig:
             self.counts["skipped"] += 1
         if stream.accept(frame, now, clock):
             said = f"the times on {key} do not fit time_offset_s; its clock is measured by reception"
-        return said
+        return said or self._miss(now)
+
+    def _miss(self, now: float) -> str | None:
+        """A message on the cameras that have sent nothing, once, some seconds after the first frame."""
+        self._first = min(self._first, now)
+        if self._all_heard or now - self._first < NOTICE_S:
+            return None
+        self._all_heard = True
+        missing = [each.camera for each in self.streams if each.received == -math.inf]
+        listed = " and ".join(f"from camera {each.camera} on {each.key}" for each in missing)
+        return f"no frame has come {listed}; is its publisher running, with this key?" if missing else None
 
     def next(self, now: float) -> LiveStream | None:
         """The camera whose frame is next: the first that lives, else any; None if none waits."""

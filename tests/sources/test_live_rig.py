@@ -104,10 +104,15 @@ def test_when_the_first_camera_is_silent_the_next_one_gives_the_time() -> None:
 
 
 def test_a_camera_that_never_sends_is_not_waited_for() -> None:
-    """The second camera leads from its first frame on, until the first begins."""
+    """The second camera leads from its first frame on, until the first begins; one line names the first."""
     frames = played((0.0, 0.0), sent("a", 1.0, 20), sent("b", 0.0, 50))
     assert [frame.camera for frame in frames[:30]] == ["b"] * 30
     assert [frame.camera for frame in frames[32:]] == ["a"] * len(frames[32:])
+    rig, events = LiveRig(cameras(0.0, 0.0)), sent("a", 8.0, 20) + sent("b", 0.0, 260)
+    said = [rig.accept(image(n, time_s), now, "ab".index(name)) for now, name, n, time_s in sorted(events)]
+    assert said[:150] == [None] * 150
+    assert said[150] == "no frame has come from camera a on rig/a; is its publisher running, with this key?"
+    assert not any(said[151:])
 
 
 @pytest.mark.parametrize("name", ["a", "b"])
