@@ -7,8 +7,8 @@ from collections.abc import Callable, Collection
 from itertools import count
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.errors import InputError, ProtocolError
 from common.frame import DepthFrame
 from common.protocol.frames import check_camera
@@ -84,7 +84,7 @@ class JointTopic:
     def __init__(self, topic: str) -> None:
         self.hash = topic  # in place of that of recorded states
         self.names: tuple[str, ...] = ()
-        self._states: deque[tuple[int, NDArray[np.float64]]] = deque(maxlen=STATES_KEPT)  # times in ns
+        self._states: deque[tuple[int, Array]] = deque(maxlen=STATES_KEPT)  # times in ns
 
     def listen(self, node: Node, known: Collection[str], report: Callable[[str], None]) -> None:
         """Receive states; `report` is called once with a message if no joint is one of the known ones."""
@@ -107,7 +107,7 @@ class JointTopic:
         if tuple(message.name) == self.names and len(values) == len(self.names) and np.isfinite(values).all():
             self._states.append((nanoseconds(message.header.stamp), values))
 
-    def at(self, time_s: float) -> NDArray[np.float64]:
+    def at(self, time_s: float) -> Array:
         """Interpolated values (K,) at a time; NaN before the first and after the last."""
         states = sorted(self._states, key=lambda state: state[0])
         if not states:

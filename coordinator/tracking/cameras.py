@@ -13,8 +13,8 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import BodyModel
 from common.compiling import numba
 from common.frame import DepthFrame, SubjectFrame
@@ -23,7 +23,6 @@ from coordinator.tracking.faults import CONTRADICTS, NO_DEPTH, REPEATS, CameraSt
 from coordinator.tracking.gating import RESIDUAL_M
 from coordinator.tracking.observation import camera_points
 
-Array = NDArray[np.float64]
 EVERY_ROW = 8  # of an image is compared with the image before
 POINTS = 100  # of a camera, to compare with the pose
 

@@ -17,8 +17,8 @@ from functools import cached_property
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array, Indices
 from common.body import ROOT_DOFS, BodyModel
 from common.frame import SubjectFrame
 from common.settings import RefineSettings, Settings, preset
@@ -32,9 +32,6 @@ from coordinator.tracking.pose_library import PoseLibrary, displaced, library_of
 from coordinator.tracking.refiner import Pending, Refiner
 from coordinator.tracking.sensor_noise import SensorNoise, assume_noise
 from coordinator.tracking.state import Start, detected_start, way_up
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 STATURES_M = (0.82, 0.9, 0.98, 1.07, 1.16, 1.26, 1.38, 1.5, 1.62, 1.74, 1.86, 1.98)
 STATURE_STEPS = (0.91, 0.955, 1.0, 1.045, 1.09)  # factors of the best of these

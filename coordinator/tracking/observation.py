@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.frame import SUBJECT, DepthFrame, SubjectFrame
 from coordinator.filters.belief import USUAL_INTERVAL, Observation
 from coordinator.scene.segmentation import Labels, Window, slices
 
-Array = NDArray[np.float64]
 Cut = tuple[DepthFrame, Window, Labels | None]
 """An image, its window that shows a subject, and the labels of the window's pixels; None: all that have depth
 are the subject, and the others are empty."""

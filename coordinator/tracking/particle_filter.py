@@ -7,8 +7,8 @@ from typing import Any
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import BodyModel
 from common.bounds import MAX_ITERATIONS
 from common.frame import SubjectFrame
@@ -24,8 +24,6 @@ from coordinator.tracking.loop import Pace
 from coordinator.tracking.observation import filter_observation
 from coordinator.tracking.pose_candidates import Candidates, Detection
 from coordinator.tracking.refiner import Pending, Refiner
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

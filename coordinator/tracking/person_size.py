@@ -7,8 +7,8 @@ sides determine it sharply. At a wrong girth they contradict each other.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.frame import SubjectFrame
 from common.kinematics import joint_positions
 from common.settings import RefineSettings
@@ -86,7 +86,7 @@ class PersonSize:
         best = np.polyval(np.polyfit(GIRTH_STEPS, likely, 2), steps).argmax() if visible else len(steps) // 2
         return start.with_size(stature, float(start.girth * steps[best]), self._bodies)
 
-    def _shown(self, start: Start, pose: NDArray[np.float64], subject: SubjectFrame) -> float | None:
+    def _shown(self, start: Start, pose: Array, subject: SubjectFrame) -> float | None:
         """Stature in metres that a frame shows of the person in pose (D,); None if it does not show it."""
         straight = head_to_ankle(self._bodies.full(start.stature, start.girth))
         return measure_stature(start.model, pose, straight, subject)

@@ -13,15 +13,13 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from common.arrays import Array, Indices
 from common.body import ROTATION, BodyModel
 from common.camera import NOT_MOVED, moved
 from common.compiling import numba
 from common.kinematics import link_transforms, pose_vertices
 from common.kinematics.rotations import euler_angles, euler_matrix
 from coordinator.tracking.descriptor import BOUND_CELLS, COLUMNS, ROWS, compare, describe
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 POSES = 3_000
 SEED = 20  # of the library, independent of the run's seed
@@ -85,7 +83,7 @@ class PoseLibrary:
 
     def match(
         self, points: Array, scales: Sequence[float], roll: float, count: int, placed: Array = NOT_MOVED
-    ) -> tuple[Array, NDArray[np.int64]]:
+    ) -> tuple[Array, Indices]:
         """The poses most similar to the observed points, moved to their position.
 
         Args:

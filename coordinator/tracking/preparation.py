@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import BodyModel
 from common.camera import Intrinsics
 from common.frame import DepthFrame, SubjectFrame
@@ -50,12 +50,12 @@ class NoRefiner:
         self,
         subject: SubjectFrame,
         model: BodyModel,
-        poses: NDArray[np.float64],
+        poses: Array,
         settings: RefineSettings,
         *,
         covariance: bool = False,
         spare: bool = False,
-        velocity: NDArray[np.float64] | None = None,
+        velocity: Array | None = None,
     ) -> Unmoved:
         """The same poses (N, D), with a covariance of 1 cm and 0.01 rad."""
         del subject, model, settings, spare, velocity

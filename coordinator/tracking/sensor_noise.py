@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
+from common.arrays import Mask
 from common.frame import DepthFrame
 from common.settings import RefineSettings
 from coordinator.scene.noise import GROWTH, LEAST, fit_noise, sigma
@@ -54,7 +54,7 @@ def measure_noise(frame: DepthFrame) -> SensorNoise:
     return SensorNoise(deviation, outline_deviation(depth_m > 0.0) * metres_a_pixel, distance)
 
 
-def outline_deviation(mask: NDArray[np.bool_]) -> float:
+def outline_deviation(mask: Mask) -> float:
     """Standard deviation in pixels of the independent displacement of the pixels of a silhouette (H, W).
 
     Near a straight outline a pixel at distance x is inside with probability Phi(x / s). So neighbours differ
@@ -67,7 +67,7 @@ def outline_deviation(mask: NDArray[np.bool_]) -> float:
     return frayed / smooth / math.sqrt(math.pi) if smooth else 0.0
 
 
-def count_changes(mask: NDArray[np.bool_]) -> int:
+def count_changes(mask: Mask) -> int:
     """Number of pairs of neighbours of which exactly one is inside."""
     return int(np.sum(mask[:, 1:] != mask[:, :-1]) + np.sum(mask[1:] != mask[:-1]))
 

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import ROOT_DOFS, BodyModel, unknown_dof
 from common.errors import InputError
 from common.kinematics import joint_positions
@@ -21,8 +21,6 @@ from coordinator.tracking.faults import CameraStates
 from coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise
 from coordinator.tracking.size import SizeEstimate
 from coordinator.tracking.track_management import TrackManagement
-
-Array = NDArray[np.float64]
 
 USUAL_MEASURES = (REFERENCE_STATURE, 1.0)  # stature and girth if they are not known
 
@@ -116,8 +114,8 @@ def read_start(path: Path, dof_names: Collection[str], remedy: str = "") -> dict
 class Checkpoint:
     """The part of the state that changes with every frame and is recorded; a new field is recorded, too."""
 
-    belief: dict[str, NDArray[np.float64]]  # by field; empty until the body is found
-    expected: NDArray[np.float64] | None  # pose (D,) around which the next frame is segmented
+    belief: dict[str, Array]  # by field; empty until the body is found
+    expected: Array | None  # pose (D,) around which the next frame is segmented
     time_s: float | None  # of the last frame that showed the body
     generator: str  # state of the random generator as JSON, which allows integers of any size
     scenes: SceneChanges  # changes by the frame; the whole scenes in a resumed run

@@ -11,8 +11,8 @@ from collections.abc import Mapping
 from dataclasses import fields, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import BodyModel
 from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import joint_positions
@@ -42,8 +42,6 @@ from coordinator.tracking.segmenter import PosedBody
 from coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise, assume_noise, measure_noise
 from coordinator.tracking.state import Checkpoint, Start, TrackerState, given_start, no_start
 from coordinator.tracking.track_management import GIVEN, SEARCH_INTERVAL_FRAMES, TrackManagement
-
-Array = NDArray[np.float64]
 
 SURER_LOG_LIKELIHOOD = 1.0  # by which a detection must explain a frame better than the track does
 

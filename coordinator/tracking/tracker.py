@@ -11,8 +11,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.frame import DepthFrame, SubjectFrame
 from common.settings import Settings
 from coordinator.bodies.tracked import Bodies
@@ -32,8 +32,6 @@ from coordinator.tracking.segmenter import Segmented, Segmenter
 from coordinator.tracking.state import TrackerState
 from coordinator.tracking.target import TargetTracker
 from coordinator.tracking.track_management import SEARCH_INTERVAL_FRAMES
-
-Array = NDArray[np.float64]
 
 Ready = tuple[Segmented, CameraStates, list[Stopwatch]]
 """A segmented frame, the state of each camera, and a stopwatch for each person."""

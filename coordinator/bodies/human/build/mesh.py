@@ -9,12 +9,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from skimage.measure import marching_cubes
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from common.arrays import Array, Indices, Mask
+
 Distance = Callable[[Array], Array]
 
 ROUNDS = 12
@@ -62,7 +61,7 @@ def _evened(distance: Distance, vertices: Array, triangles: Indices, mirror: Ind
     return vertices
 
 
-def _mirror_of(half: Array, left: NDArray[np.bool_], mirror: Indices) -> Array:
+def _mirror_of(half: Array, left: Mask, mirror: Indices) -> Array:
     vertices = np.empty((len(mirror), 3))
     vertices[mirror[left]] = half * (-1.0, 1.0, 1.0)
     vertices[left] = half
