@@ -21,7 +21,6 @@ from coordinator.sources.ros_images import COMPRESSED, IMAGE, pixels
 from coordinator.sources.source import UNITS_PER_METRE, to_units
 
 TRANSPORT = "/compressedDepth"  # end of the topic of compressed images
-STATES_KEPT = 1000  # 1 s of a fast controller
 
 
 class DepthTopic:
@@ -84,7 +83,7 @@ class JointTopic:
     def __init__(self, topic: str) -> None:
         self.hash = topic  # in place of that of recorded states
         self.names: tuple[str, ...] = ()
-        self._states: deque[tuple[int, Array]] = deque(maxlen=STATES_KEPT)  # times in ns
+        self._states: deque[tuple[int, Array]] = deque(maxlen=1000)  # times in ns; 1 s of a fast controller
 
     def listen(self, node: Node, known: Collection[str], report: Callable[[str], None]) -> None:
         """Receive states; `report` is called once with a message if no joint is one of the known ones."""

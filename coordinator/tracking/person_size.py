@@ -26,14 +26,17 @@ GIRTH_STEPS = np.array([0.85, 1.0, 1.15])  # factors; a parabola through their l
 
 
 class PersonSize:
-    """Estimates the size of a person from the detection on."""
+    """Estimates the size of a person from the detection on, if it is to be measured and is not known."""
 
-    def __init__(self, bodies: Bodies, refiner: Refiner) -> None:
+    def __init__(self, bodies: Bodies, refiner: Refiner, *, measured: bool) -> None:
         self._bodies, self._refiner = bodies, refiner
+        self._measured = measured and bodies.people and not bodies.measures
         self.estimate: SizeEstimate | None = None  # None if the size is not estimated
 
     def begin(self, start: Start, belief: Belief, subject: SubjectFrame, rules: RefineSettings) -> Start:
         """Begin to estimate: the start with the stature that the first frame shows."""
+        if not (self._measured and start.is_free):
+            return start
         self.estimate = SizeEstimate()
         stature = self._shown(start, start.pose, subject) or start.stature
         return self._fit_girth(start, stature, belief, subject, rules)

@@ -16,6 +16,7 @@ from coordinator.tracking.gating import Gate
 from coordinator.tracking.state import Start
 
 DISTINCT_M = 0.05  # mean distance of the joints; nearer candidates are the same
+SURER_LOG_LIKELIHOOD = 1.0  # by which a detection must explain a frame better than the track does
 FACING_LOG_LIKELIHOOD = 2.0  # least difference that distinguishes front from back
 
 

@@ -22,7 +22,6 @@ from common.kinematics.rotations import euler_angles, euler_matrix
 from coordinator.tracking.descriptor import BOUND_CELLS, COLUMNS, ROWS, compare, describe
 
 POSES = 3_000
-SEED = 20  # of the library, independent of the run's seed
 PERSON_CELL_M = 0.06  # side of a cell of the descriptor, for a person of reference stature
 DESCRIBED_VERTICES = 1_700  # of the surface; enough to fill the cells of a descriptor
 RANDOM_ORIENTATION_SHARE = 0.1  # of people's poses
@@ -120,7 +119,7 @@ def library_of(model: BodyModel, *, person: bool) -> PoseLibrary:
     A person's degrees of freedom have their MPEG-4 names. Any other body can have any orientation, and its
     joints any values within their ranges.
     """
-    rng = np.random.default_rng(SEED)
+    rng = np.random.default_rng(20)  # independent of the run's seed
     if person:
         return describe_poses(model, draw_people(model, POSES, rng), PERSON_CELL_M)
     poses = draw_any(model, POSES, rng)

@@ -21,7 +21,6 @@ from coordinator.tracking.segmenter import Segmenter
 from coordinator.tracking.target import TargetTracker
 
 CAMERA = Intrinsics(80, 60, 60.0, 60.0, 39.5, 29.5)
-DISTANCE_M = 2.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,9 +66,10 @@ class NoRefiner:
 
 def rehearse(settings: Settings, bodies: Bodies) -> None:
     """Segment and track two frames of a small scene, as a whole and around a body, without workers."""
+    distance_m = 2.5
     depth = np.full((CAMERA.height, CAMERA.width), 4000, dtype=np.uint16)
-    depth[10:40, 30:45] = 1e3 * DISTANCE_M + 5 * (np.arange(15) - 7) ** 2  # something before the wall
-    start = {"root_tz": DISTANCE_M} if "root_tz" in bodies.dof_names else {}
+    depth[10:40, 30:45] = 1e3 * distance_m + 5 * (np.arange(15) - 7) ** 2  # something before the wall
+    start = {"root_tz": distance_m} if "root_tz" in bodies.dof_names else {}
     target = TargetTracker(NoRefiner(), settings, bodies, start=start)
     segmenter = Segmenter(1)
     for number, body in enumerate((None, target.expected)):

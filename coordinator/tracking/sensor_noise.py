@@ -14,7 +14,6 @@ from common.frame import DepthFrame
 from common.settings import RefineSettings
 from coordinator.scene.noise import GROWTH, LEAST, fit_noise, sigma
 
-STEP = 0.1  # in the logarithm of the distance
 OUTLINE_BLUR = 4.0  # pixels; an outline averaged over them is smooth
 
 
@@ -33,7 +32,8 @@ class SensorNoise:
         """The noise at another distance, metres, in steps of a tenth: most frames have the same settings."""
         if not (self.distance > 0.0 and distance > 0.0):
             return self
-        share = math.exp(STEP * round(math.log(distance / self.distance) / STEP))
+        step = 0.1
+        share = math.exp(step * round(math.log(distance / self.distance) / step))
         depth = min(self.depth, LEAST) + max(0.0, self.depth - LEAST) * share * share
         return SensorNoise(depth, self.lateral * share, self.distance * share)
 

@@ -16,8 +16,6 @@ from common.arrays import Array, Indices, Mask
 
 Distance = Callable[[Array], Array]
 
-ROUNDS = 12
-
 
 def mesh_symmetric(
     distance: Distance, low: Array, high: Array, cell: float
@@ -55,7 +53,7 @@ def _evened(distance: Distance, vertices: Array, triangles: Indices, mirror: Ind
     """Move vertices along the surface to the mean of their neighbours, and back onto the surface."""
     neighbours = _neighbours(triangles, len(vertices))
     left = mirror >= np.arange(len(mirror))
-    for _ in range(ROUNDS):
+    for _ in range(12):
         moved = vertices + 0.5 * (neighbours @ vertices - vertices)
         vertices = _mirror_of(_onto_surface(distance, moved[left], delta), left, mirror)
     return vertices
