@@ -14,7 +14,7 @@ from common.body import ROOT_DOFS, BodyModel, unknown_dof
 from common.errors import InputError
 from common.kinematics import joint_positions
 from coordinator.bodies.human.measures import REFERENCE_STATURE
-from coordinator.bodies.tracked import Bodies, pose_by_name
+from coordinator.bodies.tracked import Bodies
 from coordinator.files import read_numbers
 from coordinator.scene.scene import SceneChanges
 from coordinator.tracking.faults import CameraStates
@@ -71,20 +71,16 @@ def no_start(bodies: Bodies) -> Start:
     return Start(model, np.full_like(pose, np.nan), np.nan, np.nan, found=False)
 
 
-def given_start(values: Mapping[str, float], bodies: Bodies) -> Start:
-    """The start at a pose given by name, with known or usual measures."""
-    stature, girth = bodies.measures or USUAL_MEASURES
-    model, pose = bodies.tracked(stature, girth, values)
-    return Start(model, pose, stature, girth, values=dict(values))
-
-
-def detected_start(
-    searched: BodyModel, pose: Array, size: tuple[float, float], bodies: Bodies, noise: SensorNoise
+def start_at(
+    values: Mapping[str, float],
+    bodies: Bodies,
+    size: tuple[float, float] | None = None,
+    noise: SensorNoise = NO_NOISE,
 ) -> Start:
-    """The start at a detected pose (D,); `size` is stature and girth."""
-    values = pose_by_name(searched, pose)
-    model, tracked = bodies.tracked(*size, values)
-    return Start(model, tracked, *size, values, noise)
+    """The start at a pose given by name; `size` is stature and girth, by default the known or usual ones."""
+    size = size or bodies.measures or USUAL_MEASURES
+    model, pose = bodies.tracked(*size, values)
+    return Start(model, pose, *size, dict(values), noise)
 
 
 def way_up(model: BodyModel, pose: Array, turn: Array) -> float:

@@ -40,7 +40,7 @@ from coordinator.tracking.reporting import Updated
 from coordinator.tracking.search import BodySearch
 from coordinator.tracking.segmenter import PosedBody
 from coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise, assume_noise, measure_noise
-from coordinator.tracking.state import Checkpoint, Start, TrackerState, given_start, no_start
+from coordinator.tracking.state import Checkpoint, Start, TrackerState, no_start, start_at
 from coordinator.tracking.track_management import GIVEN, SEARCH_INTERVAL_FRAMES, TrackManagement
 
 
@@ -71,7 +71,7 @@ class TargetTracker:
         self._filter = ParticleFilter(refiner, settings, motion)
         self._given = start is not None
         self._detector = Detector(bodies, refiner, settings)
-        self.start: Start = no_start(bodies) if start is None else given_start(start, bodies)
+        self.start: Start = no_start(bodies) if start is None else start_at(start, bodies)
         self.management = TrackManagement() if start is None else GIVEN
         self._belief: Belief | None = None
         self._expected = self.start.pose if self._given else None  # (D,) where the next frame is segmented
