@@ -13,6 +13,8 @@ from common.transport.bus import Bus
 from common.transport.opening import open_worker
 from common.transport.session import Security
 
+SEEN_WITHIN_S = 5.0  # until a session sees the token of another
+
 log = logging.getLogger("gepf-worker")
 
 
@@ -84,4 +86,4 @@ def is_seen(key: str, identity: Identity) -> bool:
     seen = threading.Event()
     with open_worker(identity.connect, identity.security) as mirror:
         mirror.watch(key, lambda _, alive: seen.set() if alive else None)
-        return seen.wait(5.0)  # seconds until a session sees the token of another
+        return seen.wait(SEEN_WITHIN_S)
