@@ -16,6 +16,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from common.arrays import Array, Indices, Mask
 from common.errors import InputError
 
 ROOT_DOFS = ("root_tx", "root_ty", "root_tz", "root_rx", "root_ry", "root_rz")
@@ -40,22 +41,22 @@ class BodyModel:
 
     name: str
     dof_names: tuple[str, ...]  # (D,)
-    kinds: NDArray[np.int64]  # (D,) TRANSLATION or ROTATION
-    parents: NDArray[np.int64]  # (D,) -1 for none
-    axes: NDArray[np.float64]  # (D, 3) unit
-    points: NDArray[np.float64]  # (D, 3) on the axis
-    limits: NDArray[np.float64]  # (D, 2) radians or metres, infinite where free
-    rest_spreads: NDArray[np.float64]  # (D,) in units of pose_deviation
-    balls: NDArray[np.int64]  # (B,)
+    kinds: Indices  # (D,) TRANSLATION or ROTATION
+    parents: Indices  # (D,) -1 for none
+    axes: Array  # (D, 3) unit
+    points: Array  # (D, 3) on the axis
+    limits: Array  # (D, 2) radians or metres, infinite where free
+    rest_spreads: Array  # (D,) in units of pose_deviation
+    balls: Indices  # (B,)
     link_names: tuple[str, ...]  # (L,)
-    link_dofs: NDArray[np.int64]  # (L,) the last degree of freedom that moves the link, -1 for none
-    vertices: NDArray[np.float64]  # (V, 3)
-    triangles: NDArray[np.int64]  # (T, 3) counter-clockwise from outside
-    skin_links: NDArray[np.int64]  # (V, K)
-    skin_weights: NDArray[np.float64]  # (V, K)
+    link_dofs: Indices  # (L,) the last degree of freedom that moves the link, -1 for none
+    vertices: Array  # (V, 3)
+    triangles: Indices  # (T, 3) counter-clockwise from outside
+    skin_links: Indices  # (V, K)
+    skin_weights: Array  # (V, K)
     joint_names: tuple[str, ...]  # (J,)
-    joint_links: NDArray[np.int64]  # (J,)
-    joint_points: NDArray[np.float64]  # (J, 3)
+    joint_links: Indices  # (J,)
+    joint_points: Array  # (J, 3)
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -82,7 +83,7 @@ class BodyModel:
         return digest.hexdigest()
 
     @cached_property
-    def single(self) -> NDArray[np.bool_]:
+    def single(self) -> Mask:
         """Which degrees of freedom (D,) are not part of a spherical joint."""
         single = np.ones(len(self.kinds), dtype=np.bool_)
         single[self.balls[:, None] + np.arange(3)] = False
@@ -131,20 +132,12 @@ def check(model: BodyModel) -> None:
         raise ValueError("skin weights of a vertex must sum to 1")
 
 
-def surface_carriers(
-    link_dofs: NDArray[np.int64], skin_links: NDArray[np.int64], skin_weights: NDArray[np.float64]
-) -> NDArray[np.int64]:
+def surface_carriers(link_dofs: Indices, skin_links: Indices, skin_weights: Array) -> Indices:
     """Degrees of freedom whose links have surface."""
     return np.unique(link_dofs[skin_links[skin_weights > 0.0]])
 
 
-def find_balls(
-    kinds: NDArray[np.int64],
-    parents: NDArray[np.int64],
-    axes: NDArray[np.float64],
-    points: NDArray[np.float64],
-    carriers: NDArray[np.int64],
-) -> NDArray[np.int64]:
+def find_balls(kinds: Indices, parents: Indices, axes: Array, points: Array, carriers: Indices) -> Indices:
     """First index of every three successive rotations about orthonormal axes through one point.
 
     They are one joint only if the first two move nothing but the next: no surface (of `carriers`, see
@@ -165,7 +158,7 @@ def find_balls(
     return np.array(balls, dtype=np.int64)
 
 
-def vertex_normals(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArray[np.float32]:
+def vertex_normals(vertices: Array, triangles: Indices) -> NDArray[np.float32]:
     """Unit normals (V, 3), the mean of the neighbouring triangles' by area."""
     corners = vertices[triangles]
     faces = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -174,5 +167,5 @@ def vertex_normals(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) 
         np.add.at(total, triangles[:, k], faces)
     length = np.linalg.norm(total, axis=1, keepdims=True)
     total = np.where(length > 0, total, (0.0, 1.0, 0.0))
-    unit: NDArray[np.float64] = total / np.linalg.norm(total, axis=1, keepdims=True)
+    unit: Array = total / np.linalg.norm(total, axis=1, keepdims=True)
     return unit.astype(np.float32)

@@ -27,8 +27,6 @@ NUMBER, SINCE = "frame", "time"  # timelines: number of the frame, seconds since
 
 SURFACE_COLOUR = (*MODEL_COLOUR, 150)  # transparent, so that the points are visible
 DOUBT_COLOUR = to_rgb(STATUS["ambiguous"])
-THICKEST_M = 0.006  # radius of lines
-LARGEST_RESIDUAL_M = 0.1  # end of the colour scale
 
 
 def layout(middle: Array | None = None, up: Array | None = None, *, live: bool = False) -> rrb.Blueprint:
@@ -157,7 +155,7 @@ class PersonLog:
             return
         points, residual = found
         self._log("quality", "residual_cm", rr.Scalars(100.0 * float(residual.mean())))
-        colours = (255 * colormaps["viridis"](residual / LARGEST_RESIDUAL_M)).astype(np.uint8)
+        colours = (255 * colormaps["viridis"](residual / 0.1)).astype(np.uint8)  # the scale ends at 10 cm
         self._log("observed", "points", rr.Points3D(points, colors=colours, radii=0.003))
 
 
@@ -165,7 +163,7 @@ def skeletons(names: tuple[str, ...], joints: Array, strength: Array, colour: Co
     """Lines between named joints (M, J, 3), as thick as their strength (M,), from 0 to 1, says."""
     pairs = np.array(bones(names), dtype=np.int64).reshape(-1, 2)
     strips = joints[:, pairs].reshape(-1, 2, 3).astype(np.float32)
-    radii = np.repeat(THICKEST_M * np.sqrt(strength), len(pairs))
+    radii = np.repeat(0.006 * np.sqrt(strength), len(pairs))
     return rr.LineStrips3D([*strips], colors=colour, radii=radii)
 
 

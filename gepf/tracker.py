@@ -36,7 +36,7 @@ from coordinator.sources import open_source
 from coordinator.sources.arrays import ArraySource
 from coordinator.sources.camera import DEFAULT_FPS
 from coordinator.tracking import tracker as tracking
-from coordinator.tracking.state import given_start, read_start
+from coordinator.tracking.state import read_start, start_at
 from gepf.live_source import LiveSource
 from gepf.named import Estimate, named
 from gepf.refiners import Workers, open_refiner
@@ -145,7 +145,7 @@ class Tracker(FrameLoop):
         bodies = bodies_to_track(model, active, settings.preset)
         given = read_start(Path(start), bodies.dof_names) if isinstance(start, str | Path) else start
         if given is not None:
-            given_start(given, bodies)  # checked before any worker starts
+            start_at(given, bodies)  # checked before any worker starts
         super().__init__(bodies, settings, workers, tls, camera, depth_scale, start=given)
 
     @property

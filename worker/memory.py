@@ -21,7 +21,6 @@ from common.recent import FRAMES_KEPT, MODELS_KEPT, put_recent
 from common.settings import RefineSettings
 from common.transport.bus import Bus
 
-RUNS_KEPT = 16
 FRAME_DELAY_S = 0.2  # longest delay of a published frame after the first request for it
 
 
@@ -122,7 +121,7 @@ class Memory:
             return put_recent(memory.observations, number, observation, FRAMES_KEPT)
 
     def _of(self, run: str) -> RunMemory:
-        return put_recent(self._runs, run, self._runs.get(run) or RunMemory(), RUNS_KEPT)
+        return put_recent(self._runs, run, self._runs.get(run) or RunMemory(), 16)
 
     def _fetch(self, key: str, name: str) -> bytes:
         payload = self._bus.fetch(key)

@@ -7,15 +7,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 from scipy.spatial.transform import Rotation
 
+from common.arrays import Array
 from common.camera import inverse
 from common.errors import InputError
 
-Array = NDArray[np.float64]
 Place = tuple[Array, float]
 """T_world_camera (4, 4), metres, and the clock offset in seconds, that added to the camera's time gives the
 common time."""

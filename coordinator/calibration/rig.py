@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.errors import InputError
 from common.settings import Settings
 from coordinator.bodies.tracked import Bodies
@@ -15,8 +15,6 @@ from coordinator.calibration.skeletons import Alignment, align, motion_of
 from coordinator.sources.source import Source
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.tracker import Tracker
-
-Array = NDArray[np.float64]
 
 MISFIT_M = 0.09  # largest mean residual of joints of the same person
 LARGEST = np.repeat([np.radians(1.0), 0.02, 0.008], (3, 3, 1))  # deviations; with larger ones it is a guess

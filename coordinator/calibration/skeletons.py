@@ -9,13 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from common.arrays import Array
 from common.camera import inverse, moved
 from coordinator.tracking.estimate import UNKNOWN, Estimate
-
-Array = NDArray[np.float64]
 
 STEP_S = 1.0 / 60.0  # between the offsets that are tried
 OUTLIER_M = 0.1  # scale of the robust kernel

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 
-LOOKED_AT = 60  # first frames, in which a person is searched for
 PROMISING = 0.25  # score above which a candidate is probably a person
 
 
@@ -98,7 +97,7 @@ def look(source: Source) -> tuple[SceneView, list[Candidate]]:
     from coordinator.scene.scene import Scene
 
     scene = Scene(up=None if source.gravity is None else -source.gravity)
-    for number in source.numbers[:LOOKED_AT]:
+    for number in source.numbers[:60]:
         view = scene.see(source.frame(number))
         found = candidates(view)
         likely = [each for each in found if each.score > PROMISING]

@@ -37,7 +37,6 @@ from coordinator.results.summary import read_summary
 from coordinator.sources.rig import live_cameras
 
 CONTEXT = multiprocessing.get_context("forkserver")
-SHOWN_S = 0.2  # between two states of a run on a terminal
 
 
 class SentShow(Show):
@@ -59,7 +58,7 @@ class SentShow(Show):
         def advance(done: int, total: int | None, detail: str = "") -> None:
             nonlocal sent
             INTERRUPTS.check()
-            if time.monotonic() - sent > SHOWN_S:
+            if time.monotonic() - sent > 0.2:
                 self._pipe.send((done, total, detail or label))
                 sent = time.monotonic()
 

@@ -11,17 +11,7 @@ from common.body import ROTATION, BodyModel
 from common.kinematics import difference, retract
 from common.refinement import Refined
 from common.settings import FilterSettings
-from coordinator.filters.belief import (
-    Belief,
-    Observation,
-    Proposal,
-    draw_ancestors,
-    effective_sample_size,
-    mean_pose,
-    normalise,
-)
-
-LARGEST_POWER = 1e9  # of a likelihood
+from coordinator.filters.belief import Belief, Observation, Proposal, draw_ancestors, mean_pose, normalise
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,8 +155,8 @@ def find_power(log_likelihood: Array, survival_rate: float) -> float:
     The rate decreases from 1 at power 0 to the share of the most likely particles. If that share is above the
     given rate, the result is the largest power.
     """
-    low, high = 0.0, 1.0
-    while survival(log_likelihood, high) > survival_rate and high < LARGEST_POWER:
+    low, high, largest = 0.0, 1.0, 1e9
+    while survival(log_likelihood, high) > survival_rate and high < largest:
         low, high = high, 2.0 * high
     for _ in range(60):
         middle = 0.5 * (low + high)
@@ -178,5 +168,5 @@ def find_power(log_likelihood: Array, survival_rate: float) -> float:
 
 
 def survival(log_likelihood: Array, power: float) -> float:
-    """Effective share of particles that survive a draw by a power of their likelihoods (N,)."""
-    return effective_sample_size(normalise(power * log_likelihood)) / len(log_likelihood)
+    """Effective sample size of a power of the likelihoods (N,), as a share of N."""
+    return float(1.0 / np.sum(normalise(power * log_likelihood) ** 2)) / len(log_likelihood)

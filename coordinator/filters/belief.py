@@ -95,11 +95,6 @@ def normalise(log_weights: Array) -> Array:
     return normalised
 
 
-def effective_sample_size(weights: Array) -> float:
-    """1 / sum of squares of normalised weights: 1 for a single nonzero weight, M for equal weights."""
-    return float(1.0 / np.sum(weights**2))
-
-
 def draw_ancestors(weights: Array, count: int, rng: np.random.Generator) -> Indices:
     """Ancestors (count,), ascending, by systematic resampling: each is drawn about w * count times.
 

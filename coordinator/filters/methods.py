@@ -43,11 +43,6 @@ class Method:
     icp_iterations: int | None = None  # fixed number; None for that of the settings
 
     @property
-    def recovers(self) -> bool:
-        """Whether a lost body is redetected; the baselines do not, as in their papers."""
-        return self.descends and not self.lone
-
-    @property
     def descends(self) -> bool:
         """Whether particles are refined; if not, only their likelihood is computed."""
         return self.icp_iterations != 0
@@ -127,7 +122,7 @@ def apply_method(settings: Settings) -> Settings:
         refine = msgspec.structs.replace(refine, icp_iterations=method.icp_iterations)
     if method.lone:
         of_filter = msgspec.structs.replace(of_filter, particles=1)
-    recover = settings.recover and method.recovers
+    recover = settings.recover and method.descends and not method.lone  # as in the baselines' papers
     return msgspec.structs.replace(settings, refine=refine, filter=of_filter, recover=recover)
 
 

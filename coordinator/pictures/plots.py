@@ -31,7 +31,6 @@ STATUS = {
 }
 SIDES = ("right_", "left_")
 FAINT = 0.25  # opacity behind a curve
-MOST_ANGLES = 6  # whose hypotheses are shown
 
 STYLE: Mapping[str, Any] = {
     "axes.spines.top": False,
@@ -147,7 +146,7 @@ def curves_of(track: Track, body: TrackedBody, truth: Truth | None) -> list[Curv
     others[np.isnan(track.hypothesis_weight)] = np.nan
     first = 3 if angles.spherical and angles.spherical[0].dofs[0].name in ROOT_DOFS else 0
     curves = []
-    for a in sorted(first + np.argsort(-np.nanstd(reported[:, first:], axis=0), kind="stable")[:MOST_ANGLES]):
+    for a in sorted(first + np.argsort(-np.nanstd(reported[:, first:], axis=0), kind="stable")[:6]):
         line, dots, dashes = (np.degrees(each[..., a]) for each in (reported, others, true))
         curves.append(Curve(angles.names[a], "°", line, hypotheses=dots, true=dashes))
     for name in slides_of(track, body.model).names:

@@ -22,10 +22,6 @@ from coordinator.results.track import Track, TrackedBody, filled
 from coordinator.sources.colour_folder import ColourFolder
 from coordinator.sources.source import Source
 
-LARGEST_PX = 480  # width and height of a picture
-FILM_FRAMES = 200  # evenly distributed in a longer run, which is also shown in real time
-SHEET_FRAMES = 15
-
 logger = logging.getLogger(__name__)
 
 
@@ -46,10 +42,10 @@ def draw_run(
     drawn over these images. The cameras of a rig are side by side. `advance` is called with the number of
     steps done and their total.
     """
-    filmed = spread(len(track.frame), FILM_FRAMES)
-    on_sheet = {filmed[i] for i in spread(len(filmed), SHEET_FRAMES)}
+    filmed = spread(len(track.frame), 200)
+    on_sheet = {filmed[i] for i in spread(len(filmed), 15)}
     steps = len(filmed) + 1
-    largest = FINER * LARGEST_PX
+    largest = FINER * 480  # pixels, width and height of a picture
     views = {
         each.camera: view_around(track, each.intrinsics, largest, largest, inverse(each.T_rig_camera))
         for each in source.views

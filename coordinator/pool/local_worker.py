@@ -19,7 +19,6 @@ from coordinator.pool.options import Pool
 THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 FAILED_STARTS = 3  # successive starts without service before the run ends
 ABSENCE_S = 10.0  # longest absence of a worker that has served
-LONGEST_FOLDER = 80  # characters; the path of a socket has at most 107
 
 
 class LocalWorker:
@@ -103,7 +102,7 @@ def end(process: subprocess.Popen[bytes]) -> None:
 
 def private_folder() -> tempfile.TemporaryDirectory[str]:
     """A private folder whose path is short enough for a socket."""
-    usual = len(tempfile.gettempdir()) <= LONGEST_FOLDER
+    usual = len(tempfile.gettempdir()) <= 80  # the path of a socket has at most 107 characters
     return tempfile.TemporaryDirectory(prefix="gepf-", dir=None if usual else "/tmp")
 
 

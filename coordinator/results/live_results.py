@@ -12,8 +12,8 @@ from typing import Annotated, Any, Protocol
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import BodyModel
 from common.errors import ProtocolError
 from common.protocol.keys import of_run
@@ -119,7 +119,7 @@ class LiveResults:
     ) -> None:
         self._outlet, self._run, self._clock = outlet, run, clock
         self.end = outlet.end
-        self._last: NDArray[np.float64] | None = None
+        self._last: Array | None = None
 
     def put(self, estimate: Estimate, model: BodyModel, held: Mapping[str, float]) -> None:
         """Publish the estimate of a frame."""
@@ -149,11 +149,11 @@ class LiveResults:
         )
         self._outlet.put(message, model)
 
-    def _follow(self, angles: Angles, track: Track) -> NDArray[np.float64]:
+    def _follow(self, angles: Angles, track: Track) -> Array:
         """The angles (A,) of the frame, shifted by full turns towards the last known angles; NaN before."""
         if not track.placed[0]:
             return np.full(len(angles.names), np.nan)
-        near: NDArray[np.float64] = track.angle[0]
+        near: Array = track.angle[0]
         if self._last is not None:
             near = angles.near(track.angle, self._last)[0]
         if not track.unknown[0]:
@@ -161,7 +161,7 @@ class LiveResults:
         return near
 
 
-def by_name(names: tuple[str, ...], values: NDArray[np.float64]) -> dict[str, Any]:
+def by_name(names: tuple[str, ...], values: Array) -> dict[str, Any]:
     """Values (N,) or points (N, 3) by name; None if unknown."""
     known = np.isfinite(values if values.ndim == 1 else values.sum(axis=1))
     listed = zip(names, values.tolist(), known, strict=True)
@@ -214,7 +214,7 @@ def as_track(message: ResultMessage) -> Track:
     )
 
 
-def row(values: Values, names: Mapping[str, Any]) -> NDArray[np.float64]:
+def row(values: Values, names: Mapping[str, Any]) -> Array:
     """Values (1, N) of names; NaN if unknown."""
     known = [np.nan if (value := values.get(name)) is None else value for name in names]
     return np.array([known], dtype=np.float64)

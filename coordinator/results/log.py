@@ -18,8 +18,8 @@ from typing import Any, BinaryIO, get_origin
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import BodyModel
 from common.errors import InputError
 from coordinator.bodies.angles import angles_of
@@ -169,7 +169,7 @@ def read_log(path: Path) -> Recorded | None:
     return Recorded(openings[-1].configuration, people, last.statistics, last.seconds, len(openings) - 1, end)
 
 
-def floor_up(scenes: SceneChanges) -> NDArray[np.float64] | None:
+def floor_up(scenes: SceneChanges) -> Array | None:
     """Up direction (3,) from the floor of the first camera that sees one; None without a floor."""
     return next((scene.up for scene in scenes.values() if scene.has_floor), None)
 
@@ -180,7 +180,7 @@ def assemble(
     *,
     held: Mapping[str, float] | None = None,
     timed: bool = False,
-    up: NDArray[np.float64] | None = None,
+    up: Array | None = None,
 ) -> Track:
     """The track of a run's estimates, in their order; with a deadline (`timed`) also the answered particles.
 

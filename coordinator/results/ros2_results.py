@@ -7,9 +7,9 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from common.arrays import Array
 from common.body import REST_FROM_URDF, TRANSLATION, BodyModel
 from common.kinematics import link_transforms, pose_vertices
 from coordinator.bodies.tracked import coarsen
@@ -140,7 +140,7 @@ def is_doubtful(message: ResultMessage, joint: str) -> bool:
     return doubt is None or doubt >= FLAGGED
 
 
-def with_points(payload: bytes, points: NDArray[np.float64]) -> bytes:
+def with_points(payload: bytes, points: Array) -> bytes:
     """An encoded message with points (N, 3) in place of a list of one placeholder.
 
     As objects, the thousands of corners of a surface would take longer to encode than the pose to find.

@@ -154,7 +154,7 @@ def read_tracked_body(folder: Path) -> TrackedBody:
     arrays = read_arrays(path)
     try:
         values = {f.name: arrays[f.name] for f in fields(BodyModel)}
-        plain = {f.name: values[f.name].tolist() for f in fields(BodyModel) if "NDArray" not in str(f.type)}
+        plain = {f.name: values[f.name].tolist() for f in fields(BodyModel) if "str" in str(f.type)}
         plain = {name: tuple(value) if isinstance(value, list) else value for name, value in plain.items()}
         model = BodyModel(**values | plain)
         held = dict(zip(arrays[HELD_NAMES].tolist(), arrays[HELD_VALUES].tolist(), strict=True))

@@ -11,8 +11,6 @@ from common.errors import InputError
 from coordinator.sources import Source, open_source
 from coordinator.sources.picture_folders import read_depth
 
-AVERAGED_FRAMES = 30  # at most
-
 
 def read_background(asked: str, source: Source | None) -> NDArray[np.float32]:
     """Depth (H, W) in metres of an empty room, 0 if unknown, from a frame, a picture or a recording."""
@@ -43,7 +41,7 @@ def check_size(name: str | None, room: NDArray[np.float32] | None, shape: tuple[
 
 def averaged(source: Source) -> NDArray[np.float32]:
     """The median of the measured depth (H, W) in some frames, metres."""
-    chosen = np.unique(np.linspace(0, len(source.numbers) - 1, AVERAGED_FRAMES).astype(int)).tolist()
+    chosen = np.unique(np.linspace(0, len(source.numbers) - 1, 30).astype(int)).tolist()
     depths = np.array([source.frame(source.numbers[n]).metres() for n in chosen])
     ordered = np.sort(np.where(depths > 0.0, depths, np.inf), axis=0)
     middle = np.minimum(np.count_nonzero(depths, axis=0) // 2, len(depths) - 1)

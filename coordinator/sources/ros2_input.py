@@ -7,8 +7,8 @@ from collections.abc import Callable, Collection
 from itertools import count
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.errors import InputError, ProtocolError
 from common.frame import DepthFrame
 from common.protocol.frames import check_camera
@@ -21,7 +21,6 @@ from coordinator.sources.ros_images import COMPRESSED, IMAGE, pixels
 from coordinator.sources.source import UNITS_PER_METRE, to_units
 
 TRANSPORT = "/compressedDepth"  # end of the topic of compressed images
-STATES_KEPT = 1000  # 1 s of a fast controller
 
 
 class DepthTopic:
@@ -84,7 +83,7 @@ class JointTopic:
     def __init__(self, topic: str) -> None:
         self.hash = topic  # in place of that of recorded states
         self.names: tuple[str, ...] = ()
-        self._states: deque[tuple[int, NDArray[np.float64]]] = deque(maxlen=STATES_KEPT)  # times in ns
+        self._states: deque[tuple[int, Array]] = deque(maxlen=1000)  # times in ns; 1 s of a fast controller
 
     def listen(self, node: Node, known: Collection[str], report: Callable[[str], None]) -> None:
         """Receive states; `report` is called once with a message if no joint is one of the known ones."""
@@ -107,7 +106,7 @@ class JointTopic:
         if tuple(message.name) == self.names and len(values) == len(self.names) and np.isfinite(values).all():
             self._states.append((nanoseconds(message.header.stamp), values))
 
-    def at(self, time_s: float) -> NDArray[np.float64]:
+    def at(self, time_s: float) -> Array:
         """Interpolated values (K,) at a time; NaN before the first and after the last."""
         states = sorted(self._states, key=lambda state: state[0])
         if not states:

@@ -73,7 +73,7 @@ class Source:
         return self._beside(START_FILE)
 
     @property
-    def times_s(self) -> NDArray[np.float64]:
+    def times_s(self) -> Array:
         """Times (F,) of the frames by the rig's clock, seconds."""
         times = np.array(self.numbers) / self.fps if self.times is None else np.array(self.times)
         return times + self.offset_s

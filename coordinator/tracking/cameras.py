@@ -13,8 +13,8 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import BodyModel
 from common.compiling import numba
 from common.frame import DepthFrame, SubjectFrame
@@ -30,10 +30,6 @@ from coordinator.tracking.faults import (
 )
 from coordinator.tracking.gating import RESIDUAL_M
 from coordinator.tracking.observation import camera_points
-
-Array = NDArray[np.float64]
-EVERY_ROW = 8  # of an image is compared with the image before
-POINTS = 100  # of a camera, to compare with the pose
 
 
 def watch(
@@ -60,7 +56,7 @@ def watch(
 
 def look(view: DepthFrame, before: CameraState | None, time_s: float) -> CameraState:
     """The state of a camera by its image alone, at the time of a frame."""
-    image = zlib.crc32(view.depth[::EVERY_ROW].tobytes())
+    image = zlib.crc32(view.depth[::8].tobytes())  # every eighth row
     if view.depth.any() and (before is None or before.image != image):
         return CameraState(image, time_s)
     return CameraState(image, before.good_s if before else time_s, REPEATS if view.depth.any() else NO_DEPTH)
@@ -95,9 +91,12 @@ def compare(
 
 
 def mean_distance(view: SubjectFrame, corners: Array) -> float:
-    """Mean distance in metres of a camera's points from the middles of triangles (T, 3, 3) that face it."""
+    """Mean distance in metres of about 100 points of a camera from the middles of triangles (T, 3, 3).
+
+    Only triangles that face the camera count.
+    """
     frame = view.frame
-    points = frame.to_rig(camera_points(view, max(1, len(view.picked) // POINTS)))
+    points = frame.to_rig(camera_points(view, max(1, len(view.picked) // 100)))
     middles = corners.mean(axis=1)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     facing = np.sum(normals * (frame.T_rig_camera[:3, 3] - middles), axis=1) > 0.0

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.compiling import numba
 
-Array = NDArray[np.float64]
 Image = NDArray[np.float32]
 
 ROWS, COLUMNS = 40, 36

@@ -17,8 +17,8 @@ from functools import cached_property
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array, Indices
 from common.body import ROOT_DOFS, BodyModel
 from common.frame import SubjectFrame
 from common.settings import RefineSettings, Settings, preset
@@ -31,10 +31,7 @@ from coordinator.tracking.pose_candidates import Candidates, Detection, candidat
 from coordinator.tracking.pose_library import PoseLibrary, displaced, library_of
 from coordinator.tracking.refiner import Pending, Refiner
 from coordinator.tracking.sensor_noise import SensorNoise, assume_noise
-from coordinator.tracking.state import Start, detected_start, way_up
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from coordinator.tracking.state import Start, start_at, way_up
 
 STATURES_M = (0.82, 0.9, 0.98, 1.07, 1.16, 1.26, 1.38, 1.5, 1.62, 1.74, 1.86, 1.98)
 STATURE_STEPS = (0.91, 0.955, 1.0, 1.045, 1.09)  # factors of the best of these
@@ -103,7 +100,7 @@ class Detector:
         if len(subject.views) > 1 and len(self._sizes) > 1:  # candidates of all sizes are few of each
             _, found = yield from self._search(subject, settings, [size], ways, found[0])
         model = self._bodies.for_start(*size)
-        start = detected_start(model, found[0], size, self._bodies, noise)
+        start = start_at(pose_by_name(model, found[0]), self._bodies, size, noise)
         settled = iterations(settings, LAST_ITERATIONS)
         candidates = yield from self._refine_tracked(subject, start, found, settled)
         gate = gate_pose(candidates.log_likelihood[0], candidates.residual[0], settings)

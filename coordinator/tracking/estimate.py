@@ -5,9 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
+from common.arrays import Array
 from coordinator.tracking.certainty.certainty import Certainty
 from coordinator.tracking.faults import Kind
 
@@ -37,14 +35,14 @@ class Estimate:
     frame: int
     time_s: float
     status: Status
-    pose: NDArray[np.float64]  # (D,)
-    joint_positions: NDArray[np.float64]  # (J, 3)
-    hypothesis_pose: NDArray[np.float64]  # (M, D)
-    hypothesis_weight: NDArray[np.float64]  # (M,)
+    pose: Array  # (D,)
+    joint_positions: Array  # (J, 3)
+    hypothesis_pose: Array  # (M, D)
+    hypothesis_weight: Array  # (M,)
     residual: float
     stage_seconds: dict[str, float] = field(default_factory=dict)
     particles_answered: int = 0
     why: str = ""
     certainty: Certainty | None = None
-    seen_by: dict[str, NDArray[np.float64]] = field(default_factory=dict)
+    seen_by: dict[str, Array] = field(default_factory=dict)
     faults: dict[str, tuple[Kind, float]] = field(default_factory=dict)

@@ -6,17 +6,14 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import generate_binary_structure, maximum_filter, minimum_filter
 
+from common.arrays import Array, Indices, Mask
 from common.body import BodyModel
 from common.frame import EMPTY, SubjectFrame
 from common.kinematics import pose_vertices
 from common.settings import SOFT_NOISE_RATIO, RefineSettings
 from coordinator.tracking.observation import observed_points
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 RESIDUAL_M = 0.03  # largest mean distance of observed points, in addition to the camera's noise
 MISFIT_M = 0.028  # root of the mean cost, which includes model surface in empty space
@@ -89,7 +86,7 @@ def reject_parts(model: BodyModel, pose: Array, subject: SubjectFrame, stature: 
     return ""
 
 
-def compare(surface: Array, view: SubjectFrame, cell_m: float) -> tuple[Indices, NDArray[np.bool_]]:
+def compare(surface: Array, view: SubjectFrame, cell_m: float) -> tuple[Indices, Mask]:
     """Some points (N,) of a surface (V, 3) that face a camera, and which of them agree with its image (N,).
 
     They are the nearest ones of each cell of the body's image, without the cells at its outline, which noise

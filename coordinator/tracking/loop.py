@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Generic, Protocol, Self, TypeVar
-
-from coordinator.filters.exploration import FEWEST
 
 Item = TypeVar("Item")
 
@@ -18,7 +15,7 @@ class Lookahead(Generic[Item]):
     def __init__(self, items: Iterable[Item]) -> None:
         self._items = iter(items)
         self.was_ahead = False  # whether the last item was made before its turn
-        self._peeked = False
+        self.is_ahead = False  # whether the next item is made already
         self._next: Item | None = None  # None at the end
         self._error: Exception | None = None
 
@@ -26,28 +23,23 @@ class Lookahead(Generic[Item]):
         return self
 
     def __next__(self) -> Item:
-        self.was_ahead = self._peeked
+        self.was_ahead = self.is_ahead
         item = self.peek()
-        self._peeked = False
+        self.is_ahead = False
         if self._error is not None:
             raise self._error
         if item is None:
             raise StopIteration
         return item
 
-    @property
-    def is_ahead(self) -> bool:
-        """Whether the next item is made already."""
-        return self._peeked
-
     def peek(self) -> Item | None:
         """The next item; None at the end, or if it fails, which raises the error when its turn comes."""
-        if not self._peeked:
+        if not self.is_ahead:
             try:
                 self._next = next(self._items, None)
             except Exception as error:  # noqa: BLE001 - no error may affect the item before
                 self._next, self._error = None, error
-            self._peeked = True
+            self.is_ahead = True
         return self._next
 
 
@@ -75,8 +67,3 @@ class Pace:
 
     period_s: float  # between published frames
     is_late: bool  # it had to wait, or a newer one waits already
-
-    @property
-    def most_particles(self) -> float:
-        """Largest number of particles of each person."""
-        return FEWEST // 2 if self.is_late else math.inf

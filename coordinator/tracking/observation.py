@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.frame import SUBJECT, DepthFrame, SubjectFrame
 from coordinator.filters.belief import USUAL_INTERVAL, Observation
 from coordinator.scene.segmentation import Labels, Window, slices
 
-Array = NDArray[np.float64]
 Cut = tuple[DepthFrame, Window, Labels | None]
 """An image, its window that shows a subject, and the labels of the window's pixels; None: all that have depth
 are the subject, and the others are empty."""
@@ -102,7 +102,7 @@ def filter_observation(
     """
     since = 0.0 if last_time_s is None else round(subject.frame.time_s - last_time_s, 4)
     interval = since if since > 0.0 else USUAL_INTERVAL
-    return Observation(some_points(subject), interval, step, len(subject.views))
+    return Observation(observed_points(subject, POINTS), interval, step, len(subject.views))
 
 
 def camera_points(subject: SubjectFrame, every: int = 1) -> Array:
@@ -120,14 +120,9 @@ def observed_points(subject: SubjectFrame, most: int | None = None) -> Array:
     return np.concatenate([each.frame.to_rig(camera_points(each, every)) for each in subject.views])
 
 
-def some_points(subject: SubjectFrame) -> Array:
-    """About POINTS of the observed points (P, 3), metres."""
-    return observed_points(subject, POINTS)
-
-
 def middle_of(subject: SubjectFrame) -> Array:
     """Median (3,) of some of the observed points, metres."""
-    middle: Array = np.median(some_points(subject), axis=0)
+    middle: Array = np.median(observed_points(subject, POINTS), axis=0)
     return middle
 
 

@@ -7,14 +7,15 @@ from typing import Any
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import BodyModel
 from common.bounds import MAX_ITERATIONS
 from common.frame import SubjectFrame
 from common.kinematics import natural_angles
 from common.settings import RefineSettings, Settings
 from coordinator.filters.belief import Belief, Proposal
+from coordinator.filters.exploration import FEWEST
 from coordinator.filters.gradient_enhanced import Hypotheses
 from coordinator.filters.methods import METHODS, pace_iterations
 from coordinator.stopwatch import Stopwatch
@@ -24,8 +25,6 @@ from coordinator.tracking.loop import Pace
 from coordinator.tracking.observation import filter_observation
 from coordinator.tracking.pose_candidates import Candidates, Detection
 from coordinator.tracking.refiner import Pending, Refiner
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,9 +77,8 @@ class ParticleFilter:
             step = self._motion.step(model, belief.reported, time_s, subject.frame.time_s)
         observation = filter_observation(subject, time_s, step)
         settings = self._settings.filter
-        if pace is not None and self._method.descends:
-            fewer = int(min(settings.particles, pace.most_particles))
-            settings = msgspec.structs.replace(settings, particles=fewer)
+        if pace is not None and pace.is_late and self._method.descends:
+            settings = msgspec.structs.replace(settings, particles=min(settings.particles, FEWEST // 2))
         return self._method.propose(model, belief, observation, settings, self.rng)
 
     def pace(self, rules: RefineSettings, interval: float, pace: Pace | None) -> RefineSettings:

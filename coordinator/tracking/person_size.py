@@ -7,8 +7,8 @@ sides determine it sharply. At a wrong girth they contradict each other.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.frame import SubjectFrame
 from common.kinematics import joint_positions
 from common.settings import RefineSettings
@@ -26,14 +26,17 @@ GIRTH_STEPS = np.array([0.85, 1.0, 1.15])  # factors; a parabola through their l
 
 
 class PersonSize:
-    """Estimates the size of a person from the detection on."""
+    """Estimates the size of a person from the detection on, if it is to be measured and is not known."""
 
-    def __init__(self, bodies: Bodies, refiner: Refiner) -> None:
+    def __init__(self, bodies: Bodies, refiner: Refiner, *, measured: bool) -> None:
         self._bodies, self._refiner = bodies, refiner
+        self._measured = measured and bodies.people and not bodies.measures
         self.estimate: SizeEstimate | None = None  # None if the size is not estimated
 
     def begin(self, start: Start, belief: Belief, subject: SubjectFrame, rules: RefineSettings) -> Start:
         """Begin to estimate: the start with the stature that the first frame shows."""
+        if not (self._measured and start.is_free):
+            return start
         self.estimate = SizeEstimate()
         stature = self._shown(start, start.pose, subject) or start.stature
         return self._fit_girth(start, stature, belief, subject, rules)
@@ -87,7 +90,7 @@ class PersonSize:
         best = np.polyval(np.polyfit(GIRTH_STEPS, likely, 2), steps).argmax() if visible else len(steps) // 2
         return start.with_size(stature, float(start.girth * steps[best]), self._bodies)
 
-    def _shown(self, start: Start, pose: NDArray[np.float64], subject: SubjectFrame) -> float | None:
+    def _shown(self, start: Start, pose: Array, subject: SubjectFrame) -> float | None:
         """Stature in metres that a frame shows of the person in pose (D,); None if it does not show it."""
         straight = head_to_ankle(self._bodies.full(start.stature, start.girth))
         return measure_stature(start.model, pose, straight, subject)

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array, Indices, Mask
 from common.body import BodyModel
 from common.kinematics import joint_positions, natural_angles
 from common.refinement import Refined
@@ -15,10 +15,8 @@ from coordinator.tracking.certainty.certainty import OFF
 from coordinator.tracking.gating import Gate
 from coordinator.tracking.state import Start
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
-
 DISTINCT_M = 0.05  # mean distance of the joints; nearer candidates are the same
+SURER_LOG_LIKELIHOOD = 1.0  # by which a detection must explain a frame better than the track does
 FACING_LOG_LIKELIHOOD = 2.0  # least difference that distinguishes front from back
 
 
@@ -79,14 +77,14 @@ def ordered(parts: Sequence[Candidates]) -> Candidates:
     return whole.take(order[np.isfinite(whole.log_likelihood[order])])
 
 
-def faces_away(names: tuple[str, ...], joints: Array, body: Array) -> NDArray[np.bool_]:
+def faces_away(names: tuple[str, ...], joints: Array, body: Array) -> Mask:
     """Which bodies with joints (M, J, 3) face in the direction opposite to that of a body (J, 3)."""
     pairs = ("hip", "shoulder")
     if not all(f"{side}_{pair}" in names for side in ("left", "right") for pair in pairs):
         return np.zeros(len(joints), dtype=np.bool_)
     left, right = ([names.index(f"{side}_{pair}") for pair in pairs] for side in ("left", "right"))
     across = (joints[:, left] - joints[:, right]).sum(axis=1)  # (M, 3)
-    turned: NDArray[np.bool_] = across @ (body[left] - body[right]).sum(axis=0) < 0.0
+    turned: Mask = across @ (body[left] - body[right]).sum(axis=0) < 0.0
     return turned
 
 

@@ -13,6 +13,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from common.arrays import Array, Indices
 from common.body import ROTATION, BodyModel
 from common.camera import NOT_MOVED, moved
 from common.compiling import numba
@@ -20,11 +21,7 @@ from common.kinematics import link_transforms, pose_vertices
 from common.kinematics.rotations import euler_angles, euler_matrix
 from coordinator.tracking.descriptor import BOUND_CELLS, COLUMNS, ROWS, compare, describe
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
-
 POSES = 3_000
-SEED = 20  # of the library, independent of the run's seed
 PERSON_CELL_M = 0.06  # side of a cell of the descriptor, for a person of reference stature
 DESCRIBED_VERTICES = 1_700  # of the surface; enough to fill the cells of a descriptor
 RANDOM_ORIENTATION_SHARE = 0.1  # of people's poses
@@ -85,7 +82,7 @@ class PoseLibrary:
 
     def match(
         self, points: Array, scales: Sequence[float], roll: float, count: int, placed: Array = NOT_MOVED
-    ) -> tuple[Array, NDArray[np.int64]]:
+    ) -> tuple[Array, Indices]:
         """The poses most similar to the observed points, moved to their position.
 
         Args:
@@ -122,7 +119,7 @@ def library_of(model: BodyModel, *, person: bool) -> PoseLibrary:
     A person's degrees of freedom have their MPEG-4 names. Any other body can have any orientation, and its
     joints any values within their ranges.
     """
-    rng = np.random.default_rng(SEED)
+    rng = np.random.default_rng(20)  # independent of the run's seed
     if person:
         return describe_poses(model, draw_people(model, POSES, rng), PERSON_CELL_M)
     poses = draw_any(model, POSES, rng)

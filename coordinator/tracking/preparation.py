@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import BodyModel
 from common.camera import Intrinsics
 from common.frame import DepthFrame, SubjectFrame
@@ -21,7 +21,6 @@ from coordinator.tracking.segmenter import Segmenter
 from coordinator.tracking.target import TargetTracker
 
 CAMERA = Intrinsics(80, 60, 60.0, 60.0, 39.5, 29.5)
-DISTANCE_M = 2.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,12 +49,12 @@ class NoRefiner:
         self,
         subject: SubjectFrame,
         model: BodyModel,
-        poses: NDArray[np.float64],
+        poses: Array,
         settings: RefineSettings,
         *,
         covariance: bool = False,
         spare: bool = False,
-        velocity: NDArray[np.float64] | None = None,
+        velocity: Array | None = None,
     ) -> Unmoved:
         """The same poses (N, D), with a covariance of 1 cm and 0.01 rad."""
         del subject, model, settings, spare, velocity
@@ -67,9 +66,10 @@ class NoRefiner:
 
 def rehearse(settings: Settings, bodies: Bodies) -> None:
     """Segment and track two frames of a small scene, as a whole and around a body, without workers."""
+    distance_m = 2.5
     depth = np.full((CAMERA.height, CAMERA.width), 4000, dtype=np.uint16)
-    depth[10:40, 30:45] = 1e3 * DISTANCE_M + 5 * (np.arange(15) - 7) ** 2  # something before the wall
-    start = {"root_tz": DISTANCE_M} if "root_tz" in bodies.dof_names else {}
+    depth[10:40, 30:45] = 1e3 * distance_m + 5 * (np.arange(15) - 7) ** 2  # something before the wall
+    start = {"root_tz": distance_m} if "root_tz" in bodies.dof_names else {}
     target = TargetTracker(NoRefiner(), settings, bodies, start=start)
     segmenter = Segmenter(1)
     for number, body in enumerate((None, target.expected)):

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
+from common.arrays import Array
 from common.body import BodyModel
 from common.frame import SubjectFrame
 from common.refinement import Refined
@@ -44,12 +42,12 @@ class Refiner(Protocol):
         self,
         subject: SubjectFrame,
         model: BodyModel,
-        poses: NDArray[np.float64],
+        poses: Array,
         settings: RefineSettings,
         *,
         covariance: bool = False,
         spare: bool = False,
-        velocity: NDArray[np.float64] | None = None,
+        velocity: Array | None = None,
     ) -> Pending:
         """Start to refine poses (N, D) on a frame, and to estimate the covariance of each if requested.
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import joint_positions
 from coordinator.bodies.angles import is_person
@@ -20,8 +20,6 @@ from coordinator.tracking.estimate import MAX_HYPOTHESES, UNKNOWN, Estimate, Sta
 from coordinator.tracking.faults import faults_of
 from coordinator.tracking.state import TrackerState
 from coordinator.tracking.track_management import TrackManagement
-
-Array = NDArray[np.float64]
 
 RIVAL_WEIGHT = 0.5  # least weight of a rival, relative to the most likely hypothesis
 

@@ -6,9 +6,8 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from common.arrays import Mask
+from common.arrays import Array, Mask
 from common.body import BodyModel
 from common.camera import back_project
 from common.frame import DepthFrame, SubjectFrame
@@ -27,8 +26,6 @@ from coordinator.scene.segmentation import (
     segment_mask,
 )
 from coordinator.tracking.observation import Cut, depth_in, outline, subject_of
-
-Array = NDArray[np.float64]
 
 SAME_PERSON_M = 0.5  # between the middles of one person in two images, which show different sides
 

@@ -7,14 +7,13 @@ from dataclasses import dataclass
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
+from common.arrays import Mask
 from common.frame import DepthFrame
 from common.settings import RefineSettings
 from coordinator.scene.noise import GROWTH, LEAST, fit_noise, sigma
 
-STEP = 0.1  # in the logarithm of the distance
 OUTLINE_BLUR = 4.0  # pixels; an outline averaged over them is smooth
 
 
@@ -33,7 +32,8 @@ class SensorNoise:
         """The noise at another distance, metres, in steps of a tenth: most frames have the same settings."""
         if not (self.distance > 0.0 and distance > 0.0):
             return self
-        share = math.exp(STEP * round(math.log(distance / self.distance) / STEP))
+        step = 0.1
+        share = math.exp(step * round(math.log(distance / self.distance) / step))
         depth = min(self.depth, LEAST) + max(0.0, self.depth - LEAST) * share * share
         return SensorNoise(depth, self.lateral * share, self.distance * share)
 
@@ -54,7 +54,7 @@ def measure_noise(frame: DepthFrame) -> SensorNoise:
     return SensorNoise(deviation, outline_deviation(depth_m > 0.0) * metres_a_pixel, distance)
 
 
-def outline_deviation(mask: NDArray[np.bool_]) -> float:
+def outline_deviation(mask: Mask) -> float:
     """Standard deviation in pixels of the independent displacement of the pixels of a silhouette (H, W).
 
     Near a straight outline a pixel at distance x is inside with probability Phi(x / s). So neighbours differ
@@ -67,7 +67,7 @@ def outline_deviation(mask: NDArray[np.bool_]) -> float:
     return frayed / smooth / math.sqrt(math.pi) if smooth else 0.0
 
 
-def count_changes(mask: NDArray[np.bool_]) -> int:
+def count_changes(mask: Mask) -> int:
     """Number of pairs of neighbours of which exactly one is inside."""
     return int(np.sum(mask[:, 1:] != mask[:, :-1]) + np.sum(mask[1:] != mask[:-1]))
 

@@ -12,14 +12,12 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import BodyModel
 from common.camera import back_project
 from common.frame import HIDDEN, SubjectFrame
 from common.kinematics import joint_positions
-
-Array = NDArray[np.float64]
 
 INTERVAL_S = 0.095  # shortest time between measured frames: errors of successive frames are correlated
 WINDOW_FRAMES = 15  # medians of two successive windows differ by less than 1 cm (subjects 1 and 2)

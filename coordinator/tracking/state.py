@@ -8,21 +8,19 @@ from pathlib import Path
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import ROOT_DOFS, BodyModel, unknown_dof
 from common.errors import InputError
 from common.kinematics import joint_positions
 from coordinator.bodies.human.measures import REFERENCE_STATURE
-from coordinator.bodies.tracked import Bodies, pose_by_name
+from coordinator.bodies.tracked import Bodies
 from coordinator.files import read_numbers
 from coordinator.scene.scene import SceneChanges
 from coordinator.tracking.faults import Agreement, CameraStates
 from coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise
 from coordinator.tracking.size import SizeEstimate
 from coordinator.tracking.track_management import TrackManagement
-
-Array = NDArray[np.float64]
 
 USUAL_MEASURES = (REFERENCE_STATURE, 1.0)  # stature and girth if they are not known
 
@@ -73,20 +71,16 @@ def no_start(bodies: Bodies) -> Start:
     return Start(model, np.full_like(pose, np.nan), np.nan, np.nan, found=False)
 
 
-def given_start(values: Mapping[str, float], bodies: Bodies) -> Start:
-    """The start at a pose given by name, with known or usual measures."""
-    stature, girth = bodies.measures or USUAL_MEASURES
-    model, pose = bodies.tracked(stature, girth, values)
-    return Start(model, pose, stature, girth, values=dict(values))
-
-
-def detected_start(
-    searched: BodyModel, pose: Array, size: tuple[float, float], bodies: Bodies, noise: SensorNoise
+def start_at(
+    values: Mapping[str, float],
+    bodies: Bodies,
+    size: tuple[float, float] | None = None,
+    noise: SensorNoise = NO_NOISE,
 ) -> Start:
-    """The start at a detected pose (D,); `size` is stature and girth."""
-    values = pose_by_name(searched, pose)
-    model, tracked = bodies.tracked(*size, values)
-    return Start(model, tracked, *size, values, noise)
+    """The start at a pose given by name; `size` is stature and girth, by default the known or usual ones."""
+    size = size or bodies.measures or USUAL_MEASURES
+    model, pose = bodies.tracked(*size, values)
+    return Start(model, pose, *size, dict(values), noise)
 
 
 def way_up(model: BodyModel, pose: Array, turn: Array) -> float:
@@ -116,8 +110,8 @@ def read_start(path: Path, dof_names: Collection[str], remedy: str = "") -> dict
 class Checkpoint:
     """The part of the state that changes with every frame and is recorded; a new field is recorded, too."""
 
-    belief: dict[str, NDArray[np.float64]]  # by field; empty until the body is found
-    expected: NDArray[np.float64] | None  # pose (D,) around which the next frame is segmented
+    belief: dict[str, Array]  # by field; empty until the body is found
+    expected: Array | None  # pose (D,) around which the next frame is segmented
     time_s: float | None  # of the last frame that showed the body
     generator: str  # state of the random generator as JSON, which allows integers of any size
     scenes: SceneChanges  # changes by the frame; the whole scenes in a resumed run

@@ -11,8 +11,8 @@ from collections.abc import Mapping
 from dataclasses import fields, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import BodyModel
 from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import joint_positions
@@ -34,18 +34,14 @@ from coordinator.tracking.loop import Pace
 from coordinator.tracking.observation import distance_of
 from coordinator.tracking.particle_filter import ParticleFilter, Submitted
 from coordinator.tracking.person_size import PersonSize
-from coordinator.tracking.pose_candidates import Detection
+from coordinator.tracking.pose_candidates import SURER_LOG_LIKELIHOOD, Detection
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.reporting import Updated
 from coordinator.tracking.search import BodySearch
 from coordinator.tracking.segmenter import PosedBody
 from coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise, assume_noise, measure_noise
-from coordinator.tracking.state import Checkpoint, Start, TrackerState, given_start, no_start
+from coordinator.tracking.state import Checkpoint, Start, TrackerState, no_start, start_at
 from coordinator.tracking.track_management import GIVEN, SEARCH_INTERVAL_FRAMES, TrackManagement
-
-Array = NDArray[np.float64]
-
-SURER_LOG_LIKELIHOOD = 1.0  # by which a detection must explain a frame better than the track does
 
 
 class TargetTracker:
@@ -73,16 +69,15 @@ class TargetTracker:
         self._refiner = refiner
         self._settings = settings = apply_method(settings)
         self._filter = ParticleFilter(refiner, settings, motion)
-        self._bodies = bodies
         self._given = start is not None
         self._detector = Detector(bodies, refiner, settings)
-        self.start: Start = no_start(bodies) if start is None else given_start(start, bodies)
+        self.start: Start = no_start(bodies) if start is None else start_at(start, bodies)
         self.management = TrackManagement() if start is None else GIVEN
         self._belief: Belief | None = None
         self._expected = self.start.pose if self._given else None  # (D,) where the next frame is segmented
         self._time_s: float | None = None  # of the last frame that showed the body
         self._distance = 0.0  # of the subject in the present frame, metres
-        self._size = PersonSize(bodies, refiner)
+        self._size = PersonSize(bodies, refiner, measured=settings.measure_person)
         self.searching = BodySearch(self._detector, settings.refine)
         self.scenes = SceneChanges()  # what the last submitted frame changed in the scenes
         self.cameras = CameraStates()  # after the last submitted frame
@@ -111,9 +106,7 @@ class TargetTracker:
         """Everything that the next frame depends on."""
         belief = self._belief
         checkpoint = Checkpoint(
-            belief={}
-            if belief is None
-            else {each.name: getattr(belief, each.name) for each in fields(belief)},
+            belief={each.name: getattr(belief, each.name) for each in (fields(belief) if belief else ())},
             expected=self._expected,
             time_s=self._time_s,
             generator=json.dumps(self._filter.rng.bit_generator.state),
@@ -130,8 +123,7 @@ class TargetTracker:
     def expected(self) -> PosedBody | None:
         """The body around which the next frame is segmented; None if it may be anywhere.
 
-        The next frame is segmented while the present one is refined. So this is the pose of the frame before
-        the present one.
+        The present frame is still being refined. So this is the pose of the frame before.
         """
         return None if self._expected is None else PosedBody(self.model, self._expected)
 
@@ -139,8 +131,7 @@ class TargetTracker:
     def last_seen(self) -> Array:
         """The last known centre (3,) of the body, camera frame, metres."""
         pose = self.start.pose if self._belief is None else self._belief.reported
-        middle: Array = joint_positions(self.model, pose[None])[0].mean(axis=0)
-        return middle
+        return np.asarray(joint_positions(self.model, pose[None])[0].mean(axis=0))
 
     @property
     def least_pixels(self) -> int:
@@ -149,8 +140,8 @@ class TargetTracker:
 
     def misses(self, pixels: int) -> bool:
         """Whether so few pixels of the body are visible that it is searched for elsewhere."""
-        enough = pixels >= self.management.least_pixels(self._settings.points)
-        return self._belief is not None and not enough and self._redetects
+        few = pixels < self.management.least_pixels(self._settings.points)
+        return self._belief is not None and few and self._redetects
 
     def nothing_seen(self) -> None:
         """Note that the present frame does not show the body where it was expected."""
@@ -274,9 +265,7 @@ class TargetTracker:
             return
         self.start, self.management = detection.start, TrackManagement(why=detection.gate.why)
         self._belief = self._filter.believe(self.model, detection.candidates)
-        unknown = self._bodies.people and not self._bodies.measures
-        if self._settings.measure_person and unknown and self.start.is_free:
-            self.start = self._size.begin(self.start, self._belief, subject, self._refine_settings)
+        self.start = self._size.begin(self.start, self._belief, subject, self._refine_settings)
 
     def _accept(self, belief: Belief, submitted: Submitted) -> None:
         """Gate the tracked hypotheses; replace them by a detection that explains the frame better."""
@@ -307,7 +296,7 @@ class TargetTracker:
                 self.nothing_seen()
             searched = self.searching.subject is not None or self.management.frames_searched
             return "searching" if shows and searched else "absent"
-        unseen = np.full(len(self._belief.residual), np.nan)
-        self._belief = replace(self._belief.at_rest(), residual=unseen)
+        resting = self._belief.at_rest()
+        self._belief = replace(resting, residual=np.full(len(resting.residual), np.nan))
         self.nothing_seen()
         return "lost" if shows else "absent"

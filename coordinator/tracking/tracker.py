@@ -11,8 +11,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.frame import DepthFrame, SubjectFrame
 from common.settings import Settings
 from coordinator.bodies.tracked import Bodies
@@ -33,12 +33,9 @@ from coordinator.tracking.state import TrackerState
 from coordinator.tracking.target import TargetTracker
 from coordinator.tracking.track_management import SEARCH_INTERVAL_FRAMES
 
-Array = NDArray[np.float64]
-
 Ready = tuple[Segmented, CameraStates, list[Stopwatch]]
 """A segmented frame, the state of each camera, and a stopwatch for each person."""
 
-POLL_S = 0.002  # between looks at the workers while no frame comes
 STEP_M = 0.8  # largest motion of a body between two frames
 
 
@@ -171,7 +168,7 @@ class Tracker:
         while any(target.searching.runs for target in self._targets):
             needed = any(target.needs_frame for target in self._targets)
             if not self._search(wait=not needed):
-                live.wait(POLL_S)
+                live.wait(0.002)  # seconds between looks at the workers
             if needed and live.is_ready:
                 break
 

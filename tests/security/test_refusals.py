@@ -63,18 +63,12 @@ def test_listener_refuses_and_the_refused_learns_why(
         assert why_refused(place, ours.of("w0")) is None
 
 
-def test_foreign_listener_is_refused(place: str, ours: Folder, foreign: Folder) -> None:
-    """A worker does not connect to a coordinator of another authority, and says why."""
-    why = pytest.raises(InputError, match="shows a certificate not valid under ours")
-    with open_coordinator([place], (), foreign.listening), why:
-        open_worker([place], Security(ours.of("w0")))
-
-
-def test_worker_cannot_pose_as_coordinator(place: str, ours: Folder) -> None:
-    """A worker's certificate of the same authority is not accepted from a listener."""
-    why = pytest.raises(InputError, match="shows a certificate not valid under")
-    with open_coordinator([place], (), Security(ours.of("w1"))), why:
-        open_worker([place], Security(ours.of("w0")))
+def test_false_coordinator_is_refused(place: str, ours: Folder, foreign: Folder) -> None:
+    """A worker connects neither to a coordinator of another authority nor to another worker, and says why."""
+    for listening in (foreign.listening, Security(ours.of("w1"))):
+        why = pytest.raises(InputError, match="shows a certificate not valid under ours")
+        with open_coordinator([place], (), listening), why:
+            open_worker([place], Security(ours.of("w0")))
 
 
 def test_certificate_of_another_host_is_refused(ours: Folder) -> None:

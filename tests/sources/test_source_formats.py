@@ -21,6 +21,7 @@ from tests.support.recordings import (
     FRAMES,
     WRITERS,
     matrix_of,
+    read_all,
     recorded,
     write_bag,
     write_pcd,
@@ -181,11 +182,6 @@ DAMAGES: list[tuple[str, str, Callable[[Path], object], str]] = [
     ("walk.npz", "", arrays(intrinsics=np.eye(4)), "'intrinsics' has shape (4, 4)"),
     ("walk.npz", "", arrays(fps=-1), "-1.0 frames a second is not valid"),
 ]
-
-
-def read_all(path: Path) -> None:
-    """Open a sequence and read every frame."""
-    list(open_source(path))
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from common.camera import Intrinsics
 from common.errors import InputError
 from coordinator.sources import open_source
 from coordinator.sources.source import select_frames
-from tests.support.recordings import write_open3d
+from tests.support.recordings import read_all, write_open3d
 from tests.support.refusals import refused
 
 CAMERA = Intrinsics(8, 6, 10.0, 11.0, 4.0, 3.0)
@@ -33,11 +33,6 @@ def frames() -> NDArray[np.uint16]:
 def folder(tmp_path: Path, frames: NDArray[np.uint16]) -> Path:
     """A whole recorded folder."""
     return write_open3d(tmp_path / "walk", frames, CAMERA)
-
-
-def read_all(path: Path) -> None:
-    """Open a sequence and read every frame."""
-    list(open_source(path))
 
 
 def test_truth_and_start_are_named_only_where_they_are(folder: Path) -> None:

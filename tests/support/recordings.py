@@ -21,6 +21,7 @@ from common.arrays import Array
 from common.camera import Intrinsics, back_project
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
+from coordinator.sources import open_source
 from coordinator.sources.utd_mhad import KINECT
 from tests.support.people import rendered
 from tests.support.ros import camera_of, header_of, image_of
@@ -164,3 +165,8 @@ def recorded() -> Depth:
     )
     millimetres: Array = np.rint(np.array(rendered(model, poses, KINECT)) * 1000.0)
     return millimetres.astype(np.uint16)
+
+
+def read_all(path: Path) -> None:
+    """Open a sequence and read every frame."""
+    list(open_source(path))

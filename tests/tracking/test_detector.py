@@ -21,7 +21,7 @@ from coordinator.tracking.gating import Gate
 from coordinator.tracking.pose_candidates import Candidates, Detection
 from coordinator.tracking.pose_library import draw_any
 from coordinator.tracking.sensor_noise import NO_NOISE
-from coordinator.tracking.state import given_start
+from coordinator.tracking.state import start_at
 from gepf.direct import DirectRefiner
 from tests.support.people import (
     SETTINGS,
@@ -100,7 +100,7 @@ def test_a_known_person_is_detected_elsewhere_in_slices_between_other_work() -> 
     The result moves to a later frame.
     """
     bodies = known()
-    start = given_start(STANDING, bodies)
+    start = start_at(STANDING, bodies)
     values = {**STANDING, "root_tx": 0.9, "l_elbow_flexion": 1.2}
     moved = np.array([name_pose(start.model, {**values, "root_tx": x}) for x in (0.9, 0.7)])
     before, now = (subject_of(frame, 2_000) for frame in show(start.model, moved).frames)
@@ -142,7 +142,7 @@ def test_front_and_back_are_ambiguous_where_the_frame_does_not_tell_them_apart(
 ) -> None:
     """A candidate that faces away counts only if it explains the frame about as well."""
     found = candidates([-5.0, -5.0 - behind], FRONT, BACK)
-    detection = Detection(given_start(STANDING, known()), found, Gate(0.5))
+    detection = Detection(start_at(STANDING, known()), found, Gate(0.5))
     assert detection.looks_alike(NAMES, found.joints[0], -5.0) is ambiguous
 
 

@@ -136,7 +136,7 @@ def test_cameras_on_both_sides_show_the_girth(yaws: tuple[float, ...], girth: fl
     pose = name_pose(body, {n: v for n, v in POSTURE.items() if n in body.dof_names})
     frame = seen_from(body, [pose] * len(yaws), {f"{yaw:.0f}": around(yaw) for yaw in yaws})
     model = BODIES.tracked(1.55, 1.05, {})[0]
-    start, size = Start(model, pose, 1.55, 1.05), PersonSize(BODIES, DirectRefiner())
+    start, size = Start(model, pose, 1.55, 1.05), PersonSize(BODIES, DirectRefiner(), measured=True)
     belief = begin(model, pose, SETTINGS.filter)
     found = size.begin(start, belief, subject_of(frame, 3000), SETTINGS.refine)
     assert found.stature == pytest.approx(CROWN * STATURE, abs=0.03)

@@ -13,17 +13,13 @@ the order of the leaves is always found.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Indices, Numbers, Points
 from common.compiling import numba
 from worker.kernel.observation import TILE, PackedObservation
 from worker.kernel.surface import Surface
 from worker.kernel.tiles import boxes_within, largest_of, lowest_bit, search_lanes
 from worker.kernel.workspace import Search, Workspace
-
-Points = NDArray[np.float32]
-Indices = NDArray[np.int64]
-Numbers = NDArray[np.uint32]
 
 LOOSER, TINY = np.float32(1.0 + 1e-6), np.float32(1e-12)  # enlarge bounds: points at the bound are found
 

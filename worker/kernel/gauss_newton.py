@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from common.arrays import Array, Indices
 from common.compiling import numba
 from common.kinematics.chain import forward_kinematics
 from common.kinematics.manifold import apply_step, ball_vector, clamp_to_limits
@@ -21,9 +22,6 @@ from worker.kernel.parameters import KernelParameters
 from worker.kernel.priors import add_prior, hold_active_limits
 from worker.kernel.surface import Skeleton
 from worker.kernel.workspace import Equations
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 SINGULAR = 1e-13  # of the largest entry on the diagonal
 CONVERGED = 1e-4  # radians and metres; a smaller step ends the loop

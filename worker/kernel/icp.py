@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import BodyModel
 from common.bounds import LARGEST, check_work
 from common.compiling import numba
@@ -34,8 +35,6 @@ from worker.kernel.visibility import pose_body, pose_vertices, visible_vertices
 from worker.kernel.weighting import accumulate_correspondences
 from worker.kernel.workspace import Problem, Workspaces, make_workspaces, workspace_of
 
-Array = NDArray[np.float64]
-
 
 class Batch(NamedTuple):
     """The particles of a request, shared among lanes."""
@@ -51,11 +50,11 @@ class Batch(NamedTuple):
 def refine(
     model: BodyModel,
     observation: Observation,
-    poses: NDArray[np.float64],
+    poses: Array,
     settings: RefineSettings,
     *,
     covariance: bool = False,
-    velocity: NDArray[np.float64] | None = None,
+    velocity: Array | None = None,
 ) -> Refined:
     """Refine particles, one after another.
 
@@ -81,11 +80,11 @@ def refine(
 def pack_batch(
     model: BodyModel,
     observation: Observation,
-    poses: NDArray[np.float64],
+    poses: Array,
     settings: RefineSettings,
     *,
     covariance: bool = False,
-    velocity: NDArray[np.float64] | None = None,
+    velocity: Array | None = None,
 ) -> Batch:
     """Pack the particles of a request; arguments and errors are those of `refine`."""
     check_work(settings, len(poses) * len(observation.views), observation.total, len(model.vertices))

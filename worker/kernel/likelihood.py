@@ -18,8 +18,8 @@ the weight both are computed again at the final pose.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array, Numbers
 from common.compiling import numba
 from worker.kernel.correspondence import find_correspondences
 from worker.kernel.observation import PackedObservation, view_of
@@ -30,9 +30,6 @@ from worker.kernel.surface import Skeleton, Surface
 from worker.kernel.visibility import pose_body, visible_vertices
 from worker.kernel.weighting import robust_cost, vertices_in_free_space
 from worker.kernel.workspace import Problem, Search, Workspace, Workspaces, workspace_of
-
-Array = NDArray[np.float64]
-Numbers = NDArray[np.uint32]  # of vertices
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")

@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array, Indices, Points
 from common.compiling import numba
-
-Array = NDArray[np.float64]
-Points = NDArray[np.float32]
-Indices = NDArray[np.int64]
 
 
 @numba.njit(cache=True, nogil=True)

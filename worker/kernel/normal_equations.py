@@ -17,15 +17,14 @@ does not depend on the number of points.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import TRANSLATION
 from common.compiling import numba
 from common.kinematics.chain import motion_axes
 from worker.kernel.surface import Skeleton
 from worker.kernel.workspace import Equations
 
-Array = NDArray[np.float64]
 Wrench = tuple[float, float, float, float, float, float]  # torque about the rig's origin, force
 
 

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from common.arrays import Array, Indices, Mask
 from common.camera import Intrinsics
 from common.compiling import numba
 from common.frame import EMPTY, SubjectFrame
@@ -34,11 +35,11 @@ class Observation:
 
     points: NDArray[np.float32]  # (tiles * TILE, 3)
     count: int  # points that are not padding
-    empty: NDArray[np.bool_]  # (H, W)
+    empty: Mask  # (H, W)
     nearest: NDArray[np.int32]  # (2, H, W)
     camera: Intrinsics
-    view: NDArray[np.int64]  # (4,) left, top, right, bottom of the whole image
-    T_camera_rig: NDArray[np.float64] = field(default_factory=lambda: np.eye(4)[:3])  # (3, 4)
+    view: Indices  # (4,) left, top, right, bottom of the whole image
+    T_camera_rig: Array = field(default_factory=lambda: np.eye(4)[:3])  # (3, 4)
     delay_s: float = 0.0  # after the time of the frame
     others: tuple[Observation, ...] = ()  # of other cameras
 
@@ -59,15 +60,15 @@ class PackedObservation(NamedTuple):
     points: NDArray[np.float32]  # (3, tiles * TILE) metres, z times `stretch`
     tiles: NDArray[np.float32]  # (6, tiles) bounding boxes
     count: int  # type: ignore[assignment]  # tuples have a method of that name
-    empty: NDArray[np.bool_]  # (H, W)
+    empty: Mask  # (H, W)
     nearest: NDArray[np.int32]  # (2, H, W)
-    seen: NDArray[np.int64]  # (4,) the observation's view
+    seen: Indices  # (4,) the observation's view
     fx: float
     fy: float
     cx: float
     cy: float
     stretch: float  # ratio of lateral to depth noise
-    T_camera_rig: NDArray[np.float64]  # (3, 4)
+    T_camera_rig: Array  # (3, 4)
     delay_s: float
 
 
@@ -76,12 +77,12 @@ class PackedViews(NamedTuple):
 
     points: NDArray[np.float32]
     tiles: NDArray[np.float32]
-    empty: NDArray[np.bool_]
+    empty: Mask
     nearest: NDArray[np.int32]
-    extents: NDArray[np.int64]  # (C, 6) first padded point, their number, points, first pixel, rows, columns
-    seen: NDArray[np.int64]  # (C, 4)
-    lenses: NDArray[np.float64]  # (C, 5) fx, fy, cx, cy, delay
-    T_camera_rig: NDArray[np.float64]  # (C, 3, 4)
+    extents: Indices  # (C, 6) first padded point, their number, points, first pixel, rows, columns
+    seen: Indices  # (C, 4)
+    lenses: Array  # (C, 5) fx, fy, cx, cy, delay
+    T_camera_rig: Array  # (C, 3, 4)
     stretch: float
     total: int  # points of all cameras that are not padding
 
@@ -196,7 +197,7 @@ def stretch(observation: Observation, ratio: float) -> PackedObservation:
 
 
 @numba.njit(cache=True, nogil=True)
-def nearest_occupied_pixels(occupied: NDArray[np.bool_]) -> Pixels:
+def nearest_occupied_pixels(occupied: Mask) -> Pixels:
     """Row and column (2, H, W) of the nearest occupied pixel; the pixel itself if there is none.
 
     An exact distance transform in two passes (Meijster, Roerdink and Hesselink, 2000): along columns, and
@@ -220,7 +221,7 @@ def nearest_occupied_pixels(occupied: NDArray[np.bool_]) -> Pixels:
 
 
 @numba.njit(cache=True, nogil=True)
-def nearest_rows(occupied: NDArray[np.bool_], out: Pixels) -> None:
+def nearest_rows(occupied: Mask, out: Pixels) -> None:
     """Fill out (H, W) with the row of the nearest occupied pixel in the same column, NONE without any."""
     height, width = occupied.shape
     for v in range(height):
@@ -235,7 +236,7 @@ def nearest_rows(occupied: NDArray[np.bool_], out: Pixels) -> None:
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def lower_envelope(v: int, row: Pixels, best: NDArray[np.int64], start: NDArray[np.int64]) -> int:
+def lower_envelope(v: int, row: Pixels, best: Indices, start: Indices) -> int:
     """Which columns are nearest along row v: best[k] from column start[k]; returns the last k, or -1.
 
     row (W,) holds the nearest row in each column.

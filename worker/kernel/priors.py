@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.compiling import numba
 from common.kinematics.manifold import ball_vector
 from common.kinematics.rotations import handedness
 from worker.kernel.surface import Skeleton
-
-Array = NDArray[np.float64]
 
 LIMIT_WEIGHT_M2 = 0.002  # of a squared radian outside the limits of a spherical joint, per point
 

@@ -20,8 +20,8 @@ much faster than EM.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.compiling import numba
 from worker.kernel.gauss_newton import take_step
 from worker.kernel.normal_equations import power, twists_of
@@ -31,8 +31,6 @@ from worker.kernel.priors import add_prior
 from worker.kernel.surface import Skeleton, Surface
 from worker.kernel.visibility import PIXEL_M, DepthImage, draw, pose_body
 from worker.kernel.workspace import Problem, Workspace, Workspaces, workspace_of
-
-Array = NDArray[np.float64]
 
 SEARCH_DEVIATIONS = 2.5  # radius of the search for samples, in standard deviations across
 MOST_SAMPLES_ASIDE = 3  # of a point, in each direction; with more noise they are farther apart

@@ -8,6 +8,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
+from common.arrays import Array, Indices, Mask
 from common.body import ROOT_DOFS, BodyModel, vertex_normals
 from worker.kernel.neighbourhoods import neighbourhoods
 
@@ -17,26 +18,26 @@ LEAF = 8  # vertices that the closest-point search skips together
 class Skeleton(NamedTuple):
     """The kinematic part of a body model."""
 
-    kinds: NDArray[np.int64]  # (D,)
-    parents: NDArray[np.int64]  # (D,)
-    axes: NDArray[np.float64]  # (D, 3)
-    points: NDArray[np.float64]  # (D, 3)
-    limits: NDArray[np.float64]  # (D, 2)
-    balls: NDArray[np.int64]  # (B,)
-    link_dofs: NDArray[np.int64]  # (L,)
-    single: NDArray[np.bool_]  # (D,) which of them are not part of a spherical joint
-    precisions: NDArray[np.float64]  # (D,) rest_spreads^-2, of the rest prior; 0 of what places the body
+    kinds: Indices  # (D,)
+    parents: Indices  # (D,)
+    axes: Array  # (D, 3)
+    points: Array  # (D, 3)
+    limits: Array  # (D, 2)
+    balls: Indices  # (B,)
+    link_dofs: Indices  # (L,)
+    single: Mask  # (D,) which of them are not part of a spherical joint
+    precisions: Array  # (D,) rest_spreads^-2, of the rest prior; 0 of what places the body
 
 
 class Surface(NamedTuple):
     """The surface of a body model; successive vertices form leaves of neighbours on one link."""
 
-    vertices: NDArray[np.float64]  # (V, 3)
-    normals: NDArray[np.float64]  # (V, 3) of length 1
-    leaves: NDArray[np.int64]  # (V,) ascending
+    vertices: Array  # (V, 3)
+    normals: Array  # (V, 3) of length 1
+    leaves: Indices  # (V,) ascending
     triangles: NDArray[np.uint32]  # (T, 3)
     skin_links: NDArray[np.uint32]  # (V, K)
-    skin_weights: NDArray[np.float64]  # (V, K)
+    skin_weights: Array  # (V, K)
 
 
 _packed: WeakKeyDictionary[BodyModel, tuple[Skeleton, Surface]] = WeakKeyDictionary()
@@ -78,10 +79,10 @@ def make_packed_model(model: BodyModel) -> tuple[Skeleton, Surface]:
     return skeleton, surface
 
 
-def order_vertices(model: BodyModel) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def order_vertices(model: BodyModel) -> tuple[Indices, Indices]:
     """An order (V,) of the vertices by leaves, and the leaf (V,) at each place of this order."""
-    order: list[NDArray[np.int64]] = []
-    leaves: list[NDArray[np.int64]] = []
+    order: list[Indices] = []
+    leaves: list[Indices] = []
     dominant = model.skin_links[:, 0]
     for link in np.unique(dominant):
         members = np.flatnonzero(dominant == link)

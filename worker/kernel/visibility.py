@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from common.arrays import Array, Numbers
 from common.bounds import MOST_PIXELS
 from common.compiling import numba
 from common.kinematics.chain import blend_vertex, blend_vertices, forward_kinematics
@@ -18,10 +19,6 @@ from common.kinematics.manifold import apply_step
 from worker.kernel.drawing import SIDE, draw_block
 from worker.kernel.surface import Skeleton, Surface
 from worker.kernel.workspace import LARGEST_SIDE_PX, Workspace
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
-Numbers = NDArray[np.uint32]  # of vertices and triangles
 
 PIXEL_M = 0.012  # at the body's mean distance
 TOLERANCE_M = 0.03  # largest distance of a visible point behind the depth image

@@ -12,8 +12,8 @@ the pose of the correspondences, and J^T J is an upper bound, which keeps steps 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array, Numbers
 from common.compiling import numba
 from worker.kernel.observation import PackedObservation
 from worker.kernel.parameters import KernelParameters
@@ -21,9 +21,6 @@ from worker.kernel.surface import Skeleton, Surface
 from worker.kernel.vectors import add_scaled
 from worker.kernel.visibility import NEAREST_M
 from worker.kernel.workspace import Search, Workspace
-
-Array = NDArray[np.float64]
-Numbers = NDArray[np.uint32]
 
 GRAZING = np.cos(np.radians(78.0))  # of the largest angle between normal and ray with valid depth
 

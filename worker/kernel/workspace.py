@@ -12,18 +12,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array, Indices, Mask, Numbers, Points
 from common.compiling import numba
 from worker.kernel.drawing import SIDE
 from worker.kernel.observation import TILE, PackedObservation, PackedViews
 from worker.kernel.parameters import KernelParameters
 from worker.kernel.surface import Skeleton, Surface
-
-Array = NDArray[np.float64]
-Points = NDArray[np.float32]
-Indices = NDArray[np.int64]
-Numbers = NDArray[np.uint32]
 
 LARGEST_SIDE_PX = 512  # of a depth image
 
@@ -71,7 +66,7 @@ class Workspace(NamedTuple):
     step: Array  # (D,) motion from the time of the frame to that of the camera
     posed: Array  # (V, 3) metres, camera frame
     image: Array  # (V, 2) pixels of the depth image
-    front: NDArray[np.bool_]  # (V,) part of a triangle that faces the camera
+    front: Mask  # (V,) part of a triangle that faces the camera
     visible: Numbers  # (V,)
     depth: Points  # buffer for the largest depth image
     seen_triangles: Numbers

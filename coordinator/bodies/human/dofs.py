@@ -21,8 +21,8 @@ Shoulder and hip ranges are those of flexion, then abduction, then twisting, in 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import ROOT_DOFS
 
 HUMAN = "human"
@@ -121,6 +121,6 @@ def rest_spread(dof: str) -> float:
     return _REST_SPREADS.get(dof.partition("_")[2].partition("_")[0], 1.0)
 
 
-def joint_range(dof: str) -> NDArray[np.float64]:
+def joint_range(dof: str) -> Array:
     """Lower and upper limit (2,) in radians, or in metres for the root; infinite if free."""
     return np.radians(_RANGES.get(dof, (-np.inf, np.inf)))

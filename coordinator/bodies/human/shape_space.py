@@ -12,14 +12,11 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array, Indices
 from common.body import BodyModel, find_balls
 from coordinator.bodies.human.dofs import joint_range, rest_spread
 from coordinator.bodies.human.skeleton import build_skeleton
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 FILE = Path(__file__).with_name("person.npz")
 """Its arrays: people (K, V, 3) and their joints (K, N, 3) at rest, of stature 1, and what changes them."""

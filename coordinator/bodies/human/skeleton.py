@@ -142,7 +142,9 @@ def _fingers(side: str, tilt: float) -> Iterator[Bone]:
 
 def _axes(side: str, joint: str, motions: Motions, tilt: float) -> Motions:
     """Axis of each degree of freedom of a joint of either side, in a tilted limb."""
-    return {f"{side}_{joint}_{motion}": _sided(side, tilted(axis, tilt)) for motion, axis in motions.items()}
+    sign = 1.0 if side == "l" else -1.0
+    turned = {motion: tilted(axis, tilt) for motion, axis in motions.items()}
+    return {f"{side}_{joint}_{motion}": (x, sign * y, sign * z) for motion, (x, y, z) in turned.items()}
 
 
 def tilted(vector: Vector, angle: float) -> Vector:
@@ -150,8 +152,3 @@ def tilted(vector: Vector, angle: float) -> Vector:
     c, s = float(np.cos(angle)), float(np.sin(angle))
     x, y, z = vector
     return c * x + s * y, c * y - s * x, z
-
-
-def _sided(side: str, axis: Vector) -> Vector:
-    """The axis of a left joint, or of its mirror image on the right."""
-    return axis if side == "l" else (axis[0], -axis[1], -axis[2])

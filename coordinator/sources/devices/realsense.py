@@ -18,8 +18,6 @@ from coordinator.sources.devices.device import AVERAGED, SILENCE_MS, Camera, Cam
 from coordinator.sources.lens import Lens
 from coordinator.sources.source import downward
 
-QUEUED = 8  # images and accelerations that wait
-
 
 def open_device(which: str, colour: bool) -> Camera | None:
     """Open a camera by its serial number, or any, or a recording; None if there is no such camera."""
@@ -65,7 +63,7 @@ def shots(pipeline: Any, config: Any, profile: Any, lens: Lens) -> Generator[Sho
     inertial = any(each.stream_type() == rs.stream.accel for each in profile.get_streams())
     scale = 1.0 / float(str(np.float32(device.first_depth_sensor().get_depth_scale())))
     playback = device.as_playback() if device.is_playback() else None
-    queue, align = rs.frame_queue(QUEUED, keep_frames=True), rs.align(rs.stream.depth)
+    queue, align = rs.frame_queue(8, keep_frames=True), rs.align(rs.stream.depth)
     try:
         if playback is not None:  # else it may end before all streams have started
             playback.pause()

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+
+from common.arrays import Array
 
 if TYPE_CHECKING:  # a report reads this module, and loads no compiled code for it
     from coordinator.tracking.certainty.features import Features
 
-Array = NDArray[np.float64]
 
 OFF = 0.15  # distance in metres from the true joint above which a joint is wrong
 FLAGGED = 0.04  # least probability of a flagged joint; 4 to 9 % of the correct joints are flagged

@@ -13,13 +13,11 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array, Mask
 from common.body import ROOT_DOFS, ROTATION, BodyModel
 from common.frame import SubjectFrame
 from common.kinematics import joint_positions
-
-Array = NDArray[np.float64]
 
 SPREAD_FLOOR_M, SPEED_FLOOR_M_S = 0.005, 0.1  # are added before the logarithm
 CROWDED_M = 0.2  # standard deviation of the weight of a neighbouring joint by distance
@@ -53,7 +51,7 @@ class Rest(NamedTuple):
     """A body in the pose at rest."""
 
     distances: Array  # (J, J) between joints, metres
-    bends: NDArray[np.bool_]  # (J, D) the angles between the root and each joint
+    bends: Mask  # (J, D) the angles between the root and each joint
 
 
 def measure_features(

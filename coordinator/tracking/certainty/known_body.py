@@ -16,8 +16,6 @@ from coordinator.filters.motion import precisions
 INFORMATION = 44.0
 """Fitted to rendered robots and objects with a Kinect's noise."""
 
-STEP = 1e-5  # of differences, metres or radians
-
 
 def deviations(model: BodyModel, pose: Array, covariance: Array) -> Array:
     """Expected distance (J,) from the true joints of a pose (D,), one standard deviation, metres.
@@ -26,8 +24,9 @@ def deviations(model: BodyModel, pose: Array, covariance: Array) -> Array:
     """
     weak = np.diag(precisions(model)[0])
     scaled = np.linalg.inv(weak + INFORMATION * (np.linalg.inv(covariance) - weak))
-    steps = STEP * np.concatenate([np.eye(len(pose)), -np.eye(len(pose))])
+    step = 1e-5  # of differences, metres or radians
+    steps = step * np.concatenate([np.eye(len(pose)), -np.eye(len(pose))])
     ahead, behind = np.split(joint_positions(model, retract(model, np.tile(pose, (len(steps), 1)), steps)), 2)
-    jacobian = (ahead - behind) / (2.0 * STEP)
+    jacobian = (ahead - behind) / (2.0 * step)
     squares: Array = np.einsum("djx,de,ejx->j", jacobian, scaled, jacobian)
     return np.sqrt(squares)

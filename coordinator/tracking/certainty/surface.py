@@ -7,12 +7,12 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from common.arrays import Array
 from common.body import BodyModel
 from common.compiling import numba
 from common.frame import SubjectFrame
 from common.kinematics import joint_positions, pose_vertices
 
-Array = NDArray[np.float64]
 Lens = tuple[float, float, float, float]  # fx, fy, cx, cy
 
 REGION_M = 0.12  # standard deviation of the weights of the surface around a joint by distance

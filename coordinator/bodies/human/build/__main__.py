@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from common.arrays import Array, Indices
 from common.body import vertex_normals
 from coordinator.bodies.human.build.joints import ADULT, Joints, place_joints
 from coordinator.bodies.human.build.makehuman import MakeHuman, read_makehuman
@@ -27,9 +28,6 @@ from coordinator.bodies.human.build.rest import (
 )
 from coordinator.bodies.human.measures import LENGTHS
 from coordinator.bodies.human.shape_space import FILE, UNIT
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 AGES = {"baby": (1.0, 0.75), "child": (10.0, 1.38), "young": (16.0, 1.5)}
 """MakeHuman's people -> the age in years and the stature in metres at or from which people have their shape.

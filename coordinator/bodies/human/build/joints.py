@@ -21,12 +21,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array
 from coordinator.bodies.human.dofs import FINGERS, VERTEBRAE_UPWARD
 from coordinator.bodies.human.skeleton import ARM_TILT, DOWN, THUMB_DIRECTION, tilted
 
-Array = NDArray[np.float64]
 Joints = dict[str, Array]
 
 ADULT = {

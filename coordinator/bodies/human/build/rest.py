@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from common.arrays import Array, Indices
 from coordinator.bodies.human.build.joints import SHOULDER_BACK
 from coordinator.bodies.human.skeleton import ARM_TILT, DOWN, FRONT, LEFT, tilted
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 Joints = Mapping[str, Array]
 
 HIP_INWARD = 0.867  # of the distance of MakeHuman's hip joints from the middle

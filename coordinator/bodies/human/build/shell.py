@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import label
 from skimage.measure import marching_cubes
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from common.arrays import Array, Indices
 
 STEP_M = 0.006  # of the grid that tells outside from inside
 MARGIN_M = 0.06
