@@ -15,7 +15,7 @@ from coordinator.commands.console import describe_fault
 from tests.support.processes.place import Place, recorded
 from tests.support.processes.programs import is_alive, wait_until
 
-FRAMES = 60
+FRAMES = 120
 
 
 @pytest.fixture(scope="module")
