@@ -69,7 +69,8 @@ def check_stream(key: str, *, guarded: bool = False) -> str:
     With access control it must be below `gepf/live/`: everything else is dropped without a message.
     """
     if not STREAM.fullmatch(key):
-        raise InputError(f"key '{key}' cannot be used; give names between slashes, such as camera/depth")
+        names = "names of letters, digits and . - _ between slashes, such as camera/depth"
+        raise InputError(f"key '{key}' cannot be used; give {names}")
     if guarded and not key.startswith(GUARDED):
         raise InputError(f"with certificates only keys of gepf are allowed; use {GUARDED}{key}")
     return key

@@ -36,7 +36,8 @@ def check_listening(endpoint: str, credentials: Credentials | None, *, insecure:
     check_endpoint("--listen", endpoint, credentials)
     if credentials is None and not insecure and not is_loopback(endpoint):
         raise InputError(
-            f"--listen {endpoint} accepts anyone; give tls/HOST:PORT with {TLS_OPTIONS}, or --insecure"
+            f"--listen {endpoint} accepts anyone; give tls/HOST:PORT with {TLS_OPTIONS} "
+            "(gepf certificates makes them), or --insecure"
         )
 
 

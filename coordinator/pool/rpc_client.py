@@ -221,7 +221,8 @@ class RpcClient:
             self._send(self.scheduler.end(ticket, outcome, time.monotonic(), reason))
         except SilentWorkers as error:
             raise SilentWorkers(
-                f"workers are connected, but none answers within {REQUEST_TIMEOUT_S:.0f} s (last {worker})"
+                f"workers are connected, but none answers within {REQUEST_TIMEOUT_S:.0f} s (last {worker}): "
+                "the connection is broken, they do not respond, or a request has too many particles or points"
             ) from error
         except ProtocolError as error:
             raise ProtocolError(f"no worker can refine the particles: {error}") from error

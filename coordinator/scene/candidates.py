@@ -2,7 +2,8 @@
 
 A candidate is a connected component of the foreground that has the extent and area of a person and, unlike
 furniture, is not flat. Flat furniture that a person touches is cut off. A limb may hide where the parts of a
-body are connected, so the remaining foreground is divided again, only at steps that no body has.
+body are connected. So the remaining foreground is divided again, only at steps that are larger than those
+between parts of one body.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from coordinator.scene.planes import extents
 from coordinator.scene.scene import FOREGROUND, PERSON_LENGTH_M, SceneView
 from coordinator.scene.segmentation import LEAST_AREA_M2, REACH_M, STEP_M, label_parts
 
-MOST_AREA_M2 = 1.6  # visible area of a person
+PERSON_AREA_M2 = LEAST_AREA_M2, 1.6  # least and most visible area of a person
 SAME_SPOT_M = 0.35  # horizontal distance of a further part of a person, with an occluder between
 
 
@@ -72,22 +73,28 @@ def candidates(view: SceneView, known: Mask | None = None) -> list[Candidate]:
     parts = find_parts(view, free, STEP_M)
     found = judge_parts(view, parts)
     rest = free & ~reduce(np.logical_or, (each.mask for each in found), np.zeros_like(free))
-    found += judge_parts(view, find_parts(view, rest, REACH_M))
+    found += judge_parts(view, find_parts(view, rest, REACH_M, PERSON_AREA_M2))
     return [join_hidden(view, each, parts) for each in sorted(found, key=lambda each: -each.score)]
 
 
-def find_parts(view: SceneView, free: Mask, step: float) -> list[Part]:
-    """The connected components of pixels (H, W), if their depths differ by less than a step, metres."""
+def find_parts(
+    view: SceneView, free: Mask, step: float, area_m2: tuple[float, float] = (LEAST_PART_M2, np.inf)
+) -> list[Part]:
+    """The connected components of pixels (H, W) whose visible area is in a range.
+
+    Neighbours are connected if their depths differ by less than a step, metres.
+    """
     labels = label_parts(view.depth, free, step, view.growth, view.camera.fx)
     areas = np.bincount(labels.ravel(), (view.depth**2 / (view.camera.fx * view.camera.fy)).ravel())
     windows = find_objects(labels)
-    large = np.flatnonzero(areas[1:] >= LEAST_PART_M2).tolist()
-    return [part_of(view, labels[windows[n]] == n + 1, windows[n]) for n in large]
+    fits = (areas[1:] >= area_m2[0]) & (areas[1:] <= area_m2[1])
+    return [part_of(view, labels[windows[n]] == n + 1, windows[n]) for n in np.flatnonzero(fits).tolist()]
 
 
 def judge_parts(view: SceneView, parts: Sequence[Part]) -> list[Candidate]:
     """The candidates among components."""
-    large = [each for each in parts if LEAST_AREA_M2 <= area_of(view, each.points) <= MOST_AREA_M2]
+    least, most = PERSON_AREA_M2
+    large = [each for each in parts if least <= area_of(view, each.points) <= most]
     found = [judge(view, each) for part in large for each in cut(view, part)]
     return [each for each in found if each is not None]
 

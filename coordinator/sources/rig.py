@@ -79,7 +79,8 @@ def find_fault(camera: RigCamera) -> str | None:
     if not name:
         return "a camera has an empty name; name it"
     if not (is_rigid(matrix) and np.isfinite(matrix).all()):
-        return f"T_rig_camera of '{name}' is not a rotation and a translation; give 4 rows of 4"
+        moved = f"T_rig_camera of '{name}' is not a rotation and a translation in metres"
+        return f"{moved}; give 4 rows of 4 numbers, the last 0 0 0 1"
     if (away := np.linalg.norm(matrix[:3, 3])) > FARTHEST_M:
         return f"T_rig_camera of '{name}' puts it {away:.0f} m away; give metres, not millimetres"
     if abs(camera.time_offset_s) > LARGEST:

@@ -97,7 +97,7 @@ class Detector:
         settings = assume_noise(self._refine, noise)
         ways = upright_ways(planes, self._ways_up)
         size, found = yield from self._search(subject, settings, self._sizes, ways)
-        if len(subject.views) > 1 and len(self._sizes) > 1:  # candidates of all sizes are few of each
+        if len(subject.views) > 1 and len(self._sizes) > 1:  # few of the candidates had this size
             _, found = yield from self._search(subject, settings, [size], ways, found[0])
         model = self._bodies.for_start(*size)
         start = start_at(pose_by_name(model, found[0]), self._bodies, size, noise)
