@@ -1,9 +1,9 @@
 """Faults of the cameras of a rig: one that gives no depth, repeats an image, or contradicts the others.
 
 Evidence is left out by one principle: the pose that the other cameras support must explain what a camera
-shows of the body, within the residual that a pose may have. A camera with a wrong or changed place fails
-this, whatever the reason. A repeated image is no new evidence. A camera is left out only while another one
-is not.
+shows of the body and where it sees farther, within the residual that a pose may have. A camera with a wrong
+or changed place fails this, whatever the reason. A repeated image is no new evidence. A camera is left out
+only while another one is not.
 """
 
 from __future__ import annotations
@@ -13,10 +13,11 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from common.arrays import Array
 from common.body import BodyModel
-from common.compiling import numba
+from common.camera import project
 from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import pose_vertices
 from coordinator.tracking.faults import (
@@ -65,20 +66,32 @@ def look(view: DepthFrame, before: CameraState | None, time_s: float) -> CameraS
 def compare(
     model: BodyModel,
     pose: Array,
+    frame: DepthFrame,
     views: Sequence[SubjectFrame],
     noise_depth: float,
     before: Agreement,
     interval_s: float,
 ) -> Agreement:
-    """The agreement of cameras after a frame with this pose (D,).
+    """The agreement of cameras after a frame with this pose (D,), by what shows the body in their images.
 
-    Cameras contradict whose points it does not explain, but for the one that it explains best. Those that
+    Cameras contradict whose images it does not explain, but for the one that it explains best. Those that
     contradicted before and cannot be compared with another one still do.
     """
-    if len(views) < 2:
+    if len(frame.views) < 2:
         return before
     corners = pose_vertices(model, pose[None])[0][model.triangles[::3]]
-    residuals = {view.frame.camera: mean_distance(view, corners) for view in views}
+    middles = corners.mean(axis=1)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    shown, residuals = {view.frame.camera: view for view in views}, dict[str, float]()
+    for image in frame.views:
+        facing = middles[np.sum(normals * (image.T_rig_camera[:3, 3] - middles), axis=1) > 0.0]
+        through = seen_through(image, facing)
+        if image.camera in shown:
+            residuals[image.camera] = max(through, mean_distance(shown[image.camera], facing))
+        elif through > RESIDUAL_M + noise_depth:
+            residuals[image.camera] = through
+    if len(residuals) < 2:
+        return before
     allowed = max(RESIDUAL_M + noise_depth, min(residuals.values()))
     against = [name for name, residual in residuals.items() if residual > allowed]
     unseen = [name for name in before.contradicting if name not in residuals]
@@ -90,28 +103,23 @@ def compare(
     return Agreement((*unseen, *against), agreed_s)
 
 
-def mean_distance(view: SubjectFrame, corners: Array) -> float:
-    """Mean distance in metres of about 100 points of a camera from the middles of triangles (T, 3, 3).
+def seen_through(image: DepthFrame, surface: Array) -> float:
+    """Median distance in metres of what an image shows from points (N, 3) of a surface that it is behind.
 
-    Only triangles that face the camera count.
+    It counts as 0 where the image shows nothing or something nearer.
     """
-    frame = view.frame
-    points = frame.to_rig(camera_points(view, max(1, len(view.picked) // 100)))
-    middles = corners.mean(axis=1)
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    facing = np.sum(normals * (frame.T_rig_camera[:3, 3] - middles), axis=1) > 0.0
-    return nearest_mean(points, middles[facing])
+    points = image.to_camera(surface)
+    points = points[points[:, 2] > 0.0]
+    column, row = np.rint(project(points, image.intrinsics)).astype(np.int64).T
+    rows, columns = image.depth.shape
+    inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+    behind = np.zeros(len(surface))
+    depth = image.depth[row[inside], column[inside]] / image.depth_scale
+    behind[: len(depth)] = np.maximum(depth - points[inside, 2], 0.0)
+    return float(np.median(behind)) if len(behind) else 0.0
 
 
-@numba.njit(cache=True, nogil=True)
-def nearest_mean(points: Array, others: Array) -> float:
-    """Mean distance of points (P, 3) from the nearest of others (Q, 3); 0 without any."""
-    total = 0.0
-    for p in range(len(points)):
-        least = np.inf
-        for q in range(len(others)):
-            x, y = points[p, 0] - others[q, 0], points[p, 1] - others[q, 1]
-            z = points[p, 2] - others[q, 2]
-            least = min(least, x * x + y * y + z * z)
-        total += np.sqrt(least)
-    return total / len(points) if len(points) and len(others) else 0.0
+def mean_distance(view: SubjectFrame, surface: Array) -> float:
+    """Mean distance in metres of about 100 points of a camera from points (N, 3) of a surface."""
+    points = view.frame.to_rig(camera_points(view, max(1, len(view.picked) // 100)))
+    return float(cKDTree(surface).query(points)[0].mean())

@@ -11,7 +11,7 @@ import numpy as np
 from common.arrays import Array
 from common.body import BodyModel
 from common.bounds import MAX_ITERATIONS
-from common.frame import SubjectFrame
+from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import natural_angles
 from common.settings import RefineSettings, Settings
 from coordinator.filters.belief import Belief, Proposal
@@ -31,6 +31,7 @@ from coordinator.tracking.refiner import Pending, Refiner
 class Submitted:
     """A frame whose particles are with the workers."""
 
+    frame: DepthFrame
     rules: RefineSettings  # by which they are refined
     proposal: Proposal[Any]
     pending: Pending

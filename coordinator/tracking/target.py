@@ -198,7 +198,7 @@ class TargetTracker:
             stretch, past = rules.noise_lateral / rules.noise_depth, self._belief.reported
             context = FrameContext(subject, past, proposal.interval, stretch, first)
             pending = self._filter.send(self.model, subject, proposal, rules)
-        return Submitted(rules, proposal, pending, context, detection, clock)
+        return Submitted(frame, rules, proposal, pending, context, detection, clock)
 
     def update(self, submitted: Submitted) -> Updated:
         """Wait for the refined particles of the last submitted frame, and update the belief."""
@@ -284,7 +284,7 @@ class TargetTracker:
             self._agreement = Agreement()
         self.management = self.management.updated(gate, subject.pixels, redetected=redetected)
         views = [*subject.views, *(self.aside.views if self.aside is not None else ())]
-        seen = self.model, self._belief.poses[0], views, submitted.rules.noise_depth
+        seen = self.model, self._belief.poses[0], submitted.frame, views, submitted.rules.noise_depth
         self._agreement = compare(*seen, self._agreement, submitted.proposal.interval)
         if self._belief is belief:
             self._size.measure(self.start, belief, self.management, subject)

@@ -16,9 +16,10 @@ from common.kinematics import joint_positions
 from common.kinematics.rotations import euler_matrix
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
-from coordinator.tracking.cameras import watch
+from coordinator.tracking.cameras import compare, watch
 from coordinator.tracking.estimate import Estimate
-from coordinator.tracking.faults import CameraStates, describe_changes, faults_of
+from coordinator.tracking.faults import Agreement, CameraStates, describe_changes, faults_of
+from coordinator.tracking.observation import isolate
 from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
 from tests.support.people import SETTINGS, STANDING, frame_of, known, rendered
@@ -160,3 +161,27 @@ def test_a_camera_at_a_wrong_place_is_left_out(
     true = joint_positions(model, poses)
     off = [np.linalg.norm(each.joint_positions - true[n], axis=1).mean() for n, each in enumerate(found)]
     assert max(off[since + 8 :]) < 0.07
+
+
+@pytest.mark.parametrize(
+    ("shows_m", "turned_deg", "against"),
+    [(5.0, 0.0, ("side",)), (1.0, 0.0, ()), (5.0, 90.0, ()), (0.0, 0.0, ())],
+)
+def test_a_camera_that_sees_through_the_body_contradicts(
+    seen: tuple[BodyModel, Array, list[dict[str, DepthFrame]]],
+    shows_m: float,
+    turned_deg: float,
+    against: tuple[str, ...],
+) -> None:
+    """If it shows a wall behind; not with an obstacle in front, with the person outside, or without depth."""
+    model, poses, (images, *_) = seen
+    side = replace(
+        images["side"],
+        depth=np.full_like(images["side"].depth, 1000.0 * shows_m),
+        T_rig_camera=images["side"].T_rig_camera @ knock(turned_deg, 0.0),
+    )
+    subject = isolate(images["front"], 1000)
+    assert subject is not None
+    frame = together([images["front"], side])
+    found = compare(model, poses[0], frame, [subject], 0.01, Agreement(), 0.1)
+    assert found.contradicting == against
