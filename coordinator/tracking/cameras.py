@@ -79,12 +79,12 @@ def compare(
     """
     if len(frame.views) < 2:
         return before
-    corners = pose_vertices(model, pose[None])[0][model.triangles[::3]]
-    middles = corners.mean(axis=1)
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    surface, second, third = pose_vertices(model, pose[None])[0][model.triangles[::3].T]
+    normals = np.cross(second - surface, third - surface)
+    offsets = np.sum(normals * surface, axis=1)
     shown, residuals = {view.frame.camera: view for view in views}, dict[str, float]()
     for image in frame.views:
-        facing = middles[np.sum(normals * (image.T_rig_camera[:3, 3] - middles), axis=1) > 0.0]
+        facing = surface[normals @ image.T_rig_camera[:3, 3] > offsets]
         through = seen_through(image, facing)
         if image.camera in shown:
             residuals[image.camera] = max(through, mean_distance(shown[image.camera], facing))
