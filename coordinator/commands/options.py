@@ -127,7 +127,6 @@ class TrackOptions:
     seeds: range | None = method_option(
         "A:B", "Track with seeds A to B - 1, in folders in --out.", parser=seed_range
     )
-    deadline: float | None = method_option("MS", "Use the particles that are refined within this time.")
     workers: int | None = worker_option(
         "N", "Lanes of the local worker (default: all cores; 0: none).", min=0
     )
