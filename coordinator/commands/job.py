@@ -173,7 +173,7 @@ def split(text: str, option: str, kind: Callable[[str], T], count: int | None = 
 
 def is_several(options: TrackOptions) -> bool:
     """Whether the options describe several runs, each with its own folder in `--out`."""
-    return len(options.sequences) > 1 or options.seeds is not None or is_list(options.sequences[0])
+    return len(options.sequences) > 1 or is_list(options.sequences[0])
 
 
 def is_list(path: Path) -> bool:

@@ -39,14 +39,6 @@ FRAMES = "Frames A to B - 1."
 OTHER_SIDE = "Connect to a tracker's --listen, or a router."
 
 
-def seed_range(text: str) -> range:
-    """The seeds A to B - 1 of `A:B`."""
-    first, colon, end = text.partition(":")
-    if not colon or not first.isdecimal() or not end.isdecimal() or int(first) >= int(end):
-        raise typer.BadParameter(f"'{text}' is not of the form A:B; 0:5 stands for 0, 1, 2, 3 and 4")
-    return range(int(first), int(end))
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DemoOptions:
     """Options of `gepf demo`."""
@@ -124,9 +116,6 @@ class TrackOptions:
     noise_depth: float | None = method_option("M", "Noise in depth (default: measured in the first frame).")
     noise_lateral: float | None = method_option("M", "Lateral noise.")
     seed: int = method_option("N", "The same seed gives the same bytes.", default=0, min=0, max=2**32 - 1)
-    seeds: range | None = method_option(
-        "A:B", "Track with seeds A to B - 1, in folders in --out.", parser=seed_range
-    )
     workers: int | None = worker_option(
         "N", "Lanes of the local worker (default: all cores; 0: none).", min=0
     )
@@ -186,14 +175,6 @@ class DofsOptions:
     """Options of `gepf model dofs`."""
 
     model: str = argument("human|FILE", "Template, URDF, or a person's measures.", default="human")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ShowOptions(DofsOptions):
-    """Options of `gepf model show`."""
-
-    out: Path = option("FILE.png", "Picture to write.", default=MISSING)
-    force: bool = option("", FORCE, "--force", default=False)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

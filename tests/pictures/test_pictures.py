@@ -23,7 +23,6 @@ from coordinator.bodies.angles import angles_of
 from coordinator.pictures.film import spread, tile, write_film
 from coordinator.pictures.overlay import View, paint, view_around
 from coordinator.pictures.plots import STATUS, angle_curves, curves_of, plot_curves
-from coordinator.pictures.portrait import draw_portrait
 from coordinator.pictures.run import draw_run
 from coordinator.pictures.shading import draw_body, shade_depth
 from coordinator.results.evaluation import Truth, read_truth
@@ -276,14 +275,6 @@ def test_a_sheet_holds_every_picture_once() -> None:
     sheet = np.asarray(tile([Image.new("RGB", (20, 10), c) for c in colours]))
     for colour in colours:
         assert np.sum(np.all(sheet == colour, axis=-1)) == 200
-
-
-def test_a_portrait_shows_the_body_from_three_sides(tmp_path: Path) -> None:
-    """Each third holds the model's colour, the front the widest."""
-    draw_portrait(person(), tmp_path / "person.png")
-    sides = np.split(pixels(tmp_path / "person.png"), 3, axis=1)
-    warm = [np.any(side[..., 0] - side[..., 2] > 60.0, axis=0).sum() for side in sides]
-    assert warm[0] > warm[1] > warm[2] > 30
 
 
 def test_the_angles_that_vary_most_are_shown_and_the_whole_bodys_turn_is_not(tmp_path: Path) -> None:

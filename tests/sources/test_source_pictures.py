@@ -185,29 +185,13 @@ def test_a_ros_2_bag_round_trip(tmp_path: Path, encoding: str, kind: str) -> Non
     assert (camera.width, camera.height, camera.fx, camera.cy) == (16, 12, 50.0, 5.5)
 
 
-@pytest.mark.parametrize(
-    ("name", "says"),
-    [
-        ("film.mp4", "a film holds colours, not depth; write it as 16-bit PNG"),
-        ("walk.svo2", "ZED's files need its SDK"),
-        ("walk.db3", "give the folder that ROS 2 recorded"),
-        ("walk.h5", "save depth with numpy.save"),
-        ("walk.xyz", "not a depth sequence of a known format; give one of"),
-    ],
-)
-def test_a_refused_format_says_what_to_make_of_it(tmp_path: Path, name: str, says: str) -> None:
-    """Unsupported formats are refused in one line that says how to convert them."""
-    (tmp_path / name).write_bytes(b"x")
-    with pytest.raises(InputError, match=says):
-        open_source(tmp_path / name)
-
-
-def test_a_folder_of_recordings_names_one_of_them(tmp_path: Path) -> None:
-    """For the folder that contains recordings, the line gives the path of one; truth files do not count."""
-    for name in ("a_truth.npz", "notes.txt", "walk.mkv", "zoo.mkv"):
-        (tmp_path / name).write_bytes(b"x")
-    with pytest.raises(InputError, match=r"give \S+/walk\.mkv, or one of: TUM"):
-        open_source(tmp_path)
+def test_a_refused_format_says_what_to_make_of_it(tmp_path: Path) -> None:
+    """An unsupported format is refused in one line that says how to convert it."""
+    (tmp_path / "film.mp4").write_bytes(b"x")
+    with pytest.raises(
+        InputError, match=r"not a depth sequence of a known format; .*; or write depth/000000"
+    ):
+        open_source(tmp_path / "film.mp4")
 
 
 @pytest.mark.parametrize(

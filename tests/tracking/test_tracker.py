@@ -19,6 +19,8 @@ from common.settings import Settings
 from coordinator.bodies.tracked import name_pose
 from coordinator.scene.planes import Planes
 from coordinator.scene.scope import Scope
+from coordinator.sources.live import LiveFrames
+from coordinator.sources.live_stream import LiveCamera
 from coordinator.stopwatch import Stopwatch
 from coordinator.tracking.detector import Detector
 from coordinator.tracking.estimate import UNKNOWN, Estimate
@@ -196,13 +198,10 @@ def test_a_frame_is_told_while_the_workers_are_busy_with_the_next() -> None:
             np.testing.assert_array_equal(array, one_by_one.state.checkpoint.belief[name])
 
 
-class Waiting:
+class Waiting(LiveFrames):
     """Live frames of which the next one always waits."""
 
     is_ready, period_s = True, 1 / 30
-
-    def wait(self, _: float) -> None:
-        """It is there already."""
 
 
 def test_a_live_frame_does_not_wait_for_a_search(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -219,7 +218,9 @@ def test_a_live_frame_does_not_wait_for_a_search(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr("gepf.direct.refine", count)
     places = [min(n, FRAMES - 1) for n in range(8)]
     frames = [replace(posture.frames[k], number=n, time_s=n / 30) for n, k in enumerate(places)]
-    live = Tracker(DirectRefiner(), SETTINGS, people()).follow(frames, live=Waiting())
+    live = Tracker(DirectRefiner(), SETTINGS, people()).follow(
+        frames, live=Waiting([LiveCamera("depth")], print)
+    )
     (first, _), *others = [(tracked[0].estimate, len(requests)) for tracked in live]
     assert first.status == "searching"
     for (each, _), place in zip(others, places[1:], strict=True):

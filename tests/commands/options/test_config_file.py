@@ -34,14 +34,14 @@ def test_every_option_of_every_command_can_be_configured() -> None:
         "view": {"browser": False},
         "info": {"json": True},
         "export": {"to": "bvh"},
-        "model": {"show": {"out": "x.png"}},
+        "model": {"dofs": {}},
     }
     assert defaults_of(get_command(app), table, "") == {
         "track": {"particles": 40, "worker_timeout": 3, "noise_depth": 0.1, "resume": True, "out": "run"},
         "view": {"browser": False},
         "info": {"as_json": True},
         "export": {"form": "bvh"},
-        "model": {"show": {"out": "x.png"}},
+        "model": {"dofs": {}},
     }
 
 
@@ -52,7 +52,7 @@ def test_every_option_of_every_command_can_be_configured() -> None:
         ({"track": {"sequence": "x"}}, "[track]: there is no option 'sequence'; "),
         ({"trak": {}}, "there is no command 'trak'; did you mean track?"),
         ({"track": 4}, "there is no command 'track'; "),
-        ({"model": {"show": {"size": 4}}}, "[model]: [show]: there is no option 'size'; there are "),
+        ({"model": {"dofs": {"size": 4}}}, "[model]: [dofs]: there is no option 'size'; there are "),
     ],
 )
 def test_what_no_command_understands_is_refused(table: dict[str, object], says: str) -> None:
