@@ -218,7 +218,8 @@ def test_a_live_frame_does_not_wait_for_a_search(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr("gepf.direct.refine", count)
     places = [min(n, FRAMES - 1) for n in range(8)]
     frames = [replace(posture.frames[k], number=n, time_s=n / 30) for n, k in enumerate(places)]
-    live = Tracker(DirectRefiner(), SETTINGS, people()).follow(
+    follow = Tracker(DirectRefiner(), SETTINGS, people()).follow
+    live = follow(frames, live=Waiting([LiveCamera("depth")], print))
         frames, live=Waiting([LiveCamera("depth")], print)
     )
     (first, _), *others = [(tracked[0].estimate, len(requests)) for tracked in live]
