@@ -220,8 +220,6 @@ def test_a_live_frame_does_not_wait_for_a_search(monkeypatch: pytest.MonkeyPatch
     frames = [replace(posture.frames[k], number=n, time_s=n / 30) for n, k in enumerate(places)]
     follow = Tracker(DirectRefiner(), SETTINGS, people()).follow
     live = follow(frames, live=Waiting([LiveCamera("depth")], print))
-        frames, live=Waiting([LiveCamera("depth")], print)
-    )
     (first, _), *others = [(tracked[0].estimate, len(requests)) for tracked in live]
     assert first.status == "searching"
     for (each, _), place in zip(others, places[1:], strict=True):
