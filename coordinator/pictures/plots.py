@@ -15,9 +15,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from common.arrays import Array
-from common.body import ROOT_DOFS
+from common.body import ROOT_DOFS, TRANSLATION
 from coordinator.bodies.angles import angles_of
-from coordinator.results.angles import Slides, measure, near_to, slides_of
+from coordinator.results.angles import measure, near_to
 from coordinator.results.evaluation import Truth, compare
 from coordinator.results.track import Track, TrackedBody
 
@@ -93,12 +93,6 @@ def angle_curves(track: Track, names: Iterable[str]) -> list[Curve]:
     return [Curve(name, "°", value[:, a], deviation[:, a]) for name, a in at.items()]
 
 
-def slide_curves(slides: Slides) -> list[Curve]:
-    """Prismatic joints with their deviations."""
-    values = zip(slides.names, 100.0 * slides.value.T, 100.0 * slides.deviation.T, strict=True)
-    return [Curve(name, " cm", *each) for name, *each in values]
-
-
 def plot_curves(track: Track, curves: Sequence[Curve], columns: int | None = None) -> Figure:
     """A figure with one plot per curve; right and left are side by side with one scale."""
     paired = columns is None and all(curve.name.startswith(SIDES) for curve in curves)
@@ -149,7 +143,7 @@ def curves_of(track: Track, body: TrackedBody, truth: Truth | None) -> list[Curv
     for a in sorted(first + np.argsort(-np.nanstd(reported[:, first:], axis=0), kind="stable")[:6]):
         line, dots, dashes = (np.degrees(each[..., a]) for each in (reported, others, true))
         curves.append(Curve(angles.names[a], "°", line, hypotheses=dots, true=dashes))
-    for name in slides_of(track, body.model).names:
+    for name in body.model.joints_of(TRANSLATION):
         at = track.dof_names.index(name)
         line, dots, dashes = (
             100.0 * each[..., at] for each in (track.pose, track.hypothesis_pose, true_pose)
