@@ -182,7 +182,7 @@ def pictures(options: given.PicturesOptions, quiet: Quiet = False) -> None:
 @app.command(rich_help_panel=FINISHED)
 @grouped
 def view(options: given.ViewOptions, security: SecurityOptions, quiet: Quiet = False) -> None:
-    """Show a run, or live input while it is tracked: points, model, hypotheses, residuals, angles, status."""
+    """Show a run, or live input while it is tracked: depth, model, hypotheses, angles, status."""
     if str(options.run).startswith("zenoh:"):
         # only when no other program wants to: even loading would slow down a tracker on this host
         os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))

@@ -12,13 +12,10 @@ import msgspec
 
 from common.camera import NOT_MOVED
 from common.errors import InputError
-from coordinator.commands.finished import camera_in, find_sequence, own_truth
+from coordinator.commands.finished import find_sequence, own_truth
 from coordinator.commands.options import EvaluateOptions
-from coordinator.results.configuration import digest_frame
 from coordinator.results.evaluation import Evaluation, check_truth_of, evaluate, read_truth
-from coordinator.results.summary import read_summary
 from coordinator.results.track import read_track
-from coordinator.sources import find_format, open_source
 
 logger = logging.getLogger(__name__)
 
@@ -38,7 +35,6 @@ def run_evaluate(options: EvaluateOptions) -> None:
     for run, of_run in truths.items():
         if of_run is not None:
             check_truth_of(run, of_run)
-            refuse_another_sequence(run, of_run)
             source, placed = sources[run], NOT_MOVED
             if source is not None and source.truth is not None and source.truth.samefile(of_run):
                 placed = source.T_rig_camera
@@ -60,25 +56,3 @@ def write_table(found: Mapping[Path, Evaluation]) -> None:
     writer.writerow(["run", *columns])
     for run, evaluation in found.items():
         writer.writerow([run, *(getattr(evaluation, name) for name in columns)])
-
-
-def refuse_another_sequence(run: Path, truth: Path) -> None:
-    """InputError if the truth belongs to another sequence than the tracked one.
-
-    Sequences are compared by the first tracked frame, so a sequence can be moved.
-    """
-    summary = read_summary(run)
-    recorded, frames = summary.get("first_frame"), summary.get("frame_range")
-    folder = truth.resolve().parent
-    if recorded is None or frames is None:
-        return
-    try:
-        find_format(folder)
-    except InputError:
-        return  # it is not in the folder of a recording
-    source = open_source(folder, camera_in(summary))
-    first = int(str(frames).partition(":")[0])
-    if first not in source.numbers or digest_frame(source.frame(first)) != recorded:
-        raise InputError(
-            f"{truth} is for {folder.name}, but {run} tracked {summary.get('sequence')}; give its own"
-        )

@@ -65,7 +65,7 @@ def view_run(options: ViewOptions, show: Show) -> None:
         for f, number in enumerate(track.frame.tolist()):
             frame = None if source is None else source.frame(number)
             view.log(number, float(track.time_s[f]), frame)
-            person.log(track, f, model, frame)
+            person.log(track, f, model)
             advance(f + 1, len(track.frame))
         recording.flush()
     if address is not None:
@@ -138,12 +138,11 @@ class LiveView:
 
     def _log_result(self, key: str, result: Result) -> None:
         track, number = result.track, int(result.track.frame[0])
-        frame = self._scene.frame(number)
-        self._frames.log(number, time.monotonic() - self._began, frame)
+        self._frames.log(number, time.monotonic() - self._began, self._scene.frame(number))
         self._shown = number
         if key not in self._people:
             self._people[key] = PersonLog(self._recording, key.removeprefix(self._results).strip("/"))
-        self._people[key].log(track, 0, self._find_body(result), frame)
+        self._people[key].log(track, 0, self._find_body(result))
         if track.placed[0] and not self._centred:
             middle = np.nanmean(track.joint_positions[0], axis=0)
             self._recording.send_blueprint(layout(middle, live=True))

@@ -153,14 +153,13 @@ def curves_of(track: Track, body: TrackedBody, truth: Truth | None) -> list[Curv
 
 
 def draw_errors(track: Track, truth: Truth, file: Path) -> None:
-    """Write a PNG with the error of each joint, angle and prismatic joint over time, and the means."""
+    """Write a PNG with the error of each joint and angle over time, and the means."""
     errors = compare(track, truth)
     joints = tuple(name for name in track.joint_names if name in truth.joint_names)
     time_s = track.time_s[np.isin(track.frame, errors.frame)]
     kinds: list[tuple[str, str, tuple[str, ...], Array]] = [
         ("joints", "cm", joints, 100.0 * errors.joint_m),
         ("angles", "degrees", errors.dof_names, errors.angle_deg),
-        ("sliding joints", "cm", errors.slide_names, 100.0 * errors.slide_m),
     ]
     kinds = [kind for kind in kinds if kind[2]]
     with styled():

@@ -7,14 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
 
 import gepf
 from common.arrays import Array
 from common.body import BodyModel
 from common.kinematics import joint_positions
 from coordinator.bodies.urdf import read_urdf
-from coordinator.pictures.plots import curves_of, draw_errors
+from coordinator.pictures.plots import curves_of
 from coordinator.results.evaluation import Truth
 from coordinator.results.track import TrackedBody
 from coordinator.tracking.estimate import Estimate
@@ -38,18 +37,6 @@ def gantry(tmp_path: Path) -> BodyModel:
     """One joint that turns and one that slides, on a base that is free."""
     (tmp_path / "gantry.urdf").write_text(GANTRY)
     return read_urdf(tmp_path / "gantry.urdf")
-
-
-def test_the_picture_of_errors_has_a_column_for_what_slides(gantry: BodyModel, tmp_path: Path) -> None:
-    """If the truth names sliding joints; three columns are wider than two."""
-    track = write_run(tmp_path / "run", gantry, swing(gantry, FRAMES))
-    truth = Truth(track.frame, track.joint_names, track.joint_positions, track.dof_names, track.pose)
-    sizes = []
-    for slides in (truth.slides, (*truth.slides, "main_lift")):
-        draw_errors(track, replace(truth, slides=slides), tmp_path / "errors.png")
-        with Image.open(tmp_path / "errors.png") as picture:
-            sizes.append(picture.width)
-    assert sizes[1] > 1.3 * sizes[0]
 
 
 def test_the_library_gives_metres_and_never_degrees(gantry: BodyModel, tmp_path: Path) -> None:
