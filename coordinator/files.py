@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import math
 import os
 import zlib
 from collections.abc import Callable, Mapping
@@ -134,23 +132,13 @@ def read_numbers(path: Path, remedy: str, entry: str) -> dict[str, float]:
     numbers; `entry` describes one entry, such as "degree of freedom: number".
     """
     try:
-        content = json.loads(path.read_bytes())
+        return msgspec.json.decode(path.read_bytes(), type=dict[str, float])
     except FileNotFoundError:
         raise InputError(f"no such file: {path}; {remedy}") from None
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror}; {remedy}") from error
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: {error}; write {{{entry}}}") from error
-    if not isinstance(content, dict):
-        raise InputError(f"{path} contains no names with numbers; write {{{entry}}}")
-    return {name: require_number(value, name, path) for name, value in content.items()}
-
-
-def require_number(value: object, name: str, path: Path) -> float:
-    """The value as a finite number; otherwise InputError with its name."""
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise InputError(f"{path}: {name} is {json.dumps(value)[:40]}; give a finite number")
-    return float(value)
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
+        raise InputError(f"{path}: {error}; write {{{entry}}} with finite numbers") from error
 
 
 def require_new(path: Path, *, force: bool) -> None:

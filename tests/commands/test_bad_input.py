@@ -70,7 +70,7 @@ def with_file(name: str, content: str) -> Damage:
             with_file("init.json", '{"elbow": 1}'),
             "init.json: unknown degree of freedom 'elbow'; gepf model dofs lists all; is --model right?",
         ),
-        (with_file("init.json", '{"root_tz": NaN}'), "init.json: root_tz is NaN; give a finite number"),
+        (with_file("init.json", '{"root_tz": NaN}'), "init.json: JSON is malformed"),
         (with_file("truth.npz", "truth"), "truth.npz is damaged"),
     ],
 )
