@@ -7,7 +7,7 @@ import zlib
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, BinaryIO, get_type_hints
+from typing import Any, BinaryIO, TypeVar, get_type_hints
 from zipfile import BadZipFile
 
 import msgspec
@@ -15,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.errors import InputError
+
+T = TypeVar("T")
 
 CAMERA_FILE = "camera_intrinsic.json"
 TRUTH_FILE = "truth.npz"
@@ -125,20 +127,20 @@ def check_array(array: NDArray[Any], form: str, lengths: dict[str, int], what: s
     return array.astype(READ_AS.get(kind, array.dtype), copy=False)
 
 
-def read_numbers(path: Path, remedy: str, entry: str) -> dict[str, float]:
-    """The numbers of a file by name.
+def read_json(path: Path, kind: type[T], mend: str, missing: str = "check the path") -> T:
+    """The content of a JSON file, of this type.
 
-    Raises InputError for an unreadable file, with `remedy` at its end, and for anything but an object of
-    numbers; `entry` describes one entry, such as "degree of freedom: number".
+    InputError for a missing, unreadable or damaged one; `missing` and `mend` say how to fix the first and the
+    last.
     """
     try:
-        return msgspec.json.decode(path.read_bytes(), type=dict[str, float])
+        return msgspec.json.decode(path.read_bytes(), type=kind)
     except FileNotFoundError:
-        raise InputError(f"no such file: {path}; {remedy}") from None
+        raise InputError(f"no such file: {path}; {missing}") from None
     except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror}; {remedy}") from error
+        raise InputError(f"cannot read {path}: {error.strerror}; change its permissions") from error
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
-        raise InputError(f"{path}: {error}; write {{{entry}}} with finite numbers") from error
+        raise InputError(f"{path}: {error}; {mend}") from error
 
 
 def require_new(path: Path, *, force: bool) -> None:

@@ -117,7 +117,7 @@ def test_wrong_times_are_one_line(tmp_path: Path, lines: str, says: str) -> None
 def test_an_unknown_camera_is_asked_for(tmp_path: Path) -> None:
     """Without a camera file the line says what to write; of an .npy, which option to give."""
     write_pictures(tmp_path / "seq", ["0.png"])
-    with pytest.raises(InputError, match=r"camera_intrinsic\.json is missing; add --intrinsics fx,fy,cx,cy"):
+    with pytest.raises(InputError, match=r"camera_intrinsic\.json; add --intrinsics fx,fy,cx,cy"):
         open_source(tmp_path / "seq")
     np.save(tmp_path / "depth.npy", depth(2))
     with pytest.raises(InputError, match="add --intrinsics fx,fy,cx,cy"):
