@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gc
 import logging
-import math
 import os
 import re
 import signal
@@ -43,7 +42,6 @@ def work(  # noqa: PLR0913 one parameter an option
     *,
     lanes: Annotated[int | None, Option(metavar="N", help="Particles at once (default: all cores).")] = None,
     name: Annotated[str | None, Option(metavar="NAME", help="Name (default: the certificate's).")] = None,
-    connect_timeout: Annotated[float | None, Option(metavar="SECONDS", help="Time for an answer.")] = None,
     tls_ca: Annotated[Path | None, Option(metavar="FILE", help="Certificate of the authority.")] = None,
     tls_cert: Annotated[Path | None, Option(metavar="FILE", help="This worker's certificate.")] = None,
     tls_key: Annotated[Path | None, Option(metavar="FILE", help="Key of the certificate.")] = None,
@@ -55,7 +53,7 @@ def work(  # noqa: PLR0913 one parameter an option
 
     def job() -> None:
         credentials = read_credentials(tls_ca, tls_cert, tls_key)
-        identity = choose_identity(connect, name, credentials, connect_timeout)
+        identity = choose_identity(connect, name, credentials)
         count = choose_lanes(lanes)
         if check:
             check_alive(identity)
@@ -65,21 +63,17 @@ def work(  # noqa: PLR0913 one parameter an option
     exit_with(job)
 
 
-def choose_identity(
-    connect: list[str], name: str | None, credentials: Credentials | None, timeout: float | None = None
-) -> Identity:
+def choose_identity(connect: list[str], name: str | None, credentials: Credentials | None) -> Identity:
     """The checked identity of a worker from its options; a certificate also gives its name."""
     for endpoint in connect:
         check_endpoint("--connect", endpoint, credentials)
-    if timeout is not None and not 0.0 < timeout < math.inf:
-        raise InputError(f"--connect-timeout {timeout:g} is not a valid time; give seconds above 0")
     if name is None:
         name = invent_name() if credentials is None else holder_of(credentials)
     check_name("worker name", name)
     if credentials is not None:
         check_holder(credentials, name)
     security = None if credentials is None else Security(credentials)
-    return Identity(name, tuple(connect), security, timeout)
+    return Identity(name, tuple(connect), security)
 
 
 def choose_lanes(lanes: int | None) -> int:

@@ -20,12 +20,11 @@ log = logging.getLogger("gepf-worker")
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """Name of a worker, its endpoints and certificate, and the timeout for connecting."""
+    """Name of a worker, its endpoints and certificate."""
 
     name: str
     connect: tuple[str, ...]
     security: Security | None = None
-    timeout: float | None = None  # seconds; None to try for ever
 
     @property
     def place(self) -> str:
@@ -34,18 +33,11 @@ class Identity:
 
 
 def connect_to(identity: Identity) -> Bus:
-    """Open the session of a worker, with messages on the progress.
-
-    Raises InputError if it is refused, BusError without an answer within the timeout.
-    """
+    """Open the session of a worker, with messages on the progress. Raises InputError if it is refused."""
     log.info("connecting to %s", identity.place)
     silences = count()
 
-    def report_silence(seconds: float) -> None:
-        if identity.timeout is not None and seconds >= identity.timeout:
-            raise BusError(
-                f"no answer at {identity.place} within {identity.timeout:g} s; start the coordinator there"
-            )
+    def report_silence() -> None:
         if next(silences) == 0:
             log.info("no answer at %s yet; retrying, Ctrl-C ends", identity.place)
 
