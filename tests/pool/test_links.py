@@ -30,6 +30,7 @@ def started(process: BaseProcess) -> Iterator[BaseProcess]:
 def test_a_worker_speaks_while_nobody_answers(tmp_path: Path) -> None:
     """The endpoint, and that it waits."""
     endpoint, log = f"tcp/127.0.0.1:{free_port()}", tmp_path / "log"
+    log.touch()
     with started(start(work, (endpoint,), "w", log=log)):
         wait_until(lambda: f"no answer at {endpoint} yet; retrying" in log.read_text(), LONG)
     assert f"connecting to {endpoint}\n" in log.read_text()
