@@ -106,7 +106,7 @@ def serve(identity: Identity, load: Callable[[], Kernel], *, quiet: bool = False
     kernel = load()
     gc.freeze()  # garbage collection of the loaded modules would take 0.1 s each time
     while serve_session(identity, kernel):
-        log.warning("no coordinator is at %s any more, although linked; reconnecting", identity.place)
+        log.warning("%s answers, but no coordinator is there any more; reconnecting", identity.place)
 
 
 def serve_session(identity: Identity, kernel: Kernel) -> bool:

@@ -123,7 +123,7 @@ def compare(track: Track, truth: Truth) -> Errors:
     frame, mine, theirs = np.intersect1d(track.frame, truth.frame, return_indices=True)
     if not len(frame):
         raise InputError(
-            f"track ({span(track.frame)}) and truth ({span(truth.frame)}) share no frame; give its own"
+            f"track ({span(track.frame)}) and truth ({span(truth.frame)}) share no frame; give its own truth"
         )
     angles = tuple(n for n in track.dof_names if n in truth.dof_names and n not in truth.slides)
     joints = tuple(n for n in track.joint_names if n in truth.joint_names)

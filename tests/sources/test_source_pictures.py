@@ -200,7 +200,7 @@ def test_a_refused_format_says_what_to_make_of_it(tmp_path: Path) -> None:
         ("500,500,320", None, "give four numbers"),
         ("500,-1,320,240", None, "positive fx, fy"),
         ("a,b,c,d", None, "give four numbers"),
-        (None, 0.0, "is not above 0; millimetres have 1000"),
+        (None, 0.0, "is not above 0; give 1000 for millimetres"),
     ],
 )
 def test_what_is_given_makes_sense(intrinsics: str | None, scale: float | None, says: str) -> None:
