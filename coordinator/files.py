@@ -23,8 +23,7 @@ TRUTH_FILE = "truth.npz"
 START_FILE = "init.json"
 
 LOG_FILE = "frames.log"
-FILM_FILE, SHEET_FILE = "overlay.mp4", "sheet.png"
-HYPOTHESES_FILE, ERRORS_FILE = "hypotheses.png", "errors.png"
+FILM_FILE, SHEET_FILE, HYPOTHESES_FILE = "overlay.mp4", "sheet.png", "hypotheses.png"
 
 
 def write_atomically(path: Path, write: Callable[[BinaryIO], object]) -> None:

@@ -1,4 +1,4 @@
-"""Plots over time: angles, prismatic joints, their hypotheses, and errors if the truth is known."""
+"""Plots over time: angles, prismatic joints, their hypotheses, and the truth if it is known."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from common.arrays import Array
 from common.body import ROOT_DOFS, TRANSLATION
 from coordinator.bodies.angles import angles_of
 from coordinator.results.angles import measure, near_to
-from coordinator.results.evaluation import Truth, compare
+from coordinator.results.evaluation import Truth
 from coordinator.results.track import Track, TrackedBody
 
 REPORTED, HYPOTHESIS, TRUE = "#e8590c", "#3b82c4", "#1b1f27"
@@ -150,27 +150,3 @@ def curves_of(track: Track, body: TrackedBody, truth: Truth | None) -> list[Curv
         )
         curves.append(Curve(name, " cm", line, hypotheses=dots, true=dashes))
     return curves
-
-
-def draw_errors(track: Track, truth: Truth, file: Path) -> None:
-    """Write a PNG with the error of each joint and angle over time, and the means."""
-    errors = compare(track, truth)
-    joints = tuple(name for name in track.joint_names if name in truth.joint_names)
-    time_s = track.time_s[np.isin(track.frame, errors.frame)]
-    kinds: list[tuple[str, str, tuple[str, ...], Array]] = [
-        ("joints", "cm", joints, 100.0 * errors.joint_m),
-        ("angles", "degrees", errors.dof_names, errors.angle_deg),
-    ]
-    kinds = [kind for kind in kinds if kind[2]]
-    with styled():
-        figure = Figure()
-        figure.set_size_inches(figure.get_figwidth() * len(kinds) / 2, 4 * figure.get_figheight())
-        every = figure.subplots(1, len(kinds), squeeze=False)[0]
-        for axes, (kind, unit, names, values) in zip(every, kinds, strict=True):
-            shown = axes.pcolormesh(time_s, np.arange(len(names)), values.T, cmap="magma_r", vmin=0.0)
-            axes.set(title=f"error of {kind}, mean {np.nanmean(values):.1f} {unit}", xlabel="seconds")
-            axes.set_yticks(range(len(names)), [name.replace("_", " ") for name in names], fontsize="small")
-            axes.invert_yaxis()
-            axes.grid(visible=False)
-            figure.colorbar(shown, ax=axes, label=unit)
-        figure.savefig(file)

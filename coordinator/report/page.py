@@ -14,14 +14,14 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from coordinator.bodies.angles import is_person
-from coordinator.files import ERRORS_FILE, FILM_FILE, HYPOTHESES_FILE, SHEET_FILE, write_atomically
+from coordinator.files import FILM_FILE, HYPOTHESES_FILE, SHEET_FILE, write_atomically
 from coordinator.pictures.plots import angle_curves, plot_curves, styled
 from coordinator.report.findings import describe_run, find_doubts, group_angles, list_ranges
 from coordinator.results.configuration import flatten
 from coordinator.results.summary import people_in, read_summary
 from coordinator.results.track import read_track
 
-PICTURES = (FILM_FILE, SHEET_FILE, HYPOTHESES_FILE, ERRORS_FILE)
+PICTURES = (FILM_FILE, SHEET_FILE, HYPOTHESES_FILE)
 MEDIA = {".png": "image/png", ".mp4": "video/mp4"}
 
 

@@ -99,32 +99,18 @@ def pixels(file: Path) -> Array:
         return np.asarray(image.convert("RGB"), dtype=np.float64)
 
 
-def test_a_run_gets_its_four_pictures_and_none_is_blank(
+def test_a_run_gets_its_three_pictures_and_none_is_blank(
     source: Source, model: BodyModel, track: Track, truth: Truth, tmp_path: Path
 ) -> None:
     """All exist, with a useful size, contrast, and a small file."""
     files = draw_run(source, TrackedBody(model, {}), track, tmp_path, truth)
-    assert [f.name for f in files] == ["overlay.mp4", "sheet.png", "hypotheses.png", "errors.png"]
+    assert [f.name for f in files] == ["overlay.mp4", "sheet.png", "hypotheses.png"]
     assert set(files) == set(tmp_path.iterdir())
     for file in files[1:]:
         colours = pixels(file)
         assert min(colours.shape[:2]) >= 250
         assert colours.std() > 15.0
         assert file.stat().st_size < 5_000_000
-
-
-def test_truth_of_something_else_is_reported_and_the_other_pictures_are_drawn(
-    source: Source,
-    model: BodyModel,
-    track: Track,
-    truth: Truth,
-    tmp_path: Path,
-    caplog: pytest.LogCaptureFixture,
-) -> None:
-    """A run that is done does not fail because its truth cannot be compared."""
-    elsewhere = replace(truth, frame=truth.frame + 1000)
-    assert len(draw_run(source, TrackedBody(model, {}), track, tmp_path, elsewhere)) == 3
-    assert "no picture of the errors" in caplog.text
 
 
 def test_a_small_image_and_one_frame_are_enough(model: BodyModel, tmp_path: Path, track: Track) -> None:
