@@ -161,17 +161,13 @@ def test_all_commands_refuse_in_the_same_way(
 
 
 def test_what_is_no_truth_is_refused_in_our_words(tmp_path: Path, refused: Callable[..., str]) -> None:
-    """The run's own track, and a file of another kind."""
-    body, junk = human(), tmp_path / "junk.npz"
+    """The run's own track; `tests.results.test_evaluation` tests damaged files."""
+    body = human()
     write_run(tmp_path / "run", body, swing(body, 3))
     (tmp_path / "run" / "summary.json").write_text("{}")
     own = tmp_path / "run" / "track.npz"
     assert "is the run's own track; give the truth of its sequence" in refused(
         "evaluate", tmp_path / "run", "--truth", own
-    )
-    junk.write_bytes(b"weeks of work")
-    assert "junk.npz is damaged or not an .npz file; create it again" in refused(
-        "evaluate", tmp_path / "run", "--truth", junk
     )
 
 
