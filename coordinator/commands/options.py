@@ -231,7 +231,7 @@ class ExportOptions:
     """Options of `gepf export`."""
 
     run: Path = argument("DIR", RUN)
-    form: str = option("FORMAT", "csv, mot, c3d, trc, bvh, glb or json.", "--to", default=MISSING)
+    form: str = option("FORMAT", "csv, mot, c3d, trc, bvh, glb, gltf or json.", "--to", default=MISSING)
     out: Path = option("FILE", "File to write.", default=MISSING)
     force: bool = option("", FORCE, "--force", default=False)
 

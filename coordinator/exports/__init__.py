@@ -18,6 +18,7 @@ EXPORTS = {
     "c3d": "c3d.write_c3d",
     "csv": "tables.export_csv",
     "glb": "gltf.write_glb",
+    "gltf": "gltf.write_gltf",
     "json": "tables.export_json",
     "mot": "opensim.write_mot",
     "trc": "opensim.write_trc",

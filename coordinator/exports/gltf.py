@@ -29,6 +29,13 @@ def write_glb(run: RecordedRun, file: BinaryIO) -> None:
     file.write(b"".join(scene_of(run).save_to_bytes()))
 
 
+def write_gltf(run: RecordedRun, file: BinaryIO) -> None:
+    """One JSON file, with the arrays inside as text."""
+    scene = scene_of(run)
+    scene.convert_buffers(gl.BufferFormat.DATAURI)
+    file.write(scene.to_json().encode())
+
+
 def scene_of(run: RecordedRun) -> gl.GLTF2:
     """The whole scene."""
     model = run.body().model

@@ -35,14 +35,15 @@ validator.validateBytes(data).then((report) => console.log(JSON.stringify(report
     not (shutil.which("node") and VALIDATOR.is_dir()) and "CI" not in os.environ,
     reason="node or npm's gltf-validator is not in the environment; where CI is set, that is a failure",
 )
+@pytest.mark.parametrize("form", ["glb", "gltf"])
 @pytest.mark.parametrize("body", BODIES)
-def test_khronos_validator_has_nothing_to_say(tmp_path: Path, body: str) -> None:
+def test_khronos_validator_has_nothing_to_say(tmp_path: Path, body: str, form: str) -> None:
     """No error and no warning, for one frame and for several."""
     model = BODIES[body]
     for frames in (1, 5):
         write_run(tmp_path / f"run{frames}", model, swing(model, frames))
-        file = tmp_path / f"{frames}.glb"
-        export_run(tmp_path / f"run{frames}", "glb", file)
+        file = tmp_path / f"{frames}.{form}"
+        export_run(tmp_path / f"run{frames}", form, file)
         done = subprocess.run(
             ["node", "-e", VALIDATE, str(VALIDATOR), str(file)], capture_output=True, text=True, check=True
         )
@@ -88,11 +89,12 @@ def test_times_status_and_frames_are_written(tmp_path: Path) -> None:
     }
 
 
-def test_another_library_reads_the_surface(tmp_path: Path) -> None:
+@pytest.mark.parametrize("form", ["glb", "gltf"])
+def test_another_library_reads_the_surface(tmp_path: Path, form: str) -> None:
     """trimesh finds one closed surface, outside out, with as many corners and faces as the body."""
     write_run(tmp_path / "run", person(), swing(person(), 2))
-    export_run(tmp_path / "run", "glb", tmp_path / "x.glb")
-    scene = trimesh.load_scene(tmp_path / "x.glb")
+    export_run(tmp_path / "run", form, tmp_path / f"x.{form}")
+    scene = trimesh.load_scene(tmp_path / f"x.{form}")
     (mesh,) = scene.geometry.values()
     assert isinstance(mesh, trimesh.Trimesh)
     assert (len(mesh.vertices), len(mesh.faces)) == (len(person().vertices), len(person().triangles))
