@@ -39,7 +39,7 @@ class Run:
     """
 
     def __init__(self, recorded: RecordedRun) -> None:
-        self.folder, self.track = recorded.folder, recorded.track
+        self.folder, self.track, self._smoothed_hz = recorded.folder, recorded.track, recorded.smoothed_hz
         track = self.track
         self.frame, self.time_s, self.status = track.frame, track.time_s, track.status
         self.joint_names, self.dof_names = track.joint_names, track.dof_names
@@ -99,6 +99,10 @@ class Run:
         """Visible share (F,) of the surface around a joint, 0 to 1; NaN if it is lost."""
         return column(self.track.joint_seen, name, self.joint_names, "joint")
 
+    def smooth(self, cutoff_hz: float = 6.0) -> Run:
+        """The run, low-pass filtered without delay; its folder is not changed."""
+        return Run(read_run(self.folder, cutoff_hz))
+
     def _repr_html_(self) -> str:
         """The main facts, for notebooks."""
         from coordinator.report.findings import describe_run
@@ -122,7 +126,8 @@ class Run:
         InputError for unknown formats, and for an existing file without `force`.
         """
         path = Path(path)
-        export_run(self.folder, form or path.suffix.removeprefix("."), path, force=force)
+        form = form or path.suffix.removeprefix(".")
+        export_run(self.folder, form, path, smooth_hz=self._smoothed_hz, force=force)
         return path
 
     def report(self, path: str | Path | None = None) -> Path:

@@ -163,11 +163,14 @@ def export(options: given.ExportOptions, quiet: Quiet = False) -> None:
     """Write the angles and poses of a run for other programs."""
     from coordinator.exports import export_run
 
-    out, form = options.out, options.form
-    track = export_run(options.run, form, out, force=options.force).track
+    out, form, smooth = options.out, options.form, options.smooth
+    track = export_run(options.run, form, out, smooth_hz=smooth, force=options.force).track
     gone = f", {lost} of them lost" if (lost := int(track.unknown.sum())) else ""
+    low_pass = f", low pass {smooth:g} Hz" if smooth else ""
     kilobytes = out.stat().st_size / 1000
-    on_stderr(quiet=quiet).say(f"{out}: {len(track.frame)} frames{gone}, {kilobytes:.0f} kB as {form}")
+    on_stderr(quiet=quiet).say(
+        f"{out}: {len(track.frame)} frames{gone}{low_pass}, {kilobytes:.0f} kB as {form}"
+    )
 
 
 @app.command(rich_help_panel=FINISHED)

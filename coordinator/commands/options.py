@@ -233,6 +233,7 @@ class ExportOptions:
     run: Path = argument("DIR", RUN)
     form: str = option("FORMAT", "csv, mot, c3d, trc, bvh, glb, gltf or json.", "--to", default=MISSING)
     out: Path = option("FILE", "File to write.", default=MISSING)
+    smooth: float | None = option("HZ", "Low pass without delay, e.g. 6 (default: as tracked).")
     force: bool = option("", FORCE, "--force", default=False)
 
 

@@ -26,19 +26,22 @@ EXPORTS = {
 """Format -> module and function that write it, loaded on first use."""
 
 
-def export_run(folder: Path, form: str, path: Path, *, force: bool = True) -> RecordedRun:
+def export_run(
+    folder: Path, form: str, path: Path, *, smooth_hz: float | None = None, force: bool = True
+) -> RecordedRun:
     """Write a run in the format named `form` and return what was written.
 
     Args:
         folder: Folder of the run.
         form: One of `EXPORTS`; InputError lists them.
         path: File to write.
+        smooth_hz: Cut-off frequency of a low-pass filter, Hz; None for the tracked values.
         force: Whether an existing file may be replaced; otherwise InputError.
     """
     if form not in EXPORTS:
         raise InputError(f"unknown format '{form}'; choose from {', '.join(EXPORTS)}")
     require_new(path, force=force)
-    run = read_run(folder)
+    run = read_run(folder, smooth_hz)
     module, _, name = EXPORTS[form].partition(".")
     write: Export = getattr(import_module(f"coordinator.exports.{module}"), name)
     write_atomically(path, lambda file: write(run, file))

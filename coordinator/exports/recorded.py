@@ -21,12 +21,13 @@ CAMERA_TO_OPENSIM = np.array([[0.0, 0.0, -1.0], [0.0, -1.0, 0.0], [-1.0, 0.0, 0.
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RecordedRun:
-    """A run: name, track, and body, which is read when it is needed."""
+    """A run: name, track, low-pass filtered or not, and body, which is read when it is needed."""
 
     name: str
     track: Track
     folder: Path
     placed: Mask  # (F,) frames that have a pose; the others get the first one
+    smoothed_hz: float | None = None
 
     @property
     def told(self) -> Track:
@@ -36,8 +37,9 @@ class RecordedRun:
     @property
     def remark(self) -> str:
         """The origin of the values, for formats with comments."""
+        how = f"low pass {self.smoothed_hz:g} Hz, no delay" if self.smoothed_hz else "as tracked"
         up = "the camera's" if self.track.up is None else "against gravity"
-        return f"gepf; camera at the origin; up is {up}"
+        return f"gepf; {how}; camera at the origin; up is {up}"
 
     @property
     def to_y_up(self) -> Array:
@@ -61,7 +63,12 @@ class RecordedRun:
         return round(rate_of(self.track.time_s), 6)
 
 
-def read_run(folder: Path) -> RecordedRun:
-    """The run in a folder; InputError if it is missing or damaged."""
-    track = read_track(folder)
-    return RecordedRun(folder.resolve().name, filled(track), folder, track.placed)
+def read_run(folder: Path, smooth_hz: float | None = None) -> RecordedRun:
+    """The run in a folder, low-pass filtered if requested; InputError if it is missing or damaged."""
+    found = read_track(folder)
+    track = filled(found)
+    if smooth_hz is not None:
+        from coordinator.exports.smoothing import smooth_track  # loads slowly
+
+        track = smooth_track(track, read_tracked_body(folder).model, smooth_hz)
+    return RecordedRun(folder.resolve().name, track, folder, found.placed, smooth_hz)

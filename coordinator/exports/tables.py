@@ -19,6 +19,9 @@ def export_csv(run: RecordedRun, file: BinaryIO) -> None:
 
 
 def export_json(run: RecordedRun, file: BinaryIO) -> None:
-    """Write one object with the keys of `track.npz`, null for padding."""
+    """Write one object with the keys of `track.npz`, null for padding, and whether the run is filtered."""
     values = {field.name: getattr(run.told, field.name) for field in fields(Track)}
-    file.write(msgspec.json.encode({name: np.asarray(value).tolist() for name, value in values.items()}))
+    content: dict[str, object] = {name: np.asarray(value).tolist() for name, value in values.items()}
+    if run.smoothed_hz:
+        content["smoothed_hz"] = run.smoothed_hz
+    file.write(msgspec.json.encode(content))

@@ -61,14 +61,23 @@ def test_a_data_frame_holds_the_csv(run: gepf.Run, monkeypatch: pytest.MonkeyPat
 
 
 def test_exports_by_suffix(run: gepf.Run, tmp_path: Path) -> None:
-    """The format follows the suffix; existing files stay unless forced."""
+    """The format follows the suffix; existing files stay unless forced; a smoothed run is smoothed there."""
     path = run.export(tmp_path / "angles.mot")
     assert "inDegrees=yes" in path.read_text()
     with pytest.raises(gepf.InputError, match="is there already"):
         run.export(path)
-    assert run.export(path, force=True) == path
+    run.smooth(6.0).export(path, force=True)
+    assert "low pass 6 Hz" in path.read_text()
     with pytest.raises(gepf.InputError, match="unknown format 'fbx'"):
         run.export(tmp_path / "a.fbx")
+
+
+def test_smoothing_leaves_the_run_as_it_was(run: gepf.Run) -> None:
+    """Another run with less motion from frame to frame; the one in hand and its folder keep theirs."""
+    before = run.angle("left_knee_flexion")
+    smooth = run.smooth(3.0).angle("left_knee_flexion")
+    assert not np.array_equal(smooth, before)
+    assert np.array_equal(gepf.load(run.folder).angle("left_knee_flexion"), before)
 
 
 def test_plot_and_report(run: gepf.Run) -> None:
