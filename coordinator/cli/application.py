@@ -10,12 +10,14 @@ from __future__ import annotations
 import logging
 import os
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from common.errors import InputError
 from coordinator.cli.commands import app as commands
+from coordinator.cli.config_file import use_config
 from coordinator.commands.console import DEBUG, INTERRUPTED, exit_code
 
 if TYPE_CHECKING:
@@ -29,7 +31,7 @@ gepf track recording/ --out run/
 
 gepf report run/
 
-Options that are always the same can be set in the environment, as GEPF_TRACK_WORKERS=2.
+Options that are always the same can be set in gepf.toml, in a table for each command.
 """
 
 app = typer.Typer(epilog=EXAMPLES)
@@ -68,6 +70,10 @@ def describe_misuse(error: typer.TyperException) -> str:
 def gepf(
     context: typer.Context,
     *,
+    config: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Options of the commands (default: gepf.toml in this folder)."),
+    ] = None,
     debug: Annotated[
         bool, typer.Option("--debug", help="Show the traceback of an error, as GEPF_DEBUG=1 does.")
     ] = False,
@@ -77,7 +83,6 @@ def gepf(
 
     `gepf demo` tracks a rendered example; `gepf track SEQ --out DIR` tracks your recording.
     """
-    context.auto_envvar_prefix = "GEPF"  # of the options of all commands, but not of those here
     if debug:
         os.environ[DEBUG] = "1"
     if version:
@@ -87,3 +92,5 @@ def gepf(
         raise typer.Exit
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
+    else:
+        use_config(context, config)

@@ -15,9 +15,7 @@ if TYPE_CHECKING:
 
 def option(metavar: str, text: str, *names: str, default: Any = None, panel: str = "", **limits: Any) -> Any:
     """A field with an option: the name of its value, its help, its names if they differ from the field's."""
-    shown = typer.Option(
-        *names, metavar=metavar or None, help=text, rich_help_panel=panel or None, show_envvar=False, **limits
-    )
+    shown = typer.Option(*names, metavar=metavar or None, help=text, rich_help_panel=panel or None, **limits)
     return field(default=default, metadata={"typer": shown})
 
 
@@ -33,9 +31,7 @@ method_option = partial(option, panel="Method")
 worker_option = partial(option, panel="Workers")
 output_option = partial(option, panel="Output")
 
-Quiet = Annotated[
-    bool, typer.Option("--quiet", "-q", help="Show only errors.", rich_help_panel="Output", show_envvar=False)
-]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Show only errors.", rich_help_panel="Output")]
 RUN = "Results of gepf track."
 FORCE = "Replace FILE if it exists."
 MOVED = "The sequence, if it was moved."
@@ -93,9 +89,7 @@ class TrackOptions:
     joint_states: Path | None = input_option(
         "FILE|ros2:/TOPIC", "Joint values from encoders: a CSV with time_s, or a ROS bag."
     )
-    domain: int = input_option(
-        "N", "Domain of ros2:/TOPIC (default: ROS_DOMAIN_ID).", default=0, min=0, envvar="ROS_DOMAIN_ID"
-    )
+    domain: int = input_option("N", "Domain of ros2:/TOPIC.", default=0, min=0, envvar="ROS_DOMAIN_ID")
     frames: str | None = input_option("A:B", FRAMES)
     idle_timeout: float | None = input_option("SECONDS", "End live input without frames (default: wait).")
     record: Path | None = output_option("DIR", "Keep the tracked frames of live input in a new folder.")

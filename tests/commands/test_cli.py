@@ -43,14 +43,6 @@ def test_help_and_version_go_to_stdout(capsys: pytest.CaptureFixture[str]) -> No
     assert re.fullmatch(r"gepf \d+\.\d+\.\d+\n", capsys.readouterr().out)
 
 
-def test_options_can_be_set_in_the_environment(tracked: Tracked, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The command line wins."""
-    monkeypatch.setenv("GEPF_TRACK_POINTS", "200")
-    monkeypatch.setenv("GEPF_TRACK_PARTICLES", "9")
-    settings = tracked("--particles", "7")[1]["settings"]
-    assert (settings["points"], settings["filter"]["particles"]) == (200, 7)
-
-
 def test_a_run_leaves_files_and_says_nothing_on_stdout(
     tracked: Tracked, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
