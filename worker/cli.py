@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import logging
+import math
 import os
 import re
 import signal
@@ -42,6 +43,9 @@ def work(  # noqa: PLR0913 one parameter an option
     *,
     lanes: Annotated[int | None, Option(metavar="N", help="Particles at once (default: all cores).")] = None,
     name: Annotated[str | None, Option(metavar="NAME", help="Name (default: the certificate's).")] = None,
+    connect_timeout: Annotated[
+        float, Option(metavar="SECONDS", help="Time for an answer.", min=0.0)
+    ] = math.inf,
     tls_ca: Annotated[Path | None, Option(metavar="FILE", help="Certificate of the authority.")] = None,
     tls_cert: Annotated[Path | None, Option(metavar="FILE", help="This worker's certificate.")] = None,
     tls_key: Annotated[Path | None, Option(metavar="FILE", help="Key of the certificate.")] = None,
@@ -53,7 +57,7 @@ def work(  # noqa: PLR0913 one parameter an option
 
     def job() -> None:
         credentials = read_credentials(tls_ca, tls_cert, tls_key)
-        identity = choose_identity(connect, name, credentials)
+        identity = choose_identity(connect, name, credentials, connect_timeout)
         count = choose_lanes(lanes)
         if check:
             check_alive(identity)
@@ -63,7 +67,9 @@ def work(  # noqa: PLR0913 one parameter an option
     exit_with(job)
 
 
-def choose_identity(connect: list[str], name: str | None, credentials: Credentials | None) -> Identity:
+def choose_identity(
+    connect: list[str], name: str | None, credentials: Credentials | None, timeout: float
+) -> Identity:
     """The checked identity of a worker from its options; a certificate also gives its name."""
     for endpoint in connect:
         check_endpoint("--connect", endpoint, credentials)
@@ -73,7 +79,7 @@ def choose_identity(connect: list[str], name: str | None, credentials: Credentia
     if credentials is not None:
         check_holder(credentials, name)
     security = None if credentials is None else Security(credentials)
-    return Identity(name, tuple(connect), security)
+    return Identity(name, tuple(connect), security, timeout)
 
 
 def choose_lanes(lanes: int | None) -> int:

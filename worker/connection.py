@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import logging
+import math
 import threading
+import time
 from dataclasses import dataclass
 from itertools import count
 
@@ -20,11 +22,12 @@ log = logging.getLogger("gepf-worker")
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """Name of a worker, its endpoints and certificate."""
+    """Name of a worker, its endpoints and certificate, and the timeout for connecting."""
 
     name: str
     connect: tuple[str, ...]
     security: Security | None = None
+    timeout: float = math.inf  # seconds
 
     @property
     def place(self) -> str:
@@ -33,11 +36,18 @@ class Identity:
 
 
 def connect_to(identity: Identity) -> Bus:
-    """Open the session of a worker, with messages on the progress. Raises InputError if it is refused."""
+    """Open the session of a worker, with messages on the progress.
+
+    Raises InputError if it is refused, BusError without an answer within the timeout.
+    """
     log.info("connecting to %s", identity.place)
-    silences = count()
+    began, silences = time.monotonic(), count()
 
     def report_silence() -> None:
+        if time.monotonic() - began >= identity.timeout:
+            raise BusError(
+                f"no answer at {identity.place} within {identity.timeout:g} s; start the coordinator there"
+            )
         if next(silences) == 0:
             log.info("no answer at %s yet; retrying, Ctrl-C ends", identity.place)
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 
 from tests.support.processes.certificates import free_port
-from tests.support.processes.programs import wait_until
+from tests.support.processes.programs import WORKER, wait_until
 from tests.support.processes.warm_processes import gepf, start, work
 from tests.support.small_sequence import OPTIONS, write_small_sequence
 
@@ -27,13 +28,24 @@ def started(process: BaseProcess) -> Iterator[BaseProcess]:
         process.join()
 
 
-def test_a_worker_speaks_while_nobody_answers(tmp_path: Path) -> None:
-    """The endpoint, and that it waits."""
-    endpoint, log = f"tcp/127.0.0.1:{free_port()}", tmp_path / "log"
-    log.touch()
-    with started(start(work, (endpoint,), "w", log=log)):
-        wait_until(lambda: f"no answer at {endpoint} yet; retrying" in log.read_text(), LONG)
-    assert f"connecting to {endpoint}\n" in log.read_text()
+def test_a_worker_speaks_while_nobody_answers_and_gives_up() -> None:
+    """`gepf-worker --connect-timeout`: the endpoint, that it waits, and at the end exit code 1."""
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    done = subprocess.run(
+        [*WORKER, "--connect", endpoint, "--connect-timeout", "5"],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=LONG,
+    )
+    assert done.returncode == 1
+    for says in (
+        f"loading, before connecting to {endpoint}; the first time this takes a minute",
+        f"connecting to {endpoint}\n",
+        f"no answer at {endpoint} yet; retrying",
+        f"no answer at {endpoint} within 5 s; start the coordinator there",
+    ):
+        assert says in done.stderr
 
 
 def test_a_router_that_went_is_named_by_run_and_worker(tmp_path: Path) -> None:
