@@ -12,10 +12,13 @@ import msgspec
 
 from common.camera import NOT_MOVED
 from common.errors import InputError
-from coordinator.commands.finished import find_sequence, own_truth
+from coordinator.commands.finished import camera_in, find_sequence, own_truth
 from coordinator.commands.options import EvaluateOptions
+from coordinator.results.configuration import digest_frame
 from coordinator.results.evaluation import Evaluation, check_truth_of, evaluate, read_truth
+from coordinator.results.summary import read_summary
 from coordinator.results.track import read_track
+from coordinator.sources import find_format, open_source
 
 logger = logging.getLogger(__name__)
 
@@ -35,6 +38,7 @@ def run_evaluate(options: EvaluateOptions) -> None:
     for run, of_run in truths.items():
         if of_run is not None:
             check_truth_of(run, of_run)
+            refuse_another_sequence(run, of_run)
             source, placed = sources[run], NOT_MOVED
             if source is not None and source.truth is not None and source.truth.samefile(of_run):
                 placed = source.T_rig_camera
@@ -56,3 +60,20 @@ def write_table(found: Mapping[Path, Evaluation]) -> None:
     writer.writerow(["run", *columns])
     for run, evaluation in found.items():
         writer.writerow([run, *(getattr(evaluation, name) for name in columns)])
+
+
+def refuse_another_sequence(run: Path, truth: Path) -> None:
+    """InputError if the truth is in the folder of another recording, by the first tracked frame."""
+    summary, folder = read_summary(run), truth.resolve().parent
+    if "first_frame" not in summary:
+        return
+    try:
+        find_format(folder)
+    except InputError:
+        return  # it is not in the folder of a recording
+    source = open_source(folder, camera_in(summary))
+    first = int(summary["frame_range"].partition(":")[0])
+    if first not in source.numbers or digest_frame(source.frame(first)) != summary["first_frame"]:
+        raise InputError(
+            f"{truth} is for {folder.name}, but {run} tracked {summary.get('sequence')}; give its own"
+        )

@@ -154,9 +154,11 @@ def test_runs_are_compared_with_their_own_truths_alone(
     capsys: pytest.CaptureFixture[str],
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    """--csv has one line per run, and names those without truth."""
-    known = copy_of(sequence, "known")
-    write_truth(known)
+    """--csv has one line per run, and names those without truth; a truth of other frames is refused."""
+    known, other = copy_of(sequence, "known"), copy_of(sequence, "other")
+    shutil.copy(other / "depth" / "000003.png", other / "depth" / "000000.png")
+    for folder in (known, other):
+        write_truth(folder)
     run, without = str(tmp_path / "a"), str(tmp_path / "b")
     assert workers.track(known, Path(run)) == workers.track(sequence, Path(without)) == 0
     capsys.readouterr()
@@ -168,6 +170,7 @@ def test_runs_are_compared_with_their_own_truths_alone(
     assert main(["evaluate", run]) == 0
     assert json.loads(capsys.readouterr().out)["frames"] == 5
     for asked, says in (
+        ((run, "--truth", str(other / "truth.npz")), "is for other, but"),
         ((run, without), "add --csv"),
         ((without, "--csv"), "has no truth for this body, or was moved; give --truth"),
     ):
