@@ -40,7 +40,7 @@ def measure(chosen: argparse.Namespace) -> int:
         for every in RATES:
             tracker = Tracker(DirectRefiner(), preset("default"), bodies_of("default"))
             found, _ = follow(tracker, list(open_source(path))[::every])
-            count = [each.estimate.particles_answered for each in found]
+            count = [each.estimate.particles for each in found]
             name = f"{path.stem.removesuffix('_depth')}, {30 // every} frames/s"
             used[name] = count
             print(f"{name}: {np.mean(count):.1f} particles")

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import hashlib
 import re
-from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -72,17 +71,11 @@ def sources(file: Path) -> bytes:
     return hashlib.sha256(b"".join(content(each) for each in sorted(known))).digest()
 
 
-@cache
-def kept_in(folder: Path) -> tuple[Path, ...]:
-    """Compiled kernels in a folder, at the time of the first look."""
-    return tuple(folder.glob("*.nb[ic]"))
-
-
 class BySources:
     """Cache locator by which the state of a kernel is that of all its sources.
 
     This state is part of the file names. Numba writes the index before the kernel; if the process ended in
-    between, an earlier kernel of the same name would be used.
+    between, an earlier kernel of the same name would be used. `make clean-kernels` removes earlier ones.
     """
 
     _py_file: str
@@ -91,26 +84,14 @@ class BySources:
     @classmethod
     def from_function(cls, py_func: Any, py_file: str) -> Any:
         """The locator of a function; None if it is not ours, or its folder is not writable."""
-        if not is_ours(Path(py_file).resolve()):
-            return None
-        found = super().from_function(py_func, py_file)  # type: ignore[misc]
-        if found is not None:
-            found.forget_earlier(f"{Path(py_file).stem}.{py_func.__qualname__}-")
-        return found
+        ours = is_ours(Path(py_file).resolve())
+        return super().from_function(py_func, py_file) if ours else None  # type: ignore[misc]
 
     def get_source_stamp(self) -> Any:
         return sources(Path(self._py_file).resolve())
 
     def get_disambiguator(self) -> str:
         return f"{self._lineno}-{self.get_source_stamp().hex()[:16]}"
-
-    def forget_earlier(self, name: str) -> None:
-        """Remove the kernels of a function for other states of the sources, by the prefix of the names."""
-        current = f"{name}{self.get_disambiguator()}."
-        for file in kept_in(Path(self.get_cache_path())):  # type: ignore[attr-defined]
-            if file.name.startswith(name) and not file.name.startswith(current):
-                with suppress(OSError):  # another process was faster, or it belongs to another user
-                    file.unlink()
 
 
 class InFolder(BySources, caching.UserProvidedCacheLocator):

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,10 +15,7 @@ WEAK_TURN, WEAK_SLIDE = float(np.radians(30.0)), 0.05
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Refined:
-    """Refined particles; the first axis of every array is the particle.
-
-    If a deadline leaves a particle without an answer, all its values are NaN.
-    """
+    """Refined particles; the first axis of every array is the particle."""
 
     poses: Array  # (N, D) metres and radians
     log_likelihood: Array  # (N,)
@@ -31,34 +26,10 @@ class Refined:
     None if not requested.
     """
 
-    @property
-    def answered(self) -> Indices:
-        """Indices (K,) of the answered particles, ascending."""
-        return np.flatnonzero(~np.isnan(self.log_likelihood))
-
     def take(self, particles: Indices) -> Refined:
         """The particles with these indices, in this order."""
-        return self._each(lambda array: array[particles])
-
-    def spread(self, places: Indices, particles: int) -> Refined:
-        """This number of particles: these at indices (N,), and NaN for the others."""
-
-        def placed(array: NDArray[Any]) -> NDArray[Any]:
-            whole = np.full((particles, *array.shape[1:]), np.nan, array.dtype)
-            whole[places] = array
-            return whole
-
-        return self._each(placed)
-
-    def _each(self, change: Callable[[NDArray[Any]], NDArray[Any]]) -> Refined:
-        """Apply a function to every array."""
-        roots = self.covariance_roots
-        return Refined(
-            change(self.poses),
-            change(self.log_likelihood),
-            change(self.residual),
-            None if roots is None else change(roots),
-        )
+        roots = None if self.covariance_roots is None else self.covariance_roots[particles]
+        return Refined(self.poses[particles], self.log_likelihood[particles], self.residual[particles], roots)
 
 
 def concatenate(parts: list[Refined]) -> Refined:

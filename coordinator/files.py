@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import json
-import math
 import os
 import zlib
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, BinaryIO, get_type_hints
+from typing import Any, BinaryIO, TypeVar, get_type_hints
 from zipfile import BadZipFile
 
 import msgspec
@@ -18,13 +16,14 @@ from numpy.typing import NDArray
 
 from common.errors import InputError
 
+T = TypeVar("T")
+
 CAMERA_FILE = "camera_intrinsic.json"
 TRUTH_FILE = "truth.npz"
 START_FILE = "init.json"
 
 LOG_FILE = "frames.log"
-FILM_FILE, SHEET_FILE = "overlay.mp4", "sheet.png"
-HYPOTHESES_FILE, ERRORS_FILE = "hypotheses.png", "errors.png"
+FILM_FILE, SHEET_FILE, HYPOTHESES_FILE = "overlay.mp4", "sheet.png", "hypotheses.png"
 
 
 def write_atomically(path: Path, write: Callable[[BinaryIO], object]) -> None:
@@ -127,30 +126,20 @@ def check_array(array: NDArray[Any], form: str, lengths: dict[str, int], what: s
     return array.astype(READ_AS.get(kind, array.dtype), copy=False)
 
 
-def read_numbers(path: Path, remedy: str, entry: str) -> dict[str, float]:
-    """The numbers of a file by name.
+def read_json(path: Path, kind: type[T], mend: str, missing: str = "check the path") -> T:
+    """The content of a JSON file, of this type.
 
-    Raises InputError for an unreadable file, with `remedy` at its end, and for anything but an object of
-    numbers; `entry` describes one entry, such as "degree of freedom: number".
+    InputError for a missing, unreadable or damaged one; `missing` and `mend` say how to fix the first and the
+    last.
     """
     try:
-        content = json.loads(path.read_bytes())
+        return msgspec.json.decode(path.read_bytes(), type=kind)
     except FileNotFoundError:
-        raise InputError(f"no such file: {path}; {remedy}") from None
+        raise InputError(f"no such file: {path}; {missing}") from None
     except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror}; {remedy}") from error
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: {error}; write {{{entry}}}") from error
-    if not isinstance(content, dict):
-        raise InputError(f"{path} contains no names with numbers; write {{{entry}}}")
-    return {name: require_number(value, name, path) for name, value in content.items()}
-
-
-def require_number(value: object, name: str, path: Path) -> float:
-    """The value as a finite number; otherwise InputError with its name."""
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise InputError(f"{path}: {name} is {json.dumps(value)[:40]}; give a finite number")
-    return float(value)
+        raise InputError(f"cannot read {path}: {error.strerror}; change its permissions") from error
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
+        raise InputError(f"{path}: {error}; {mend}") from error
 
 
 def require_new(path: Path, *, force: bool) -> None:

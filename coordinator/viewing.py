@@ -5,23 +5,18 @@ from __future__ import annotations
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
-from matplotlib import colormaps
 from matplotlib.colors import to_rgb
-from scipy.spatial import KDTree
 
 from common.arrays import Array
 from common.body import ROTATION, BodyModel, vertex_normals
 from common.camera import Intrinsics, level_from_camera
 from common.frame import DepthFrame
 from common.kinematics import joint_positions, pose_vertices
-from common.settings import preset
 from coordinator.pictures.overlay import OTHERS_COLOUR, SKELETON_COLOUR, bones
 from coordinator.pictures.plots import STATUS
 from coordinator.pictures.shading import MODEL_COLOUR, Colour
 from coordinator.results.track import Track
 from coordinator.tracking.certainty.certainty import FLAGGED
-from coordinator.tracking.observation import observed_points
-from coordinator.tracking.segmenter import PosedBody, Segmenter
 
 NUMBER, SINCE = "frame", "time"  # timelines: number of the frame, seconds since the start
 
@@ -37,7 +32,7 @@ def layout(middle: Array | None = None, up: Array | None = None, *, live: bool =
     """
     now = rrb.TimeRangeBoundary.cursor_relative
     shown = rrb.VisibleTimeRange(SINCE, start=now(seconds=-10.0), end=now()) if live else None
-    named = {"/angles": "joint angles", "/root": "root", "/quality": "residual and hypotheses"}
+    named = {"/angles": "joint angles", "/root": "root", "/quality": "hypotheses"}
     curves = rrb.Tabs(
         *(rrb.TimeSeriesView(origin=o, name=name, time_ranges=shown) for o, name in named.items())
     )
@@ -46,8 +41,7 @@ def layout(middle: Array | None = None, up: Array | None = None, *, live: bool =
     eye = rrb.EyeControls3D(
         position=level @ [0.9, -0.5, 0.0], look_target=middle, eye_up=level @ [0.0, -1.0, 0.0]
     )
-    seen = ["+ /**", "- /camera/**"]  # the depth image would be shown as a second cloud
-    scene = rrb.Spatial3DView(origin="/", contents=seen, name="scene", eye_controls=eye)
+    scene = rrb.Spatial3DView(origin="/", name="scene", eye_controls=eye)
     side = rrb.Vertical(depth, curves, rrb.TextLogView(origin="/status", name="status"))
     time = rrb.TimePanel(timeline=NUMBER)
     if live:
@@ -90,17 +84,16 @@ class PersonLog:
 
     def __init__(self, to: rr.RecordingStream, name: str = "") -> None:
         self._to, self._name = to, name and f"/{name}"
-        self._segmenter = Segmenter(preset("default").points)
         self._status = ""
 
-    def log(self, track: Track, f: int, model: BodyModel | None, frame: DepthFrame | None) -> None:
-        """Log frame `f` of a track; without the body only joints, without the frame no observed points."""
+    def log(self, track: Track, f: int, model: BodyModel | None) -> None:
+        """Log frame `f` of a track; without the body only joints."""
         status = str(track.status[f])
         if status != self._status:
             self._log("status", "", rr.TextLog(status, color=to_rgb(STATUS[status])))
         self._status = status
         if not track.placed[f]:
-            for what in ("model", "hypotheses", "observed"):
+            for what in ("model", "hypotheses"):
                 self._log(what, "", rr.Clear(recursive=True))
             return
         self._log_joints(track, f)
@@ -112,8 +105,6 @@ class PersonLog:
         joints = joint_positions(model, track.hypothesis_pose[f, : len(weights)])
         strength = weights / weights.max(initial=1e-9)
         self._log("hypotheses", "", skeletons(track.joint_names, joints, strength, OTHERS_COLOUR))
-        if frame is not None:
-            self._log_points(observe(self._segmenter, frame, PosedBody(model, track.pose[f])))
 
     def _log(self, what: str, part: str, value: rr.AsComponents, *, static: bool = False) -> None:
         self._to.log(f"/{what}{self._name}{part and f'/{part}'}", value, static=static)
@@ -148,16 +139,6 @@ class PersonLog:
         count = float(np.isfinite(track.hypothesis_weight[f]).sum())
         self._log("quality", "hypotheses", rr.Scalars(count))
 
-    def _log_points(self, found: tuple[Array, Array] | None) -> None:
-        """The subject's points, from blue (explained) to yellow (10 cm off)."""
-        if found is None:
-            self._log("observed", "", rr.Clear(recursive=True))
-            return
-        points, residual = found
-        self._log("quality", "residual_cm", rr.Scalars(100.0 * float(residual.mean())))
-        colours = (255 * colormaps["viridis"](residual / 0.1)).astype(np.uint8)  # the scale ends at 10 cm
-        self._log("observed", "points", rr.Points3D(points, colors=colours, radii=0.003))
-
 
 def skeletons(names: tuple[str, ...], joints: Array, strength: Array, colour: Colour) -> rr.LineStrips3D:
     """Lines between named joints (M, J, 3), as thick as their strength (M,), from 0 to 1, says."""
@@ -165,15 +146,3 @@ def skeletons(names: tuple[str, ...], joints: Array, strength: Array, colour: Co
     strips = joints[:, pairs].reshape(-1, 2, 3).astype(np.float32)
     radii = np.repeat(0.006 * np.sqrt(strength), len(pairs))
     return rr.LineStrips3D([*strips], colors=colour, radii=radii)
-
-
-def observe(segmenter: Segmenter, frame: DepthFrame, body: PosedBody) -> tuple[Array, Array] | None:
-    """Points (P, 3) of the subject near a body in the next frame, and their distances (P,) from its vertices.
-
-    None if nothing of it is visible. They are those of all cameras, in the rig's frame, metres.
-    """
-    subject = segmenter.segment(frame, [body]).subjects[0]
-    if subject is None:
-        return None
-    points = observed_points(subject)
-    return points, KDTree(body.surface).query(points)[0]

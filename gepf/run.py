@@ -16,7 +16,7 @@ from common.errors import InputError
 from coordinator.bodies.swing_twist import isb_angles, isb_names
 from coordinator.exports import export_run
 from coordinator.exports.recorded import RecordedRun, read_run
-from coordinator.results.angles import read_slides
+from coordinator.results.angles import sliding_joints
 from coordinator.results.csv_file import write_csv
 from coordinator.results.summary import read_summary
 from gepf.named import index_of, refuse_degrees, table
@@ -39,8 +39,7 @@ class Run:
     """
 
     def __init__(self, recorded: RecordedRun) -> None:
-        self._recorded = recorded
-        self.folder, self.track = recorded.folder, recorded.track
+        self.folder, self.track, self._smoothed_hz = recorded.folder, recorded.track, recorded.smoothed_hz
         track = self.track
         self.frame, self.time_s, self.status = track.frame, track.time_s, track.status
         self.joint_names, self.dof_names = track.joint_names, track.dof_names
@@ -77,7 +76,7 @@ class Run:
 
     @cached_property
     def _sliding(self) -> frozenset[str]:
-        return frozenset(ROOT_DOFS[:3]) | set(read_slides(self.folder, self.track).names)
+        return frozenset(ROOT_DOFS[:3]) | set(sliding_joints(self.folder))
 
     def angle_deviation(self, name: str, *, degrees: bool = False) -> Array:
         """Standard deviations (F,) of the error of an angle of `angle_names`, radians; NaN if it is lost."""
@@ -127,8 +126,8 @@ class Run:
         InputError for unknown formats, and for an existing file without `force`.
         """
         path = Path(path)
-        smooth = self._recorded.smoothed_hz
-        export_run(self.folder, form or path.suffix.removeprefix("."), path, smooth_hz=smooth, force=force)
+        form = form or path.suffix.removeprefix(".")
+        export_run(self.folder, form, path, smooth_hz=self._smoothed_hz, force=force)
         return path
 
     def report(self, path: str | Path | None = None) -> Path:

@@ -43,7 +43,9 @@ def work(  # noqa: PLR0913 one parameter an option
     *,
     lanes: Annotated[int | None, Option(metavar="N", help="Particles at once (default: all cores).")] = None,
     name: Annotated[str | None, Option(metavar="NAME", help="Name (default: the certificate's).")] = None,
-    connect_timeout: Annotated[float | None, Option(metavar="SECONDS", help="Time for an answer.")] = None,
+    connect_timeout: Annotated[
+        float, Option(metavar="SECONDS", help="Time for an answer.", min=0.0)
+    ] = math.inf,
     tls_ca: Annotated[Path | None, Option(metavar="FILE", help="Certificate of the authority.")] = None,
     tls_cert: Annotated[Path | None, Option(metavar="FILE", help="This worker's certificate.")] = None,
     tls_key: Annotated[Path | None, Option(metavar="FILE", help="Key of the certificate.")] = None,
@@ -66,13 +68,11 @@ def work(  # noqa: PLR0913 one parameter an option
 
 
 def choose_identity(
-    connect: list[str], name: str | None, credentials: Credentials | None, timeout: float | None = None
+    connect: list[str], name: str | None, credentials: Credentials | None, timeout: float
 ) -> Identity:
     """The checked identity of a worker from its options; a certificate also gives its name."""
     for endpoint in connect:
         check_endpoint("--connect", endpoint, credentials)
-    if timeout is not None and not 0.0 < timeout < math.inf:
-        raise InputError(f"--connect-timeout {timeout:g} is not a valid time; give seconds above 0")
     if name is None:
         name = invent_name() if credentials is None else holder_of(credentials)
     check_name("worker name", name)
@@ -112,7 +112,7 @@ def serve(identity: Identity, load: Callable[[], Kernel], *, quiet: bool = False
     kernel = load()
     gc.freeze()  # garbage collection of the loaded modules would take 0.1 s each time
     while serve_session(identity, kernel):
-        log.warning("no coordinator is at %s any more, although linked; reconnecting", identity.place)
+        log.warning("%s answers, but no coordinator is there any more; reconnecting", identity.place)
 
 
 def serve_session(identity: Identity, kernel: Kernel) -> bool:

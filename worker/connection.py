@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import logging
+import math
 import threading
+import time
 from dataclasses import dataclass
 from itertools import count
 
@@ -25,7 +27,7 @@ class Identity:
     name: str
     connect: tuple[str, ...]
     security: Security | None = None
-    timeout: float | None = None  # seconds; None to try for ever
+    timeout: float = math.inf  # seconds
 
     @property
     def place(self) -> str:
@@ -39,10 +41,10 @@ def connect_to(identity: Identity) -> Bus:
     Raises InputError if it is refused, BusError without an answer within the timeout.
     """
     log.info("connecting to %s", identity.place)
-    silences = count()
+    began, silences = time.monotonic(), count()
 
-    def report_silence(seconds: float) -> None:
-        if identity.timeout is not None and seconds >= identity.timeout:
+    def report_silence() -> None:
+        if time.monotonic() - began >= identity.timeout:
             raise BusError(
                 f"no answer at {identity.place} within {identity.timeout:g} s; start the coordinator there"
             )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -41,22 +40,19 @@ def open_linked(mode: str, listen: Sequence[str], connect: Sequence[str], securi
 
 
 def open_worker(
-    connect: Sequence[str],
-    security: Security | None = None,
-    on_silence: Callable[[float], None] = lambda _: None,
+    connect: Sequence[str], security: Security | None = None, on_silence: Callable[[], None] = lambda: None
 ) -> Bus:
     """A session of a worker, which tries to connect for ever; InputError if it is refused.
 
-    `on_silence` is called after each attempt without an answer, with the seconds since the first attempt; its
-    exceptions end the attempts. During an attempt Python handles no signals. With several endpoints this
-    returns when the first has answered; the others are added when they answer.
+    `on_silence` is called after each attempt without an answer; its exceptions end the attempts. During an
+    attempt Python handles no signals. With several endpoints this returns when the first has answered; the
+    others are added when they answer.
     """
-    began = time.monotonic()
     if len(connect) > 1:  # a client connects to only one of them
         bus = open_linked("peer", (), connect, security)
         try:
             while not bus.is_linked(within=ANSWER_S):
-                on_silence(time.monotonic() - began)
+                on_silence()
         except BaseException:
             bus.close()
             raise
@@ -70,7 +66,7 @@ def open_worker(
             if UNREACHABLE not in str(error):
                 raise
         check_refusals(connect, security)
-        on_silence(time.monotonic() - began)
+        on_silence()
 
 
 def open_router(listen: Sequence[str], connect: Sequence[str] = (), security: Security | None = None) -> Bus:

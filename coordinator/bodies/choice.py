@@ -10,7 +10,7 @@ from coordinator.bodies.human.dofs import HUMAN, HUMAN_DOFS
 from coordinator.bodies.human.measures import DEVIATION, REFERENCE_STATURE, Measures
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human, human_of, person_of_size
 from coordinator.bodies.tracked import Bodies, one_body
-from coordinator.files import read_numbers
+from coordinator.files import read_json
 
 PERSON_SUFFIX = ".json"
 JOINTS = "joints"
@@ -75,7 +75,7 @@ def read_person(path: Path) -> Measures:
 
     InputError for implausible measures and unknown entries.
     """
-    values = read_numbers(path, "give --model a file of a person's measures", "measure: metres")
+    values = read_json(path, dict[str, float], "write {measure: metres}")
     values.pop(DEVIATION, None)
     try:
         return Measures.of(values.pop("stature", REFERENCE_STATURE), **values)

@@ -115,7 +115,9 @@ def check_joints(path: Path, robot: yourdfpy.Robot) -> None:
         if joint.type not in {*MOVING, "fixed"}:
             raise InputError(f"{path}: joint '{joint.name}' is {joint.type}; make it fixed or revolute")
         if joint.mimic is not None and joint.mimic.joint:
-            logger.warning("%s: '%s' mimics '%s'; it is tracked alone", path, joint.name, joint.mimic.joint)
+            logger.warning(
+                "%s: '%s' mimics '%s', but is tracked independently", path, joint.name, joint.mimic.joint
+            )
         if joint.type in MOVING and not np.linalg.norm(joint.axis) > 0.0:
             raise InputError(f"{path}: the axis of joint '{joint.name}' is zero; give it a direction")
 

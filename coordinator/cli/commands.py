@@ -93,26 +93,6 @@ def synth(options: given.SynthOptions, quiet: Quiet = False) -> None:
 app.add_typer(model_app, name="model", rich_help_panel=SEQUENCES)
 
 
-@model_app.callback(invoke_without_command=True)
-def help_with_models(context: typer.Context) -> None:
-    """Draw a body, or list its degrees of freedom."""
-    if context.invoked_subcommand is None:
-        typer.echo(context.get_help())
-
-
-@model_app.command()
-@grouped
-def show(options: given.ShowOptions) -> None:
-    """Draw a body at rest from three sides."""
-    from coordinator.files import require_new
-
-    require_new(options.out, force=options.force)
-    from coordinator.bodies.choice import choose_model, load_body
-    from coordinator.pictures.portrait import draw_portrait
-
-    draw_portrait(load_body(choose_model(options.model)), options.out)
-
-
 @model_app.command()
 @grouped
 def dofs(options: given.DofsOptions) -> None:
@@ -205,7 +185,7 @@ def pictures(options: given.PicturesOptions, quiet: Quiet = False) -> None:
 @app.command(rich_help_panel=FINISHED)
 @grouped
 def view(options: given.ViewOptions, security: SecurityOptions, quiet: Quiet = False) -> None:
-    """Show a run, or live input while it is tracked: points, model, hypotheses, residuals, angles, status."""
+    """Show a run, or live input while it is tracked: depth, model, hypotheses, angles, status."""
     if str(options.run).startswith("zenoh:"):
         # only when no other program wants to: even loading would slow down a tracker on this host
         os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))

@@ -63,22 +63,17 @@ def write_table(found: Mapping[Path, Evaluation]) -> None:
 
 
 def refuse_another_sequence(run: Path, truth: Path) -> None:
-    """InputError if the truth belongs to another sequence than the tracked one.
-
-    Sequences are compared by the first tracked frame, so a sequence can be moved.
-    """
-    summary = read_summary(run)
-    recorded, frames = summary.get("first_frame"), summary.get("frame_range")
-    folder = truth.resolve().parent
-    if recorded is None or frames is None:
+    """InputError if the truth is in the folder of another recording, by the first tracked frame."""
+    summary, folder = read_summary(run), truth.resolve().parent
+    if "first_frame" not in summary:
         return
     try:
         find_format(folder)
     except InputError:
         return  # it is not in the folder of a recording
     source = open_source(folder, camera_in(summary))
-    first = int(str(frames).partition(":")[0])
-    if first not in source.numbers or digest_frame(source.frame(first)) != recorded:
+    first = int(summary["frame_range"].partition(":")[0])
+    if first not in source.numbers or digest_frame(source.frame(first)) != summary["first_frame"]:
         raise InputError(
             f"{truth} is for {folder.name}, but {run} tracked {summary.get('sequence')}; give its own"
         )

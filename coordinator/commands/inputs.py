@@ -103,7 +103,7 @@ class Input:
 
     def configure(self, recording: Mapping[str, object]) -> RunConfiguration:
         """The configuration of the run: what is tracked, and all options that affect the results."""
-        job, content, deadline = self.job, self.bodies.content, self.job.pool.deadline
+        job, content = self.job, self.bodies.content
         start = json.dumps(self.start, sort_keys=True).encode()
         configuration = {
             **recording,
@@ -113,7 +113,6 @@ class Input:
             "joint_states": None if job.joint_states is None else job.joint_states.hash,
             "settings": msgspec.to_builtins(job.settings),
             "scene": self.scope.describe(),
-            "deadline_ms": None if deadline is None else 1000 * deadline,
             "versions": {"gepf": versions().get("gepf")},
         }
         if job.people > 1:

@@ -15,7 +15,7 @@ from common.settings import Settings
 from coordinator.bodies.choice import choose_model
 from coordinator.bodies.human.dofs import HUMAN
 from coordinator.commands.options import CameraOptions, SecurityOptions, TrackOptions
-from coordinator.filters.methods import find_method, settings_for
+from coordinator.filters.methods import settings_for
 from coordinator.pool.options import Pool
 from coordinator.results.configuration import AUTOMATIC
 from coordinator.scene.scope import WAYS, Scope
@@ -66,8 +66,6 @@ class Job:
 
 def choose_job(options: TrackOptions, camera: CameraOptions, security: SecurityOptions) -> Job:
     """The job that the options describe; InputError for options that exclude each other."""
-    if options.deadline is not None and not find_method(options.method).descends:
-        raise InputError(f"method {options.method} needs an answer for every particle; leave --deadline out")
     if options.workers == 0 and options.listen is None and options.connect is None:
         raise InputError("with --workers 0 no worker could join; add --listen or --connect with an endpoint")
     pool = Pool(
@@ -76,7 +74,6 @@ def choose_job(options: TrackOptions, camera: CameraOptions, security: SecurityO
         options.connect,
         security.choose(options.listen, options.connect),
         options.worker_timeout,
-        None if options.deadline is None else options.deadline / 1000,
     )
     as_given = {name: value for name, value in asdict(options).items() if name in Job.__dataclass_fields__}
     interpreted: dict[str, Any] = {
@@ -176,7 +173,7 @@ def split(text: str, option: str, kind: Callable[[str], T], count: int | None = 
 
 def is_several(options: TrackOptions) -> bool:
     """Whether the options describe several runs, each with its own folder in `--out`."""
-    return len(options.sequences) > 1 or options.seeds is not None or is_list(options.sequences[0])
+    return len(options.sequences) > 1 or is_list(options.sequences[0])
 
 
 def is_list(path: Path) -> bool:

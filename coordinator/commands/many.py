@@ -21,7 +21,6 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.context import ForkServerProcess
 from pathlib import Path
 
-import msgspec
 from rich.console import Console
 from rich.progress import TaskID
 from rich.table import Table
@@ -110,8 +109,8 @@ class Ended:
     seconds: float
 
 
-def choose_runs(job: Job, sequences: Sequence[Path], seeds: range | None) -> list[Job]:
-    """One run per recording and seed, with a folder. InputError for an unreadable list, or equal names."""
+def choose_runs(job: Job, sequences: Sequence[Path]) -> list[Job]:
+    """One run per recording, with a folder. InputError for an unreadable list, or equal names."""
     paths = [path for given in sequences for path in (read_list(given) if is_list(given) else [given])]
     if any(map(live_cameras, paths)):
         raise InputError("live input is tracked alone; give zenoh:KEY or a rig, and nothing else")
@@ -120,15 +119,7 @@ def choose_runs(job: Job, sequences: Sequence[Path], seeds: range | None) -> lis
     twice = [name for name, count in Counter(names).items() if count > 1]
     if twice:
         raise InputError(f"two recordings have the name '{twice[0]}'; track them into different folders")
-    runs = [replace(job, sequence=path, out=job.out / name) for path, name in zip(paths, names, strict=True)]
-    if seeds is None:
-        return runs
-    of_seeds = [(seed, msgspec.structs.replace(job.settings, seed=seed)) for seed in seeds]
-    return [
-        replace(run, settings=settings, out=run.out.with_name(f"{run.out.name}-seed{seed}"))
-        for run in runs
-        for seed, settings in of_seeds
-    ]
+    return [replace(job, sequence=path, out=job.out / name) for path, name in zip(paths, names, strict=True)]
 
 
 def read_list(file: Path) -> Sequence[Path]:

@@ -39,14 +39,6 @@ FRAMES = "Frames A to B - 1."
 OTHER_SIDE = "Connect to a tracker's --listen, or a router."
 
 
-def seed_range(text: str) -> range:
-    """The seeds A to B - 1 of `A:B`."""
-    first, colon, end = text.partition(":")
-    if not colon or not first.isdecimal() or not end.isdecimal() or int(first) >= int(end):
-        raise typer.BadParameter(f"'{text}' is not of the form A:B; 0:5 stands for 0, 1, 2, 3 and 4")
-    return range(int(first), int(end))
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DemoOptions:
     """Options of `gepf demo`."""
@@ -91,11 +83,11 @@ class TrackOptions:
         "Recorded depth (docs/formats.md), or live: zenoh:KEY, ros2:/TOPIC, realsense:[SERIAL], orbbec:, "
         "azure-kinect:. Several recordings, or a .txt file that lists them, share the workers.",
     )
-    dof: str | None = input_option("NAME,...", "Track only these, hold the rest; joints: all but the root.")
+    dof: str | None = input_option("NAME,...", "Track only these; joints: all but the root.")
     model: str = input_option("human|FILE", "Body: a URDF file, or a file of measures.", default="human")
     init: str | None = input_option("auto|FILE", "Pose to start from (default: SEQ/init.json, else auto).")
     joint_states: Path | None = input_option(
-        "FILE|ros2:/TOPIC", "Joint values by encoders: a CSV with time_s, or a ROS bag."
+        "FILE|ros2:/TOPIC", "Joint values from encoders: a CSV with time_s, or a ROS bag."
     )
     domain: int = input_option("N", "Domain of ros2:/TOPIC.", default=0, min=0, envvar="ROS_DOMAIN_ID")
     frames: str | None = input_option("A:B", FRAMES)
@@ -112,22 +104,18 @@ class TrackOptions:
     background: str | None = scene_option(
         "FRAME|SEQ", "The empty room: a frame's number, a depth PNG, or a sequence."
     )
-    near: float | None = scene_option("M", "Ignore everything nearer, metres.")
-    far: float | None = scene_option("M", "Ignore everything farther, metres.")
+    near: float | None = scene_option("M", "Ignore what is nearer than M metres.")
+    far: float | None = scene_option("M", "Ignore what is farther than M metres.")
     roi: str | None = scene_option("LEFT,TOP,RIGHT,BOTTOM", "Use only this part of the image, pixels.")
     method: str = method_option(
         "NAME", "gepf, gradient (one particle), condensation or annealed.", default="gepf"
     )
     preset: str = method_option("NAME", "default, or paper (its constants).", default="default")
-    particles: int | None = method_option("N", "Particles per frame; of annealed per layer.", min=1)
+    particles: int | None = method_option("N", "Particles per frame; with annealed, per layer.", min=1)
     points: int | None = method_option("N", "Largest number of observed points.", min=1)
     noise_depth: float | None = method_option("M", "Noise in depth (default: measured in the first frame).")
     noise_lateral: float | None = method_option("M", "Lateral noise.")
     seed: int = method_option("N", "The same seed gives the same bytes.", default=0, min=0, max=2**32 - 1)
-    seeds: range | None = method_option(
-        "A:B", "Track with seeds A to B - 1, in folders in --out.", parser=seed_range
-    )
-    deadline: float | None = method_option("MS", "Use the particles that are refined within this time.")
     workers: int | None = worker_option(
         "N", "Lanes of the local worker (default: all cores; 0: none).", min=0
     )
@@ -150,7 +138,7 @@ class InfoOptions:
     """Options of `gepf info` without camera."""
 
     sequence: Path = argument("SEQ", "Recorded depth (docs/formats.md).")
-    as_json: bool = option("", "One JSON object.", "--json", default=False)
+    as_json: bool = option("", "Print one JSON object.", "--json", default=False)
     picture: Path | None = option("FILE", "Draw the detected floor, walls and people as PNG.")
 
 
@@ -160,7 +148,7 @@ class CalibrateOptions:
 
     sequences: list[Path] = argument("A B [C ...]", "A recording of each camera, at the same time.")
     out: Path = option("FILE.json", "Rig to write.", default=MISSING)
-    given: Path | None = option("FILE|DIR", "Places from Kalibr, ROS or 4 x 4 matrices instead.", "--from")
+    given: Path | None = option("FILE|DIR", "Take the places from Kalibr, ROS or 4 x 4 matrices.", "--from")
     force: bool = option("", FORCE, "--force", default=False)
 
 
@@ -178,7 +166,7 @@ class SynthOptions:
     seed: int = option("N", "Seed of noise and motion.", default=0)
     cameras: int = option("N", "Cameras around the person; several make a rig.", default=1)
     apart: float = option("DEG", "Degrees from camera to camera.", default=90.0)
-    late: float | None = option("MS", "Each camera is so much later.")
+    late: float | None = option("MS", "Delay from camera to camera.")
     room: bool = option("", "Add floor, ceiling and walls.", "--room", default=False)
 
 
@@ -187,14 +175,6 @@ class DofsOptions:
     """Options of `gepf model dofs`."""
 
     model: str = argument("human|FILE", "Template, URDF, or a person's measures.", default="human")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ShowOptions(DofsOptions):
-    """Options of `gepf model show`."""
-
-    out: Path = option("FILE.png", "Picture to write.", default=MISSING)
-    force: bool = option("", FORCE, "--force", default=False)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -217,7 +197,7 @@ class CertificatesOptions:
     """Options of `gepf certificates`."""
 
     out: Path = option("DIR", "Folder; valid certificates in it are kept.", default=MISSING)
-    workers: str = option("N|NAME,...", "Their number (worker-0, ...) or their names.", default="1")
+    workers: str = option("N|NAME,...", "How many workers (worker-0, ...), or their names.", default="1")
     hosts: str = option("HOST,...", "Other hosts where a coordinator or router listens.", default="")
     days: int = option("N", "Days of validity.", default=30, min=1)
     mount: Path | None = option("DIR", "Path of the folder in a router's container.")

@@ -81,7 +81,7 @@ def open_session(reached: Pool, partner: str, key: str, show: Show) -> Bus:
     line = f"no answer at {reached.connect} yet; waiting for a {partner} of {key}"
     silences = count()
 
-    def hear(_: float) -> None:
+    def hear() -> None:
         if next(silences) == 0:
             show.say(line)
         INTERRUPTS.check()

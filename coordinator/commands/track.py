@@ -40,13 +40,13 @@ def run_track(
 ) -> int:
     """Track; returns the exit code. Raises InputError for invalid options, before anything is read.
 
-    Several recordings or seeds are tracked in parallel, each into its own folder.
+    Several recordings are tracked in parallel, each into its own folder.
     """
     job = choose_job(options, camera, security)
     if is_several(options):
         from coordinator.commands.many import choose_runs, track_many
 
-        jobs = choose_runs(job, options.sequences, options.seeds)
+        jobs = choose_runs(job, options.sequences)
         code = track_many(jobs, show)
     else:
         jobs, code = [job], 0 if track(job, show, connect) else NOT_TRACKED

@@ -37,7 +37,7 @@ def run_view(options: ViewOptions, security: SecurityOptions, show: Show) -> Non
     """Write a file for the rerun viewer if one is given, else serve a browser."""
     key = live_key(options.run)
     if is_topic(key):  # its images have no numbers, by which results are found
-        raise InputError("topics of ROS 2 are shown by RViz, with results of --publish ros2:/TOPIC")
+        raise InputError("RViz shows topics of ROS 2, and the results of gepf track --publish ros2:/TOPIC")
     live = {"--results": options.results, "--listen": options.listen, "--connect": options.connect}
     for option, value in ({"--sequence": options.sequence} if key else live).items():
         if value is not None:
@@ -56,7 +56,7 @@ def view_run(options: ViewOptions, show: Show) -> None:
     track = filled(read_track(options.run))
     source = find_sequence(options.run, options.sequence)
     if source is None:
-        logger.warning("the sequence of this run is not where it was; --sequence SEQ shows its depth as well")
+        logger.warning("the sequence of this run was moved; --sequence SEQ shows its depth as well")
     middle = np.nanmean(track.joint_positions[:1], axis=(0, 1))
     recording, address = open_viewer(options, layout(middle, track.up))
     model = read_tracked_body(options.run).model
@@ -65,7 +65,7 @@ def view_run(options: ViewOptions, show: Show) -> None:
         for f, number in enumerate(track.frame.tolist()):
             frame = None if source is None else source.frame(number)
             view.log(number, float(track.time_s[f]), frame)
-            person.log(track, f, model, frame)
+            person.log(track, f, model)
             advance(f + 1, len(track.frame))
         recording.flush()
     if address is not None:
@@ -138,12 +138,11 @@ class LiveView:
 
     def _log_result(self, key: str, result: Result) -> None:
         track, number = result.track, int(result.track.frame[0])
-        frame = self._scene.frame(number)
-        self._frames.log(number, time.monotonic() - self._began, frame)
+        self._frames.log(number, time.monotonic() - self._began, self._scene.frame(number))
         self._shown = number
         if key not in self._people:
             self._people[key] = PersonLog(self._recording, key.removeprefix(self._results).strip("/"))
-        self._people[key].log(track, 0, self._find_body(result), frame)
+        self._people[key].log(track, 0, self._find_body(result))
         if track.placed[0] and not self._centred:
             middle = np.nanmean(track.joint_positions[0], axis=0)
             self._recording.send_blueprint(layout(middle, live=True))

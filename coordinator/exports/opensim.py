@@ -23,7 +23,7 @@ from common.arrays import Array
 from common.kinematics.rotations import euler_angles
 from coordinator.bodies.angles import MIRROR, Angles, SphericalJoint, is_person, person_angles
 from coordinator.exports.recorded import CAMERA_TO_OPENSIM, RecordedRun
-from coordinator.results.angles import read_slides
+from coordinator.results.angles import sliding_joints
 
 BALLS = {
     # a joint's first angle: OpenSim's coordinates about Z, X, Y
@@ -47,9 +47,8 @@ PELVIS = ("pelvis_tx", "pelvis_ty", "pelvis_tz")
 def write_mot(run: RecordedRun, file: BinaryIO) -> None:
     """Write one line per frame: time, the angles, and OpenSim's coordinates."""
     track, kept = run.track, ~run.track.unknown
-    slides = read_slides(run.folder, track)
     columns = dict(zip(track.angle_names, np.degrees(track.angle).T, strict=True))
-    columns |= dict(zip(slides.names, slides.value.T, strict=True))
+    columns |= {name: track.pose[:, track.dof_names.index(name)] for name in sliding_joints(run.folder)}
     if is_person(track.dof_names):
         columns |= opensim_coordinates(run)
     text = io.TextIOWrapper(file, encoding="utf-8", newline="\n")

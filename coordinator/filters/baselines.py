@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from common.arrays import Array, Indices
+from common.arrays import Array
 from common.body import ROTATION, BodyModel
 from common.kinematics import difference, retract
 from common.refinement import Refined
@@ -59,22 +59,18 @@ class Condensation:
         rng: np.random.Generator,  # noqa: ARG002 as all methods
     ) -> Belief:
         """Measure: weight the proposed particles by their likelihood."""
-        answered = assessed.answered
-        measured, ancestors = assessed.take(answered), proposal.ancestors[answered]
-        return weigh(model, proposal, ancestors, measured, measured.log_likelihood)
+        return weigh(model, proposal, assessed, assessed.log_likelihood)
 
     def diffusion(self, model: BodyModel) -> Array:
         """Standard deviation (D,) of the motion model's noise in a frame, radians and metres."""
         return np.where(model.kinds == ROTATION, np.deg2rad(self.diffusion_deg), self.diffusion_position)
 
 
-def weigh(
-    model: BodyModel, proposal: Proposal[Belief], ancestors: Indices, measured: Refined, log_weights: Array
-) -> Belief:
-    """The belief of measured particles (N,) with these ancestors (N,) in the belief before."""
+def weigh(model: BodyModel, proposal: Proposal[Belief], measured: Refined, log_weights: Array) -> Belief:
+    """The belief of measured particles (N,)."""
     order = np.argsort(-log_weights, kind="stable")
     poses = measured.poses[order]
-    earlier = proposal.past.poses[ancestors[order]]
+    earlier = proposal.past.poses[proposal.ancestors[order]]
     return Belief(
         poses=poses,
         log_weights=log_weights[order],
@@ -132,12 +128,10 @@ class Annealed:
         rng: np.random.Generator,
     ) -> Belief | Layer:
         """The next layer from the likelihoods of this one; after the last layer the belief."""
-        answered = assessed.answered
-        ancestors, measured = layer.ancestors[answered], assessed.take(answered)
-        likelihood = measured.log_likelihood
+        likelihood = assessed.log_likelihood
         log_weights = find_power(likelihood, self.survival_rate) * likelihood
         if layer.left == 0:
-            found = weigh(model, layer, ancestors, measured, log_weights)
+            found = weigh(model, layer, assessed, log_weights)
             if not np.isfinite(log_weights.max()):
                 return found
             as_likely = found.log_weights + (likelihood.max() - log_weights.max())
@@ -145,8 +139,8 @@ class Annealed:
         survivors = draw_ancestors(normalise(log_weights), settings.particles, rng)
         spread = layer.spread * np.sqrt(self.survival_rate)  # P_m = (alpha_M ... alpha_m) P_0
         noise = spread * rng.standard_normal((settings.particles, len(spread)))
-        poses = retract(model, measured.poses[survivors], noise)
-        return Layer(layer.past, ancestors[survivors], poses, layer.interval, spread, layer.left - 1)
+        poses = retract(model, assessed.poses[survivors], noise)
+        return Layer(layer.past, layer.ancestors[survivors], poses, layer.interval, spread, layer.left - 1)
 
 
 def find_power(log_likelihood: Array, survival_rate: float) -> float:

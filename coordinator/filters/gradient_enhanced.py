@@ -76,16 +76,14 @@ def update(
     rng: np.random.Generator,  # noqa: ARG001 as all methods
 ) -> Hypotheses:
     """Steps 6 and 7: hypotheses from the refined particles."""
-    past, answered = proposal.past, after.answered
-    ancestors, before, after = proposal.ancestors[answered], proposal.poses[answered], after.take(answered)
-    roots = after.covariance_roots
+    past, before, roots = proposal.past, proposal.poses, after.covariance_roots
     if roots is None:
         angle = np.deg2rad(settings.merge_angle_deg)
         chosen, group = merge_by_angle(model, after.poses, after.log_likelihood, angle)  # 6
     else:
         lower = lower_triangular(roots, before.shape[1])
         chosen, group = merge_by_covariance(model, after.poses, after.log_likelihood, lower)
-    parents = ancestors[chosen]
+    parents = proposal.ancestors[chosen]
     poses, log_likelihood = after.poses[chosen], after.log_likelihood[chosen]
     covariances = estimate_covariances(  # 7
         model, before, poses, group, past.covariances[parents], REDUCTION
@@ -93,9 +91,7 @@ def update(
     found = np.empty((0, 0, 0))
     if roots is not None and proposal.expected is not None:
         found = lower[chosen] @ lower[chosen].transpose(0, 2, 1)
-        poses = fuse_with_prediction(
-            model, poses, found, proposal.expected[answered[chosen]], proposal.interval
-        )
+        poses = fuse_with_prediction(model, poses, found, proposal.expected[chosen], proposal.interval)
     reported = choose_reported(model, past.reported, poses, log_likelihood, proposal.interval)
     at = np.argmin(np.abs(poses - reported).sum(axis=1))
     return Hypotheses(

@@ -1,4 +1,4 @@
-"""Plots over time: angles, prismatic joints, their hypotheses, and errors if the truth is known."""
+"""Plots over time: angles, prismatic joints, their hypotheses, and the truth if it is known."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from common.arrays import Array
-from common.body import ROOT_DOFS
+from common.body import ROOT_DOFS, TRANSLATION
 from coordinator.bodies.angles import angles_of
-from coordinator.results.angles import Slides, measure, near_to, slides_of
-from coordinator.results.evaluation import Truth, compare
+from coordinator.results.angles import measure, near_to
+from coordinator.results.evaluation import Truth
 from coordinator.results.track import Track, TrackedBody
 
 REPORTED, HYPOTHESIS, TRUE = "#e8590c", "#3b82c4", "#1b1f27"
@@ -93,12 +93,6 @@ def angle_curves(track: Track, names: Iterable[str]) -> list[Curve]:
     return [Curve(name, "°", value[:, a], deviation[:, a]) for name, a in at.items()]
 
 
-def slide_curves(slides: Slides) -> list[Curve]:
-    """Prismatic joints with their deviations."""
-    values = zip(slides.names, 100.0 * slides.value.T, 100.0 * slides.deviation.T, strict=True)
-    return [Curve(name, " cm", *each) for name, *each in values]
-
-
 def plot_curves(track: Track, curves: Sequence[Curve], columns: int | None = None) -> Figure:
     """A figure with one plot per curve; right and left are side by side with one scale."""
     paired = columns is None and all(curve.name.startswith(SIDES) for curve in curves)
@@ -149,35 +143,10 @@ def curves_of(track: Track, body: TrackedBody, truth: Truth | None) -> list[Curv
     for a in sorted(first + np.argsort(-np.nanstd(reported[:, first:], axis=0), kind="stable")[:6]):
         line, dots, dashes = (np.degrees(each[..., a]) for each in (reported, others, true))
         curves.append(Curve(angles.names[a], "°", line, hypotheses=dots, true=dashes))
-    for name in slides_of(track, body.model).names:
+    for name in body.model.joints_of(TRANSLATION):
         at = track.dof_names.index(name)
         line, dots, dashes = (
             100.0 * each[..., at] for each in (track.pose, track.hypothesis_pose, true_pose)
         )
         curves.append(Curve(name, " cm", line, hypotheses=dots, true=dashes))
     return curves
-
-
-def draw_errors(track: Track, truth: Truth, file: Path) -> None:
-    """Write a PNG with the error of each joint, angle and prismatic joint over time, and the means."""
-    errors = compare(track, truth)
-    joints = tuple(name for name in track.joint_names if name in truth.joint_names)
-    time_s = track.time_s[np.isin(track.frame, errors.frame)]
-    kinds: list[tuple[str, str, tuple[str, ...], Array]] = [
-        ("joints", "cm", joints, 100.0 * errors.joint_m),
-        ("angles", "degrees", errors.dof_names, errors.angle_deg),
-        ("sliding joints", "cm", errors.slide_names, 100.0 * errors.slide_m),
-    ]
-    kinds = [kind for kind in kinds if kind[2]]
-    with styled():
-        figure = Figure()
-        figure.set_size_inches(figure.get_figwidth() * len(kinds) / 2, 4 * figure.get_figheight())
-        every = figure.subplots(1, len(kinds), squeeze=False)[0]
-        for axes, (kind, unit, names, values) in zip(every, kinds, strict=True):
-            shown = axes.pcolormesh(time_s, np.arange(len(names)), values.T, cmap="magma_r", vmin=0.0)
-            axes.set(title=f"error of {kind}, mean {np.nanmean(values):.1f} {unit}", xlabel="seconds")
-            axes.set_yticks(range(len(names)), [name.replace("_", " ") for name in names], fontsize="small")
-            axes.invert_yaxis()
-            axes.grid(visible=False)
-            figure.colorbar(shown, ax=axes, label=unit)
-        figure.savefig(file)

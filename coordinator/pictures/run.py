@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
@@ -10,19 +9,16 @@ from PIL import Image
 
 from common.body import BodyModel
 from common.camera import inverse
-from common.errors import InputError
 from common.frame import DepthFrame
-from coordinator.files import ERRORS_FILE, FILM_FILE, HYPOTHESES_FILE, SHEET_FILE
+from coordinator.files import FILM_FILE, HYPOTHESES_FILE, SHEET_FILE
 from coordinator.pictures.film import save_png, spread, tile, write_film
 from coordinator.pictures.overlay import FINER, View, paint, view_around
-from coordinator.pictures.plots import draw_errors, draw_hypotheses
+from coordinator.pictures.plots import draw_hypotheses
 from coordinator.pictures.shading import shade_depth
 from coordinator.results.evaluation import Truth
 from coordinator.results.track import Track, TrackedBody, filled
 from coordinator.sources.colour_folder import ColourFolder
 from coordinator.sources.source import Source
-
-logger = logging.getLogger(__name__)
 
 
 def draw_run(
@@ -34,9 +30,7 @@ def draw_run(
     colours: ColourFolder | None = None,
     advance: Callable[[int, int], None] = lambda *_: None,
 ) -> list[Path]:
-    """Write overlay.mp4, sheet.png, hypotheses.png and, with truth, errors.png; returns the files.
-
-    A run in which no body was found has only the first two.
+    """Write overlay.mp4, sheet.png and, if a body was found, hypotheses.png; returns the files.
 
     `body` is the tracked body with the degrees of freedom of the track. With `colours`, film and sheet are
     drawn over these images. The cameras of a rig are side by side. `advance` is called with the number of
@@ -69,12 +63,6 @@ def draw_run(
     if track.placed.any():
         files.append(out / HYPOTHESES_FILE)
         draw_hypotheses(filled(track), body, truth, files[-1])
-        if truth is not None:
-            try:
-                draw_errors(track, truth, out / ERRORS_FILE)
-                files.append(out / ERRORS_FILE)
-            except InputError as error:
-                logger.warning("there is no picture of the errors: %s", error)
     advance(steps, steps)
     return files
 

@@ -21,7 +21,6 @@ class Pool:
     connect: str | None = None  # endpoint of a router with other workers
     security: Security | None = None
     worker_timeout: float | None = None  # seconds without any worker until the run ends; None: never
-    deadline: float | None = None  # seconds after publishing; later particles are ignored
     run: str | None = None  # name; None for a random one
     worker_command: tuple[str, ...] = WORKER_COMMAND
     shared_at: str | None = None  # endpoint of this pool, if several runs share it

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 from queue import Empty, SimpleQueue
-
-import numpy as np
 
 from common.errors import NoWorkers, ProtocolError, SilentWorkers, VersionError
 from common.protocol import keys
@@ -31,37 +28,32 @@ class Refinement:
     client: RpcClient
     number: int
     request: RefineRequest  # for all particles
-    due: float = math.inf  # deadline, by the monotonic clock
     parts: dict[int, Refined] = field(default_factory=dict)  # by first particle
 
     @property
     def is_ready(self) -> bool:
         """Whether `result` would return at once."""
         self.client.catch_up()
-        return self.is_over(time.monotonic())
+        return self.is_over
 
     def result(self) -> Refined:
-        """Wait for the particles in the order of submission; NaN if unanswered at the deadline.
+        """Wait for the particles in the order of submission.
 
         Raises NoWorkers if there is no worker within the timeout, SilentWorkers if no worker answers,
         ProtocolError if no worker can serve the request, BusError if the transport fails or local workers do
         not start.
         """
         self.client.finish(self)
-        starts = sorted(self.parts)
-        joined = concatenate([self.parts[start] for start in starts])
-        places = [np.arange(start, start + len(self.parts[start].poses)) for start in starts]
-        count = len(self.request.poses)
-        return joined if len(joined.poses) == count else joined.spread(np.concatenate(places), count)
+        return concatenate([self.parts[start] for start in sorted(self.parts)])
 
     def cancel(self) -> None:
         """Forget it: its result is not needed."""
         self.client.forget(self)
 
-    def is_over(self, now: float) -> bool:
-        """Whether all particles are refined, or the deadline is over and there is at least one reply."""
-        refined = sum(len(part.poses) for part in self.parts.values())
-        return refined == len(self.request.poses) or (now >= self.due and refined > 0)
+    @property
+    def is_over(self) -> bool:
+        """Whether all particles are refined."""
+        return sum(len(part.poses) for part in self.parts.values()) == len(self.request.poses)
 
 
 class RpcClient:
@@ -101,22 +93,20 @@ class RpcClient:
         """The frames of all unfinished refinements."""
         return {each.request.frame for each in self._refinements.values()}
 
-    def begin(self, request: RefineRequest, due: float) -> Refinement:
+    def begin(self, request: RefineRequest) -> Refinement:
         """Send all batches of a request; if it is spare, after others."""
         self.catch_up()
         number, self._begun = self._begun, self._begun + 1
-        self._refinements[number] = refinement = Refinement(self, number, request, due)
+        self._refinements[number] = refinement = Refinement(self, number, request)
         particles, now = len(request.poses), time.monotonic()
-        by_deadline, spare = due < math.inf, request.spare
-        self._send(self.scheduler.start(number, particles, now, by_deadline=by_deadline, spare=spare))
+        self._send(self.scheduler.start(number, particles, now, spare=request.spare))
         return refinement
 
     def finish(self, refinement: Refinement) -> None:
-        """Wait until a refinement is complete, or its deadline is over; then forget it."""
+        """Wait until a refinement is complete; then forget it."""
         try:
-            self.catch_up()  # queued replies are in time
-            while not refinement.is_over(time.monotonic()):
-                self.step(refinement.due)
+            while not refinement.is_over:
+                self.step()
         finally:
             self.forget(refinement)
 
@@ -125,14 +115,14 @@ class RpcClient:
         self.scheduler.cancel(refinement.number)
         self._refinements.pop(refinement.number, None)
 
-    def step(self, due: float = math.inf) -> None:
+    def step(self) -> None:
         """Handle the next event, or check clock and workers if it is time."""
         now = time.monotonic()
         if now >= self._next_poll:
             self._poll(now)
             return
         with suppress(Empty):
-            self._inbox.get(timeout=min(TICK_S, due - now) if due > now else TICK_S)()
+            self._inbox.get(timeout=TICK_S)()
 
     def catch_up(self) -> None:
         """Handle all queued events, and check clock and workers if it is time."""

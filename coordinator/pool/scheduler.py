@@ -1,10 +1,9 @@
 """Assigns particles to workers: a state machine from events to requests, without clock and socket.
 
-The particles are split into one batch per worker, in proportion to the lanes; with a deadline into several,
-so that some are refined in time. A batch whose request ends without a result is sent to another worker. If no
-batch is waiting, a late request is sent again, once, to an idle worker. The first result of a batch is used,
-later ones are ignored. A worker that gives neither a result nor a refusal gets no requests for a while. If
-all workers refuse a batch, the refinement fails.
+The particles are split into one batch per worker, in proportion to the lanes. A batch whose request ends
+without a result is sent to another worker. If no batch is waiting, a late request is sent again, once, to an
+idle worker. The first result of a batch is used, later ones are ignored. A worker that gives neither a result
+nor a refusal gets no requests for a while. If all workers refuse a batch, the refinement fails.
 
 A request stays in flight until it ends, even if its refinement is done, because the worker is still busy with
 it.
@@ -23,7 +22,6 @@ from common.errors import ProtocolError, SilentWorkers
 
 MAX_IN_FLIGHT = 2  # requests at one worker, so that the next one is there when one ends
 MAX_SPARE = 8  # with spare ones, which wait there for their turn
-DEADLINE_BATCH = 10  # particles per lane, with a deadline
 TICK_S = 0.1  # between checks of the clock; no request is late before
 LATE_FACTOR = 3.0  # a request is late after this multiple of the last time per particle
 REST_S = 0.5  # pause of a worker without a result: it may be leaving or joining
@@ -84,14 +82,11 @@ class Scheduler:
         self._pace = {False: math.inf, True: math.inf}
         self._answered_at = -math.inf  # by any worker
 
-    def start(
-        self, refinement: int, particles: int, now: float, *, by_deadline: bool = False, spare: bool = False
-    ) -> list[Request]:
+    def start(self, refinement: int, particles: int, now: float, *, spare: bool = False) -> list[Request]:
         """Start a refinement, which has an unused number, of so many particles; a spare one can wait."""
         workers = sorted(self.workers.values(), key=lambda w: (w.rests_until > now, len(w.in_flight)))
         lanes = [worker.lanes for worker in workers] or [1]
-        share = particles / sum(lanes)  # per lane
-        rounds = max(max(lanes) * share / MAX_PARTICLES, by_deadline * share / DEADLINE_BATCH)
+        rounds = max(lanes) * particles / sum(lanes) / MAX_PARTICLES
         ranges = split(particles, lanes * max(1, math.ceil(rounds)))
         self.batches += [Batch(refinement, spare, start, stop) for start, stop in ranges]
         return self.dispatch(now)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-import time
 import uuid
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -123,14 +121,10 @@ class ZenohRefiner(Closing):
         spare: bool = False,
         velocity: Array | None = None,
     ) -> Refinement:
-        """Send poses (N, D) to the workers, to be refined on a frame.
-
-        If there is a deadline, they are refined until then; spare ones, which wait for their turn, always.
-        """
+        """Send poses (N, D) to the workers, to be refined on a frame."""
         if len(poses) == 0:
             raise ValueError("there is nothing to refine")
         self._publication.offer(model)
         number = self._publication.put(subject, self._client.frames)
-        deadline = None if spare else self._pool.deadline
         request = RefineRequest(self.run, number, model.hash, settings, poses, covariance, spare, velocity)
-        return self._client.begin(request, math.inf if deadline is None else time.monotonic() + deadline)
+        return self._client.begin(request)

@@ -58,10 +58,8 @@ def list_ranges(track: Track, curves: Iterable[Curve]) -> Iterator[tuple[str, ..
     for curve in curves:
         value, deviation = curve.reported[known], np.median(np.asarray(curve.deviation)[known])
         fastest = (np.abs(np.diff(value)) / steps).max(initial=0.0)
-        least, greatest, reach, speed, off = (
-            f"{number:.{curve.unit != '°':d}f}{curve.unit}"
-            for number in (value.min(), value.max(), np.ptp(value), fastest, deviation)
-        )
+        numbers = (value.min(), value.max(), np.ptp(value), fastest, deviation)
+        least, greatest, reach, speed, off = (f"{number:.0f}°" for number in numbers)
         yield curve.name.replace("_", " "), f"{least} … {greatest}", reach, f"{speed}/s", off
 
 

@@ -14,15 +14,14 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from coordinator.bodies.angles import is_person
-from coordinator.files import ERRORS_FILE, FILM_FILE, HYPOTHESES_FILE, SHEET_FILE, write_atomically
-from coordinator.pictures.plots import angle_curves, plot_curves, slide_curves, styled
+from coordinator.files import FILM_FILE, HYPOTHESES_FILE, SHEET_FILE, write_atomically
+from coordinator.pictures.plots import angle_curves, plot_curves, styled
 from coordinator.report.findings import describe_run, find_doubts, group_angles, list_ranges
-from coordinator.results.angles import read_slides
 from coordinator.results.configuration import flatten
 from coordinator.results.summary import people_in, read_summary
 from coordinator.results.track import read_track
 
-PICTURES = (FILM_FILE, SHEET_FILE, HYPOTHESES_FILE, ERRORS_FILE)
+PICTURES = (FILM_FILE, SHEET_FILE, HYPOTHESES_FILE)
 MEDIA = {".png": "image/png", ".mp4": "video/mp4"}
 
 
@@ -53,10 +52,7 @@ def write_report(run: Path, out: Path) -> None:
 def describe_person(folder: Path) -> dict[str, Any]:
     """The data of the page for one person."""
     track, summary = read_track(folder), read_summary(folder)
-    slides = read_slides(folder, track)
     parts = {group: angle_curves(track, members) for group, members in group_angles(track.angle_names)}
-    if slides.names:
-        parts["sliding joints"] = slide_curves(slides)
     return {
         "folder": folder,
         "person": is_person(track.dof_names),
@@ -65,7 +61,6 @@ def describe_person(folder: Path) -> dict[str, Any]:
         "ranges": list(list_ranges(track, chain.from_iterable(parts.values()))),
         "pictures": {name: embed(folder / name) for name in PICTURES},
         "plots": [(part, as_svg(plot_curves(track, curves))) for part, curves in parts.items()],
-        "slides": bool(slides.names),
     }
 
 

@@ -1,4 +1,4 @@
-"""The angles of a track, the values of its prismatic joints, and their deviations.
+"""The angles of a track and their deviations; which of its joints are prismatic.
 
 The reported angles of a hidden limb, and the rotation of an arm with a straight elbow, are arbitrary. The
 deviation of each angle is known for each frame, and so is the speed of human joints. A person's angles are
@@ -11,14 +11,14 @@ Here `variance` is the variance of an angle beyond `ANGLE_MISFIT`, so a visible 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 
 from common.arrays import Array
-from common.body import TRANSLATION, BodyModel
+from common.body import TRANSLATION
 from coordinator.bodies.angles import Angles, is_person
 from coordinator.results.track import MODEL_FILE, Track, filled, read_tracked_body
 from coordinator.sources.camera import DEFAULT_FPS
@@ -162,28 +162,6 @@ def shown_by(angles: tuple[str, ...], joints: tuple[str, ...]) -> dict[int, tupl
     return found
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Slides:
-    """Prismatic joints (S) over F frames, metres."""
-
-    names: tuple[str, ...]
-    value: Array  # (F, S) NaN before the body was found
-    deviation: Array  # (F, S) one standard deviation; NaN if unknown
-
-
-def read_slides(run: Path, track: Track) -> Slides:
+def sliding_joints(run: Path) -> tuple[str, ...]:
     """The prismatic joints of the body in a run's folder; empty if it is missing."""
-    if not (run / MODEL_FILE).exists():
-        return Slides((), np.empty((len(track.frame), 0)), np.empty((len(track.frame), 0)))
-    return slides_of(track, read_tracked_body(run).model)
-
-
-def slides_of(track: Track, model: BodyModel) -> Slides:
-    """The prismatic joints of a track, without the root; deviations follow from the hypotheses."""
-    names = model.joints_of(TRANSLATION)
-    at = [track.dof_names.index(name) for name in names]
-    value = track.pose[:, at]
-    away = track.hypothesis_pose[:, :, at] - value[:, None]
-    deviation = UNSEEN * root_mean_square(away, track.hypothesis_weight)
-    deviation[track.unknown] = np.nan
-    return Slides(names, value, deviation)
+    return read_tracked_body(run).model.joints_of(TRANSLATION) if (run / MODEL_FILE).exists() else ()

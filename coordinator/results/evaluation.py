@@ -78,7 +78,6 @@ class Evaluation(msgspec.Struct, frozen=True):
     best_hypothesis_angle_error_deg_by_dof: dict[str, float] | None
     mean_angle_error_deg_by_angle: dict[str, float] | None  # of limbs, compared with those of the true joints
     worst_angle_error_deg_by_angle: dict[str, float] | None
-    mean_slide_error_cm_by_dof: dict[str, float] | None  # of prismatic joints
     mean_joint_error_cm: float | None
     pck10: float | None  # share of joints within 10 cm
     within_deviation: float | None  # share of joints with an error below `joint_deviation`
@@ -96,8 +95,6 @@ class Errors:
     best_angle_deg: Array  # (F, A) of the best hypothesis
     joint_m: Array  # (F, J)
     joint_deviation_m: Array = field(default_factory=lambda: np.empty((0, 0)))  # as joint_m, expected
-    slide_names: tuple[str, ...] = ()  # (S,) prismatic joints, without the root
-    slide_m: Array = field(default_factory=lambda: np.empty((0, 0)))  # (F, S)
 
 
 def evaluate(track: Track, truth: Truth) -> Evaluation:
@@ -113,7 +110,6 @@ def evaluate(track: Track, truth: Truth) -> Evaluation:
         best_hypothesis_angle_error_deg_by_dof=by_dof(errors.dof_names, errors.best_angle_deg),
         mean_angle_error_deg_by_angle={name: float(off.mean()) for name, off in limbs.items()} or None,
         worst_angle_error_deg_by_angle={name: float(off.max()) for name, off in limbs.items()} or None,
-        mean_slide_error_cm_by_dof=by_dof(errors.slide_names, errors.slide_m * 100.0),
         mean_joint_error_cm=overall(errors.joint_m * 100.0),
         pck10=share_within(errors.joint_m, NEAR_M),
         within_deviation=share_within(off, 1.0),
@@ -127,17 +123,15 @@ def compare(track: Track, truth: Truth) -> Errors:
     frame, mine, theirs = np.intersect1d(track.frame, truth.frame, return_indices=True)
     if not len(frame):
         raise InputError(
-            f"track ({span(track.frame)}) and truth ({span(truth.frame)}) share no frame; give its own"
+            f"track ({span(track.frame)}) and truth ({span(truth.frame)}) share no frame; give its own truth"
         )
     angles = tuple(n for n in track.dof_names if n in truth.dof_names and n not in truth.slides)
     joints = tuple(n for n in track.joint_names if n in truth.joint_names)
-    slides = tuple(n for n in track.dof_names if n in truth.slides and n not in ROOT_DOFS)
-    if not angles and not joints and not slides:
+    if not angles and not joints:
         raise InputError("the truth has neither angles nor joints of the track; their names must be the same")
     my_angles, my_joints = positions(track.dof_names, angles), positions(track.joint_names, joints)
     true_angles = truth.pose[theirs][:, positions(truth.dof_names, angles)]
     true_joints = truth.joint_positions[theirs][:, positions(truth.joint_names, joints)]
-    out = track.pose[mine][:, positions(track.dof_names, slides)]
     return Errors(
         frame=frame,
         dof_names=angles,
@@ -145,8 +139,6 @@ def compare(track: Track, truth: Truth) -> Errors:
         best_angle_deg=best_hypothesis(track.hypothesis_pose[mine][:, :, my_angles], true_angles),
         joint_m=np.linalg.norm(track.joint_positions[mine][:, my_joints] - true_joints, axis=-1),
         joint_deviation_m=track.joint_deviation[mine][:, my_joints],
-        slide_names=slides,
-        slide_m=np.abs(out - truth.pose[theirs][:, positions(truth.dof_names, slides)]),
     )
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, Protocol
+from typing import TYPE_CHECKING, Annotated, Any
 
 import msgspec
 import numpy as np
@@ -22,6 +22,9 @@ from coordinator.bodies.angles import Angles, angles_of
 from coordinator.results.log import assemble
 from coordinator.results.track import Track
 from coordinator.tracking.estimate import Estimate, Status
+
+if TYPE_CHECKING:  # it loads the types of ROS
+    from coordinator.results.ros2_results import RosOutlet
 
 VERSION = 1
 KIND, END = "estimate", "estimates-end"
@@ -64,23 +67,6 @@ class EndMessage(msgspec.Struct, frozen=True, tag_field="kind", tag=END):
     version: int = VERSION
 
 
-class Outlet(Protocol):
-    """A destination of results in one format."""
-
-    @property
-    def has_subscriber(self) -> bool:
-        """Whether anyone receives them."""
-        ...
-
-    def put(self, message: ResultMessage, model: BodyModel) -> None:
-        """Publish a result of a body."""
-        ...
-
-    def end(self) -> None:
-        """Publish that there are no more results."""
-        ...
-
-
 class PackedOutlet:
     """Publishes results as MessagePack or JSON."""
 
@@ -115,7 +101,11 @@ class LiveResults:
     """
 
     def __init__(
-        self, outlet: Outlet, *, run: str | None = None, clock: Callable[[], float] = time.time
+        self,
+        outlet: PackedOutlet | RosOutlet,
+        *,
+        run: str | None = None,
+        clock: Callable[[], float] = time.time,
     ) -> None:
         self._outlet, self._run, self._clock = outlet, run, clock
         self.end = outlet.end

@@ -33,7 +33,7 @@ from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.state import Checkpoint, Start, TrackerState
 
 HEAD = struct.Struct("<II")
-FORM = 13
+FORM = 14
 
 
 class Opening(msgspec.Struct, frozen=True, tag="opening"):
@@ -179,17 +179,15 @@ def assemble(
     estimates: Sequence[Estimate],
     *,
     held: Mapping[str, float] | None = None,
-    timed: bool = False,
     up: Array | None = None,
 ) -> Track:
-    """The track of a run's estimates, in their order; with a deadline (`timed`) also the answered particles.
+    """The track of a run's estimates, in their order.
 
     `held` are the values of held degrees of freedom by name; zero if missing. `up` (3,) is the direction away
     from the ground, camera frame; None if unknown.
     """
     dofs, joints = len(model.dof_names), len(model.joint_names)
     most = max((len(e.hypothesis_weight) for e in estimates), default=0)
-    answered = np.array([e.particles_answered for e in estimates], dtype=np.int64)
     weight = np.full((len(estimates), most), np.nan)
     pose = np.full((len(estimates), most, dofs), np.nan)
     for f, estimate in enumerate(estimates):
@@ -212,7 +210,6 @@ def assemble(
         angle_names=(),
         angle=np.empty((len(estimates), 0)),
         angle_deviation=np.empty((len(estimates), 0)),
-        particles_answered=answered if timed else None,
         up=up,
         **seen_by_cameras(estimates, joints),
     )

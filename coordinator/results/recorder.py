@@ -163,7 +163,6 @@ class Recorder:
                 start.model,
                 person.estimates,
                 held=start.held,
-                timed=configuration.get("deadline_ms") is not None,
                 up=floor_up(person.state.checkpoint.scenes) if said is None else np.array(said),
             )
             own = {} if len(recorded.people) == 1 else {PERSON: number}

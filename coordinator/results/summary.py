@@ -35,8 +35,6 @@ def summarise(recorded: Recorded, person: RecordedPerson) -> dict[str, object]:
     """Configuration, versions, body, workers, frames, and the total time of each stage in seconds."""
     configuration, start, statistics = recorded.configuration, person.state.start, recorded.statistics
     settings = configuration["settings"]
-    particles = settings["filter"]["particles"]
-    answered = [e.particles_answered for e in person.estimates if e.particles_answered]
     stages: dict[str, float] = {}
     for estimate in person.estimates:
         for stage, seconds in estimate.stage_seconds.items():
@@ -62,8 +60,7 @@ def summarise(recorded: Recorded, person: RecordedPerson) -> dict[str, object]:
         "doubts": count_doubts(person.estimates),
         **describe_cameras(person.estimates),
         "rotate_deg": round(np.degrees(start.way_up)),
-        "particles": particles,
-        "particles_unanswered": sum(particles - count for count in answered),
+        "particles": settings["filter"]["particles"],
         "seconds": recorded.seconds,
         "time_per_stage": stages,
     }

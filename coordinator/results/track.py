@@ -46,8 +46,6 @@ class Track:
     angle_names: Annotated[tuple[str, ...], "names (A)"]
     angle: Annotated[Array, "numbers (F, A)"]  # continuous from frame to frame
     angle_deviation: Annotated[Array, "numbers (F, A)"]  # one standard deviation; NaN where unknown
-    # before the deadline; None without one
-    particles_answered: Annotated[Indices | None, "?whole numbers (F)"] = None
     up: Annotated[Array | None, "?numbers (3)"] = None  # unit vector away from the ground; None if unknown
     camera_names: Annotated[tuple[str, ...] | None, "?names (C)"] = None
     joint_seen_by: Annotated[Array | None, "?numbers (F, C, J)"] = None  # joint_seen for each camera

@@ -47,7 +47,7 @@ def has_suffix(suffix: str) -> Callable[[Path], bool]:
 
 FORMATS = (
     Format("TUM RGB-D folder (depth.txt)", is_tum, read_pictures),
-    Format("ROS bag, RealSense .bag", is_bag, read_ros_bag),
+    Format("ROS 1 or RealSense .bag, folder of a ROS 2 bag", is_bag, read_ros_bag),
     Format("Open3D folder (depth/000000.png)", holds_pictures, read_pictures),
     Format("point clouds (.ply or .pcd)", holds_clouds, read_clouds),
     Format("Azure Kinect or Orbbec .mkv", has_suffix(".mkv"), open_azure_kinect),
@@ -59,20 +59,7 @@ FORMATS = (
 """In the order of the tests."""
 
 
-DEPTH_PNG = "write it as 16-bit PNG of millimetres, depth/000000.png, ..., and add --intrinsics fx,fy,cx,cy"
-ROS_FOLDER = "give the folder that ROS 2 recorded, with its metadata.yaml; ros2 bag reindex writes it again"
-CONVERSIONS = {
-    **dict.fromkeys((".mp4", ".avi"), f"a film holds colours, not depth; {DEPTH_PNG}"),
-    **dict.fromkeys((".svo", ".svo2"), f"ZED's files need its SDK: {DEPTH_PNG}"),
-    **dict.fromkeys((".db3", ".mcap"), ROS_FOLDER),
-    ".oni": f"OpenNI's files need its driver: {DEPTH_PNG}",
-    ".xef": f"Kinect Studio's files need its tools: {DEPTH_PNG}",
-    ".exr": f"floats in EXR: {DEPTH_PNG}",
-    ".h5": "save depth with numpy.save as (frames, rows, columns), metres, and add --intrinsics fx,fy,cx,cy",
-    ".tiff": f"TIFF is not read: {DEPTH_PNG}",
-    ".png": "give the folder that contains the images",
-}
-"""Suffix of an unsupported file -> how to convert it."""
+DEPTH_PNG = "write depth/000000.png, ... of 16-bit millimetres, and add --intrinsics fx,fy,cx,cy"
 
 
 def open_source(path: Path | str, options: CameraOptions = AS_RECORDED) -> Source:
@@ -95,24 +82,7 @@ def find_format(path: Path) -> Format:
         raise InputError(f"no such file or folder: {path}; give the path of a recording") from None
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror}; give another path") from error
-    if found is None and path.suffix.lower() in CONVERSIONS:
-        raise InputError(f"{path} is not read; {CONVERSIONS[path.suffix.lower()]}")
     if found is None:
         what = "holds no depth sequence" if path.is_dir() else "is not a depth sequence"
-        raise InputError(f"{path} {what} of a known format; give {within(path)}one of: {known}")
+        raise InputError(f"{path} {what} of a known format; give one of: {known}; or {DEPTH_PNG}")
     return found
-
-
-def within(folder: Path) -> str:
-    """A hint at the first recording within a folder that is not a recording itself; empty if there is none.
-
-    A `.npz` may be a truth or a track, so it is not proposed.
-    """
-    inside = sorted(folder.iterdir()) if folder.is_dir() else []
-    for path in inside:
-        try:
-            if path.suffix.lower() != ".npz" and any(form.fits(path) for form in FORMATS):
-                return f"{path}, or "
-        except OSError:  # it is not accessible
-            continue
-    return ""

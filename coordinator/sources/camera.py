@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from common.camera import Intrinsics
 from common.errors import InputError
+from coordinator.files import read_json
 
 DEFAULT_FPS = 30.0
 MILLIMETRES = 1000.0  # per metre
@@ -36,16 +37,8 @@ class CameraFile(msgspec.Struct):
 
 def read_camera(path: Path) -> tuple[Intrinsics, float, float]:
     """Read intrinsics, units of depth per metre and frames per second; InputError if damaged."""
-    try:
-        camera = msgspec.json.decode(path.read_bytes(), type=CameraFile)
-    except FileNotFoundError:
-        raise InputError(
-            f"{path} is missing; add --intrinsics fx,fy,cx,cy (pixels), or write it (docs/formats.md)"
-        ) from None
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror}; change its permissions") from error
-    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
-        raise InputError(f"{path}: {error}; correct that entry") from error
+    missing = "add --intrinsics fx,fy,cx,cy (pixels), or write it (docs/formats.md)"
+    camera = read_json(path, CameraFile, "correct that entry", missing)
     matrix = np.reshape(camera.intrinsic_matrix, (3, 3)).T
     intrinsics = pinhole(matrix, camera.width, camera.height, f"{path}, read column by column")
     return intrinsics, camera.depth_scale, camera.fps
@@ -97,7 +90,7 @@ AS_RECORDED = CameraOptions()
 def parse_camera_options(intrinsics: str | None, depth_scale: float | None) -> CameraOptions:
     """Parse the values of the command line; InputError if they are invalid."""
     if depth_scale is not None and not 0.0 < depth_scale < np.inf:
-        raise InputError(f"--depth-scale {depth_scale:g} is not above 0; millimetres have 1000")
+        raise InputError(f"--depth-scale {depth_scale:g} is not above 0; give 1000 for millimetres")
     if intrinsics is None:
         return CameraOptions(None, depth_scale)
     try:

@@ -80,7 +80,7 @@ def read_csv(path: Path) -> tuple[tuple[str, ...], Array, Array]:
         ) from error
     heads = [head.strip() for head in heads]
     if TIME not in heads:
-        raise InputError(f"{path} has no column {TIME}, but {', '.join(heads)}; name the times so")
+        raise InputError(f"{path} has no column {TIME}, but {', '.join(heads)}; rename the column of times")
     joints = [k for k, head in enumerate(heads) if head != TIME]
     units = np.array([np.radians(1.0) if heads[k].endswith(DEGREES) else 1.0 for k in joints])
     names = tuple(heads[k].removesuffix(DEGREES) for k in joints)

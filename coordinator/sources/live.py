@@ -139,5 +139,5 @@ def from_first_seen(frames: Iterator[DepthFrame], report: Callable[[str], None])
             yield frame
             break
         if passed == 0:
-            report("frames come, but nothing is measured in them; waiting for one that shows depth")
+            report("frames come, but without depth; waiting for one with depth")
     yield from frames

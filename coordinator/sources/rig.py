@@ -15,7 +15,7 @@ from common.arrays import Array
 from common.bounds import LARGEST, MAX_CAMERAS
 from common.camera import is_rigid
 from common.errors import InputError
-from coordinator.files import write_json
+from coordinator.files import read_json, write_json
 from coordinator.sources.camera import AS_RECORDED, CameraOptions
 from coordinator.sources.live_stream import LiveCamera, is_topic, live_key
 from coordinator.sources.source import Source
@@ -53,12 +53,7 @@ class RigFile(msgspec.Struct, frozen=True):
 
 def read_rig_file(path: Path) -> RigFile:
     """Read the cameras of a rig; InputError if there are none, or one of them makes no sense."""
-    try:
-        rig = msgspec.json.decode(path.read_bytes(), type=RigFile)
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror}; change its permissions") from error
-    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
-        raise InputError(f"{path}: {error}; write {EXAMPLE}") from error
+    rig = read_json(path, RigFile, f"write {EXAMPLE}")
     if not 1 <= len(rig.cameras) <= MAX_CAMERAS:
         raise InputError(f"{path} lists {len(rig.cameras)} cameras; give 1 to {MAX_CAMERAS}")
     for camera in rig.cameras:

@@ -24,12 +24,11 @@ class Estimate:
 
     Weights sum to 1. Joint positions are in the frame of the camera or rig, metres. `residual` is the mean
     distance between observed points and the most likely hypothesis, metres; NaN if nothing was observed.
-    Until the body is found there are no hypotheses (M = 0), and pose and joints are NaN. `particles_answered`
-    is the number of particles that were refined before the deadline. `why` is the reason to doubt the pose,
-    as text; empty if
-    there is none. `certainty` is that of each joint; None in an estimate that was not made by a tracker.
-    `seen_by` is the visible share (J,) of the surface around each joint for each camera that shows the body.
-    `faults` are those of cameras of a rig, each with its start in seconds.
+    Until the body is found there are no hypotheses (M = 0), and pose and joints are NaN. `particles` is the
+    number of refined particles. `why` is the reason to doubt the pose, as text; empty if there is none.
+    `certainty` is that of each joint; None in an estimate that was not made by a tracker. `seen_by` is the
+    visible share (J,) of the surface around each joint for each camera that shows the body. `faults` are
+    those of cameras of a rig, each with its start in seconds.
     """
 
     frame: int
@@ -41,7 +40,7 @@ class Estimate:
     hypothesis_weight: Array  # (M,)
     residual: float
     stage_seconds: dict[str, float] = field(default_factory=dict)
-    particles_answered: int = 0
+    particles: int = 0
     why: str = ""
     certainty: Certainty | None = None
     seen_by: dict[str, Array] = field(default_factory=dict)

@@ -3,33 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from common.arrays import Array
 from common.body import BodyModel
 from common.kinematics import difference
+from coordinator.sources.joint_states import JointStates
 
-
-class States(Protocol):
-    """Values of joints over time."""
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the joints (K,)."""
-        ...
-
-    def at(self, time_s: float) -> Array:
-        """Values (K,) at a time; NaN if unknown."""
-        ...
+if TYPE_CHECKING:  # it loads the types of ROS
+    from coordinator.sources.ros2_input import JointTopic
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class KnownMotion:
     """Steps between frames from joint states. Only changes are used, so offsets of encoders do not matter."""
 
-    states: States
+    states: JointStates | JointTopic
 
     def step(self, model: BodyModel, pose: Array, since_s: float | None, until_s: float) -> Array | None:
         """The relative motion (D,) between two times, NaN if unknown; None if all of it is unknown.

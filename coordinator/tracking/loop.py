@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Generic, Protocol, Self, TypeVar
+from typing import Generic, Self, TypeVar
 
 Item = TypeVar("Item")
 
@@ -41,24 +41,6 @@ class Lookahead(Generic[Item]):
                 self._next, self._error = None, error
             self.is_ahead = True
         return self._next
-
-
-class Live(Protocol):
-    """What the loop asks of frames that are published while it tracks."""
-
-    @property
-    def is_ready(self) -> bool:
-        """Whether the next frame waits, or there will be no more."""
-        ...
-
-    @property
-    def period_s(self) -> float:
-        """Time in seconds between the last two published frames; infinite if there are not two."""
-        ...
-
-    def wait(self, seconds: float) -> None:
-        """Wait for the next frame, at most so long."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)

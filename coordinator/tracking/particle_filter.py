@@ -98,17 +98,15 @@ class ParticleFilter:
     def update(self, model: BodyModel, submitted: Submitted) -> tuple[Belief, int]:
         """The belief after refinement, and how many particles it is from; layers ask more than once."""
         proposal, pending, clock = submitted.proposal, submitted.pending, submitted.clock
-        answered = len(proposal.poses)
         while True:
             with clock.stage("refine"):
                 refined = pending.result()
             with clock.stage("merge"):
-                answered = min(answered, len(refined.answered))
                 refined = replace(refined, poses=natural_angles(model, refined.poses))
                 found = self._method.update(model, proposal, refined, self._settings.filter, self.rng)
             if not isinstance(found, Proposal):
                 from_guess = submitted.context.first  # the change since a guess is not motion
-                return found.at_rest() if from_guess else found, answered
+                return found.at_rest() if from_guess else found, len(proposal.poses)
             with clock.stage("refine"):
                 proposal = found
                 pending = self.send(model, submitted.context.subject, found, submitted.rules)

@@ -20,10 +20,7 @@ class Pending(Protocol):
         ...
 
     def result(self) -> Refined:
-        """Wait for the refined particles, with likelihood and residual, in the order of submission.
-
-        With a deadline some of them may be missing, but not all.
-        """
+        """Wait for the refined particles, with likelihood and residual, in the order of submission."""
         ...
 
     def cancel(self) -> None:
@@ -51,7 +48,7 @@ class Refiner(Protocol):
     ) -> Pending:
         """Start to refine poses (N, D) on a frame, and to estimate the covariance of each if requested.
 
-        With `spare`, other requests come first, and no deadline applies. `velocity` (D,) is the motion per
-        second, for images of other cameras that were taken before or after the frame; None: none.
+        With `spare`, other requests come first. `velocity` (D,) is the motion per second, for images of other
+        cameras that were taken before or after the frame; None: none.
         """
         ...

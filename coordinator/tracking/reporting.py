@@ -32,7 +32,7 @@ class Updated:
     state: TrackerState  # after the frame
     belief: Belief | None  # the one in the state
     status: Status | None  # None: it follows from the belief
-    answered: int  # particles
+    particles: int  # refined ones
     context: FrameContext | None  # None if nothing was refined
     clock: Stopwatch
 
@@ -81,7 +81,7 @@ def report(updated: Updated) -> Tracked:
         hypothesis_pose=poses,
         hypothesis_weight=weights,
         residual=np.nan if belief is None else float(belief.residual[0]),
-        particles_answered=updated.answered,
+        particles=updated.particles,
         why=disputed or management.reason or doubt,
         stage_seconds=updated.clock.seconds,
         seen_by=seen,

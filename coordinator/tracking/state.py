@@ -15,7 +15,7 @@ from common.errors import InputError
 from common.kinematics import joint_positions
 from coordinator.bodies.human.measures import REFERENCE_STATURE
 from coordinator.bodies.tracked import Bodies
-from coordinator.files import read_numbers
+from coordinator.files import read_json
 from coordinator.scene.scene import SceneChanges
 from coordinator.tracking.faults import Agreement, CameraStates
 from coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise
@@ -99,7 +99,8 @@ def way_up(model: BodyModel, pose: Array, turn: Array) -> float:
 
 def read_start(path: Path, dof_names: Collection[str], remedy: str = "") -> dict[str, float]:
     """Values by name; missing values are zero. InputError for a name that the model does not have."""
-    values = read_numbers(path, "give --init a file, or auto", "degree of freedom: number")
+    mend, missing = "write {degree of freedom: number}", "give --init a file, or auto"
+    values = read_json(path, dict[str, float], mend, missing)
     for name in values:
         if name not in dof_names:
             raise InputError(f"{path}: {unknown_dof(name, dof_names)}{remedy}")

@@ -18,11 +18,12 @@ from common.settings import Settings
 from coordinator.bodies.tracked import Bodies
 from coordinator.scene.scene import NOTHING, SETTLED_FRAMES
 from coordinator.scene.scope import Scope
+from coordinator.sources.live import LiveFrames
 from coordinator.stopwatch import Stopwatch
 from coordinator.tracking.cameras import watch
 from coordinator.tracking.faults import CameraStates
 from coordinator.tracking.known_motion import KnownMotion
-from coordinator.tracking.loop import Live, Lookahead, Pace
+from coordinator.tracking.loop import Lookahead, Pace
 from coordinator.tracking.observation import middle_of
 from coordinator.tracking.particle_filter import Submitted
 from coordinator.tracking.preparation import rehearse
@@ -98,7 +99,7 @@ class Tracker:
         return tracked
 
     def follow(
-        self, frames: Iterable[DepthFrame], *, look_ahead: bool = True, live: Live | None = None
+        self, frames: Iterable[DepthFrame], *, look_ahead: bool = True, live: LiveFrames | None = None
     ) -> Iterator[list[Tracked]]:
         """Track frames; each frame is reported while the workers refine the next one.
 
@@ -163,7 +164,7 @@ class Tracker:
                 with clock.stage("publish"):
                     self._refiner.publish(subject)
 
-    def _search_until_ready(self, live: Live) -> None:
+    def _search_until_ready(self, live: LiveFrames) -> None:
         """Go on with searches until they end; if a body needs it, until a frame waits."""
         while any(target.searching.runs for target in self._targets):
             needed = any(target.needs_frame for target in self._targets)

@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 
 from benchmarks.certainty.fitting import distances, fit
-from benchmarks.certainty.gather import Gathered, cut_below, row_between
+from benchmarks.certainty.gather import Gathered
 from benchmarks.certainty.scores import score
-from common.camera import Intrinsics
-from common.frame import DepthFrame
 from coordinator.tracking.certainty.features import Features
 
 FRAMES, JOINTS = 4_000, 6
@@ -69,16 +67,3 @@ def test_joints_that_do_not_hold_count_for_nothing() -> None:
     one, both = fit([good], ["s1"]), fit([good, bad], ["s1"])
     assert one.weights == pytest.approx(both.weights)
     assert score("both", [good, bad], both).joints == score("one", [good], one).joints
-
-
-def test_a_picture_ends_between_knees_and_hips() -> None:
-    """At the row of the joints' mean position; the rows above are unchanged."""
-    names = ("left_hip", "right_hip", "left_knee", "right_knee")
-    camera = Intrinsics(320, 240, 300.0, 300.0, 160.0, 120.0)
-    joints = np.array([[[-0.1, 0.0, 3.0], [0.1, 0.0, 3.0], [-0.1, 0.4, 3.0], [0.1, 0.4, 3.0]]])
-    assert row_between(joints, names, 0.0, camera) == 160
-    assert row_between(joints, names, 0.5, camera) == 140
-    depth = np.random.default_rng(0).integers(0, 4000, (240, 320), dtype=np.uint16)
-    cut = cut_below(DepthFrame(3, 0.1, depth, 1000.0, camera), 140)
-    assert np.array_equal(cut.depth, depth[:140])
-    assert (cut.intrinsics.height, cut.intrinsics.cy, cut.number) == (140, 120.0, 3)

@@ -8,24 +8,12 @@ import numpy as np
 import pytest
 import scipy.io
 
-from benchmarks.recordings import (
-    JOINTS,
-    Recording,
-    choose,
-    find_people,
-    fits_bones,
-    fits_depth,
-    read_reference,
-    read_skeleton,
-)
-from benchmarks.running import DATA
+from benchmarks.recordings import JOINTS, Recording, fits_bones, fits_depth, read_reference, read_skeleton
 from common.camera import Intrinsics
-from common.errors import InputError
 from common.frame import DepthFrame
 
 CAMERA = Intrinsics(40, 30, 30.0, 30.0, 20.0, 15.0)
 LEFT_WRIST_ROW, RIGHT_KNEE_ROW = 6, 17  # of the data set's skeleton
-needs_people = pytest.mark.skipif(not (DATA / "utd_mhad").exists(), reason="the UTD-MHAD data are not there")
 
 
 def wall(depth_m: float) -> DepthFrame:
@@ -79,24 +67,3 @@ def test_a_bone_of_unusual_length_contradicts_its_lower_joint() -> None:
     fits = fits_bones(joints)
     assert not fits[3, wrist]
     assert fits.sum() == fits.size - 1
-
-
-@needs_people
-def test_all_people_are_found_and_can_be_named() -> None:
-    """27 actions of 4 subjects in order; an action or a recording by its name, the hard ones together."""
-    recordings = find_people(DATA)
-    assert len(recordings) == 108
-    assert all(recording.joints.exists() for recording in recordings)
-    chosen = [recording.name for recording in choose(recordings, ["a2", "a14_s2"])]
-    assert chosen == ["a2_s1", "a2_s2", "a2_s3", "a2_s4", "a14_s2"]
-    assert len(choose(find_people(DATA, [3]), ["hard"])) == 8
-    with pytest.raises(InputError, match="no recording 'a99'"):
-        choose(recordings, ["a99"])
-
-
-@needs_people
-def test_the_right_side_of_a_recorded_person_is_at_image_left() -> None:
-    """The first person recorded faces the camera upright: the mirrored skeleton agrees with the picture."""
-    first = dict(zip(JOINTS, read_skeleton(find_people(DATA)[0].joints)[0], strict=True))
-    assert first["right_shoulder"][0] < first["left_shoulder"][0]
-    assert first["head"][1] < first["right_hip"][1] < first["right_ankle"][1]

@@ -91,8 +91,8 @@ def test_a_person_of_a_file_has_its_measures(tmp_path: Path) -> None:
     [
         ({"stature": 1.8, "shoulder_below": 0.02}, "unknown measure 'shoulder_below'; leave it out"),
         ({"stature": 180.0}, "is implausible; give metres"),
-        ({"thigh": "long"}, 'thigh is "long"; give a finite number'),
-        ([1.8], "contains no names with numbers; write {measure: metres}"),
+        ({"thigh": "long"}, "Expected `float`, got `str`"),
+        ([1.8], "Expected `object`, got `array`; write {measure: metres}"),
     ],
 )
 def test_a_file_that_is_no_persons_is_refused_in_one_line(tmp_path: Path, content: object, says: str) -> None:

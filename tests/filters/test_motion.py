@@ -104,18 +104,17 @@ def test_nothing_is_held_beyond_its_limits() -> None:
     np.testing.assert_array_equal(held[0, bounded], MODEL.limits[bounded, 1])
 
 
-def test_each_particle_that_was_answered_is_held_about_its_own_way_on() -> None:
-    """Also if particles before it were not answered."""
+def test_each_particle_is_held_about_its_own_way_on() -> None:
+    """In the order of the hypotheses, by likelihood."""
     rng, settings = np.random.default_rng(0), preset("default").filter
     drawn = propose(MODEL, begin(MODEL, np.zeros(DOFS), settings), NOTHING_SEEN, settings, rng)
     expected, poses = 0.1 * rng.standard_normal((2, *drawn.poses.shape))
     proposal = replace(drawn, expected=expected)
     likelihood = np.arange(len(poses), dtype=np.float64)
-    likelihood[::3] = np.nan
     roots = np.tile(packed(np.diag(deviations(MODEL, 0.01, 0.001) ** 2)), (len(poses), 1))
     after = Refined(poses, likelihood, np.full(len(poses), 0.01), roots)
     found = update(MODEL, proposal, after, settings, rng)
-    order = after.answered[::-1]
+    order = np.arange(len(poses))[::-1]
     held = fuse_with_prediction(MODEL, poses[order], covariances_of(roots[order]), expected[order], INTERVAL)
     np.testing.assert_allclose(found.poses, held, atol=1e-12)
     np.testing.assert_allclose(found.velocities, difference(MODEL, np.zeros_like(held), held) / INTERVAL)

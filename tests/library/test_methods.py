@@ -65,9 +65,9 @@ def test_what_makes_a_method_holds_whatever_the_settings_say(method: str, record
     assert as_bytes(renamed) == as_bytes(
         follow(recording, gepf.settings_for(method, "default", particles, POINTS))
     )
-    answered = {estimate.particles_answered for estimate in renamed}
-    assert max(answered) <= particles
-    assert answered == {particles} or method == "gepf"  # it uses as many as a frame needs
+    refined = {estimate.particles for estimate in renamed}
+    assert max(refined) <= particles
+    assert refined == {particles} or method == "gepf"  # it uses as many as a frame needs
 
 
 def test_numbers_of_a_method_are_its_own_unless_asked_for() -> None:

@@ -23,7 +23,6 @@ from coordinator.bodies.angles import angles_of
 from coordinator.pictures.film import spread, tile, write_film
 from coordinator.pictures.overlay import View, paint, view_around
 from coordinator.pictures.plots import STATUS, angle_curves, curves_of, plot_curves
-from coordinator.pictures.portrait import draw_portrait
 from coordinator.pictures.run import draw_run
 from coordinator.pictures.shading import draw_body, shade_depth
 from coordinator.results.evaluation import Truth, read_truth
@@ -100,32 +99,18 @@ def pixels(file: Path) -> Array:
         return np.asarray(image.convert("RGB"), dtype=np.float64)
 
 
-def test_a_run_gets_its_four_pictures_and_none_is_blank(
+def test_a_run_gets_its_three_pictures_and_none_is_blank(
     source: Source, model: BodyModel, track: Track, truth: Truth, tmp_path: Path
 ) -> None:
     """All exist, with a useful size, contrast, and a small file."""
     files = draw_run(source, TrackedBody(model, {}), track, tmp_path, truth)
-    assert [f.name for f in files] == ["overlay.mp4", "sheet.png", "hypotheses.png", "errors.png"]
+    assert [f.name for f in files] == ["overlay.mp4", "sheet.png", "hypotheses.png"]
     assert set(files) == set(tmp_path.iterdir())
     for file in files[1:]:
         colours = pixels(file)
         assert min(colours.shape[:2]) >= 250
         assert colours.std() > 15.0
         assert file.stat().st_size < 5_000_000
-
-
-def test_truth_of_something_else_is_reported_and_the_other_pictures_are_drawn(
-    source: Source,
-    model: BodyModel,
-    track: Track,
-    truth: Truth,
-    tmp_path: Path,
-    caplog: pytest.LogCaptureFixture,
-) -> None:
-    """A run that is done does not fail because its truth cannot be compared."""
-    elsewhere = replace(truth, frame=truth.frame + 1000)
-    assert len(draw_run(source, TrackedBody(model, {}), track, tmp_path, elsewhere)) == 3
-    assert "no picture of the errors" in caplog.text
 
 
 def test_a_small_image_and_one_frame_are_enough(model: BodyModel, tmp_path: Path, track: Track) -> None:
@@ -276,14 +261,6 @@ def test_a_sheet_holds_every_picture_once() -> None:
     sheet = np.asarray(tile([Image.new("RGB", (20, 10), c) for c in colours]))
     for colour in colours:
         assert np.sum(np.all(sheet == colour, axis=-1)) == 200
-
-
-def test_a_portrait_shows_the_body_from_three_sides(tmp_path: Path) -> None:
-    """Each third holds the model's colour, the front the widest."""
-    draw_portrait(person(), tmp_path / "person.png")
-    sides = np.split(pixels(tmp_path / "person.png"), 3, axis=1)
-    warm = [np.any(side[..., 0] - side[..., 2] > 60.0, axis=0).sum() for side in sides]
-    assert warm[0] > warm[1] > warm[2] > 30
 
 
 def test_the_angles_that_vary_most_are_shown_and_the_whole_bodys_turn_is_not(tmp_path: Path) -> None:

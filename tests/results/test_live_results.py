@@ -5,8 +5,6 @@ from __future__ import annotations
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -118,23 +116,11 @@ def test_angles_go_on_past_half_a_turn() -> None:
     assert np.allclose(turns, -np.linspace(0.0, 6.0, 12))
 
 
-@contextmanager
-def slept(seconds: float) -> Iterator[None]:
-    """Wait in a `with` statement before its next item."""
-    time.sleep(seconds)
-    yield
-
-
-@pytest.mark.parametrize("head_start", [0.0, 1.5])
-def test_the_example_listens(endpoint: str, head_start: float) -> None:
-    """As a process: it prints a line for each frame that it hears of, and ends with the stream.
-
-    It may be there long before the tracker.
-    """
+def test_the_example_listens(endpoint: str) -> None:
+    """As a process: it prints a line for each frame that it hears of, and ends with the stream."""
     command = [sys.executable, str(EXAMPLE), endpoint, "robot/person"]
     with (
         subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as listener,
-        slept(head_start),
         open_coordinator((endpoint,), ()) as bus,
     ):
         try:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import shutil
 import tempfile
 import zipfile
 from dataclasses import fields, replace
@@ -212,18 +211,6 @@ def test_without_a_frame_no_folder_stays(tmp_path: Path) -> None:
     with pytest.raises(ZeroDivisionError), Recorder(tmp_path / "a" / "b" / "run", CONFIGURATION):
         raise ZeroDivisionError
     assert names(tmp_path) == []
-
-
-def test_a_folder_that_is_gone_hides_no_error(tmp_path: Path) -> None:
-    """If the folder was removed, the original error is raised, and the log is closed."""
-
-    def lose_the_folder() -> None:
-        with Recorder(tmp_path / "run", CONFIGURATION) as recorder:
-            shutil.rmtree(recorder.run)
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        lose_the_folder()
 
 
 def test_a_folder_that_was_there_stays_with_all_it_held(tmp_path: Path) -> None:

@@ -56,7 +56,7 @@ def test_a_tracker_has_workers_with_certificates(way: str, place: str, ours: Fol
         )
         stack.enter_context(tracker)
         stack.enter_context(secure_worker(place, ours, "w0"))
-        assert tracker.track(shown("standing").frames[0]).particles_answered == SETTINGS.filter.particles
+        assert tracker.track(shown("standing").frames[0]).particles == SETTINGS.filter.particles
 
 
 def test_what_does_not_fit_is_refused_before_anything_is_opened(place: str, ours: Folder) -> None:

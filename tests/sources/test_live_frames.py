@@ -219,7 +219,7 @@ def test_nothing_starts_from_frames_without_depth() -> None:
     frames = [image(0, depth=0), image(1, depth=0), image(2), image(3, depth=0)]
     reports: list[str] = []
     assert [frame.number for frame in from_first_seen(iter(frames), reports.append)] == [2, 3]
-    assert reports == ["frames come, but nothing is measured in them; waiting for one that shows depth"]
+    assert reports == ["frames come, but without depth; waiting for one with depth"]
 
 
 @pytest.mark.parametrize("key", ["", "/a", "../a", "a/*", "a?b", "a b", "@adv/x", "x" * 99])

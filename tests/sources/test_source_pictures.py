@@ -117,7 +117,7 @@ def test_wrong_times_are_one_line(tmp_path: Path, lines: str, says: str) -> None
 def test_an_unknown_camera_is_asked_for(tmp_path: Path) -> None:
     """Without a camera file the line says what to write; of an .npy, which option to give."""
     write_pictures(tmp_path / "seq", ["0.png"])
-    with pytest.raises(InputError, match=r"camera_intrinsic\.json is missing; add --intrinsics fx,fy,cx,cy"):
+    with pytest.raises(InputError, match=r"camera_intrinsic\.json; add --intrinsics fx,fy,cx,cy"):
         open_source(tmp_path / "seq")
     np.save(tmp_path / "depth.npy", depth(2))
     with pytest.raises(InputError, match="add --intrinsics fx,fy,cx,cy"):
@@ -185,29 +185,13 @@ def test_a_ros_2_bag_round_trip(tmp_path: Path, encoding: str, kind: str) -> Non
     assert (camera.width, camera.height, camera.fx, camera.cy) == (16, 12, 50.0, 5.5)
 
 
-@pytest.mark.parametrize(
-    ("name", "says"),
-    [
-        ("film.mp4", "a film holds colours, not depth; write it as 16-bit PNG"),
-        ("walk.svo2", "ZED's files need its SDK"),
-        ("walk.db3", "give the folder that ROS 2 recorded"),
-        ("walk.h5", "save depth with numpy.save"),
-        ("walk.xyz", "not a depth sequence of a known format; give one of"),
-    ],
-)
-def test_a_refused_format_says_what_to_make_of_it(tmp_path: Path, name: str, says: str) -> None:
-    """Unsupported formats are refused in one line that says how to convert them."""
-    (tmp_path / name).write_bytes(b"x")
-    with pytest.raises(InputError, match=says):
-        open_source(tmp_path / name)
-
-
-def test_a_folder_of_recordings_names_one_of_them(tmp_path: Path) -> None:
-    """For the folder that contains recordings, the line gives the path of one; truth files do not count."""
-    for name in ("a_truth.npz", "notes.txt", "walk.mkv", "zoo.mkv"):
-        (tmp_path / name).write_bytes(b"x")
-    with pytest.raises(InputError, match=r"give \S+/walk\.mkv, or one of: TUM"):
-        open_source(tmp_path)
+def test_a_refused_format_says_what_to_make_of_it(tmp_path: Path) -> None:
+    """An unsupported format is refused in one line that says how to convert it."""
+    (tmp_path / "film.mp4").write_bytes(b"x")
+    with pytest.raises(
+        InputError, match=r"not a depth sequence of a known format; .*; or write depth/000000"
+    ):
+        open_source(tmp_path / "film.mp4")
 
 
 @pytest.mark.parametrize(
@@ -216,7 +200,7 @@ def test_a_folder_of_recordings_names_one_of_them(tmp_path: Path) -> None:
         ("500,500,320", None, "give four numbers"),
         ("500,-1,320,240", None, "positive fx, fy"),
         ("a,b,c,d", None, "give four numbers"),
-        (None, 0.0, "is not above 0; millimetres have 1000"),
+        (None, 0.0, "is not above 0; give 1000 for millimetres"),
     ],
 )
 def test_what_is_given_makes_sense(intrinsics: str | None, scale: float | None, says: str) -> None:

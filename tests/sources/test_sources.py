@@ -132,14 +132,6 @@ def test_a_camera_file_that_makes_no_sense_is_refused(
         open_source(folder)
 
 
-def test_a_path_without_a_sequence_says_what_was_expected(tmp_path: Path) -> None:
-    """No path and an empty folder each have their line."""
-    with pytest.raises(InputError, match="no such file or folder"):
-        open_source(tmp_path / "nowhere")
-    with pytest.raises(InputError, match=r"holds no depth sequence .* TUM RGB-D folder \(depth\.txt\), ROS"):
-        open_source(tmp_path)
-
-
 @pytest.mark.parametrize(
     ("wanted", "frames"),
     [

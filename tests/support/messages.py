@@ -84,51 +84,22 @@ class Mutator:
     def __init__(self, seed: int, others: Sequence[bytes]) -> None:
         self._others = others
         self._rng = random.Random(seed)
-        self._ways = (
-            self._flip,
-            self._truncate,
-            self._splice,
-            self._enlarge,
-            self._nest,
-            *3 * (self._alter,),
-        )
 
     def mutate(self, payload: bytes) -> bytes:
         """A message, mutated once or a few times."""
         for _ in range(self._rng.randrange(1, 4)):
-            payload = self._one_of(self._ways)(payload)
+            payload = self._one_of((self._splice, self._alter))(payload)
         return payload
 
-    def _flip(self, payload: bytes) -> bytes:
-        """Change some bytes, mostly near the beginning, where the structure is."""
-        content = bytearray(payload)
-        end = len(content) if self._rng.random() < 0.3 else min(len(content), 400)
-        for _ in range(self._rng.randrange(1, 6) if content else 0):
-            content[self._rng.randrange(end)] = self._rng.randrange(256)
-        return bytes(content)
-
-    def _truncate(self, payload: bytes) -> bytes:
-        """Cut the end off, or add some."""
-        end = self._rng.randint(0, len(payload))
-        return payload[:end] if self._rng.random() < 0.7 else payload + payload[:end]
-
     def _splice(self, payload: bytes) -> bytes:
-        """Put a piece of another message in."""
+        """Replace some bytes, mostly near the beginning, where the structure is; or the whole rest."""
         other = self._one_of(self._others)
         start, end = sorted(self._rng.randint(0, len(other)) for _ in range(2))
-        at = self._rng.randint(0, len(payload))
-        return payload[:at] + other[start:end] + payload[at + self._rng.randrange(40) :]
-
-    def _enlarge(self, payload: bytes) -> bytes:
-        """Claim that something is four thousand million entries long."""
-        at = self._rng.randint(0, min(len(payload), 600))
-        return payload[:at] + self._one_of(HUGE) + payload[at + 1 :]
-
-    def _nest(self, payload: bytes) -> bytes:
-        """Put something deep in."""
-        at = self._rng.randint(0, len(payload))
         deep = self._one_of((b"\x91", b"\x81\xa1x")) * self._rng.randrange(1, 20_000)
-        return payload[:at] + deep + payload[at:]
+        piece = self._one_of((other[start:end], self._one_of(HUGE), deep, self._rng.randbytes(1), b""))
+        at = self._rng.randint(0, self._one_of((len(payload), min(len(payload), 400))))
+        rest = payload[at + self._one_of((0, len(piece), self._rng.randrange(40))) :]
+        return payload[:at] + piece + self._one_of((rest, rest, rest, b""))
 
     def _alter(self, payload: bytes) -> bytes:
         """Change a value of a message that stays well formed: another type, size, shape or number."""
@@ -138,7 +109,7 @@ class Mutator:
             holder[key] = self._other(holder[key])
             return bytes(msgpack.packb(content))
         except (ValueError, TypeError, IndexError, RecursionError):  # it has been mutated before
-            return self._flip(payload)
+            return self._splice(payload)
 
     def _other(self, value: Any) -> object:
         """Another value, mostly of the same type."""

@@ -18,7 +18,8 @@ from common.refinement import Refined
 from common.settings import Settings
 from coordinator.bodies.tracked import name_pose
 from coordinator.scene.planes import Planes
-from coordinator.scene.scope import Scope
+from coordinator.sources.live import LiveFrames
+from coordinator.sources.live_stream import LiveCamera
 from coordinator.stopwatch import Stopwatch
 from coordinator.tracking.detector import Detector
 from coordinator.tracking.estimate import UNKNOWN, Estimate
@@ -26,7 +27,6 @@ from coordinator.tracking.loop import Pace
 from coordinator.tracking.observation import isolate
 from coordinator.tracking.refiner import Pending
 from coordinator.tracking.reporting import judge
-from coordinator.tracking.segmenter import Segmenter
 from coordinator.tracking.sensor_noise import NO_NOISE
 from coordinator.tracking.state import TrackerState
 from coordinator.tracking.target import TargetTracker
@@ -35,7 +35,6 @@ from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
 from tests.support.asked import Asked
 from tests.support.people import (
-    CAMERA,
     FRAMES,
     SETTINGS,
     STANDING,
@@ -93,16 +92,6 @@ def test_legs_behind_a_table_are_not_drawn_out_of_it() -> None:
         return float(apart(estimate, joints[-1])[legs].max())
 
     assert error(nearer=True) < 0.5 * error(nearer=False)
-
-
-def test_a_given_background_stays_known() -> None:
-    """A pillar of the room without anybody, and a blob that is none: neither is anybody's, tracked or not."""
-    empty_room = np.zeros((CAMERA.height, CAMERA.width), dtype=np.float32)
-    empty_room[60:200, 40:80] = 2.5
-    seen = empty_room.copy()
-    seen[50:220, 140:190] = 2.4
-    segmenter = Segmenter(2000, Scope(background=empty_room))
-    assert segmenter.segment(frame_of(0, seen), [None]).candidates == ()
 
 
 def test_the_way_from_the_initial_guess_is_no_motion() -> None:
@@ -196,13 +185,10 @@ def test_a_frame_is_told_while_the_workers_are_busy_with_the_next() -> None:
             np.testing.assert_array_equal(array, one_by_one.state.checkpoint.belief[name])
 
 
-class Waiting:
+class Waiting(LiveFrames):
     """Live frames of which the next one always waits."""
 
     is_ready, period_s = True, 1 / 30
-
-    def wait(self, _: float) -> None:
-        """It is there already."""
 
 
 def test_a_live_frame_does_not_wait_for_a_search(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -219,7 +205,8 @@ def test_a_live_frame_does_not_wait_for_a_search(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr("gepf.direct.refine", count)
     places = [min(n, FRAMES - 1) for n in range(8)]
     frames = [replace(posture.frames[k], number=n, time_s=n / 30) for n, k in enumerate(places)]
-    live = Tracker(DirectRefiner(), SETTINGS, people()).follow(frames, live=Waiting())
+    follow = Tracker(DirectRefiner(), SETTINGS, people()).follow
+    live = follow(frames, live=Waiting([LiveCamera("depth")], print))
     (first, _), *others = [(tracked[0].estimate, len(requests)) for tracked in live]
     assert first.status == "searching"
     for (each, _), place in zip(others, places[1:], strict=True):

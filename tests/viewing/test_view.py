@@ -15,7 +15,6 @@ from rerun.chunk import RrdReader
 from common.activation import activate
 from common.camera import Intrinsics
 from common.frame import DepthFrame
-from common.kinematics import pose_vertices
 from common.protocol.frames import encode_live
 from common.protocol.models import encode_model
 from common.transport.opening import open_worker
@@ -25,12 +24,9 @@ from coordinator.results.configuration import PATH
 from coordinator.results.live_results import LiveResults, PackedOutlet
 from coordinator.results.track import read_track, read_tracked_body
 from coordinator.sources import open_source
-from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes import ARM_DOFS, SCENES
 from coordinator.synthesis.sequence import synthesise
 from coordinator.tracking.estimate import Estimate
-from coordinator.tracking.segmenter import PosedBody, Segmenter
-from coordinator.viewing import observe
 from tests.support.processes.programs import in_thread
 from tests.support.runs import write_run
 
@@ -62,7 +58,7 @@ def rows_of(file: Path) -> Counter[str]:
 
 
 def test_every_frame_is_in_the_recording(recorded: tuple[Path, Path], tmp_path: Path) -> None:
-    """Points, model, hypotheses, depth and angles have a row a frame."""
+    """Model, hypotheses, depth and angles have a row a frame."""
     sequence, run = recorded
     file = tmp_path / "run.rrd"
     with np.load(run / "track.npz") as saved:
@@ -71,8 +67,7 @@ def test_every_frame_is_in_the_recording(recorded: tuple[Path, Path], tmp_path: 
     np.savez(run / "track.npz", **arrays)
     assert main(["view", str(run), "--sequence", str(sequence), "--save", str(file)]) == 0
     rows = rows_of(file)
-    places = ["/observed/points", "/model/surface", "/model/skeleton", "/hypotheses", "/camera/image/depth"]
-    places += ["/angles"]
+    places = ["/model/surface", "/model/skeleton", "/hypotheses", "/camera/image/depth", "/angles"]
     assert {place: rows[place] for place in places} == dict.fromkeys(places, FRAMES)
     assert rows["/status"] == 1
 
@@ -80,7 +75,7 @@ def test_every_frame_is_in_the_recording(recorded: tuple[Path, Path], tmp_path: 
 def test_live_frames_and_results_are_shown_as_they_come(
     recorded: tuple[Path, Path], endpoint: str, tmp_path: Path
 ) -> None:
-    """Depth, points, body and hypotheses of what others publish are written until the results end."""
+    """Depth, body and hypotheses of what others publish are written until the results end."""
     track, model = read_track(recorded[1]), read_tracked_body(recorded[1]).model
     fetched = threading.Event()
 
@@ -109,7 +104,7 @@ def test_live_frames_and_results_are_shown_as_they_come(
     with in_thread(publish), ThreadPoolExecutor(1) as pool:  # its thread becomes one of low priority
         assert pool.submit(main, view).result(60.0) == 0
     rows = rows_of(tmp_path / "live.rrd")
-    places = ["/observed/points", "/model/surface", "/model/doubtful", "/hypotheses", "/camera/image/depth"]
+    places = ["/model/surface", "/model/doubtful", "/hypotheses", "/camera/image/depth"]
     assert all(0 < rows[place] <= FRAMES for place in places)
 
 
@@ -133,7 +128,7 @@ def test_a_moved_sequence_is_a_warning(
     file = tmp_path / "run.rrd"
     assert main(["view", str(run), "--save", str(file)]) == 0
     assert rows_of(file)["/model/surface"] == FRAMES
-    assert "/observed/points" not in rows_of(file)
+    assert "/camera/image/depth" not in rows_of(file)
     assert "--sequence" in caplog.text
 
 
@@ -145,16 +140,3 @@ def test_no_folder_to_save_in_is_one_line(
     file = tmp_path / "no" / "such.rrd"
     assert main(["view", str(run), "--sequence", str(sequence), "--save", str(file)]) == 2
     assert capsys.readouterr().err.count("\n") == 1
-
-
-def test_observed_points_lie_near_the_true_pose() -> None:
-    """A body rendered in a pose lies within the surface's spacing of itself."""
-    scene = SCENES["arm"]()
-    model, pose = scene.model, scene.poses[0]
-    with DepthRenderer(scene.camera) as renderer:
-        metres = renderer.depth(pose_vertices(model, pose[None])[0], model.triangles)
-    frame = DepthFrame(0, 0.0, (metres * 1000.0).astype(np.uint16), 1000.0, scene.camera)
-    found = observe(Segmenter(500), frame, PosedBody(model, pose))
-    assert found is not None
-    assert found[0].shape == (500, 3)
-    assert np.quantile(found[1], 0.95) < 0.025

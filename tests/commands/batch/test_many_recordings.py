@@ -53,17 +53,12 @@ def small_job(recording: Path, out: Path, seed: int) -> Job:
     return Job(recording, out, settings, Pool(2, worker_command=INSTANT), pictures=False)
 
 
-def test_a_list_and_seeds_give_a_run_each(tmp_path: Path) -> None:
+def test_a_list_gives_a_run_each(tmp_path: Path) -> None:
     """Names come from folders and files; the lines of a list are relative to its folder, without comments."""
     (tmp_path / "walk").mkdir()
     (tmp_path / "list.txt").write_text("walk  # slowly\n\n# nothing\nsub/run.mat\n")
-    runs = choose_runs(small_job(tmp_path, tmp_path, 0), [tmp_path / "list.txt"], range(3, 5))
-    assert [(each.out.name, each.settings.seed) for each in runs] == [
-        ("walk-seed3", 3),
-        ("walk-seed4", 4),
-        ("run-seed3", 3),
-        ("run-seed4", 4),
-    ]
+    runs = choose_runs(small_job(tmp_path, tmp_path, 0), [tmp_path / "list.txt"])
+    assert [each.out.name for each in runs] == ["walk", "run"]
     assert runs[-1].sequence == tmp_path / "sub" / "run.mat"
 
 
@@ -80,7 +75,7 @@ def test_what_cannot_be_several_is_refused(tmp_path: Path, names: tuple[str, ...
     given = [name if ":" in name else str(tmp_path / name) for name in names]
     job = small_job(tmp_path, tmp_path, 0)
     with pytest.raises(InputError, match=says):
-        choose_runs(job, [Path(each) for each in given], None)
+        choose_runs(job, [Path(each) for each in given])
 
 
 def test_several_have_the_bytes_of_each_alone_and_one_fault_stops_no_other(

@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-import os
 import re
 import signal
 import subprocess
 import sys
-import time
-from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from coordinator.cli import main
-from tests.support.processes.programs import wait_until
-from tests.support.processes.warm_processes import start
 from tests.support.stand_ins import Desk, desk, no_traces, sequence, workers  # noqa: F401 fixtures
 
 GEPF = (sys.executable, "-m", "coordinator.cli")
@@ -110,34 +104,3 @@ def test_a_run_without_pictures_says_how_to_draw_them(
     assert main(["pictures", str(tracked)]) == 0
     assert "pictures are in" in capsys.readouterr().err
     assert {path.name for path in tracked.iterdir()} >= {"overlay.mp4", "sheet.png", "hypotheses.png"}
-
-
-def draw_slowly(run: Path, delay: float) -> None:
-    """`gepf pictures` with a step of drawing that takes long and hides interrupts, as libraries do."""
-    import coordinator.pictures.run as drawing
-
-    whole = vars(drawing)["view_around"]
-
-    def swallowing(*given: Any) -> object:
-        (run / "drawing").touch()
-        with suppress(BaseException):
-            time.sleep(delay)
-        return whole(*given)
-
-    vars(drawing)["view_around"] = swallowing
-    sys.exit(main(["pictures", str(run)]))
-
-
-@pytest.mark.usefixtures("no_traces")
-def test_an_interrupt_ends_drawing(tracked: Path, tmp_path: Path) -> None:
-    """Even one that a library hides: exit code 130 soon, and no picture."""
-    process = start(draw_slowly, tracked, 600.0, log=tmp_path / "log")
-    wait_until((tracked / "drawing").exists, 60.0)
-    time.sleep(0.2)
-    assert process.pid is not None
-    os.kill(process.pid, signal.SIGINT)
-    process.join(60.0)
-    assert process.exitcode == 130
-    said = (tmp_path / "log").read_text()
-    assert "stopped" in said
-    assert not list(tracked.glob("*.mp4"))
