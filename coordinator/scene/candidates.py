@@ -126,13 +126,10 @@ def cut(view: SceneView, part: Part) -> list[Part]:
     """
     depth = view.depth[part.window]
     flat = find_flat(depth, part.mask, camera_of(view, part.window), view.growth)
-    steps = STEP_M, view.growth, view.camera.fx
-    labels = label_parts(depth, flat.mask, *steps)
-    areas = np.bincount(labels.ravel(), (depth**2 / (view.camera.fx * view.camera.fy)).ravel())
-    areas[0] = 0.0
     rests = list[Part]()
-    if areas.max() >= LEAST_AREA_M2:
-        labels = label_parts(depth, part.mask & ~flat.grow((areas >= LEAST_PART_M2)[labels]), *steps)
+    if flat.patches.max() >= LEAST_AREA_M2:
+        others = part.mask & ~flat.grow(flat.patches >= LEAST_PART_M2)
+        labels = label_parts(depth, others, STEP_M, view.growth, view.camera.fx)
         rests = [part_of(view, labels == label, part.window) for label in range(1, labels.max() + 1)]
         rests = [rest for rest in rests if area_of(view, rest.points) >= LEAST_AREA_M2]
     if max((rest.height for rest in rests), default=0.0) >= min(1.0, part.height):

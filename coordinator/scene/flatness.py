@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, uniform_filter
 
-from common.arrays import Mask
+from common.arrays import Array, Mask
 from common.camera import Intrinsics, back_project
 from coordinator.scene.planes import count_points, draw_planes, lie_on, refit, to_rays
+from coordinator.scene.segmentation import STEP_M, label_parts
 
 FLAT_SHARE = 0.5  # of points in one plane, above which an object is flat and not a person
 LEAST_PART_M2 = 0.008  # visible area of the smallest part of a person or of furniture
@@ -23,13 +24,15 @@ class Flat:
 
     mask: (H, W) pixels around which the surface of the object is on the plane. share: of its pixels, of those
     within half the noise of the plane. on: (H, W) pixels of the object that may be on the plane, by their own
-    noise. size: of the squares, pixels.
+    noise. size: of the squares, pixels. patches: (H, W) for the pixels of the mask, the visible area of
+    the connected patch that each is in, square metres; 0 for other pixels.
     """
 
     mask: Mask
     share: float
     on: Mask
     size: int
+    patches: Array
 
     def grow(self, some: Mask) -> Mask:
         """Some of the pixels (H, W) of the mask, with those nearby that may be on the plane."""
@@ -58,4 +61,7 @@ def find_flat(depth: NDArray[np.floating], mask: Mask, camera: Intrinsics, growt
     plane = refit(planes[[near.argmax()]], some)[0]
     flat, on = np.zeros_like(mask), np.zeros_like(mask)
     flat[mask], on[mask] = lie_on(plane, averaged), lie_on(plane, rays)
-    return Flat(flat, float(near.max()) / len(some), on, size)
+    labels = label_parts(depth, flat, STEP_M, growth, camera.fx)
+    areas = np.bincount(labels.ravel(), (depth**2 / (camera.fx * camera.fy)).ravel()).astype(np.float64)
+    areas[0] = 0.0
+    return Flat(flat, float(near.max()) / len(some), on, size, areas[labels])

@@ -24,6 +24,8 @@ from common.frame import SubjectFrame
 from common.settings import RefineSettings, Settings, preset
 from coordinator.bodies.human.measures import REFERENCE_STATURE
 from coordinator.bodies.tracked import Bodies, coarsen, pose_by_name
+from coordinator.scene.flatness import FLAT_SHARE, find_flat
+from coordinator.scene.noise import fit_noise
 from coordinator.scene.planes import Planes
 from coordinator.tracking.gating import gate_pose, reject_parts, reject_points, reject_position
 from coordinator.tracking.observation import camera_points, middle_of
@@ -41,6 +43,9 @@ CANDIDATES, TURNED = 120, 20  # in the first orientation of the image, and in ea
 SURVIVORS, FINALISTS = 16, 4  # distinct candidates after the first stage, and after the second
 FIRST_ITERATIONS, ITERATIONS, LAST_ITERATIONS = 3, 12, 6  # of the first stage, the next ones, and the last
 FEW_POINTS = 1_000  # on which candidates are refined
+VERTEX_SHARE = 0.009  # of stature: rms distance of a surface from the nearest vertex, 0.008 to 0.010
+FLAT_M = 0.02  # distance from the surface that costs as much as a flat part that is not of the body
+LEAST_FLAT_M2 = 0.05  # visible area of a part of a seat
 REQUEST_ITERATIONS = 150  # of ICP in one request: about 5 ms on two lanes
 LEAST_LEVEL = 0.3  # cosine of the camera's pitch; below it an image has no upright direction
 
@@ -93,7 +98,23 @@ class Detector:
             self._coarse(*size)
 
     def detect(self, subject: SubjectFrame, noise: SensorNoise, planes: Planes) -> Search:
-        """Detect an unknown body in a frame, given the camera's noise and the planes of the room."""
+        """Detect an unknown body in a frame, given the camera's noise and the planes of the room.
+
+        The flat part of what is taken for a person may be a seat. So there is a second search, in which the
+        points of that part need no explanation, at a cost.
+        """
+        found = yield from self._detect(subject, noise, planes)
+        clear = without_flat(subject)
+        share = 1.0 - len(clear.picked) / len(subject.picked)
+        if self._bodies.people and 0.0 < share <= FLAT_SHARE:
+            other = yield from self._detect(clear, noise, planes)
+            cost = 0.5 * share * (FLAT_M / self._refine.likelihood_scale) ** 2
+            if other.candidates.log_likelihood[0] - cost > found.candidates.log_likelihood[0]:
+                return other
+        return found
+
+    def _detect(self, subject: SubjectFrame, noise: SensorNoise, planes: Planes) -> Search:
+        """Detect an unknown body that explains all observed points."""
         settings = assume_noise(self._refine, noise)
         ways = upright_ways(planes, self._ways_up)
         size, found = yield from self._search(subject, settings, self._sizes, ways)
@@ -205,14 +226,19 @@ class Detector:
         pose: Array,
         settings: RefineSettings,
     ) -> Generator[Stage, None, tuple[tuple[float, float], Array]]:
-        """The mean of sizes, weighted with likelihood, and the pose (D,) refined with the best: (1, D)."""
+        """The mean of sizes, weighted with likelihood, and the pose (D,) refined with the best: (1, D).
+
+        Distances are those from the nearest vertex, and a larger body has larger ones between its vertices.
+        """
         models = [self._bodies.for_start(*size) for size in sizes]
         group = np.tile(pose, (len(sizes), 1)), np.arange(len(sizes))
         found = yield from self._refine_candidates(subject, models, [group], settings)
-        weights = np.exp(found.log_likelihood - found.log_likelihood[0])
-        mean = weights @ np.array(sizes)[found.sizes] / weights.sum()
-        stature, girth = mean.round(2).tolist()
-        return (stature, girth), found.poses[:1]
+        measures = np.array(sizes)[found.sizes]
+        between = VERTEX_SHARE * measures[:, 0] / settings.likelihood_scale
+        likely = found.log_likelihood + 0.5 * between**2
+        weights = np.exp(likely - likely.max())
+        stature, girth = (weights @ measures / weights.sum()).round(2).tolist()
+        return (stature, girth), found.poses[[likely.argmax()]]
 
     def _match(
         self,
@@ -282,6 +308,14 @@ def upright_ways(planes: Planes, ways_up: tuple[float, ...]) -> tuple[float, ...
 def iterations(settings: RefineSettings, count: int) -> RefineSettings:
     """Settings with this number of ICP iterations."""
     return msgspec.structs.replace(settings, icp_iterations=count)
+
+
+def without_flat(subject: SubjectFrame) -> SubjectFrame:
+    """The frame without the observed points of the largest flat part that the main camera sees."""
+    depth = subject.frame.metres()
+    flat = find_flat(depth, depth > 0.0, subject.frame.intrinsics, fit_noise(depth))
+    on = flat.grow(flat.patches >= LEAST_FLAT_M2).ravel()[subject.picked]
+    return replace(subject, picked=subject.picked[~on].copy())
 
 
 def thin(subject: SubjectFrame, points: int) -> SubjectFrame:
