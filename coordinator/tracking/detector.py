@@ -24,13 +24,12 @@ from common.frame import SubjectFrame
 from common.settings import RefineSettings, Settings, preset
 from coordinator.bodies.human.measures import REFERENCE_STATURE
 from coordinator.bodies.tracked import Bodies, coarsen, pose_by_name
-from coordinator.scene.flatness import FLAT_SHARE, find_flat
-from coordinator.scene.noise import fit_noise
+from coordinator.scene.flatness import FLAT_SHARE
 from coordinator.scene.planes import Planes
 from coordinator.tracking.gating import gate_pose, reject_parts, reject_points, reject_position
-from coordinator.tracking.observation import camera_points, middle_of
+from coordinator.tracking.observation import camera_points, middle_of, thin, without_flat
 from coordinator.tracking.pose_candidates import Candidates, Detection, candidates_of, ordered
-from coordinator.tracking.pose_library import PoseLibrary, displaced, library_of
+from coordinator.tracking.pose_library import PoseLibrary, displaced, library_of, upright_ways
 from coordinator.tracking.refiner import Pending, Refiner
 from coordinator.tracking.sensor_noise import SensorNoise, assume_noise
 from coordinator.tracking.state import Start, start_at, way_up
@@ -45,9 +44,7 @@ FIRST_ITERATIONS, ITERATIONS, LAST_ITERATIONS = 3, 12, 6  # of the first stage, 
 FEW_POINTS = 1_000  # on which candidates are refined
 VERTEX_SHARE = 0.009  # of stature: rms distance of a surface from the nearest vertex, 0.008 to 0.010
 FLAT_M = 0.02  # distance from the surface that costs as much as a flat part that is not of the body
-LEAST_FLAT_M2 = 0.05  # visible area of a part of a seat
 REQUEST_ITERATIONS = 150  # of ICP in one request: about 5 ms on two lanes
-LEAST_LEVEL = 0.3  # cosine of the camera's pitch; below it an image has no upright direction
 
 
 @dataclass(frozen=True, slots=True)
@@ -296,30 +293,6 @@ class Detector:
                 pending.cancel()
 
 
-def upright_ways(planes: Planes, ways_up: tuple[float, ...]) -> tuple[float, ...]:
-    """Rotations of the image, radians, in which a body is searched for; the first is upright by the room."""
-    across, down, _ = planes.up
-    if len(ways_up) == 1 or np.hypot(across, down) < LEAST_LEVEL:
-        return ways_up
-    upright = float(np.arctan2(-across, -down))
-    return tuple(upright + way for way in ways_up)
-
-
 def iterations(settings: RefineSettings, count: int) -> RefineSettings:
     """Settings with this number of ICP iterations."""
     return msgspec.structs.replace(settings, icp_iterations=count)
-
-
-def without_flat(subject: SubjectFrame) -> SubjectFrame:
-    """The frame without the observed points of the largest flat part that the main camera sees."""
-    depth = subject.frame.metres()
-    flat = find_flat(depth, depth > 0.0, subject.frame.intrinsics, fit_noise(depth))
-    on = flat.grow(flat.patches >= LEAST_FLAT_M2).ravel()[subject.picked]
-    return replace(subject, picked=subject.picked[~on].copy())
-
-
-def thin(subject: SubjectFrame, points: int) -> SubjectFrame:
-    """The frame with at most this number of its points, evenly distributed."""
-    every = -(-sum(len(each.picked) for each in subject.views) // points)
-    first, *others = (replace(each, picked=each.picked[::every].copy(), others=()) for each in subject.views)
-    return replace(first, others=tuple(others))

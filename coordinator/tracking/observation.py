@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from common.arrays import Array
 from common.frame import SUBJECT, DepthFrame, SubjectFrame
 from coordinator.filters.belief import USUAL_INTERVAL, Observation
+from coordinator.scene.flatness import find_flat
+from coordinator.scene.noise import fit_noise
 from coordinator.scene.segmentation import Labels, Window, slices
 
 Cut = tuple[DepthFrame, Window, Labels | None]
@@ -18,6 +20,7 @@ Cut = tuple[DepthFrame, Window, Labels | None]
 are the subject, and the others are empty."""
 
 POINTS = 300  # observed points for the filter
+LEAST_FLAT_M2 = 0.05  # visible area of a flat part that may be a seat
 
 
 def isolate(frame: DepthFrame, points: int) -> SubjectFrame | None:
@@ -130,3 +133,18 @@ def distance_of(subject: SubjectFrame) -> float:
     """Median depth of some of the observed points in the camera that shows most, metres; 0 without any."""
     points = camera_points(subject, max(1, len(subject.picked) // POINTS))
     return float(np.median(points[:, 2])) if len(points) else 0.0
+
+
+def thin(subject: SubjectFrame, points: int) -> SubjectFrame:
+    """The frame with at most this number of its points, evenly distributed."""
+    every = -(-sum(len(each.picked) for each in subject.views) // points)
+    first, *others = (replace(each, picked=each.picked[::every].copy(), others=()) for each in subject.views)
+    return replace(first, others=tuple(others))
+
+
+def without_flat(subject: SubjectFrame) -> SubjectFrame:
+    """The frame without the observed points of the largest flat part that the main camera sees."""
+    depth = subject.frame.metres()
+    flat = find_flat(depth, depth > 0.0, subject.frame.intrinsics, fit_noise(depth))
+    on = flat.grow(flat.patches >= LEAST_FLAT_M2).ravel()[subject.picked]
+    return replace(subject, picked=subject.picked[~on].copy())

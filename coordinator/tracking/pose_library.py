@@ -19,6 +19,7 @@ from common.camera import NOT_MOVED, moved
 from common.compiling import numba
 from common.kinematics import link_transforms, pose_vertices
 from common.kinematics.rotations import euler_angles, euler_matrix
+from coordinator.scene.planes import Planes
 from coordinator.tracking.descriptor import BOUND_CELLS, COLUMNS, ROWS, compare, describe
 
 POSES = 3_000
@@ -26,6 +27,7 @@ PERSON_CELL_M = 0.06  # side of a cell of the descriptor, for a person of refere
 DESCRIBED_VERTICES = 1_700  # of the surface; enough to fill the cells of a descriptor
 RANDOM_ORIENTATION_SHARE = 0.1  # of people's poses
 ELEVATION_DEG = (-20.0, 50.0)  # range of the camera's downward pitch
+LEAST_LEVEL = 0.3  # cosine of the camera's pitch; below it an image has no upright direction
 SPREAD_DEG = 15.0  # standard deviation of joint angles around their mode, and of the trunk's roll
 
 Angles = tuple[float, float, float, float]
@@ -277,3 +279,12 @@ def describe_each(
                     t[a, 0] * vertices[v, 0] + t[a, 1] * vertices[v, 1] + t[a, 2] * vertices[v, 2] + t[a, 3]
                 )
         occupied[n] = describe(points, cell_m, images[n], middles[n])
+
+
+def upright_ways(planes: Planes, ways_up: tuple[float, ...]) -> tuple[float, ...]:
+    """Rotations of the image, radians, in which a body is searched for; the first is upright by the room."""
+    across, down, _ = planes.up
+    if len(ways_up) == 1 or np.hypot(across, down) < LEAST_LEVEL:
+        return ways_up
+    upright = float(np.arctan2(-across, -down))
+    return tuple(upright + way for way in ways_up)

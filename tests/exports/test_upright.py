@@ -19,7 +19,7 @@ from coordinator.exports import export_run
 from coordinator.exports.recorded import read_run
 from coordinator.results.log import floor_up
 from coordinator.scene.scene import Scene
-from coordinator.tracking.detector import upright_ways
+from coordinator.tracking.pose_library import upright_ways
 from coordinator.tracking.segmenter import Segmenter
 from coordinator.viewing import layout
 from tests.support.bodies import person, puppet, random_body
