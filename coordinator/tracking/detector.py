@@ -24,7 +24,6 @@ from common.frame import SubjectFrame
 from common.settings import RefineSettings, Settings, preset
 from coordinator.bodies.human.measures import REFERENCE_STATURE
 from coordinator.bodies.tracked import Bodies, coarsen, pose_by_name
-from coordinator.scene.flatness import FLAT_SHARE
 from coordinator.scene.planes import Planes
 from coordinator.tracking.gating import gate_pose, reject_parts, reject_points, reject_position
 from coordinator.tracking.observation import camera_points, middle_of, thin, without_flat
@@ -95,28 +94,12 @@ class Detector:
             self._coarse(*size)
 
     def detect(self, subject: SubjectFrame, noise: SensorNoise, planes: Planes) -> Search:
-        """Detect an unknown body in a frame, given the camera's noise and the planes of the room.
-
-        The flat part of what is taken for a person may be a seat. So there is a second search, in which the
-        points of that part need no explanation, at a cost.
-        """
-        found = yield from self._detect(subject, noise, planes)
-        clear = without_flat(subject)
-        share = 1.0 - len(clear.picked) / len(subject.picked)
-        if self._bodies.people and 0.0 < share <= FLAT_SHARE:
-            other = yield from self._detect(clear, noise, planes)
-            cost = 0.5 * share * (FLAT_M / self._refine.likelihood_scale) ** 2
-            if other.candidates.log_likelihood[0] - cost > found.candidates.log_likelihood[0]:
-                return other
-        return found
-
-    def _detect(self, subject: SubjectFrame, noise: SensorNoise, planes: Planes) -> Search:
-        """Detect an unknown body that explains all observed points."""
+        """Detect an unknown body in a frame, given the camera's noise and the planes of the room."""
         settings = assume_noise(self._refine, noise)
         ways = upright_ways(planes, self._ways_up)
-        size, found = yield from self._search(subject, settings, self._sizes, ways)
+        size, found, subject = yield from self._search(subject, settings, self._sizes, ways)
         if len(subject.views) > 1 and len(self._sizes) > 1:  # few of the candidates had this size
-            _, found = yield from self._search(subject, settings, [size], ways, found[0])
+            _, found, _ = yield from self._search(subject, settings, [size], ways, found[0])
         model = self._bodies.for_start(*size)
         start = start_at(pose_by_name(model, found[0]), self._bodies, size, noise)
         settled = iterations(settings, LAST_ITERATIONS)
@@ -151,7 +134,7 @@ class Detector:
         values = {**start.values, **pose_by_name(start.model, last)}
         model = self._bodies.for_start(*size)
         known = np.array([values.get(name, 0.0) for name in model.dof_names])
-        _, found = yield from self._search(subject, settings, [size], ways, known)
+        _, found, _ = yield from self._search(subject, settings, [size], ways, known)
         settled = iterations(rules, LAST_ITERATIONS)
         candidates = yield from self._refine_tracked(subject, start, found, settled)
         gate = gate_pose(candidates.log_likelihood[0], candidates.residual[0], rules)
@@ -193,28 +176,37 @@ class Detector:
         sizes: Sequence[tuple[float, float]],
         ways_up: Sequence[float],
         last: Array | None = None,
-    ) -> Generator[Stage, None, tuple[tuple[float, float], Array]]:
+    ) -> Generator[Stage, None, tuple[tuple[float, float], Array, SubjectFrame]]:
         """The size and poses (N, D) that explain a frame best, of these sizes or between them.
 
         Most candidates have the first of the orientations. Some have the last pose `last` (D,), moved and
-        rotated.
+        rotated. If the size is unknown, a flat part may be a seat: its points are left out unless the body
+        explains them. Also returns the frame with the points that the poses explain.
         """
         names = self._bodies.for_start(*sizes[0]).joint_names
-        matched = self._match(subject, sizes, ways_up, last)
-        few, models = thin(subject, FEW_POINTS), [self._coarse(*size) for size in sizes]
+        clear = without_flat(subject) if len(sizes) > 1 else subject
+        few, models = thin(clear, FEW_POINTS), [self._coarse(*size) for size in sizes]
         first, then = (iterations(settings, count) for count in (FIRST_ITERATIONS, ITERATIONS))
+        matched = self._match(clear, sizes, ways_up, last)
         found = yield from self._refine_candidates(few, models, matched, first)
         found = found.distinct(names, SURVIVORS)
-        found = yield from self._refine_candidates(few, models, [(found.poses, found.sizes)], then)
+        group = [(found.poses, found.sizes)]
+        found = yield from self._refine_candidates(few, models, group, then)
+        if clear is not subject:
+            every = yield from self._refine_candidates(thin(subject, FEW_POINTS), models, group, then)
+            share = 1.0 - len(clear.picked) / len(subject.picked)
+            cost = 0.5 * share * (FLAT_M / settings.likelihood_scale) ** 2
+            if every.log_likelihood[0] >= found.log_likelihood[0] - cost:
+                found, clear = every, subject
         found = found.distinct(names, FINALISTS)
         size, poses = sizes[found.sizes[0]], found.poses
         if len(sizes) > 1:
             statures = [(size[0] * step, size[1]) for step in STATURE_STEPS]
-            size, _ = yield from self._choose_size(subject, statures, poses[0], then)
+            size, _ = yield from self._choose_size(clear, statures, poses[0], then)
             girths = [(size[0], girth) for girth in GIRTHS]
-            size, best = yield from self._choose_size(subject, girths, poses[0], then)
+            size, best = yield from self._choose_size(clear, girths, poses[0], then)
             poses = np.concatenate([best, poses])
-        return size, poses
+        return size, poses, clear
 
     def _choose_size(
         self,

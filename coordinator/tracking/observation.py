@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from common.arrays import Array
 from common.frame import SUBJECT, DepthFrame, SubjectFrame
 from coordinator.filters.belief import USUAL_INTERVAL, Observation
-from coordinator.scene.flatness import find_flat
+from coordinator.scene.flatness import FLAT_SHARE, find_flat
 from coordinator.scene.noise import fit_noise
 from coordinator.scene.segmentation import Labels, Window, slices
 
@@ -143,8 +143,11 @@ def thin(subject: SubjectFrame, points: int) -> SubjectFrame:
 
 
 def without_flat(subject: SubjectFrame) -> SubjectFrame:
-    """The frame without the observed points of the largest flat part that the main camera sees."""
+    """The frame without the observed points of the largest flat part that the main camera sees.
+
+    The same frame if that part is small, or most of the frame.
+    """
     depth = subject.frame.metres()
     flat = find_flat(depth, depth > 0.0, subject.frame.intrinsics, fit_noise(depth))
     on = flat.grow(flat.patches >= LEAST_FLAT_M2).ravel()[subject.picked]
-    return replace(subject, picked=subject.picked[~on].copy())
+    return replace(subject, picked=subject.picked[~on].copy()) if 0.0 < on.mean() <= FLAT_SHARE else subject

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import cast
 
@@ -10,6 +11,7 @@ import pytest
 
 from common.arrays import Array
 from common.body import BodyModel
+from common.camera import back_project
 from common.kinematics import joint_positions, pose_vertices
 from common.settings import preset
 from coordinator.bodies.human.template import human
@@ -80,6 +82,25 @@ def test_a_person_is_detected_in_an_unusual_pose(values: dict[str, float]) -> No
     assert found.start.stature == pytest.approx(1.75, rel=0.1)
     assert np.all(np.diff(found.candidates.log_likelihood) <= 0.0)
     assert tracked.joint_names == model.joint_names
+
+
+def test_the_front_of_a_seat_is_not_taken_for_a_part_of_the_person() -> None:
+    """A box half a metre wide below a person who sits on it, turned by 40 degrees."""
+    model = people().for_start(1.75, 1.05)
+    bent = dict.fromkeys((f"{side}_{joint}_flexion" for side in "lr" for joint in ("hip", "knee")), 1.5)
+    pose = name_pose(model, {"root_tz": 2.8, "root_ty": 0.3, "root_ry": 0.7, **bent})
+    truth = joint_positions(model, pose[None])[0]
+    pelvis, ankle = truth[NAMES.index("pelvis")], truth[NAMES.index("right_ankle")]
+    frame = show(model, pose[None]).frames[0]
+    front = pelvis[2] - 0.12
+    x, y, _ = np.moveaxis(back_project(np.full(frame.depth.shape, front), frame.intrinsics), -1, 0)
+    box = (np.abs(x - pelvis[0]) < 0.25) & (pelvis[1] + 0.08 < y) & (y < ankle[1] + 0.05)
+    depth = np.where(box & (frame.depth == 0), np.uint16(front * frame.depth_scale), frame.depth)
+    subject = subject_of(replace(frame, depth=depth), 2_000)
+    found = complete(Detector(people(), DirectRefiner(), SETTINGS).detect(subject, NO_NOISE, Planes()))
+    assert found.gate.passes
+    assert np.linalg.norm(found.candidates.joints[0] - truth, axis=-1).max() < 0.05
+    assert found.start.stature == pytest.approx(1.75, rel=0.03)
 
 
 def test_any_other_body_is_detected_however_it_is_turned() -> None:
