@@ -12,7 +12,7 @@ when it goes on. So a caller can do other work meanwhile. A search that is dropp
 from __future__ import annotations
 
 from collections.abc import Generator, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import msgspec
@@ -29,7 +29,7 @@ from coordinator.tracking.gating import gate_pose, reject_parts, reject_points, 
 from coordinator.tracking.observation import camera_points, middle_of, thin, without_flat
 from coordinator.tracking.pose_candidates import Candidates, Detection, candidates_of, ordered
 from coordinator.tracking.pose_library import PoseLibrary, displaced, library_of, upright_ways
-from coordinator.tracking.refiner import Pending, Refiner
+from coordinator.tracking.refiner import Pending, Refiner, Stage, iterations
 from coordinator.tracking.sensor_noise import SensorNoise, assume_noise
 from coordinator.tracking.state import Start, start_at, way_up
 
@@ -37,25 +37,13 @@ STATURES_M = (0.82, 0.9, 0.98, 1.07, 1.16, 1.26, 1.38, 1.5, 1.62, 1.74, 1.86, 1.
 STATURE_STEPS = (0.91, 0.955, 1.0, 1.045, 1.09)  # factors of the best of these
 GIRTHS = (0.9, 1.05, 1.2, 1.4)
 USUAL_GIRTH = GIRTHS[1]
-CANDIDATES, TURNED = 120, 20  # in the first orientation of the image, and in each other
+CANDIDATES, TURNED = 60, 10  # in the first orientation of the image, and in each other
 SURVIVORS, FINALISTS = 16, 4  # distinct candidates after the first stage, and after the second
 FIRST_ITERATIONS, ITERATIONS, LAST_ITERATIONS = 3, 12, 6  # of the first stage, the next ones, and the last
 FEW_POINTS = 1_000  # on which candidates are refined
 VERTEX_SHARE = 0.009  # of stature: rms distance of a surface from the nearest vertex, 0.008 to 0.010
 FLAT_M = 0.02  # distance from the surface that costs as much as a flat part that is not of the body
 REQUEST_ITERATIONS = 150  # of ICP in one request: about 5 ms on two lanes
-
-
-@dataclass(frozen=True, slots=True)
-class Stage:
-    """The requests of one stage of a search, which are with the workers."""
-
-    requests: tuple[Pending, ...]
-
-    @property
-    def is_ready(self) -> bool:
-        """Whether all results would come at once."""
-        return all(each.is_ready for each in self.requests)
 
 
 Search = Generator[Stage, None, Detection]
@@ -94,12 +82,32 @@ class Detector:
             self._coarse(*size)
 
     def detect(self, subject: SubjectFrame, noise: SensorNoise, planes: Planes) -> Search:
-        """Detect an unknown body in a frame, given the camera's noise and the planes of the room."""
+        """Detect an unknown body in a frame, given the camera's noise and the planes of the room.
+
+        The largest flat part of what is taken for a person may be a seat. If the body explains the other
+        points better, at a cost for that part, its points are left out.
+        """
         settings = assume_noise(self._refine, noise)
+        clear = without_flat(subject) if self._bodies.people else subject
+        found = yield from self._detect(subject, settings, noise, planes)
+        if clear is subject:
+            return found
+        other = yield from self._detect(clear, settings, noise, planes)
+        share = 1.0 - len(clear.picked) / len(subject.picked)
+        cost = 0.5 * share * (FLAT_M / settings.likelihood_scale) ** 2
+        surer = other.candidates.log_likelihood[0] - cost > found.candidates.log_likelihood[0]
+        return other if surer else found
+
+    def _detect(
+        self, subject: SubjectFrame, settings: RefineSettings, noise: SensorNoise, planes: Planes
+    ) -> Search:
+        """Detect an unknown body that explains all points of a frame."""
         ways = upright_ways(planes, self._ways_up)
-        size, found, subject = yield from self._search(subject, settings, self._sizes, ways)
+        proposed = yield from self._propose(subject, settings, self._sizes, ways)
+        size, found = yield from self._select(subject, proposed, settings, self._sizes)
         if len(subject.views) > 1 and len(self._sizes) > 1:  # few of the candidates had this size
-            _, found, _ = yield from self._search(subject, settings, [size], ways, found[0])
+            proposed = yield from self._propose(subject, settings, [size], ways, found[0])
+            _, found = yield from self._select(subject, proposed, settings, [size])
         model = self._bodies.for_start(*size)
         start = start_at(pose_by_name(model, found[0]), self._bodies, size, noise)
         settled = iterations(settings, LAST_ITERATIONS)
@@ -134,7 +142,8 @@ class Detector:
         values = {**start.values, **pose_by_name(start.model, last)}
         model = self._bodies.for_start(*size)
         known = np.array([values.get(name, 0.0) for name in model.dof_names])
-        _, found, _ = yield from self._search(subject, settings, [size], ways, known)
+        proposed = yield from self._propose(subject, settings, [size], ways, known)
+        _, found = yield from self._select(subject, proposed, settings, [size])
         settled = iterations(rules, LAST_ITERATIONS)
         candidates = yield from self._refine_tracked(subject, start, found, settled)
         gate = gate_pose(candidates.log_likelihood[0], candidates.residual[0], rules)
@@ -169,44 +178,47 @@ class Detector:
         """The body of candidates of this size."""
         return coarsen(self._bodies.for_start(stature, girth), self._library.cell_m)
 
-    def _search(
+    def _propose(
         self,
         subject: SubjectFrame,
         settings: RefineSettings,
         sizes: Sequence[tuple[float, float]],
         ways_up: Sequence[float],
         last: Array | None = None,
-    ) -> Generator[Stage, None, tuple[tuple[float, float], Array, SubjectFrame]]:
-        """The size and poses (N, D) that explain a frame best, of these sizes or between them.
+    ) -> Generator[Stage, None, Candidates]:
+        """The best distinct candidates of these sizes after the first stage.
 
         Most candidates have the first of the orientations. Some have the last pose `last` (D,), moved and
-        rotated. If the size is unknown, a flat part may be a seat: its points are left out unless the body
-        explains them. Also returns the frame with the points that the poses explain.
+        rotated.
         """
         names = self._bodies.for_start(*sizes[0]).joint_names
-        clear = without_flat(subject) if len(sizes) > 1 else subject
-        few, models = thin(clear, FEW_POINTS), [self._coarse(*size) for size in sizes]
-        first, then = (iterations(settings, count) for count in (FIRST_ITERATIONS, ITERATIONS))
-        matched = self._match(clear, sizes, ways_up, last)
+        few, models = thin(subject, FEW_POINTS), [self._coarse(*size) for size in sizes]
+        matched = self._match(subject, sizes, ways_up, last)
+        first = iterations(settings, FIRST_ITERATIONS)
         found = yield from self._refine_candidates(few, models, matched, first)
-        found = found.distinct(names, SURVIVORS)
-        group = [(found.poses, found.sizes)]
-        found = yield from self._refine_candidates(few, models, group, then)
-        if clear is not subject:
-            every = yield from self._refine_candidates(thin(subject, FEW_POINTS), models, group, then)
-            share = 1.0 - len(clear.picked) / len(subject.picked)
-            cost = 0.5 * share * (FLAT_M / settings.likelihood_scale) ** 2
-            if every.log_likelihood[0] >= found.log_likelihood[0] - cost:
-                found, clear = every, subject
+        return found.distinct(names, SURVIVORS)
+
+    def _select(
+        self,
+        subject: SubjectFrame,
+        found: Candidates,
+        settings: RefineSettings,
+        sizes: Sequence[tuple[float, float]],
+    ) -> Generator[Stage, None, tuple[tuple[float, float], Array]]:
+        """The size and poses (N, D) that explain a frame best, of these candidates' sizes or between them."""
+        names = self._bodies.for_start(*sizes[0]).joint_names
+        few, models = thin(subject, FEW_POINTS), [self._coarse(*size) for size in sizes]
+        then = iterations(settings, ITERATIONS)
+        found = yield from self._refine_candidates(few, models, [(found.poses, found.sizes)], then)
         found = found.distinct(names, FINALISTS)
         size, poses = sizes[found.sizes[0]], found.poses
         if len(sizes) > 1:
             statures = [(size[0] * step, size[1]) for step in STATURE_STEPS]
-            size, _ = yield from self._choose_size(clear, statures, poses[0], then)
+            size, _ = yield from self._choose_size(subject, statures, poses[0], then)
             girths = [(size[0], girth) for girth in GIRTHS]
-            size, best = yield from self._choose_size(clear, girths, poses[0], then)
+            size, best = yield from self._choose_size(subject, girths, poses[0], then)
             poses = np.concatenate([best, poses])
-        return size, poses, clear
+        return size, poses
 
     def _choose_size(
         self,
@@ -283,8 +295,3 @@ class Detector:
         finally:
             for _, pending in sent:
                 pending.cancel()
-
-
-def iterations(settings: RefineSettings, count: int) -> RefineSettings:
-    """Settings with this number of ICP iterations."""
-    return msgspec.structs.replace(settings, icp_iterations=count)

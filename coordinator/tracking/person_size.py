@@ -14,9 +14,9 @@ from common.kinematics import joint_positions
 from common.settings import RefineSettings
 from coordinator.bodies.tracked import Bodies
 from coordinator.filters.belief import Belief
-from coordinator.tracking.detector import ITERATIONS, iterations
+from coordinator.tracking.detector import ITERATIONS
 from coordinator.tracking.estimate import MAX_HYPOTHESES
-from coordinator.tracking.refiner import Refiner
+from coordinator.tracking.refiner import Refiner, iterations
 from coordinator.tracking.reporting import judge
 from coordinator.tracking.size import SizeEstimate, head_to_ankle, measure_stature
 from coordinator.tracking.state import Start

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Protocol
+
+import msgspec
 
 from common.arrays import Array
 from common.body import BodyModel
@@ -52,3 +55,20 @@ class Refiner(Protocol):
         cameras that were taken before or after the frame; None: none.
         """
         ...
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """The requests of one stage of a search, which are with the workers."""
+
+    requests: tuple[Pending, ...]
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether all results would come at once."""
+        return all(each.is_ready for each in self.requests)
+
+
+def iterations(settings: RefineSettings, count: int) -> RefineSettings:
+    """Settings with this number of ICP iterations."""
+    return msgspec.structs.replace(settings, icp_iterations=count)

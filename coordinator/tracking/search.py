@@ -6,8 +6,9 @@ from dataclasses import replace
 
 from common.frame import SubjectFrame
 from common.settings import RefineSettings
-from coordinator.tracking.detector import Detector, Search, Stage
+from coordinator.tracking.detector import Detector, Search
 from coordinator.tracking.pose_candidates import Detection
+from coordinator.tracking.refiner import Stage
 from coordinator.tracking.sensor_noise import assume_noise
 
 
