@@ -42,7 +42,6 @@ SURVIVORS, FINALISTS = 16, 4  # distinct candidates after the first stage, and a
 FIRST_ITERATIONS, ITERATIONS, LAST_ITERATIONS = 3, 12, 6  # of the first stage, the next ones, and the last
 FEW_POINTS = 1_000  # on which candidates are refined
 VERTEX_SHARE = 0.009  # of stature: rms distance of a surface from the nearest vertex, 0.008 to 0.010
-FLAT_M = 0.02  # distance from the surface that costs as much as a flat part that is not of the body
 REQUEST_ITERATIONS = 150  # of ICP in one request: about 5 ms on two lanes
 
 
@@ -84,19 +83,16 @@ class Detector:
     def detect(self, subject: SubjectFrame, noise: SensorNoise, planes: Planes) -> Search:
         """Detect an unknown body in a frame, given the camera's noise and the planes of the room.
 
-        The largest flat part of what is taken for a person may be a seat. If the body explains the other
-        points better, at a cost for that part, its points are left out.
+        If no body explains the frame, its largest flat part may be a seat, and a body may explain the other
+        points.
         """
         settings = assume_noise(self._refine, noise)
-        clear = without_flat(subject) if self._bodies.people else subject
         found = yield from self._detect(subject, settings, noise, planes)
-        if clear is subject:
+        clear = without_flat(subject)
+        if found.gate.passes or clear is subject or not self._bodies.people:
             return found
         other = yield from self._detect(clear, settings, noise, planes)
-        share = 1.0 - len(clear.picked) / len(subject.picked)
-        cost = 0.5 * share * (FLAT_M / settings.likelihood_scale) ** 2
-        surer = other.candidates.log_likelihood[0] - cost > found.candidates.log_likelihood[0]
-        return other if surer else found
+        return other if other.gate.passes else found
 
     def _detect(
         self, subject: SubjectFrame, settings: RefineSettings, noise: SensorNoise, planes: Planes

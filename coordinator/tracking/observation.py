@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from common.arrays import Array
 from common.frame import SUBJECT, DepthFrame, SubjectFrame
 from coordinator.filters.belief import USUAL_INTERVAL, Observation
-from coordinator.scene.flatness import FLAT_SHARE, find_flat
+from coordinator.scene.flatness import FLAT_SHARE, LEAST_PART_M2, find_flat
 from coordinator.scene.noise import fit_noise
 from coordinator.scene.segmentation import Labels, Window, slices
 
@@ -20,7 +20,6 @@ Cut = tuple[DepthFrame, Window, Labels | None]
 are the subject, and the others are empty."""
 
 POINTS = 300  # observed points for the filter
-LEAST_FLAT_M2 = 0.05  # visible area of a flat part that may be a seat
 
 
 def isolate(frame: DepthFrame, points: int) -> SubjectFrame | None:
@@ -149,5 +148,5 @@ def without_flat(subject: SubjectFrame) -> SubjectFrame:
     """
     depth = subject.frame.metres()
     flat = find_flat(depth, depth > 0.0, subject.frame.intrinsics, fit_noise(depth))
-    on = flat.grow(flat.patches >= LEAST_FLAT_M2).ravel()[subject.picked]
+    on = flat.grow(flat.patches >= LEAST_PART_M2).ravel()[subject.picked]
     return replace(subject, picked=subject.picked[~on].copy()) if 0.0 < on.mean() <= FLAT_SHARE else subject
