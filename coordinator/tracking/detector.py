@@ -88,8 +88,9 @@ class Detector:
         """
         settings = assume_noise(self._refine, noise)
         found = yield from self._detect(subject, settings, noise, planes)
-        clear = without_flat(subject)
-        if found.gate.passes or clear is subject or not self._bodies.people:
+        fits = found.gate.passes or not self._bodies.people
+        clear = subject if fits else without_flat(subject)
+        if clear is subject:
             return found
         other = yield from self._detect(clear, settings, noise, planes)
         return other if other.gate.passes else found
