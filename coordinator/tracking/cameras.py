@@ -74,8 +74,8 @@ def compare(
 ) -> Agreement:
     """The agreement of cameras after a frame with this pose (D,), by what shows the body in their images.
 
-    Cameras contradict whose images it does not explain, but for the one that it explains best. Those that
-    contradicted before and cannot be compared with another one still do.
+    A camera contradicts the others if the pose does not explain its image. The camera that the pose explains
+    best never does. One that contradicted before and cannot be compared still does.
     """
     if len(frame.views) < 2:
         return before

@@ -83,8 +83,8 @@ class Detector:
     def detect(self, subject: SubjectFrame, noise: SensorNoise, planes: Planes) -> Search:
         """Detect an unknown body in a frame, given the camera's noise and the planes of the room.
 
-        If no body explains the frame, its largest flat part may be a seat, and a body may explain the other
-        points.
+        If no body explains the frame, its largest flat part may be a seat. So the body is searched for again
+        without the points of that part.
         """
         settings = assume_noise(self._refine, noise)
         found = yield from self._detect(subject, settings, noise, planes)
@@ -226,7 +226,8 @@ class Detector:
     ) -> Generator[Stage, None, tuple[tuple[float, float], Array]]:
         """The mean of sizes, weighted with likelihood, and the pose (D,) refined with the best: (1, D).
 
-        Distances are those from the nearest vertex, and a larger body has larger ones between its vertices.
+        The likelihood measures distances to the nearest vertex. Vertices of a larger body are farther apart,
+        so the part of the distances that this causes is left out.
         """
         models = [self._bodies.for_start(*size) for size in sizes]
         group = np.tile(pose, (len(sizes), 1)), np.arange(len(sizes))

@@ -144,7 +144,7 @@ def thin(subject: SubjectFrame, points: int) -> SubjectFrame:
 def without_flat(subject: SubjectFrame) -> SubjectFrame:
     """The frame without the observed points of the largest flat part that the main camera sees.
 
-    The same frame if that part is small, or most of the frame.
+    Returns the same frame if no flat part is large enough, or if it is most of the frame.
     """
     depth = subject.frame.metres()
     flat = find_flat(depth, depth > 0.0, subject.frame.intrinsics, fit_noise(depth))
