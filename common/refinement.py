@@ -1,16 +1,33 @@
-"""The result of the refinement of a batch of particles."""
+"""Particles before and after their refinement."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from common.arrays import Array, Indices
+from common.settings import RefineSettings
 
 WEAK_TURN, WEAK_SLIDE = float(np.radians(30.0)), 0.05
 """Standard deviations, radians and metres, of the weak prior in every covariance of a pose."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Particles:
+    """Particles to refine, and how."""
+
+    poses: Array  # (N, D) metres and radians
+    settings: RefineSettings
+    covariance: bool = False  # whether the covariance of each refined pose is requested
+    spare: bool = False  # whether other requests come first
+    velocity: Array | None = None
+    """Relative motion (D,) per second, for cameras with another time than the frame; None: none."""
+
+    def part(self, start: int, stop: int) -> Particles:
+        """Particles start to stop - 1."""
+        return replace(self, poses=self.poses[start:stop])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

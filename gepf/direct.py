@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import lru_cache, partial
 
-from common.arrays import Array
 from common.body import BodyModel
 from common.frame import SubjectFrame
 from common.recent import FRAMES_KEPT
-from common.refinement import Refined
-from common.settings import RefineSettings
+from common.refinement import Particles, Refined
+from coordinator.tracking.refiner import Refiner
 from worker.kernel.icp import refine
 from worker.kernel.observation import observe
 
@@ -38,8 +37,8 @@ class DirectRequest:
         """Nothing is under way."""
 
 
-class DirectRefiner:
-    """Implements the coordinator's interface with the worker's kernel, on one core."""
+class DirectRefiner(Refiner):
+    """Refines with the worker's kernel, on one core."""
 
     def __init__(self) -> None:
         self._observe = lru_cache(FRAMES_KEPT)(observe)
@@ -47,18 +46,6 @@ class DirectRefiner:
     def publish(self, subject: SubjectFrame) -> None:
         """Nothing to do without workers."""
 
-    def submit(
-        self,
-        subject: SubjectFrame,
-        model: BodyModel,
-        poses: Array,
-        settings: RefineSettings,
-        *,
-        covariance: bool = False,
-        spare: bool = False,
-        velocity: Array | None = None,
-    ) -> DirectRequest:
-        """Keep poses (N, D), to be refined on a frame."""
-        del spare
-        how = partial(refine, covariance=covariance, velocity=velocity)
-        return DirectRequest(partial(how, model, self._observe(subject), poses, settings))
+    def refine(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> DirectRequest:
+        """Keep particles, to be refined on a frame."""
+        return DirectRequest(partial(refine, model, self._observe(subject), particles))

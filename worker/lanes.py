@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor, wait
 
-from common.arrays import Array
 from common.body import BodyModel
-from common.refinement import Refined
+from common.refinement import Particles, Refined
 from common.settings import RefineSettings
 from worker.kernel.icp import pack_batch, refine_some, refined
 from worker.kernel.observation import Observation, pack_views
@@ -25,30 +24,20 @@ class Lanes:
         """Precompute what requests about an observation with these settings need."""
         pack_views(observation, settings)
 
-    def refine(
-        self,
-        model: BodyModel,
-        observation: Observation,
-        poses: Array,
-        settings: RefineSettings,
-        *,
-        covariance: bool = False,
-        velocity: Array | None = None,
-    ) -> Refined:
-        """Refine poses (N, D); arguments, results and errors are those of `worker.kernel.icp.refine`.
+    def refine(self, model: BodyModel, observation: Observation, particles: Particles) -> Refined:
+        """Refine particles; arguments, results and errors are those of `worker.kernel.icp.refine`.
 
         Exceptions and interrupts of a lane are raised when all lanes have returned.
         """
-        batch = pack_batch(model, observation, poses, settings, covariance=covariance, velocity=velocity)
-        particles = iter(range(len(poses)))  # gives each index to one lane
-        lanes = min(self.count, len(poses))
-        others = [self._threads.submit(refine_some, batch, particles) for _ in range(1, lanes)]
+        batch, count = pack_batch(model, observation, particles), len(particles.poses)
+        indices = iter(range(count))  # gives each to one lane
+        others = [self._threads.submit(refine_some, batch, indices) for _ in range(1, min(self.count, count))]
         try:
-            refine_some(batch, particles)
+            refine_some(batch, indices)
             for other in others:
                 other.result()
         except BaseException:
-            list(particles)  # none is left for the others
+            list(indices)  # none is left for the others
             wait(others)
             raise
         return refined(batch)

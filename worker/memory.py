@@ -71,7 +71,7 @@ class Memory:
         run, number = request.run, request.frame
         with self._changed:
             memory = self._of(run)
-            memory.settings = request.settings
+            memory.settings = request.particles.settings
             if number in memory.observations:
                 return put_recent(memory.observations, number, memory.observations[number], FRAMES_KEPT)
             frames = memory.frames  # numbers ascend, so an older one does not come any more
@@ -109,9 +109,9 @@ class Memory:
                 raise ProtocolError(f"asked for model {wanted} and got {model.hash}")
         with self._changed:
             put_recent(self._models, wanted, model, 4 * MODELS_KEPT)  # of several runs
-        if request.poses.shape[1] != len(model.dof_names):
+        if request.particles.poses.shape[1] != len(model.dof_names):
             raise ProtocolError(
-                f"poses of {request.poses.shape[1]} values for a model of {len(model.dof_names)}"
+                f"poses of {request.particles.poses.shape[1]} values for a model of {len(model.dof_names)}"
             )
         return model
 

@@ -19,16 +19,15 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from queue import Empty, Queue
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
-from common.arrays import Array
 from common.body import BodyModel
 from common.errors import BusError, ProtocolError
 from common.frame import SubjectFrame
 from common.protocol import keys
 from common.protocol.frames import number_of
 from common.protocol.messages import RefineRequest, decode_request, encode_refined, encode_refusal
-from common.refinement import Refined
+from common.refinement import Particles, Refined
 from common.settings import RefineSettings
 from common.transport.bus import Bus
 from common.transport.channels import IncomingRequest
@@ -40,22 +39,8 @@ SILENCE_S = 10.0  # without a request before the coordinator is checked
 log = logging.getLogger(__name__)
 
 
-class Refine(Protocol):
-    """Refines poses (N, D) of a moving body, with their covariances if requested."""
-
-    def __call__(
-        self,
-        model: BodyModel,
-        observation: Any,
-        poses: Array,
-        settings: RefineSettings,
-        /,
-        *,
-        covariance: bool = False,
-        velocity: Array | None = None,
-    ) -> Refined:
-        """The refined poses in the same order."""
-        ...
+Refine = Callable[[BodyModel, Any, Particles], Refined]
+"""Refines particles of a body on an observation; returns them in the same order."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,16 +126,10 @@ class Service:
         Raises ProtocolError for an invalid request, BusError if its frame or model is not found.
         """
         model, observation = self._memory.model(request), self._memory.observation(request)
-        refine = self._kernel.spare if request.spare and self._kernel.spare else self._kernel.refine
-        refined = refine(
-            model,
-            observation,
-            request.poses,
-            request.settings,
-            covariance=request.covariance,
-            velocity=request.velocity,
-        )
-        if not request.spare:
+        spare = request.particles.spare
+        refine = self._kernel.spare if spare and self._kernel.spare else self._kernel.refine
+        refined = refine(model, observation, request.particles)
+        if not spare:
             self._tasks.put(Task(request.run, partial(self._observe_ahead, request.run)))
         return encode_refined(refined)
 
@@ -162,7 +141,7 @@ class Service:
             with request:
                 refuse(request, str(error))
         else:
-            tasks = self._spare_tasks if asked.spare else self._tasks
+            tasks = self._spare_tasks if asked.particles.spare else self._tasks
             tasks.put(Task(asked.run, partial(self._serve_waiting, request, asked)))
 
     def _serve_waiting(self, request: IncomingRequest, asked: RefineRequest) -> None:

@@ -9,6 +9,7 @@ from common.camera import Intrinsics
 from common.frame import DepthFrame, SubjectFrame
 from common.protocol.frames import decode_frame, encode_frame
 from common.protocol.models import decode_model, encode_model
+from common.refinement import Particles
 from common.settings import RefineSettings
 from worker.service import Kernel
 
@@ -19,7 +20,7 @@ def warm_up(kernel: Kernel) -> None:
     observation = kernel.observe(decode_frame(encode_frame(tiny_frame())))
     poses = np.zeros((1, len(ROOT_DOFS)))
     poses[:, 2] = 2.0
-    kernel.refine(model, observation, poses, RefineSettings())
+    kernel.refine(model, observation, Particles(poses, RefineSettings()))
 
 
 def tiny_model() -> BodyModel:

@@ -20,6 +20,7 @@ import small_gicp
 from benchmarks.costs.standing import Case, standing
 from benchmarks.running import command_line, keep, processor
 from common.arrays import Array
+from common.refinement import Particles
 from common.settings import RefineSettings, preset
 from coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise
 from tests.support.kernel import plain_path
@@ -56,7 +57,7 @@ def measure(case: Case, data: str, preset_name: str) -> dict[str, Any]:
     observed, visible = case.observed, case.visible()
 
     def ours() -> Array:
-        return refine(case.model, case.observation, case.start, settings).poses
+        return refine(case.model, case.observation, Particles(case.start, settings)).poses
 
     calls = {
         OURS: ours,

@@ -30,7 +30,7 @@ from common.arrays import Array
 from common.body import BodyModel
 from common.camera import Intrinsics
 from common.frame import DepthFrame, SubjectFrame
-from common.refinement import Refined
+from common.refinement import Particles, Refined
 from common.settings import RefineSettings, preset
 from coordinator.pool.options import WORKER_COMMAND, Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
@@ -148,7 +148,9 @@ def two_lanes(rounds: int) -> dict[str, Any]:
             refiner.wait_for(count)
             calls[f"bus {count}"] = partial(refine_now, refiner, case, poses, settings)
             alone = Lanes(count)
-            calls[f"kernel {count}"] = partial(alone.refine, case.model, case.observation, poses, settings)
+            calls[f"kernel {count}"] = partial(
+                alone.refine, case.model, case.observation, Particles(poses, settings)
+            )
         times = {name: float(np.median(spent)) for name, spent in in_turns(calls, rounds).items()}
     return {
         "ms": times,

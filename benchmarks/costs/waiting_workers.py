@@ -11,10 +11,11 @@ import sys
 import threading
 import time
 
+from common.body import BodyModel
 from common.frame import SubjectFrame
-from common.refinement import Refined
+from common.refinement import Particles, Refined
 from common.transport.opening import open_worker
-from tests.support.asked import Asked, refining, unmoved
+from coordinator.tracking.preparation import unmoved
 from worker.service import Kernel, Service
 
 
@@ -24,13 +25,13 @@ def waiting(seconds: float, lanes: int) -> Kernel:
     def observe(subject: SubjectFrame) -> None:
         del subject
 
-    def answer(asked: Asked, seen: None) -> Refined:
-        del seen
+    def refine(model: BodyModel, seen: None, particles: Particles) -> Refined:
+        del model, seen
         if seconds > 0.0:
-            time.sleep(seconds * math.ceil(len(asked.poses) / lanes))
-        return unmoved(asked.poses, covariance=asked.covariance)
+            time.sleep(seconds * math.ceil(len(particles.poses) / lanes))
+        return unmoved(particles)
 
-    return Kernel(observe, refining(answer), lanes)
+    return Kernel(observe, refine, lanes)
 
 
 def serve(endpoint: str, name: str, kernel: Kernel) -> None:

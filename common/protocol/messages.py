@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from functools import lru_cache
 from typing import Annotated, Any
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from common.bounds import (
     LARGEST,
@@ -22,7 +21,7 @@ from common.bounds import (
 from common.errors import ProtocolError
 from common.protocol.keys import NAME
 from common.protocol.wire import Array, Hash, Message, Natural, check, decode, encode, pack, unpack
-from common.refinement import Refined, triangle_size
+from common.refinement import Particles, Refined, triangle_size
 from common.settings import RefineSettings
 
 RunName = Annotated[str, msgspec.Meta(pattern=rf"^{NAME.pattern}\Z")]
@@ -60,27 +59,19 @@ class RefusalMessage(Message, frozen=True, tag="refusal"):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RefineRequest:
-    """One batch: refine `poses` (N, D) of a model on a frame of a run."""
+    """One batch: particles of a model, to be refined on a frame of a run."""
 
     run: str
     frame: int
     model: str
-    settings: RefineSettings
-    poses: NDArray[np.float64]  # (N, D)
-    covariance: bool = False  # whether the covariance of each particle is requested
-    spare: bool = False  # whether other requests come first
-    velocity: NDArray[np.float64] | None = None  # (D,) per second, for cameras with another time; None: zero
-
-    def batch(self, start: int, stop: int) -> RefineRequest:
-        """The request for particles start..stop-1."""
-        return replace(self, poses=self.poses[start:stop])
+    particles: Particles
 
 
 def encode_request(request: RefineRequest) -> bytes:
     """A batch for one worker."""
-    values = {field.name: getattr(request, field.name) for field in fields(request)}
+    values = {field.name: getattr(request.particles, field.name) for field in fields(Particles)}
     packed: dict[str, Any] = {name: pack(v) if isinstance(v, np.ndarray) else v for name, v in values.items()}
-    return encode(RequestMessage(**packed))
+    return encode(RequestMessage(request.run, request.frame, request.model, **packed))
 
 
 def decode_request(payload: bytes) -> RefineRequest:
@@ -93,8 +84,8 @@ def decode_request(payload: bytes) -> RefineRequest:
     velocity = None
     if message.velocity is not None:
         velocity = unpack("velocity", message.velocity, "<f8", poses.shape[1:], {}, -LARGEST, LARGEST)
-    of, model = (message.run, message.frame), message.model
-    return RefineRequest(*of, model, message.settings, poses, message.covariance, message.spare, velocity)
+    particles = Particles(poses, message.settings, message.covariance, message.spare, velocity)
+    return RefineRequest(message.run, message.frame, message.model, particles)
 
 
 @lru_cache(maxsize=64)  # a run's are always the same

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from queue import Empty, SimpleQueue
 
@@ -53,7 +53,7 @@ class Refinement:
     @property
     def is_over(self) -> bool:
         """Whether all particles are refined."""
-        return sum(len(part.poses) for part in self.parts.values()) == len(self.request.poses)
+        return sum(len(part.poses) for part in self.parts.values()) == len(self.request.particles.poses)
 
 
 class RpcClient:
@@ -98,8 +98,8 @@ class RpcClient:
         self.catch_up()
         number, self._begun = self._begun, self._begun + 1
         self._refinements[number] = refinement = Refinement(self, number, request)
-        particles, now = len(request.poses), time.monotonic()
-        self._send(self.scheduler.start(number, particles, now, spare=request.spare))
+        particles, now = len(request.particles.poses), time.monotonic()
+        self._send(self.scheduler.start(number, particles, now, spare=request.particles.spare))
         return refinement
 
     def finish(self, refinement: Refinement) -> None:
@@ -186,10 +186,10 @@ class RpcClient:
 
     def _send(self, requests: list[Request]) -> None:
         for request in requests:
-            whole = self._refinements[request.batch.refinement].request
-            batch = whole.batch(request.batch.start, request.batch.stop)
+            whole, batch = self._refinements[request.batch.refinement].request, request.batch
+            part = replace(whole, particles=whole.particles.part(batch.start, batch.stop))
             self._senders[request.worker.name].send(
-                encode_request(batch), partial(self._deliver, request.ticket, request.worker.name)
+                encode_request(part), partial(self._deliver, request.ticket, request.worker.name)
             )
 
     def _deliver(self, ticket: int, worker: str, ending: Ending, payload: bytes) -> None:
@@ -223,9 +223,10 @@ class RpcClient:
         if batch is None:
             return "refined", ""
         refinement = self._refinements[batch.refinement]
-        shape = batch.stop - batch.start, refinement.request.poses.shape[1]
+        asked = refinement.request.particles
+        shape = batch.stop - batch.start, asked.poses.shape[1]
         try:
-            part = decode_refined(payload, shape, covariance=refinement.request.covariance)
+            part = decode_refined(payload, shape, covariance=asked.covariance)
         except ProtocolError as error:
             self.malformed += 1
             self._report(f"worker {worker} sent an invalid reply: {error}")

@@ -1,4 +1,4 @@
-"""Refinement by workers on the bus: implements the interface of the tracker."""
+"""Refinement by workers on the bus."""
 
 from __future__ import annotations
 
@@ -8,13 +8,12 @@ from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
-from common.arrays import Array
 from common.body import BodyModel
 from common.closing import Closing
 from common.frame import SubjectFrame
 from common.protocol import keys
 from common.protocol.messages import RefineRequest
-from common.settings import RefineSettings
+from common.refinement import Particles
 from common.transport.channels import Publisher
 from common.transport.endpoints import LOCAL, protocol_of
 from common.transport.opening import open_coordinator
@@ -22,9 +21,10 @@ from coordinator.pool.local_worker import LocalWorker, private_folder
 from coordinator.pool.options import Pool, PoolStatistics
 from coordinator.pool.publication import Publication
 from coordinator.pool.rpc_client import Refinement, RpcClient
+from coordinator.tracking.refiner import Refiner
 
 
-class ZenohRefiner(Closing):
+class ZenohRefiner(Refiner, Closing):
     """Refines particles with the workers on the bus; a context manager.
 
     Results are in the order of the particles and do not depend on the workers. `report` is called with a
@@ -110,21 +110,10 @@ class ZenohRefiner(Closing):
         """Send a frame to all workers, so that they have it when its particles are submitted."""
         self._publication.put(subject, self._client.frames)
 
-    def submit(
-        self,
-        subject: SubjectFrame,
-        model: BodyModel,
-        poses: Array,
-        settings: RefineSettings,
-        *,
-        covariance: bool = False,
-        spare: bool = False,
-        velocity: Array | None = None,
-    ) -> Refinement:
-        """Send poses (N, D) to the workers, to be refined on a frame."""
-        if len(poses) == 0:
+    def refine(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Refinement:
+        """Send particles to the workers, to be refined on a frame."""
+        if len(particles.poses) == 0:
             raise ValueError("there is nothing to refine")
         self._publication.offer(model)
         number = self._publication.put(subject, self._client.frames)
-        request = RefineRequest(self.run, number, model.hash, settings, poses, covariance, spare, velocity)
-        return self._client.begin(request)
+        return self._client.begin(RefineRequest(self.run, number, model.hash, particles))

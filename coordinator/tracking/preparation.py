@@ -6,16 +6,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from common.arrays import Array
 from common.body import BodyModel
 from common.camera import Intrinsics
 from common.frame import DepthFrame, SubjectFrame
-from common.refinement import Refined, triangle_size
-from common.settings import RefineSettings, Settings
+from common.refinement import Particles, Refined, triangle_size
+from common.settings import Settings
 from coordinator.bodies.tracked import Bodies
 from coordinator.scene.planes import Planes
 from coordinator.stopwatch import Stopwatch
 from coordinator.tracking.observation import isolate
+from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.reporting import Updated, report
 from coordinator.tracking.segmenter import Segmenter
 from coordinator.tracking.target import TargetTracker
@@ -38,30 +38,26 @@ class Unmoved:
         """There is nothing to give up."""
 
 
-class NoRefiner:
+class NoRefiner(Refiner):
     """A refiner that leaves particles as they are."""
 
     def publish(self, subject: SubjectFrame) -> None:
         """There are no workers."""
         del subject
 
-    def submit(
-        self,
-        subject: SubjectFrame,
-        model: BodyModel,
-        poses: Array,
-        settings: RefineSettings,
-        *,
-        covariance: bool = False,
-        spare: bool = False,
-        velocity: Array | None = None,
-    ) -> Unmoved:
+    def refine(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Unmoved:
         """The same poses (N, D), with a covariance of 1 cm and 0.01 rad."""
-        del subject, model, settings, spare, velocity
-        count, dofs = poses.shape
-        roots = np.zeros((count, triangle_size(dofs)), np.float32)
-        roots[:, np.cumsum(np.arange(1, dofs + 1)) - 1] = 0.01
-        return Unmoved(Refined(poses, np.zeros(count), np.full(count, 0.01), roots if covariance else None))
+        del subject, model
+        return Unmoved(unmoved(particles))
+
+
+def unmoved(particles: Particles) -> Refined:
+    """Unchanged poses (N, D), all equally likely, with a residual of 1 cm and a covariance on request."""
+    count, dofs = particles.poses.shape
+    roots = np.zeros((count, triangle_size(dofs)), np.float32)
+    roots[:, np.cumsum(np.arange(1, dofs + 1)) - 1] = 0.01
+    covariance_roots = roots if particles.covariance else None
+    return Refined(particles.poses, np.zeros(count), np.full(count, 0.01), covariance_roots)
 
 
 def rehearse(settings: Settings, bodies: Bodies) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -10,7 +11,7 @@ import msgspec
 from common.arrays import Array
 from common.body import BodyModel
 from common.frame import SubjectFrame
-from common.refinement import Refined
+from common.refinement import Particles, Refined
 from common.settings import RefineSettings
 
 
@@ -31,12 +32,16 @@ class Pending(Protocol):
         ...
 
 
-class Refiner(Protocol):
+class Refiner(ABC):
     """Refines particles; several requests may be under way."""
 
+    @abstractmethod
     def publish(self, subject: SubjectFrame) -> None:
         """Send a frame to the workers, so that they have it when its particles are submitted."""
-        ...
+
+    @abstractmethod
+    def refine(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Pending:
+        """Start to refine particles on a frame."""
 
     def submit(
         self,
@@ -49,12 +54,8 @@ class Refiner(Protocol):
         spare: bool = False,
         velocity: Array | None = None,
     ) -> Pending:
-        """Start to refine poses (N, D) on a frame, and to estimate the covariance of each if requested.
-
-        With `spare`, other requests come first. `velocity` (D,) is the motion per second, for images of other
-        cameras that were taken before or after the frame; None: none.
-        """
-        ...
+        """Start to refine poses (N, D) on a frame; the other arguments are those of `Particles`."""
+        return self.refine(subject, model, Particles(poses, settings, covariance, spare, velocity))
 
 
 @dataclass(frozen=True, slots=True)

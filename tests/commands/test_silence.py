@@ -5,14 +5,16 @@ from __future__ import annotations
 import io
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import msgspec
 import pytest
 from rich.console import Console
 
+from common.body import BodyModel
 from common.errors import SilentWorkers
+from common.frame import SubjectFrame
 from common.protocol import keys
+from common.refinement import Particles
 from common.transport.channels import IncomingRequest
 from common.transport.opening import open_router, open_worker
 from coordinator.commands.job import Job
@@ -38,12 +40,12 @@ class FallsSilent(ZenohRefiner):
         super().__init__(pool, show.say)
         self._left = requests
 
-    def submit(self, *asked: Any, **how: Any) -> Refinement:
-        """Submit, until the connection fails."""
+    def refine(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Refinement:
+        """Send requests, until the connection fails."""
         self._left -= 1
         if self._left < 0:
             raise SilentWorkers("silence")
-        return super().submit(*asked, **how)
+        return super().refine(subject, model, particles)
 
 
 def job(sequence: Path, out: Path) -> Job:

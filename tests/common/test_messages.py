@@ -26,7 +26,7 @@ from common.protocol.messages import (
 )
 from common.protocol.models import decode_model, encode_model
 from examples import live_publisher
-from tests.support.asked import sure
+from tests.support.answers import sure
 from tests.support.messages import COUNT, DOFS, KINDS, POSES, tiny_refined, tiny_request, tiny_sure
 from worker.warm_up import tiny_frame, tiny_model
 
@@ -91,6 +91,7 @@ def same(one: object, other: object) -> bool:
 
 
 FRAME = tiny_frame()
+COVARIANCES = replace(tiny_request().particles, covariance=True)
 KINDS_OF_PIXELS = np.where(FRAME.frame.depth > 0, SUBJECT, EMPTY).astype(np.uint8)
 BESIDE_ALL = SubjectFrame(  # a crop that lies outside of the image and has no picked pixel
     replace(
@@ -112,7 +113,7 @@ BESIDE_ALL = SubjectFrame(  # a crop that lies outside of the image and has no p
         (replace(FRAME, others=(replace(BESIDE_ALL, delay_s=-0.01),)), encode_frame, decode_frame),
         (tiny_model(), encode_model, decode_model),
         (tiny_request(), encode_request, decode_request),
-        (replace(tiny_request(), covariance=True), encode_request, decode_request),
+        (replace(tiny_request(), particles=COVARIANCES), encode_request, decode_request),
         (tiny_refined(), encode_refined, KINDS["reply"].decode),
         (tiny_sure(), encode_refined, KINDS["sure-reply"].decode),
     ],

@@ -14,7 +14,7 @@ from common.arrays import Array
 from common.bounds import LARGEST, LARGEST_LOG_LIKELIHOOD, MOST_PIXELS, check_work
 from common.errors import ProtocolError
 from common.protocol.messages import decode_refined, encode_refined
-from common.refinement import Refined, triangle_size
+from common.refinement import Particles, Refined, triangle_size
 from common.settings import RefineSettings, preset
 from coordinator.filters.gradient_enhanced import begin
 from tests.support.extremes import Extremes
@@ -40,7 +40,7 @@ def test_noise_without_measure_gives_numbers(settings: RefineSettings) -> None:
     """Along or across: particles on the body and beside it have a finite likelihood and a residual."""
     for beside in (0.0, 0.5, 1.5):
         poses = POSES[:3] + beside * np.eye(POSES.shape[1])[0]
-        refined = refine(MODEL, observe(tiny_frame()), poses, settings)
+        refined = refine(MODEL, observe(tiny_frame()), Particles(poses, settings))
         decode_refined(encode_refined(refined), poses.shape)
         assert np.all(np.isfinite(refined.log_likelihood))
         assert np.all(refined.residual >= 0.0)
@@ -53,7 +53,7 @@ def test_work_without_end_is_refused() -> None:
     with pytest.raises(ProtocolError, match="steps of work, expected 1e"):
         check_work(many, 1000, 10_000, 7_000)
     with pytest.raises(ProtocolError, match="steps of work"):
-        refine(MODEL, observe(tiny_frame()), np.tile(POSES, (200, 1)), many)
+        refine(MODEL, observe(tiny_frame()), Particles(np.tile(POSES, (200, 1)), many))
 
 
 def test_drawing_ends() -> None:
@@ -88,7 +88,7 @@ def test_what_is_laid_out_goes_with_its_model() -> None:
 
 def test_settings_of_extremes_are_all_settings() -> None:
     """A setting that is added is made extreme, too."""
-    settings = [msgspec.structs.asdict(case.request.settings) for case in Extremes(1).accepted(60)]
+    settings = [msgspec.structs.asdict(case.request.particles.settings) for case in Extremes(1).accepted(60)]
     assert all(len({each[name] for each in settings}) > 1 for name in settings[0])
 
 

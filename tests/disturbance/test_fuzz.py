@@ -42,7 +42,7 @@ from coordinator.pool.zenoh_refiner import ZenohRefiner
 from tests.support.extremes import Extremes
 from tests.support.messages import KINDS, Mutator
 from tests.support.processes.instant_worker import KERNEL
-from tests.support.processes.serving import MODEL, POSES, REQUEST, expected, refined_bytes, running, serving
+from tests.support.processes.serving import MODEL, REQUEST, expected, refined_bytes, running, serving
 from worker.kernel.icp import refine
 from worker.kernel.observation import observe
 from worker.service import Kernel, Service
@@ -82,10 +82,8 @@ def to_kernel(endpoint: str) -> Messages:
     warm_up(Kernel(observe, refine))
     while True:
         case = extremes.accepted(1)[0]
-        refined = refine(
-            case.model, observe(case.frame), case.request.poses, case.request.settings, covariance=True
-        )
-        decode_refined(encode_refined(refined), case.request.poses.shape, covariance=True)
+        refined = refine(case.model, observe(case.frame), replace(case.request.particles, covariance=True))
+        decode_refined(encode_refined(refined), case.request.particles.poses.shape, covariance=True)
         yield "served" if np.isfinite(refined.log_likelihood).all() else "served without a likelihood"
 
 
@@ -109,7 +107,7 @@ class Villain:
         self._models = {MODEL.hash: encode_model(MODEL)}
         self._publisher = bus.publish(keys.of_run("evil", "frame"))
         self._frames: dict[str, bytes] = {}
-        self.honest = replace(REQUEST, run="evil", frame=0, poses=POSES[:3])
+        self.honest = replace(REQUEST, run="evil", frame=0, particles=REQUEST.particles.part(0, 3))
         bus.serve(keys.of_run("evil", "model/*"), lambda key: self._models.get(keys.last_of(key)))
         bus.serve(keys.of_run("evil", "frame/*"), lambda key: self._frames.get(keys.last_of(key)))
         self._publish(encode_frame(tiny_frame()))
@@ -122,7 +120,8 @@ class Villain:
 
     def attack(self, k: int) -> tuple[str, bytes]:
         """One hostile request, frame or model; gives how the worker answered."""
-        self.honest = replace(self.honest, settings=PRESETS[k // 3 % len(PRESETS)])
+        settings = PRESETS[k // 3 % len(PRESETS)]
+        self.honest = replace(self.honest, particles=replace(self.honest.particles, settings=settings))
         match k % 3:
             case 0:
                 return self.ask(self._mutator.mutate(encode_request(self.honest)))
@@ -144,8 +143,8 @@ class Villain:
             self._sender.send(payload, lambda ending, answer: self._answers.put((ending, answer)))
             outcome, answer = self._answers.get(timeout=2 * LONGEST)
             if outcome == "reply":
-                request = decode_request(payload)
-                decode_refined(answer, request.poses.shape, covariance=request.covariance)
+                asked = decode_request(payload).particles
+                decode_refined(answer, asked.poses.shape, covariance=asked.covariance)
             if outcome != "nothing":
                 return outcome, answer
             time.sleep(1.0)
@@ -195,7 +194,7 @@ class Liar(Service):
             request.refuse(self._mutator.mutate(encode_refusal("no")))
         else:
             self._heard["lies"] += 1
-            request.reply(self._nonsense(honest, asked.poses.shape))
+            request.reply(self._nonsense(honest, asked.particles.poses.shape))
 
     def _nonsense(self, honest: bytes, asked: tuple[int, ...]) -> bytes:
         """The honest answer, mutated until it is none."""

@@ -18,7 +18,7 @@ from common.transport.bus import Bus
 from common.transport.opening import open_router, open_worker
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
-from tests.support.asked import as_bytes
+from tests.support.answers import as_bytes
 from tests.support.processes.instant_worker import observe, refine
 from tests.support.processes.programs import wait_until
 from tests.support.processes.serving import (
@@ -93,8 +93,9 @@ def test_one_worker_serves_two_runs_and_forgets_who_is_gone(endpoint: str, throu
         held = two.submit(frame(98), MODEL, POSES, SETTINGS)
         sender = one._bus.request_sender(keys.of_worker("w", "refine"), 60.0)
         for _ in range(100):
-            sender.send(encode_request(replace(REQUEST, run=one.run, spare=True)), lambda *_: None)
-        waits = [two.submit(frame(99), MODEL, POSES, SETTINGS, spare=spare) for spare in (False, True)]
+            spare = replace(REQUEST, run=one.run, particles=replace(REQUEST.particles, spare=True))
+            sender.send(encode_request(spare), lambda *_: None)
+        waits = [two.submit(frame(99), MODEL, POSES, SETTINGS, spare=last) for last in (False, True)]
         one.__exit__(None, None, None)
         wait_until(lambda: len(service._memory) == 1)
         released.set()

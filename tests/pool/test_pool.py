@@ -19,13 +19,14 @@ from common.frame import SubjectFrame
 from common.protocol import keys
 from common.protocol.messages import decode_refusal, encode_refusal, encode_request
 from common.protocol.wire import PROTOCOL
+from common.refinement import Particles
 from common.settings import RefineSettings
 from common.transport.bus import Bus
 from common.transport.channels import IncomingRequest
 from common.transport.opening import open_coordinator, open_worker
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
-from tests.support.asked import as_bytes
+from tests.support.answers import as_bytes
 from tests.support.processes.instant_worker import observe, refine
 from tests.support.processes.serving import (
     MODEL,
@@ -61,7 +62,7 @@ def test_frame_may_be_refined_more_than_once(endpoint: str) -> None:
         one = refiner.submit(subject, MODEL, POSES[:1], SETTINGS)
         two = refiner.submit(subject, other, POSES, SETTINGS).result()
         assert as_bytes(one.result()) == expected(3, POSES[:1])
-    assert as_bytes(two) == as_bytes(refine(other, observe(frame(3)), POSES, SETTINGS))
+    assert as_bytes(two) == as_bytes(refine(other, observe(frame(3)), Particles(POSES, SETTINGS)))
 
 
 class WatchedBus:
@@ -336,7 +337,10 @@ def connected(endpoint: str) -> Iterator[Client]:
             encode_request(REQUEST).replace(b"version" + bytes([PROTOCOL]), b"version\x02"),
             f"protocol version 2, expected {PROTOCOL}",
         ),
-        (encode_request(replace(REQUEST, poses=POSES * np.nan)), "poses must be .* not nan"),
+        (
+            encode_request(replace(REQUEST, particles=Particles(POSES * np.nan, SETTINGS))),
+            "poses must be .* not nan",
+        ),
         (encode_request(REQUEST), "model [0-9a-f]{12} of run ghost is not available"),
     ],
     ids=["empty", "rubbish", "version", "nan", "unknown-run"],
@@ -358,7 +362,9 @@ def test_unknown_frame_and_other_degrees_of_freedom_get_a_reason(endpoint: str) 
         kind, answer = client.ask(encode_request(replace(request, frame=99)))
         assert kind == "refusal"
         assert decode_refusal(answer).reason == f"frame 99 of run {refiner.run} is not available"
-        kind, answer = client.ask(encode_request(replace(request, poses=POSES[:, :5])))
+        kind, answer = client.ask(
+            encode_request(replace(request, particles=Particles(POSES[:, :5], SETTINGS)))
+        )
         assert kind == "refusal"
         assert decode_refusal(answer).reason == "poses of 5 values for a model of 6"
 

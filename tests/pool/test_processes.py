@@ -17,11 +17,12 @@ import numpy as np
 import psutil  # type: ignore[import-untyped]
 import pytest
 
+from common.body import BodyModel
 from common.errors import BusError
-from common.refinement import Refined
+from common.refinement import Particles, Refined
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
-from tests.support.asked import Asked, refining, unmoved
+from coordinator.tracking.preparation import unmoved
 from tests.support.processes.programs import INSTANT, is_alive, started, wait_until
 from tests.support.processes.serving import MODEL, POSES, SETTINGS, expected, frame, refined_bytes
 from tests.support.processes.warm_processes import start
@@ -218,14 +219,14 @@ def test_idle_worker_is_idle(tmp_path: Path) -> None:
 def serve_without_hearing(endpoint: str, asked: Path) -> None:
     """`gepf-worker` with a kernel that swallows whatever a signal raises."""
 
-    def answer(asked_for: Asked, _: object) -> Refined:
+    def refine(_model: BodyModel, _observation: object, particles: Particles) -> Refined:
         with suppress(BaseException):
             asked.touch()
             time.sleep(600.0)
-        return unmoved(asked_for.poses, covariance=asked_for.covariance)
+        return unmoved(particles)
 
     identity = Identity("deaf", (endpoint,))
-    exit_with(lambda: serve(identity, lambda: Kernel(lambda _: None, refining(answer))))
+    exit_with(lambda: serve(identity, lambda: Kernel(lambda _: None, refine)))
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])

@@ -14,7 +14,7 @@ from common.body import BodyModel
 from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import joint_positions, retract
 from common.kinematics.rotations import euler_angles, euler_matrix
-from common.refinement import lower_triangular
+from common.refinement import Particles, lower_triangular
 from common.settings import preset
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import coarsen, name_pose
@@ -70,11 +70,11 @@ def test_a_rig_may_have_any_frame() -> None:
     """Moved as a whole, the cameras and the body give the same likelihoods and the moved joints."""
     move = around(33.0)
     move[:3, 3] += [0.4, -0.2, 0.7]
-    here = refine(body(), observe(both()), near(), RULES)
+    here = refine(body(), observe(both()), Particles(near(), RULES))
     away = {name: move @ placed for name, placed in ASIDE.items()}
     frame = seen_from(body(), [pose()] * 2, ASIDE)
     moved = together([replace(view, T_rig_camera=away[view.camera]) for view in frame.views])
-    there = refine(body(), observe(subject_of(moved, POINTS)), moved_by(move, near()), RULES)
+    there = refine(body(), observe(subject_of(moved, POINTS)), Particles(moved_by(move, near()), RULES))
     np.testing.assert_allclose(there.log_likelihood, here.log_likelihood, rtol=1e-3)
     joints = joint_positions(body(), here.poses) @ move[:3, :3].T + move[:3, 3]
     np.testing.assert_allclose(joint_positions(body(), there.poses), joints, atol=1e-3)
@@ -86,8 +86,10 @@ def test_the_log_likelihood_is_the_mean_over_the_points_of_all_cameras() -> None
     alone = [replace(view, others=()) for view in whole.views]
     assert len(alone) == 2
     weights = np.array([len(view.picked) for view in alone]) / sum(len(view.picked) for view in alone)
-    each = np.array([refine(body(), observe(view), near(), still).log_likelihood for view in alone])
-    found = refine(body(), observe(whole), near(), still).log_likelihood
+    each = np.array(
+        [refine(body(), observe(view), Particles(near(), still)).log_likelihood for view in alone]
+    )
+    found = refine(body(), observe(whole), Particles(near(), still)).log_likelihood
     np.testing.assert_allclose(found, weights @ each, rtol=1e-9)
 
 
@@ -98,7 +100,7 @@ def test_a_second_camera_finds_the_arm_that_the_first_does_not_see() -> None:
     start[0, arm] += 0.4
     many, errors, spreads = msgspec.structs.replace(RULES, icp_iterations=12), [], []
     for subject in (subject_of(seen_from(body(), [pose()], {"front": ASIDE["front"]}), POINTS), both()):
-        found = refine(body(), observe(subject), start, many, covariance=True)
+        found = refine(body(), observe(subject), Particles(start, many, covariance=True))
         wrist = body().joint_names.index("right_wrist")
         errors.append(np.linalg.norm(joint_positions(body(), found.poses)[0, wrist] - true[wrist]))
         assert found.covariance_roots is not None
@@ -120,7 +122,7 @@ def test_a_camera_with_another_time_sees_the_body_where_it_is_then(delay_s: floa
     observed = observe(subject_of(replace(frame, others=(late,)), POINTS))
     off = []
     for known_velocity in (velocity[0], None):
-        found = refine(body(), observed, pose()[None], RULES, velocity=known_velocity)
+        found = refine(body(), observed, Particles(pose()[None], RULES, velocity=known_velocity))
         off.append(np.linalg.norm(found.poses[0, :3] - pose()[:3]))
     assert off[0] < 0.003
     assert off[1] > 0.006

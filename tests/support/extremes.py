@@ -19,6 +19,7 @@ from common.frame import DepthFrame, SubjectFrame
 from common.protocol.frames import decode_frame, encode_frame
 from common.protocol.messages import RefineRequest, decode_request, encode_request
 from common.protocol.models import decode_model, encode_model
+from common.refinement import Particles
 from common.settings import RefineSettings
 from worker.warm_up import tiny_frame, tiny_model
 
@@ -48,7 +49,8 @@ class Extremes:
         """A case after encoding and decoding; ProtocolError if it is not accepted."""
         model = self._one_of((self._model, self._pyramid))()
         frame = self._one_of((self._frame, tiny_frame))()
-        request = RefineRequest("extreme", 0, model.hash, self._settings(), self._poses(len(model.dof_names)))
+        settings, poses = self._settings(), self._poses(len(model.dof_names))
+        request = RefineRequest("extreme", 0, model.hash, Particles(poses, settings))
         return Case(
             decode_model(encode_model(model)),
             decode_frame(encode_frame(frame)),

@@ -7,16 +7,18 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from common.body import BodyModel
 from common.frame import DepthFrame
-from common.refinement import Refined
+from common.refinement import Particles, Refined
 from common.transport.opening import open_worker
 from coordinator.results.log import read_log
-from tests.support.asked import Asked, refining, unmoved
+from coordinator.tracking.preparation import unmoved
 from tests.support.processes.instant_worker import KERNEL
 from tests.support.processes.programs import in_thread
 from tests.support.processes.serving import serving
@@ -46,16 +48,17 @@ class Finder:
     def __init__(self, seconds_per_particle: float = 0.0) -> None:
         self.seconds_per_particle = seconds_per_particle
 
-    def refine(self, asked: Asked, _: object) -> Refined:
+    def refine(self, _model: BodyModel, _observation: object, particles: Particles) -> Refined:
         """Every particle where the plate is, all equally likely."""
-        time.sleep(self.seconds_per_particle * len(asked.poses))
-        return unmoved(np.tile(AT_TWO_METRES, (len(asked.poses), 1)), covariance=asked.covariance)
+        count = len(particles.poses)
+        time.sleep(self.seconds_per_particle * count)
+        return unmoved(replace(particles, poses=np.tile(AT_TWO_METRES, (count, 1))))
 
 
 @contextmanager
 def at_work(where: str, worker: Finder | None = None) -> Iterator[None]:
     """A worker that joins when there is a listener."""
-    kernel = Kernel(KERNEL.observe, refining((worker or Finder()).refine))
+    kernel = Kernel(KERNEL.observe, (worker or Finder()).refine)
 
     def work(stop: threading.Event) -> None:
         with serving(where, "w", kernel):

@@ -22,9 +22,9 @@ from common.protocol.messages import (
     encode_request,
 )
 from common.protocol.models import decode_model, encode_model
-from common.refinement import Refined
+from common.refinement import Particles, Refined
 from common.settings import RefineSettings
-from tests.support.asked import sure
+from tests.support.answers import sure
 from worker.warm_up import tiny_frame, tiny_model
 
 COUNT, DOFS = 3, 6
@@ -33,7 +33,7 @@ POSES = np.linspace(-1.0, 1.0, COUNT * DOFS).reshape(COUNT, DOFS)
 
 def tiny_request() -> RefineRequest:
     """A request as a coordinator sends it."""
-    return RefineRequest("run-1", 7, tiny_model().hash, RefineSettings(damping=0.25), POSES)
+    return RefineRequest("run-1", 7, tiny_model().hash, Particles(POSES, RefineSettings(damping=0.25)))
 
 
 def tiny_refined() -> Refined:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -14,20 +13,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from common.arrays import Array
 from common.body import BodyModel
 from common.camera import Intrinsics
 from common.frame import SubjectFrame
-from common.settings import RefineSettings
+from common.refinement import Particles
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
 from coordinator.cli import main
 from coordinator.commands.progress import Show
 from coordinator.pool.options import Pool, PoolStatistics
-from coordinator.tracking.preparation import Unmoved
-from coordinator.tracking.refiner import Pending
+from coordinator.tracking.preparation import Unmoved, unmoved
+from coordinator.tracking.refiner import Pending, Refiner
 from gepf.direct import DirectRefiner
-from tests.support.asked import Asked, unmoved
 from tests.support.people import rendered
 from tests.support.recordings import write_open3d
 
@@ -37,7 +34,7 @@ def no_workers(*_: object) -> NoReturn:
     raise AssertionError("workers were asked for")
 
 
-class StandIn(ABC):
+class StandIn(Refiner):
     """A Refiner that ignores frames."""
 
     statistics = PoolStatistics()
@@ -46,21 +43,6 @@ class StandIn(ABC):
     def publish(self, subject: SubjectFrame) -> None:
         """Look at nothing."""
         del subject
-
-    def submit(
-        self,
-        subject: SubjectFrame,
-        model: BodyModel,
-        poses: Array,
-        settings: RefineSettings,
-        *,
-        covariance: bool = False,
-        spare: bool = False,
-        velocity: Array | None = None,
-    ) -> Pending:
-        """The result of `answer`."""
-        del spare, velocity
-        return self.answer(Asked(model, poses, settings, covariance, subject))
 
     def wait_for(self, lanes: int) -> None:
         """They are there."""
@@ -81,10 +63,6 @@ class StandIn(ABC):
         show.say("workers are there")
         yield self
 
-    @abstractmethod
-    def answer(self, asked: Asked) -> Pending:
-        """Refine, or pretend to."""
-
 
 class Direct(StandIn):
     """Refines in this process."""
@@ -94,9 +72,9 @@ class Direct(StandIn):
     def __init__(self) -> None:
         self._refiner = DirectRefiner()
 
-    def answer(self, asked: Asked) -> Pending:
+    def refine(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Pending:
         """By the worker's kernel, when the result is asked for."""
-        return asked.of(self._refiner)
+        return self._refiner.refine(subject, model, particles)
 
 
 class Listening(Direct):
@@ -106,10 +84,10 @@ class Listening(Direct):
         super().__init__()
         self.asked: set[bool] = set()
 
-    def answer(self, asked: Asked) -> Pending:
+    def refine(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Pending:
         """As in the base class."""
-        self.asked.add(asked.covariance)
-        return super().answer(asked)
+        self.asked.add(particles.covariance)
+        return super().refine(subject, model, particles)
 
 
 CAMERA = Intrinsics(64, 48, 50.0, 50.0, 32.0, 24.0)
@@ -127,16 +105,15 @@ class StillWorkers(StandIn):
         self.asked = Pool()
         self.before: Callable[[int], object] = lambda _: None  # a frame
 
-    def answer(self, asked: Asked) -> Unmoved:
+    def refine(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Unmoved:
         """The same poses, all equally likely; or the failure, if it is time."""
-        assert asked.subject is not None
-        number = asked.subject.frame.number
+        number = subject.frame.number
         self.before(number)
         if number == self.fail_at and self.failure is not None:
             raise self.failure
-        assert asked.poses.shape[1] == len(asked.model.dof_names)
-        assert asked.settings.noise_depth >= asked.settings.noise_lateral
-        return Unmoved(unmoved(asked.poses, covariance=asked.covariance))
+        assert particles.poses.shape[1] == len(model.dof_names)
+        assert particles.settings.noise_depth >= particles.settings.noise_lateral
+        return Unmoved(unmoved(particles))
 
     def track(self, sequence: Path, out: Path, *options: str) -> int:
         """The exit code of `gepf track` by these, without pictures."""

@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 
 from common.arrays import Array
+from common.body import BodyModel
 from common.frame import SubjectFrame
 from common.kinematics import joint_positions
-from common.refinement import Refined
+from common.refinement import Particles, Refined
 from common.settings import Settings
 from coordinator.bodies.tracked import name_pose
 from coordinator.scene.planes import Planes
@@ -33,7 +34,6 @@ from coordinator.tracking.target import TargetTracker
 from coordinator.tracking.track_management import TrackManagement
 from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
-from tests.support.asked import Asked
 from tests.support.people import (
     FRAMES,
     SETTINGS,
@@ -155,13 +155,12 @@ class Watched(Direct):
         """The workers get a frame."""
         self.events.append(f"sent {subject.frame.number}")
 
-    def answer(self, asked: Asked) -> WatchedRequest:
+    def refine(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> WatchedRequest:
         """The workers get busy."""
-        assert asked.subject is not None
-        if asked.subject.frame.number == self._fails_at:
+        if subject.frame.number == self._fails_at:
             raise RuntimeError("the workers are gone")
         self.events.append("busy")
-        return WatchedRequest(super().answer(asked), self.events)
+        return WatchedRequest(super().refine(subject, model, particles), self.events)
 
 
 def test_a_frame_is_told_while_the_workers_are_busy_with_the_next() -> None:

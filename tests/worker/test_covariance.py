@@ -11,9 +11,9 @@ import pytest
 
 from common.arrays import Array
 from common.body import ROTATION, BodyModel
-from common.refinement import lower_triangular, triangle_size
+from common.refinement import Particles, lower_triangular, triangle_size
 from common.settings import RefineSettings
-from tests.support.asked import as_bytes
+from tests.support.answers import as_bytes
 from tests.support.bodies import puppet
 from tests.support.kernel import plain_path
 from tests.support.kernel.kernel_cases import DEFAULT, PAPER, TRUTH, out_of_sight, starts, subject, tangents
@@ -128,8 +128,8 @@ def test_a_descent_that_came_to_rest_gives_that_of_its_pose(settings: RefineSett
     """The whole way through a request, for poses that stay where they are."""
     model, observation = puppet(), observe(subject())
     long, short = (msgspec.structs.replace(settings, icp_iterations=n) for n in (60, 1))
-    settled = refine(model, observation, starts(3), long).poses
-    again = refine(model, observation, settled, short, covariance=True)
+    settled = refine(model, observation, Particles(starts(3), long)).poses
+    again = refine(model, observation, Particles(settled, short, covariance=True))
     assert again.covariance_roots is not None
     roots = lower_triangular(again.covariance_roots, len(TRUTH))
     for pose, root in zip(settled, roots, strict=True):
@@ -143,7 +143,9 @@ def test_what_nothing_is_known_about_has_the_weak_priors_width() -> None:
     """Without a descent, and for a body out of sight."""
     still = msgspec.structs.replace(DEFAULT, icp_iterations=0)
     for body, pose, settings in ((puppet(), TRUTH, still), (*out_of_sight(), PAPER)):
-        found = refine(body, observe(subject()), pose[None], settings, covariance=True).covariance_roots
+        found = refine(
+            body, observe(subject()), Particles(pose[None], settings, covariance=True)
+        ).covariance_roots
         assert found is not None
         np.testing.assert_allclose(lower_triangular(found, 19)[0], np.diag(widest(body)), rtol=1e-6)
 
@@ -152,13 +154,13 @@ def test_what_nothing_is_known_about_has_the_weak_priors_width() -> None:
 def test_it_depends_on_the_particle_alone(name: str) -> None:
     """The same bytes alone, in any batch and order and over lanes; asking for it changes nothing else."""
     model, observation, settings, poses = puppet(), observe(subject()), SETTINGS[name], starts(7)
-    together = refine(model, observation, poses, settings, covariance=True)
-    unasked = refine(model, observation, poses, settings)
+    together = refine(model, observation, Particles(poses, settings, covariance=True))
+    unasked = refine(model, observation, Particles(poses, settings))
     assert as_bytes(unasked) == as_bytes(replace(together, covariance_roots=None))
-    backward = refine(model, observation, poses[::-1], settings, covariance=True)
+    backward = refine(model, observation, Particles(poses[::-1], settings, covariance=True))
     assert as_bytes(backward)[::-1] == as_bytes(together)
     for n in range(3):
-        alone = refine(model, observation, poses[n : n + 1], settings, covariance=True)
+        alone = refine(model, observation, Particles(poses[n : n + 1], settings, covariance=True))
         assert as_bytes(alone) == as_bytes(together)[n : n + 1]
-    of_lanes = Lanes(2).refine(model, observation, poses, settings, covariance=True)
+    of_lanes = Lanes(2).refine(model, observation, Particles(poses, settings, covariance=True))
     assert as_bytes(of_lanes) == as_bytes(together)

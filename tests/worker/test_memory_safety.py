@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from common.camera import Intrinsics
 from common.frame import EMPTY, SUBJECT, UNMEASURED, DepthFrame, SubjectFrame
+from common.refinement import Particles
 from common.settings import RefineSettings, preset
 from tests.support.bodies import puppet
 from tests.support.kernel import plain_path
@@ -116,7 +117,7 @@ def test_a_pose_that_is_no_number_is_rejected_before_anything_is_searched() -> N
     """No index is computed of it; the particles beside it are refined as without it."""
     observation, settings = observe(cropped("odd sizes", kinds=True)), SETTINGS["default"]
     poses = np.stack([near(), np.full(len(TRUTH), np.nan), np.full(len(TRUTH), np.inf), near()])
-    found = refine(puppet(), observation, poses, settings)
+    found = refine(puppet(), observation, Particles(poses, settings))
     assert np.isfinite(found.log_likelihood).tolist() == [True, False, False, True]
     assert found.poses[0].tobytes() == found.poses[3].tobytes()
 

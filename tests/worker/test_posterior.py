@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from common.arrays import Array
+from common.refinement import Particles
 from tests.support.kernel.posterior import (
     BODIES,
     SETTINGS,
@@ -79,7 +80,7 @@ def test_every_weight_is_the_log_posterior_of_the_pose_that_comes_with_it(
 ) -> None:
     """Of refined particles: by what is visible in the pose itself, and belongs together there."""
     of = posterior_case(body, name)
-    refined = refine(of.model, observe(of.subject), random_poses(of, count), of.settings)
+    refined = refine(of.model, observe(of.subject), Particles(random_poses(of, count), of.settings))
     for pose, weight in zip(refined.poses, refined.log_likelihood, strict=True):
         held = kernel_slope(of, pose.copy())[1]
         assert weight == pytest.approx(log_posterior(held, pose[None])[0], rel=1e-3)

@@ -14,7 +14,8 @@ from numba.core.dispatcher import Dispatcher
 
 from common.camera import Intrinsics
 from common.kinematics import retract
-from tests.support.asked import as_bytes
+from common.refinement import Particles
+from tests.support.answers import as_bytes
 from tests.support.bodies import person, puppet
 from tests.support.kernel import plain_path
 from tests.support.kernel.kernel_cases import (
@@ -44,7 +45,7 @@ def test_refinement_matches(name: str) -> None:
     """
     model, settings = puppet(), SETTINGS[name]
     poses = starts(3)
-    found = icp.refine(model, observe(subject()), poses, settings)
+    found = icp.refine(model, observe(subject()), Particles(poses, settings))
     expected = [plain_path.refine(model, subject(), pose, settings) for pose in poses]
     off = np.abs(found.poses - np.array([pose for pose, _, _ in expected])).max(axis=1)
     assert np.median(off) < 1e-6
@@ -59,9 +60,9 @@ def test_refinement_matches(name: str) -> None:
 def test_without_iterations_poses_are_only_evaluated() -> None:
     """No ICP iteration: poses stay, within their limits, and are as likely as after a descent to them."""
     model, observation = puppet(), observe(subject())
-    refined = icp.refine(model, observation, starts(3), DEFAULT)
+    refined = icp.refine(model, observation, Particles(starts(3), DEFAULT))
     assess = msgspec.structs.replace(DEFAULT, icp_iterations=0)
-    assessed = icp.refine(model, observation, refined.poses, assess)
+    assessed = icp.refine(model, observation, Particles(refined.poses, assess))
     np.testing.assert_array_equal(assessed.poses, refined.poses)
     np.testing.assert_array_equal(assessed.log_likelihood, refined.log_likelihood)
     np.testing.assert_array_equal(assessed.residual, refined.residual)
@@ -71,7 +72,7 @@ def test_what_is_asked_for_is_not_changed() -> None:
     """The poses of a request stay as they were, and need not be writable."""
     poses = starts(2)
     poses.setflags(write=False)
-    refined = icp.refine(puppet(), observe(subject()), poses, DEFAULT)
+    refined = icp.refine(puppet(), observe(subject()), Particles(poses, DEFAULT))
     assert refined.poses.flags.writeable
     np.testing.assert_array_equal(poses, starts(2))
 
@@ -83,8 +84,8 @@ def test_padding_does_not_count() -> None:
     points = observation.points.copy()
     points[POINTS:] = points[:1] + np.float32(0.5)
     for settings in (PAPER, DEFAULT):
-        one = icp.refine(puppet(), observation, starts(2), settings)
-        other = icp.refine(puppet(), replace(observation, points=points), starts(2), settings)
+        one = icp.refine(puppet(), observation, Particles(starts(2), settings))
+        other = icp.refine(puppet(), replace(observation, points=points), Particles(starts(2), settings))
         np.testing.assert_allclose(other.poses, one.poses, atol=1e-9)
         np.testing.assert_allclose(other.log_likelihood, one.log_likelihood, rtol=1e-9)
         np.testing.assert_allclose(other.residual, one.residual, rtol=1e-9)
@@ -93,7 +94,7 @@ def test_padding_does_not_count() -> None:
 def test_a_body_that_is_nowhere_in_sight_is_impossible() -> None:
     """Behind the camera nothing is visible: the pose stays, its likelihood is zero, its residual infinite."""
     model, behind = out_of_sight()
-    found = icp.refine(model, observe(subject()), behind[None], PAPER)
+    found = icp.refine(model, observe(subject()), Particles(behind[None], PAPER))
     np.testing.assert_array_equal(found.poses[0], behind)
     assert found.log_likelihood[0] == -np.inf
     assert found.residual[0] == np.inf
@@ -112,7 +113,7 @@ def test_what_nothing_determines_stays() -> None:
 
 def test_nothing_compiles_in_mid_run() -> None:
     """After the first particle no kernel is compiled for other bodies, frames, batches or settings."""
-    icp.refine(puppet(), observe(subject()), starts(1), PAPER)
+    icp.refine(puppet(), observe(subject()), Particles(starts(1), PAPER))
     pose = np.zeros((2, len(person().dof_names)))
     gc.unfreeze()  # a worker in this process would have hidden them
     kernels = [
@@ -124,7 +125,7 @@ def test_nothing_compiles_in_mid_run() -> None:
     pose[:, 2] = 2.0
     few = subject_of(plain_path.render(puppet(), TRUTH, Intrinsics(90, 80, 80.0, 80.0, 45.0, 40.0)), 70)
     for settings in SETTINGS.values():
-        icp.refine(person(), observe(few), pose, settings)
+        icp.refine(person(), observe(few), Particles(pose, settings))
     retract(person(), pose, pose)
     assert {k.py_func.__qualname__: len(k.signatures) for k in kernels} == before
     assert len(icp.refine_one.signatures) == 1
@@ -137,8 +138,8 @@ def test_any_number_of_lanes_gives_the_same_bytes(lanes: int) -> None:
     side_by_side = Lanes(lanes)
     for particles in (1, lanes, 20):
         for settings in (PAPER, DEFAULT):
-            alone = refine(puppet(), observation, starts(particles), settings)
-            together = side_by_side.refine(puppet(), observation, starts(particles), settings)
+            alone = refine(puppet(), observation, Particles(starts(particles), settings))
+            together = side_by_side.refine(puppet(), observation, Particles(starts(particles), settings))
             assert as_bytes(together) == as_bytes(alone)
 
 
@@ -148,8 +149,10 @@ def test_what_is_prepared_ahead_changes_nothing() -> None:
     for prepared in (DEFAULT, msgspec.structs.replace(DEFAULT, noise_depth=10.0 * DEFAULT.noise_depth)):
         observation = observe(subject())
         side_by_side.prepare(observation, prepared)
-        together = side_by_side.refine(puppet(), observation, starts(5), DEFAULT)
-        assert as_bytes(together) == as_bytes(refine(puppet(), observe(subject()), starts(5), DEFAULT))
+        together = side_by_side.refine(puppet(), observation, Particles(starts(5), DEFAULT))
+        assert as_bytes(together) == as_bytes(
+            refine(puppet(), observe(subject()), Particles(starts(5), DEFAULT))
+        )
 
 
 @pytest.mark.parametrize("faulty", [0, 1, 2])
@@ -170,7 +173,7 @@ def test_what_a_lane_raises_comes_out_and_the_next_request_is_served(
     with monkeypatch.context() as patch:
         patch.setattr("worker.lanes.refine_some", fail)
         with pytest.raises(ZeroDivisionError):
-            lanes.refine(puppet(), observation, starts(40), DEFAULT)
+            lanes.refine(puppet(), observation, Particles(starts(40), DEFAULT))
     assert sorted([*returned, faulty]) == [0, 1, 2]
-    together = lanes.refine(puppet(), observation, starts(5), DEFAULT)
-    assert as_bytes(together) == as_bytes(refine(puppet(), observation, starts(5), DEFAULT))
+    together = lanes.refine(puppet(), observation, Particles(starts(5), DEFAULT))
+    assert as_bytes(together) == as_bytes(refine(puppet(), observation, Particles(starts(5), DEFAULT)))

@@ -11,6 +11,7 @@ from common.activation import activate
 from common.arrays import Array
 from common.body import BodyModel
 from common.camera import Intrinsics
+from common.refinement import Particles
 from common.settings import preset
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
@@ -56,7 +57,10 @@ def test_truth_is_where_the_descent_stays() -> None:
     hard = msgspec.structs.replace(soft, sensor="distance")
     off = {
         name: np.mean(
-            [np.abs(refine(model, seen(seed), truth[None], s).poses[0] - truth).mean() for seed in range(6)]
+            [
+                np.abs(refine(model, seen(seed), Particles(truth[None], s)).poses[0] - truth).mean()
+                for seed in range(6)
+            ]
         )
         for name, s in {"hard": hard, "soft": soft}.items()
     }
@@ -71,7 +75,7 @@ def test_a_few_steps_come_near_to_where_many_lead() -> None:
     many = msgspec.structs.replace(NOISY, icp_iterations=40)
     away = []
     for seed in range(3):
-        there = refine(model, seen(seed), starts, many)
+        there = refine(model, seen(seed), Particles(starts, many))
         best = there.poses[np.argmax(there.log_likelihood)]
-        away.append(np.abs(refine(model, seen(seed), starts, NOISY).poses - best).mean())
+        away.append(np.abs(refine(model, seen(seed), Particles(starts, NOISY)).poses - best).mean())
     assert np.mean(away) < np.radians(1.0)

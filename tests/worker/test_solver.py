@@ -12,6 +12,7 @@ import pytest
 from common.arrays import Array
 from common.body import ROTATION
 from common.kinematics import joint_positions
+from common.refinement import Particles
 from common.settings import preset
 from coordinator.bodies.tracked import name_pose
 from tests.support.bodies import person
@@ -59,7 +60,8 @@ def test_a_perturbed_pose_is_recovered(settings: str, name: str) -> None:
     start = perturbed(truth)
     thorough = msgspec.structs.replace(preset(settings).refine, icp_iterations=40)
     before, after = (
-        joint_errors(poses, truth) for poses in (start, refine(person(), observation, start, thorough).poses)
+        joint_errors(poses, truth)
+        for poses in (start, refine(person(), observation, Particles(start, thorough)).poses)
     )
     assert before.mean() > 0.08
     assert np.mean(before < 0.02) < 0.1
@@ -77,6 +79,6 @@ def test_the_truth_stays_and_is_the_likeliest(name: str) -> None:
     start, default = np.concatenate([truth[None], perturbed(truth)]), preset("default").refine
     for deviation, farthest in ((0.0, 0.005), (default.pose_deviation, 0.006)):
         settings = msgspec.structs.replace(default, pose_deviation=deviation)
-        refined = refine(person(), observation, start, settings)
+        refined = refine(person(), observation, Particles(start, settings))
         assert joint_errors(refined.poses[:1], truth).max() < farthest
         assert np.argmax(refined.log_likelihood) == 0

@@ -22,8 +22,7 @@ from common.body import BodyModel
 from common.bounds import LARGEST, check_work
 from common.compiling import numba
 from common.kinematics.manifold import clamp_to_limits
-from common.refinement import Refined, triangle_size
-from common.settings import RefineSettings
+from common.refinement import Particles, Refined, triangle_size
 from worker.kernel.correspondence import find_correspondences
 from worker.kernel.gauss_newton import fill_covariance_root, minimise, over_relax
 from worker.kernel.likelihood import evaluate
@@ -47,46 +46,20 @@ class Batch(NamedTuple):
     covariance_roots: NDArray[np.float32]  # (N, D (D + 1) / 2); (N, 0) if not requested
 
 
-def refine(
-    model: BodyModel,
-    observation: Observation,
-    poses: Array,
-    settings: RefineSettings,
-    *,
-    covariance: bool = False,
-    velocity: Array | None = None,
-) -> Refined:
-    """Refine particles, one after another.
+def refine(model: BodyModel, observation: Observation, particles: Particles) -> Refined:
+    """Refine particles of a body, one after another.
 
-    Args:
-        model: The body of all particles.
-        observation: The frame's observed points, of each camera in its own frame, metres.
-        poses: Particles (N, D) before refinement, metres and radians.
-        settings: Settings of the refinement.
-        covariance: Whether to estimate the covariance of each refined pose.
-        velocity: Relative motion (D,) per second, for cameras with another time than the frame; None: none.
-
-    Returns:
-        Poses (N, D), log likelihoods (N,) and mean residuals (N,) in metres, in the order of the particles.
-
-    Raises:
-        ProtocolError: The request is too large to be refined in reasonable time.
+    `observation` are the frame's observed points, of each camera in its own frame, metres. Raises
+    ProtocolError if this would take too long.
     """
-    batch = pack_batch(model, observation, poses, settings, covariance=covariance, velocity=velocity)
-    refine_some(batch, iter(range(len(poses))))
+    batch = pack_batch(model, observation, particles)
+    refine_some(batch, iter(range(len(particles.poses))))
     return refined(batch)
 
 
-def pack_batch(
-    model: BodyModel,
-    observation: Observation,
-    poses: Array,
-    settings: RefineSettings,
-    *,
-    covariance: bool = False,
-    velocity: Array | None = None,
-) -> Batch:
+def pack_batch(model: BodyModel, observation: Observation, particles: Particles) -> Batch:
     """Pack the particles of a request; arguments and errors are those of `refine`."""
+    poses, settings, velocity = particles.poses, particles.settings, particles.velocity
     check_work(settings, len(poses) * len(observation.views), observation.total, len(model.vertices))
     count, dofs = poses.shape
     return Batch(
@@ -95,7 +68,7 @@ def pack_batch(
         np.array(poses, dtype=np.float64, order="C"),  # kernels are compiled for one layout
         np.empty(count),
         np.empty(count),
-        np.empty((count, triangle_size(dofs) if covariance else 0), np.float32),
+        np.empty((count, triangle_size(dofs) if particles.covariance else 0), np.float32),
     )
 
 

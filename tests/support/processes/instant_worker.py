@@ -9,9 +9,9 @@ from functools import partial
 
 import numpy as np
 
+from common.body import BodyModel
 from common.frame import SubjectFrame
-from common.refinement import Refined
-from tests.support.asked import Asked, refining
+from common.refinement import Particles, Refined
 from worker import cli
 from worker.service import Kernel
 
@@ -21,27 +21,26 @@ def observe(subject: SubjectFrame) -> float:
     return float(subject.frame.metres().ravel()[subject.picked].mean())
 
 
-def answer(asked: Asked, observation: float, lanes: int = 1) -> Refined:
+def refine(model: BodyModel, observation: float, particles: Particles, lanes: int = 1) -> Refined:
     """Something that depends on all that a result may depend on, particle by particle."""
-    poses = asked.poses
+    poses = particles.poses
     time.sleep(float(os.environ.get("SECONDS_PER_PARTICLE", "0")) * math.ceil(len(poses) / lanes))
-    moved = np.sin(poses * asked.settings.damping + observation) + asked.model.vertices.sum()
+    moved = np.sin(poses * particles.settings.damping + observation) + model.vertices.sum()
     roots = np.abs(np.sin(moved[:, :1])) * np.tri(moved.shape[1])[np.tri(moved.shape[1]) > 0.0]
     return Refined(
         moved,
         -np.abs(moved).sum(axis=1),
         np.abs(moved - poses).mean(axis=1),
-        (0.1 * roots).astype(np.float32) if asked.covariance else None,
+        (0.1 * roots).astype(np.float32) if particles.covariance else None,
     )
 
 
-refine = refining(answer)
 KERNEL = Kernel(observe, refine)
 
 
 def load_kernel(lanes: int = 1) -> Kernel:
     """In place of the compiled kernel."""
-    return Kernel(observe, refining(partial(answer, lanes=lanes)), lanes)
+    return Kernel(observe, partial(refine, lanes=lanes), lanes)
 
 
 def main() -> None:

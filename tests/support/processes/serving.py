@@ -13,12 +13,13 @@ import numpy as np
 from common.arrays import Array
 from common.frame import SubjectFrame
 from common.protocol.messages import RefineRequest
+from common.refinement import Particles
 from common.settings import RefineSettings
 from common.transport.bus import Bus
 from common.transport.opening import open_worker
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
-from tests.support.asked import as_bytes
+from tests.support.answers import as_bytes
 from tests.support.processes.instant_worker import KERNEL, observe, refine
 from worker.service import Kernel, Service
 from worker.warm_up import tiny_frame, tiny_model
@@ -37,7 +38,7 @@ def frame(number: int) -> SubjectFrame:
 
 def expected(number: int, poses: Array = POSES) -> list[bytes]:
     """The expected result of refining poses on a frame."""
-    return as_bytes(refine(MODEL, observe(frame(number)), poses, SETTINGS))
+    return as_bytes(refine(MODEL, observe(frame(number)), Particles(poses, SETTINGS)))
 
 
 @contextmanager
@@ -72,4 +73,4 @@ def refined_bytes(refiner: ZenohRefiner, number: int, poses: Array = POSES) -> l
     return as_bytes(refiner.submit(frame(number), MODEL, poses, SETTINGS).result())
 
 
-REQUEST = RefineRequest("ghost", 1, MODEL.hash, SETTINGS, POSES)
+REQUEST = RefineRequest("ghost", 1, MODEL.hash, Particles(POSES, SETTINGS))
