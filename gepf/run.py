@@ -105,7 +105,7 @@ class Run:
 
     def _repr_html_(self) -> str:
         """The main facts, for notebooks."""
-        from coordinator.report.findings import describe_run
+        from coordinator.report.page import describe_run
 
         return table(describe_run(self.track, self.summary)[:4])  # frames, status, body, method
 

@@ -54,8 +54,8 @@ def track(
     show.say(f"tracking {', '.join(map(str, options.sequences))} into {options.out}; loading")
     with loading():
         from coordinator.commands.track import run_track
-        from coordinator.commands.workers import connect_workers
-    code = run_track(options, camera, security, show, context.obj or connect_workers)
+        from coordinator.pool.zenoh_refiner import ZenohRefiner
+    code = run_track(options, camera, security, show, context.obj or ZenohRefiner)
     raise typer.Exit(code)
 
 
@@ -76,8 +76,8 @@ def calibrate(context: typer.Context, options: given.CalibrateOptions, quiet: Qu
     show.say(f"calibrating {len(options.sequences)} cameras; loading")
     with loading():
         from coordinator.commands.calibrate import run_calibrate
-        from coordinator.commands.workers import connect_workers
-    run_calibrate(options, show, context.obj or connect_workers)
+        from coordinator.pool.zenoh_refiner import ZenohRefiner
+    run_calibrate(options, show, context.obj or ZenohRefiner)
 
 
 @app.command(rich_help_panel=SEQUENCES)

@@ -18,9 +18,9 @@ from coordinator.calibration.extrinsics import read_places
 from coordinator.calibration.rig import CameraPlace, calibrate
 from coordinator.commands.options import CalibrateOptions
 from coordinator.commands.progress import Show
-from coordinator.commands.workers import Connect
 from coordinator.files import require_new, with_parent
 from coordinator.pool.options import Pool
+from coordinator.pool.zenoh_refiner import Connect
 from coordinator.sources import Source, open_source
 from coordinator.sources.rig import RigCamera, find_fault, write_rig
 
@@ -35,9 +35,9 @@ def run_calibrate(options: CalibrateOptions, show: Show, connect: Connect) -> No
     with_parent(out)
     sources = open_all(sequences)
     if given is not None:
-        found = {name: CameraPlace(*place) for name, place in read_places(given, list(sources)).items()}
+        found = {name: CameraPlace(*place, 0.0) for name, place in read_places(given, list(sources)).items()}
     else:
-        with connect(Pool(), show) as workers:
+        with connect(Pool(), show.say) as workers:
             found = calibrate(
                 sources, workers, preset("default"), choose_bodies(None, "default", HUMAN), show.say
             )
@@ -47,7 +47,7 @@ def run_calibrate(options: CalibrateOptions, show: Show, connect: Connect) -> No
         cameras.append(RigCamera(name, path, place.placed.tolist(), place.offset_s))
         if (wrong := find_fault(cameras[-1])) is not None:
             raise InputError(f"{given}: {wrong}")
-        if place.deviations is not None:
+        if np.isfinite(place.deviations).all():
             deviations[name] = {
                 "rotation_deg": np.degrees(place.deviations[:3]).round(4).tolist(),
                 "position_at_person_m": place.deviations[3:6].round(5).tolist(),
@@ -80,7 +80,8 @@ def describe(place: CameraPlace) -> str:
     turn = float(np.degrees(np.arccos(np.clip((np.trace(place.placed[:3, :3]) - 1.0) / 2.0, -1.0, 1.0))))
     clock = 1000.0 * place.offset_s
     text = f"{away:.3f} m from the first camera, turned by {turn:.1f} deg, clock {clock:+.1f} ms"
-    if (spread := place.deviations) is None:
+    spread = place.deviations
+    if not np.isfinite(spread).all():
         return text
     angle, metres = np.degrees(spread[:3].max()), 100.0 * spread[3:6].max()
     text += f"; deviations {angle:.2f} deg, {metres:.1f} cm at the person, {1000.0 * spread[6]:.1f} ms"

@@ -47,7 +47,6 @@ from coordinator.sources.joint_states import JointStates
 from coordinator.sources.live import LiveFrames, from_first_seen
 from coordinator.sources.live_stream import LiveCamera, colour_key, is_topic
 from coordinator.sources.source import select_frames
-from coordinator.tracking.known_motion import KnownMotion
 from coordinator.tracking.reporting import Tracked
 from coordinator.tracking.state import read_start
 
@@ -82,7 +81,6 @@ class Input:
             up = -source.gravity
         background = None if job.background is None else read_background(job.background, source)
         self.scope = replace(job.scope, background=background, up=up, camera=first.camera)
-        self.motion = None if job.joint_states is None else KnownMotion(job.joint_states)
 
     def announce(self, _done: int) -> str:
         """A message on how it is tracked; some frames are already recorded."""

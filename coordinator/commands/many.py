@@ -30,8 +30,8 @@ from coordinator.commands.console import INTERRUPTED, INTERRUPTS, NOT_TRACKED, e
 from coordinator.commands.job import Job, is_list
 from coordinator.commands.progress import Advance, Show, bars_on
 from coordinator.commands.track import track
-from coordinator.commands.workers import connect_workers
 from coordinator.pool.local_worker import shared_pool
+from coordinator.pool.zenoh_refiner import ZenohRefiner
 from coordinator.results.summary import read_summary
 from coordinator.sources.rig import live_cameras
 
@@ -208,7 +208,7 @@ def track_one(job: Job, quiet: bool, pipe: Connection | None) -> None:
     logging.basicConfig(format=f"{name}: %(message)s", level=logging.WARNING, force=True)
     console = Console(stderr=True, quiet=quiet, force_terminal=False)
     show = Show(console, quiet_seconds=math.inf, name=f"{name}: ") if pipe is None else SentShow(pipe)
-    sys.exit(exit_code(lambda: 0 if track(job, show, connect_workers) else NOT_TRACKED, name))
+    sys.exit(exit_code(lambda: 0 if track(job, show, ZenohRefiner) else NOT_TRACKED, name))
 
 
 def end_with_parent() -> None:

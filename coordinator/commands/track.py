@@ -18,8 +18,7 @@ from coordinator.commands.job import Job, choose_job, is_several
 from coordinator.commands.options import CameraOptions, SecurityOptions, TrackOptions
 from coordinator.commands.progress import FrameRate, Show, counted
 from coordinator.commands.publish import open_session
-from coordinator.commands.workers import Connect
-from coordinator.pool.zenoh_refiner import ZenohRefiner
+from coordinator.pool.zenoh_refiner import Connect, ZenohRefiner
 from coordinator.results.live_results import LiveResults, PackedOutlet
 from coordinator.results.log import RecordedPerson
 from coordinator.results.recorder import Recorder, is_complete
@@ -122,7 +121,7 @@ def track_frames(
     faults: Mapping[str, tuple[Kind, float]] = {}
     with (
         open_node(job, show) as node,
-        connect(job.pool, show) as workers,
+        connect(job.pool, show.say) as workers,
         show.steps("frame", keep=True) as advance,
     ):
         outlets, streams = open_outlets(job, workers, node), given.streams(workers, node, before)
@@ -134,7 +133,7 @@ def track_frames(
             people=job.people,
             scope=given.scope,
             start=given.start,
-            motion=given.motion,
+            motion=job.joint_states,
             states=recorder.states,
         )
         if given.live is not None:

@@ -26,11 +26,10 @@ from coordinator.sources.camera import write_camera
 from coordinator.sources.rig import RIG_FILE, RigCamera, write_rig
 from coordinator.sources.source import to_units
 from coordinator.synthesis.noise import add_noise
-from coordinator.synthesis.person_scene import person
+from coordinator.synthesis.person_scene import person, two
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes import ROAM_FRAMES, SCENES, Scene, roam
 from coordinator.synthesis.surround import Seen, furnished, surround
-from coordinator.synthesis.two_people import two
 from coordinator.tracking.sensor_noise import SensorNoise
 
 ROAM, PERSON, TWO = "roam", "person", "two"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any, Union
 
 import msgspec
 import numpy as np
@@ -12,19 +12,32 @@ from common.arrays import Array
 from common.body import BodyModel
 from common.bounds import MAX_ITERATIONS
 from common.frame import DepthFrame, SubjectFrame
-from common.kinematics import natural_angles
+from common.kinematics import difference, natural_angles
 from common.settings import RefineSettings, Settings
 from coordinator.filters.belief import Belief, Proposal
 from coordinator.filters.exploration import FEWEST
 from coordinator.filters.gradient_enhanced import Hypotheses
 from coordinator.filters.methods import METHODS, pace_iterations
+from coordinator.sources.joint_states import JointStates
 from coordinator.stopwatch import Stopwatch
 from coordinator.tracking.certainty.features import FrameContext
-from coordinator.tracking.known_motion import KnownMotion
-from coordinator.tracking.loop import Pace
 from coordinator.tracking.observation import filter_observation
 from coordinator.tracking.pose_candidates import Candidates, Detection
 from coordinator.tracking.refiner import Pending, Refiner
+
+if TYPE_CHECKING:  # it loads the types of ROS
+    from coordinator.sources.ros2_input import JointTopic
+
+Encoders = Union[JointStates, "JointTopic"]
+"""Values of joints over time."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """What a live frame has time for."""
+
+    period_s: float  # between published frames
+    is_late: bool  # it had to wait, or a newer one waits already
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,7 +56,7 @@ class Submitted:
 class ParticleFilter:
     """Steps 2 to 7 of the paper for one body, by the method of the settings."""
 
-    def __init__(self, refiner: Refiner, settings: Settings, motion: KnownMotion | None) -> None:
+    def __init__(self, refiner: Refiner, settings: Settings, motion: Encoders | None) -> None:
         self._refiner, self._settings, self._motion = refiner, settings, motion
         self._method = METHODS[settings.method]
         self.rng = np.random.default_rng(settings.seed)
@@ -75,7 +88,7 @@ class ParticleFilter:
         """
         step = None
         if self._motion is not None:
-            step = self._motion.step(model, belief.reported, time_s, subject.frame.time_s)
+            step = known_step(self._motion, model, belief.reported, time_s, subject.frame.time_s)
         observation = filter_observation(subject, time_s, step)
         settings = self._settings.filter
         if pace is not None and pace.is_late and self._method.descends:
@@ -110,3 +123,26 @@ class ParticleFilter:
             with clock.stage("refine"):
                 proposal = found
                 pending = self.send(model, submitted.context.subject, found, submitted.rules)
+
+
+def known_step(
+    encoders: Encoders, model: BodyModel, pose: Array, since_s: float | None, until_s: float
+) -> Array | None:
+    """The motion (D,) between two times by encoders, NaN if unknown; None if all of it is unknown.
+
+    Only changes are used, so offsets of encoders do not matter. `pose` (D,) gives missing angles of a
+    spherical joint. Its motion is known only if all its angles are.
+    """
+    if since_s is None:
+        return None
+    before, after = pose.copy(), pose.copy()
+    known = np.zeros(len(pose), dtype=bool)
+    first, last = encoders.at(since_s), encoders.at(until_s)
+    for name, one, other in zip(encoders.names, first, last, strict=False):  # no names before live states
+        if name in model.dof_names and np.isfinite(one + other):
+            j = model.dof(name)
+            before[j], after[j], known[j] = one, other, True
+    for ball in model.balls:
+        known[ball : ball + 3] = known[ball : ball + 3].all()
+    step = difference(model, before[None], after[None])[0]
+    return np.where(known, step, np.nan) if known.any() else None

@@ -29,10 +29,8 @@ from coordinator.tracking.detector import Detector
 from coordinator.tracking.estimate import Status
 from coordinator.tracking.faults import Agreement, CameraStates
 from coordinator.tracking.gating import LEAST_PIXELS, gate_pose
-from coordinator.tracking.known_motion import KnownMotion
-from coordinator.tracking.loop import Pace
 from coordinator.tracking.observation import distance_of
-from coordinator.tracking.particle_filter import ParticleFilter, Submitted
+from coordinator.tracking.particle_filter import Encoders, Pace, ParticleFilter, Submitted
 from coordinator.tracking.person_size import PersonSize
 from coordinator.tracking.pose_candidates import SURER_LOG_LIKELIHOOD, Detection
 from coordinator.tracking.refiner import Refiner
@@ -63,7 +61,7 @@ class TargetTracker:
         bodies: Bodies,
         *,
         start: Mapping[str, float] | None = None,
-        motion: KnownMotion | None = None,
+        motion: Encoders | None = None,
         state: TrackerState | None = None,
     ) -> None:
         self._refiner = refiner

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import Generic, Self, TypeVar
 
 import numpy as np
 
@@ -22,10 +23,8 @@ from coordinator.sources.live import LiveFrames
 from coordinator.stopwatch import Stopwatch
 from coordinator.tracking.cameras import watch
 from coordinator.tracking.faults import CameraStates
-from coordinator.tracking.known_motion import KnownMotion
-from coordinator.tracking.loop import Lookahead, Pace
 from coordinator.tracking.observation import middle_of
-from coordinator.tracking.particle_filter import Submitted
+from coordinator.tracking.particle_filter import Encoders, Pace, Submitted
 from coordinator.tracking.preparation import rehearse
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.reporting import Tracked, Updated, report
@@ -38,6 +37,42 @@ Ready = tuple[Segmented, CameraStates, list[Stopwatch]]
 """A segmented frame, the state of each camera, and a stopwatch for each person."""
 
 STEP_M = 0.8  # largest motion of a body between two frames
+
+Item = TypeVar("Item")
+
+
+class Lookahead(Generic[Item]):
+    """Iterates over items; `peek` makes the next one before its turn."""
+
+    def __init__(self, items: Iterable[Item]) -> None:
+        self._items = iter(items)
+        self.was_ahead = False  # whether the last item was made before its turn
+        self.is_ahead = False  # whether the next item is made already
+        self._next: Item | None = None  # None at the end
+        self._error: Exception | None = None
+
+    def __iter__(self) -> Self:
+        return self
+
+    def __next__(self) -> Item:
+        self.was_ahead = self.is_ahead
+        item = self.peek()
+        self.is_ahead = False
+        if self._error is not None:
+            raise self._error
+        if item is None:
+            raise StopIteration
+        return item
+
+    def peek(self) -> Item | None:
+        """The next item; None at the end, or if it fails, which raises the error when its turn comes."""
+        if not self.is_ahead:
+            try:
+                self._next = next(self._items, None)
+            except Exception as error:  # noqa: BLE001 - no error may affect the item before
+                self._next, self._error = None, error
+            self.is_ahead = True
+        return self._next
 
 
 class Tracker:
@@ -63,7 +98,7 @@ class Tracker:
         people: int = 1,
         scope: Scope | None = None,
         start: Mapping[str, float] | None = None,
-        motion: KnownMotion | None = None,
+        motion: Encoders | None = None,
         states: Sequence[TrackerState] | None = None,
     ) -> None:
         past: Sequence[TrackerState | None] = states or [None] * people

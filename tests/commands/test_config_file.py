@@ -8,7 +8,7 @@ import pytest
 from typer.main import get_command
 
 from coordinator.cli import app, main
-from coordinator.cli.config_file import defaults_of
+from coordinator.cli.application import defaults_of
 
 
 @pytest.fixture

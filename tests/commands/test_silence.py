@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,7 +21,6 @@ from common.transport.opening import open_router, open_worker
 from coordinator.commands.job import Job
 from coordinator.commands.progress import Show
 from coordinator.commands.track import track
-from coordinator.commands.workers import connect_workers
 from coordinator.filters.methods import settings_for
 from coordinator.pool.options import Pool
 from coordinator.pool.rpc_client import Refinement
@@ -36,8 +36,8 @@ from tests.support.stand_ins import sequence  # noqa: F401 fixture
 class FallsSilent(ZenohRefiner):
     """Real workers whose connection fails after a number of requests."""
 
-    def __init__(self, pool: Pool, show: Show, requests: int) -> None:
-        super().__init__(pool, show.say)
+    def __init__(self, pool: Pool, report: Callable[[str], None], requests: int) -> None:
+        super().__init__(pool, report)
         self._left = requests
 
     def refine(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Refinement:
@@ -61,16 +61,16 @@ def test_a_run_connects_anew_and_has_the_same_bytes(sequence: Path, endpoint: st
     def heard() -> list[str]:
         return [msgspec.msgpack.decode(payload)["kind"] for _, _, payload in listener.heard]
 
-    def connect(pool: Pool, show: Show) -> ZenohRefiner:
+    def connect(pool: Pool, report: Callable[[str], None]) -> ZenohRefiner:
         opened.append(1)
-        return connect_workers(pool, show) if len(opened) > 1 else FallsSilent(pool, show, 3)
+        return ZenohRefiner(pool, report) if len(opened) > 1 else FallsSilent(pool, report, 3)
 
     show, pool = Show(Console(file=written, width=300)), Pool(1, connect=endpoint, worker_command=INSTANT)
     published = replace(job(sequence, tmp_path / "broken"), results="robot/person", pool=pool)
     with open_router([endpoint]), listening(endpoint, "robot/person") as listener:
         track(published, show, connect)
         wait_until(lambda: END in heard())
-    track(job(sequence, tmp_path / "calm"), show, connect_workers)
+    track(job(sequence, tmp_path / "calm"), show, ZenohRefiner)
     broken, calm = (tmp_path / name / "track.npz" for name in ("broken", "calm"))
     assert broken.read_bytes() == calm.read_bytes()
     assert len(opened) == 2
@@ -84,9 +84,9 @@ def test_it_gives_up_at_last_and_keeps_what_there_is(sequence: Path, tmp_path: P
     """Like every fault of the bus."""
     opened = list[int]()
 
-    def connect(pool: Pool, show: Show) -> ZenohRefiner:
+    def connect(pool: Pool, report: Callable[[str], None]) -> ZenohRefiner:
         opened.append(1)
-        return FallsSilent(pool, show, 3 if len(opened) == 1 else 0)
+        return FallsSilent(pool, report, 3 if len(opened) == 1 else 0)
 
     with pytest.raises(SilentWorkers):
         track(job(sequence, tmp_path / "out"), Show(Console(file=io.StringIO())), connect)

@@ -17,7 +17,7 @@ from coordinator.bodies.human.template import human
 from coordinator.bodies.urdf import read_urdf
 from coordinator.cli import main
 from coordinator.pictures.plots import angle_curves
-from coordinator.report.findings import find_doubts, list_ranges
+from coordinator.report.page import find_doubts, list_ranges
 from coordinator.results.track import Track
 from tests.support.bodies import person
 from tests.support.runs import make_track, swing, write_run

@@ -10,8 +10,7 @@ import pytest
 from common.arrays import Array
 from common.camera import inverse, moved
 from common.errors import InputError
-from coordinator.calibration.rig import CameraPlace, judge
-from coordinator.calibration.skeletons import Alignment, Motion, align
+from coordinator.calibration.rig import CameraPlace, Motion, align, judge
 from coordinator.sources.rig import RigCamera, read_rig_file, write_rig
 from tests.support.rigs import around
 
@@ -76,7 +75,7 @@ def test_stated_deviations_are_those_of_the_errors() -> None:
     assert np.mean(np.array(shares)[:, :6] < 2.0) > 0.85
 
 
-def errors_of(found: Alignment) -> Array:
+def errors_of(found: CameraPlace) -> Array:
     """Errors (7,) of the alignment: rotation, position at the person, clock."""
     turn = found.placed[:3, :3] @ TRUE[:3, :3].T
     person = joints_at(np.arange(90) / 30.0).mean(axis=(0, 1))
@@ -88,7 +87,7 @@ def test_what_is_not_determined_is_refused_with_what_would_help() -> None:
     """A deviation of 3 degrees, 10 cm or 0.1 s; it is said which one, of which camera."""
     for place_of, what in ((0, "rotation"), (4, "position"), (6, "clock")):
         deviations = np.full(7, 1e-4)
-        assert judge("side", CameraPlace(TRUE, 0.0, deviations)).advice
+        assert judge("side", CameraPlace(TRUE, 0.0, 0.0, deviations)).advice
         deviations[place_of] = 0.1
         with pytest.raises(InputError, match=f"the {what} of side is not determined; w"):
-            judge("side", CameraPlace(TRUE, 0.0, deviations))
+            judge("side", CameraPlace(TRUE, 0.0, 0.0, deviations))

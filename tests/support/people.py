@@ -23,8 +23,8 @@ from coordinator.scene.scope import Scope
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.tracking.certainty.certainty import Certainty
 from coordinator.tracking.estimate import Estimate
-from coordinator.tracking.known_motion import KnownMotion
 from coordinator.tracking.observation import isolate
+from coordinator.tracking.particle_filter import Encoders
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.state import Start, TrackerState
 from coordinator.tracking.tracker import Tracker
@@ -42,7 +42,7 @@ class OnePerson:
         start: Mapping[str, float] | None = None,
         *,
         state: TrackerState | None = None,
-        motion: KnownMotion | None = None,
+        motion: Encoders | None = None,
         scope: Scope | None = None,
     ) -> None:
         states = None if state is None else [state]

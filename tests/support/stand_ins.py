@@ -20,7 +20,6 @@ from common.refinement import Particles
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
 from coordinator.cli import main
-from coordinator.commands.progress import Show
 from coordinator.pool.options import Pool, PoolStatistics
 from coordinator.tracking.preparation import Unmoved, unmoved
 from coordinator.tracking.refiner import Pending, Refiner
@@ -57,10 +56,10 @@ class StandIn(Refiner):
         raise NotImplementedError(key)
 
     @contextmanager
-    def connect(self, pool: Pool, show: Show) -> Iterator[Any]:
+    def connect(self, pool: Pool, report: Callable[[str], None]) -> Iterator[Any]:
         """Stand in for a pool of workers."""
         del pool
-        show.say("workers are there")
+        report("workers are there")
         yield self
 
 
@@ -120,10 +119,10 @@ class StillWorkers(StandIn):
         return main(["track", str(sequence), "--out", str(out), "--no-pictures", *options], self.connect)
 
     @contextmanager
-    def connect(self, pool: Pool, show: Show) -> Iterator[Any]:
+    def connect(self, pool: Pool, report: Callable[[str], None]) -> Iterator[Any]:
         """Note what pool is asked for."""
         self.asked = pool
-        with super().connect(pool, show):
+        with super().connect(pool, report):
             yield self
 
 

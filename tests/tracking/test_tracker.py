@@ -24,8 +24,8 @@ from coordinator.sources.live_stream import LiveCamera
 from coordinator.stopwatch import Stopwatch
 from coordinator.tracking.detector import Detector
 from coordinator.tracking.estimate import UNKNOWN, Estimate
-from coordinator.tracking.loop import Pace
 from coordinator.tracking.observation import isolate
+from coordinator.tracking.particle_filter import Pace
 from coordinator.tracking.refiner import Pending
 from coordinator.tracking.reporting import judge
 from coordinator.tracking.sensor_noise import NO_NOISE

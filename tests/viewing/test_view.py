@@ -19,7 +19,7 @@ from common.protocol.frames import encode_live
 from common.protocol.models import encode_model
 from common.transport.opening import open_worker
 from coordinator.cli import main
-from coordinator.commands.live_scene import LiveScene
+from coordinator.commands.view import LiveScene
 from coordinator.results.configuration import PATH
 from coordinator.results.live_results import LiveResults, PackedOutlet
 from coordinator.results.track import read_track, read_tracked_body

@@ -23,9 +23,9 @@ from coordinator.commands.job import Job
 from coordinator.commands.many import choose_runs, track_many
 from coordinator.commands.progress import Show
 from coordinator.commands.track import track
-from coordinator.commands.workers import connect_workers
 from coordinator.filters.methods import settings_for
 from coordinator.pool.options import Pool
+from coordinator.pool.zenoh_refiner import ZenohRefiner
 from coordinator.results.log import read_log
 from coordinator.results.track import read_track
 from tests.support.processes.certificates import free_port, make_folder
@@ -99,7 +99,7 @@ def test_several_have_the_bytes_of_each_alone_and_one_fault_stops_no_other(
     assert not (tmp_path / "runs" / "damaged").exists()
     for job in jobs[:2]:
         out = tmp_path / "alone" / job.out.name
-        track(replace(job, out=out), show, connect_workers)
+        track(replace(job, out=out), show, ZenohRefiner)
         whole, single = (folder / "track.npz" for folder in (job.out, out))
         assert whole.read_bytes() == single.read_bytes()
 

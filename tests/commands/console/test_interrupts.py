@@ -17,7 +17,6 @@ import pytest
 from common.errors import InputError
 from coordinator.cli import main
 from coordinator.commands.console import loading, noted_interrupts
-from coordinator.commands.progress import Show
 from coordinator.pool.options import Pool
 from tests.support.processes.programs import wait_until
 from tests.support.processes.warm_processes import start
@@ -96,9 +95,9 @@ def test_a_run_whose_interrupt_was_swallowed_ends_with_the_next_frame(
 ) -> None:
     """Exit code 130, and the tracked frames are kept."""
 
-    def connect_and_swallow(pool: Pool, show: Show) -> AbstractContextManager[Any]:
+    def connect_and_swallow(pool: Pool, report: Callable[[str], None]) -> AbstractContextManager[Any]:
         swallow(number)
-        return desk.workers.connect(pool, show)
+        return desk.workers.connect(pool, report)
 
     assert main(["track", str(desk.sequence), "--out", str(desk.out)], connect_and_swallow) == 130
     *_, early, last = desk.said()
@@ -122,8 +121,7 @@ def test_info_interrupted_between_its_facts_and_the_scene(sequence: Path) -> Non
 def test_what_could_not_be_kept_after_an_interrupt_is_said(desk: Desk) -> None:
     """For example a full disk while results of an interrupted run are written: one line before the last."""
 
-    def connect(pool: Pool, show: Show) -> AbstractContextManager[Any]:
-        del pool, show
+    def connect(*_: object) -> AbstractContextManager[Any]:
         try:
             signal.raise_signal(signal.SIGINT)
         finally:

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from coordinator.bodies.human.template import human
 from coordinator.cli import main
-from coordinator.commands.workers import connect_workers
 from coordinator.pool import rpc_client
+from coordinator.pool.zenoh_refiner import ZenohRefiner
 from tests.support.small_sequence import OPTIONS
 
 setattr(rpc_client, "NOTICE_S", 0.5)  # noqa: B010 # that no worker is connected is reported soon
@@ -20,4 +20,4 @@ human()  # built once, and kept, for all processes that are forked from this one
 def track(sequence: Path, out: Path, endpoint: str, *options: str) -> int:
     """Run the command line in this process, with workers of others; gives its exit code."""
     pool = ("--workers", "0", "--listen", endpoint, "--no-pictures")
-    return main(["track", str(sequence), "--out", str(out), *OPTIONS, *pool, *options], connect_workers)
+    return main(["track", str(sequence), "--out", str(out), *OPTIONS, *pool, *options], ZenohRefiner)

@@ -14,13 +14,11 @@ from common.arrays import Array, Indices
 from common.body import vertex_normals
 from coordinator.bodies.human.build.joints import ADULT, Joints, place_joints
 from coordinator.bodies.human.build.makehuman import MakeHuman, read_makehuman
-from coordinator.bodies.human.build.mesh import mesh_symmetric
+from coordinator.bodies.human.build.mesh import MIRRORED, mesh_symmetric
 from coordinator.bodies.human.build.rest import (
     BONE_OF,
     bone_side,
-    centre_joints,
     fold_fingers,
-    lay,
     link_of,
     measure,
     stretch,
@@ -28,6 +26,7 @@ from coordinator.bodies.human.build.rest import (
 )
 from coordinator.bodies.human.measures import LENGTHS
 from coordinator.bodies.human.shape_space import FILE, UNIT
+from coordinator.bodies.human.skeleton import FRONT
 
 AGES = {"baby": (1.0, 0.75), "child": (10.0, 1.38), "young": (16.0, 1.5)}
 """MakeHuman's people -> the age in years and the stature in metres at or from which people have their shape.
@@ -38,6 +37,8 @@ CLOTHES_M = 0.008
 GAP_M = 0.02  # half the width of gaps in which clothes hang, and between fingers
 CELL = 0.0225
 """Approximate distance of neighbouring vertices, as a share of stature."""
+HIP_INWARD = 0.867  # of the distance of MakeHuman's hip joints from the middle
+HIP_FORWARD = 0.014  # of stature, from there
 STEP = 0.01  # of stature, of a length, for its effect
 BARE = ("skull", "hand", "foot", "toes")
 
@@ -59,11 +60,8 @@ class Built:
 
     def on(self, vertices: Array) -> Array:
         """The surface (V, 3) on another person's vertices (N, 3)."""
-        return self.image(np.einsum("vc,vcx->vx", self.parts, vertices[self.corners]) + self.apart)
-
-    def image(self, points: Array) -> Array:
-        """The mean of points (V, 3) and their mirror images: exactly symmetric."""
-        mean: Array = 0.5 * (points + points[self.mirror] * (-1.0, 1.0, 1.0))
+        points = np.einsum("vc,vcx->vx", self.parts, vertices[self.corners]) + self.apart
+        mean: Array = 0.5 * (points + points[self.mirror] * MIRRORED)  # exactly symmetric
         return mean
 
 
@@ -72,7 +70,8 @@ def upright(data: MakeHuman, age: str, weight: str = "average") -> tuple[Array, 
     vertices = data.person(age, weight)
     joints = {name: vertices[rows].mean(axis=0) for name, rows in data.joints.items()}
     stature = float(np.ptp(vertices[np.unique(data.triangles), 1]))
-    joints = centre_joints(joints, stature)
+    for name in ("l-upper-leg", "r-upper-leg"):  # where our hips are in the body: see `joints`
+        joints[name] = joints[name] * (HIP_INWARD, 1.0, 1.0) + stature * HIP_FORWARD * np.array(FRONT)
     origin = 0.5 * (joints["l-upper-leg"] + joints["r-upper-leg"])
     joints = {name: point - origin for name, point in joints.items()}
     return fold_fingers(vertices - origin, joints, data.weights), joints, stature
@@ -114,7 +113,12 @@ def rest_person(
     own = measure(at, stature, sole, float(np.ptp(low[:, 2])))
     joints = place_joints(own)
     transforms = to_rest({name: point / stature for name, point in at.items()}, joints)
-    points = lay(built.on(vertices) / stature, built.shares, transforms)
+    # the blended motion from rest is inverted
+    out = {link: np.linalg.inv(transform) for link, transform in transforms.items()}
+    moves = (share[:, None, None] * out[link] for link, share in built.shares.items())
+    blended = sum(moves, np.zeros((4, 4)))
+    apart = built.on(vertices) / stature - blended[:, :3, 3]
+    points = np.asarray(np.linalg.solve(blended[:, :3, :3], apart[..., None])[..., 0], dtype=np.float64)
     points = stretch(points, built.shares, joints, place_joints(lengths or own))
     return points / np.ptp(points[:, 1]), own
 

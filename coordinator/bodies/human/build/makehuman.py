@@ -68,12 +68,13 @@ def read_makehuman(path: Path) -> MakeHuman:
     vertices, faces = _read_surface(archive.read(f"{FOLDER}3dobjs/base.obj").decode().splitlines())
     quads = np.array(faces["body"])
     table = json.loads(archive.read(f"{FOLDER}rigs/standard/weights.default.json"))["weights"]
+    weights = {bone: np.array(rows, dtype=np.float64) for bone, rows in table.items() if rows}
     return MakeHuman(
         archive,
         np.array(vertices) * TO_CAMERA,
         np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]),
         {name[6:]: np.unique(corners) for name, corners in faces.items() if name.startswith("joint-")},
-        {bone: _columns(rows) for bone, rows in table.items() if rows},
+        {bone: (rows[:, 0].astype(np.int64), rows[:, 1]) for bone, rows in weights.items()},
     )
 
 
@@ -87,8 +88,3 @@ def _read_surface(lines: Iterable[str]) -> tuple[list[list[float]], dict[str, li
         elif kind == "f":
             faces[group].append([int(word.partition("/")[0]) - 1 for word in words])
     return vertices, faces
-
-
-def _columns(rows: list[tuple[int, float]]) -> tuple[Indices, Array]:
-    table = np.array(rows, dtype=np.float64)
-    return table[:, 0].astype(np.int64), table[:, 1]

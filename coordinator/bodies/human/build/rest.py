@@ -13,8 +13,6 @@ from coordinator.bodies.human.skeleton import ARM_TILT, DOWN, FRONT, LEFT, tilte
 
 Joints = Mapping[str, Array]
 
-HIP_INWARD = 0.867  # of the distance of MakeHuman's hip joints from the middle
-HIP_FORWARD = 0.014  # of stature, from there
 FOLDED = (15.0, 25.0, 15.0)  # degrees, of the joints of each finger
 ADDUCTED = (30.0, 0.0, 0.0)  # the thumb, towards the hand
 FINGER_NUMBERS = (2, 3, 4, 5)
@@ -48,14 +46,6 @@ def link_of(bone: str) -> str:
     return link if link in TRUNK else f"{side.lower()}_{link}"
 
 
-def centre_joints(at: Joints, stature: float) -> dict[str, Array]:
-    """MakeHuman's joints (3,), with the hips where ours are in the body: see `joints`."""
-    moved = dict(at)
-    for name in ("l-upper-leg", "r-upper-leg"):
-        moved[name] = at[name] * (HIP_INWARD, 1.0, 1.0) + stature * HIP_FORWARD * np.array(FRONT)
-    return moved
-
-
 def fold_fingers(vertices: Array, at: Joints, weights: Mapping[str, tuple[Indices, Array]]) -> Array:
     """Vertices (N, 3) with relaxed hands; `at` are MakeHuman's joints by name."""
     moved = vertices.copy()
@@ -69,18 +59,18 @@ def fold_fingers(vertices: Array, at: Joints, weights: Mapping[str, tuple[Indice
             for k, angle in enumerate(np.radians(angles), 1):
                 centre, along = at[f"{side}-finger-{n}-{k}"], at[f"{side}-finger-{n}-{k + 1}"]
                 axis = np.cross(along - centre, towards)
-                motion = motion @ turned(centre, angle * axis / np.linalg.norm(axis))
+                turn = Rotation.from_rotvec(angle * axis / np.linalg.norm(axis)).as_matrix()
+                motion = motion @ rigid(turn, centre - turn @ centre)
                 rows, shares = weights[f"finger{n}-{k}.{side.upper()}"]
                 there = vertices[rows] @ motion[:3, :3].T + motion[:3, 3]
                 moved[rows] += shares[:, None] * (there - vertices[rows])
     return moved
 
 
-def turned(centre: Array, rotation: Array) -> Array:
-    """The transform (4, 4) of a rotation vector (3,) about a point (3,)."""
+def rigid(rotation: Array, translation: Array) -> Array:
+    """The transform (4, 4) of a rotation (3, 3) and a translation (3,)."""
     transform = np.eye(4)
-    transform[:3, :3] = Rotation.from_rotvec(rotation).as_matrix()
-    transform[:3, 3] = centre - transform[:3, :3] @ centre
+    transform[:3, :3], transform[:3, 3] = rotation, translation
     return transform
 
 
@@ -135,9 +125,7 @@ def to_rest(at: Joints, rest: Joints) -> dict[str, Array]:
 def move(start: Array, to: Array, before: tuple[Array, Array], after: tuple[Array, Array]) -> Array:
     """The rigid transform (4, 4) of `start` to `to` and of two directions to others, the first exactly."""
     rotation = frame(*after) @ frame(*before).T
-    transform = np.eye(4)
-    transform[:3, :3], transform[:3, 3] = rotation, to - rotation @ start
-    return transform
+    return rigid(rotation, to - rotation @ start)
 
 
 def frame(first: Array, second: Array) -> Array:
@@ -146,14 +134,6 @@ def frame(first: Array, second: Array) -> Array:
     y = second - (second @ x) * x
     y /= np.linalg.norm(y)
     return np.column_stack([x, y, np.cross(x, y)])
-
-
-def lay(points: Array, shares: Mapping[str, Array], transforms: Mapping[str, Array]) -> Array:
-    """Points (V, 3) at rest: their blended motion from rest is inverted. `shares` (V,) by link."""
-    out = {link: np.linalg.inv(transform) for link, transform in transforms.items()}
-    blended = sum((share[:, None, None] * out[link] for link, share in shares.items()), np.zeros((4, 4)))
-    rest = np.linalg.solve(blended[:, :3, :3], (points - blended[:, :3, 3])[..., None])
-    return np.asarray(rest[..., 0])
 
 
 def stretch(points: Array, shares: Mapping[str, Array], before: Joints, after: Joints) -> Array:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import open3d as o3d
-from numpy.typing import NDArray
 from scipy.ndimage import label
 from skimage.measure import marching_cubes
 
 from common.arrays import Array, Indices
+
+_tensor = o3d.core.Tensor.from_numpy
 
 STEP_M = 0.006  # of the grid that tells outside from inside
 MARGIN_M = 0.06
@@ -63,7 +64,3 @@ def _scene(vertices: Array, triangles: Indices) -> o3d.t.geometry.RaycastingScen
 def _distance(scene: o3d.t.geometry.RaycastingScene, points: Array) -> Array:
     found = scene.compute_distance(_tensor(points.astype(np.float32)), nthreads=1)
     return np.asarray(found.numpy(), dtype=np.float64)
-
-
-def _tensor(values: NDArray[np.float32] | NDArray[np.uint32]) -> o3d.core.Tensor:
-    return o3d.core.Tensor.from_numpy(np.ascontiguousarray(values))
