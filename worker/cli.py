@@ -58,11 +58,14 @@ def work(  # noqa: PLR0913 one parameter an option
     def job() -> None:
         credentials = read_credentials(tls_ca, tls_cert, tls_key)
         identity = choose_identity(connect, name, credentials, connect_timeout)
-        count = choose_lanes(lanes)
+        if lanes is not None and not 1 <= lanes <= MAX_PARTICLES:
+            raise InputError(
+                f"--lanes {lanes} is not valid; give 1 to {MAX_PARTICLES}, or none for all cores"
+            )
         if check:
             check_alive(identity)
         else:
-            serve(identity, partial(load_kernel, count), quiet=quiet, tied=tied)
+            serve(identity, partial(load_kernel, lanes or usable_cores()), quiet=quiet, tied=tied)
 
     exit_with(job)
 
@@ -80,13 +83,6 @@ def choose_identity(
         check_holder(credentials, name)
     security = None if credentials is None else Security(credentials)
     return Identity(name, tuple(connect), security, timeout)
-
-
-def choose_lanes(lanes: int | None) -> int:
-    """Number of particles refined in parallel; by default the number of cores."""
-    if lanes is not None and not 1 <= lanes <= MAX_PARTICLES:
-        raise InputError(f"--lanes {lanes} is not valid; give 1 to {MAX_PARTICLES}, or none for all cores")
-    return lanes or usable_cores()
 
 
 def exit_with(job: Callable[[], None]) -> NoReturn:

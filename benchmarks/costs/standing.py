@@ -18,10 +18,10 @@ from coordinator.synthesis.noise import add_noise
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.tracking.observation import isolate
 from coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise
-from worker.kernel.observation import Observation, observe, pack_observation
+from worker.kernel.observation import Observation, observe, pack_views
 from worker.kernel.surface import pack_model
 from worker.kernel.visibility import pose_body, visible_vertices
-from worker.kernel.workspace import make_workspace
+from worker.kernel.workspace import make_workspaces
 
 CAMERA = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
 UNITS_PER_METRE = 1000.0
@@ -56,7 +56,8 @@ class Case:
     def visible(self) -> Array:
         """Model points (Q, 3) that are visible in the start pose."""
         skeleton, surface = pack_model(self.model)
-        workspace = make_workspace(skeleton, surface, pack_observation(self.observation, RefineSettings()))
+        views = pack_views(self.observation, RefineSettings())
+        workspace = make_workspaces(skeleton, surface, views).shared
         pose_body(self.start[0], skeleton, surface, workspace)
         return workspace.posed[visible_vertices(surface, workspace)]
 

@@ -20,7 +20,7 @@ from common.bounds import MAX_BYTES
 from common.errors import ProtocolError, VersionError
 
 PROTOCOL = 14  # version of messages and kernel, which coordinator and workers share
-LIVE = 1  # version of the messages of cameras, which other programs also write: docs/live.md
+LIVE = 1  # version of frames and results of live input, which other programs also use: docs/live.md
 
 DType = Literal["|u1", "<u2", "<u4", "<i8", "<f4", "<f8"]
 Extent = Annotated[int, msgspec.Meta(ge=0, lt=2**31)]

@@ -8,7 +8,8 @@ from common.body import ROOT_DOFS, BodyModel, unknown_dof
 from common.errors import InputError
 from coordinator.bodies.human.dofs import HUMAN, HUMAN_DOFS
 from coordinator.bodies.human.measures import DEVIATION, REFERENCE_STATURE, Measures
-from coordinator.bodies.human.template import DEFAULT_ACTIVE, human, human_of, person_of_size
+from coordinator.bodies.human.shape_space import shape_space
+from coordinator.bodies.human.template import DEFAULT_ACTIVE, human, human_of
 from coordinator.bodies.tracked import Bodies, one_body
 from coordinator.files import read_json
 
@@ -39,7 +40,7 @@ def choose_bodies(active: tuple[str, ...] | None, preset: str, model: str = HUMA
     """
     usual = USUAL[preset]
     if model == HUMAN:
-        return Bodies(person_of_size, usual, choose_active(active, usual, HUMAN_DOFS))
+        return Bodies(shape_space().person, usual, choose_active(active, usual, HUMAN_DOFS))
     path = Path(model)
     if path.suffix == PERSON_SUFFIX:
         return person(read_person(path), active, preset)

@@ -15,9 +15,9 @@ from common.errors import InputError
 from coordinator.commands.finished import camera_in, find_sequence, own_truth
 from coordinator.commands.options import EvaluateOptions
 from coordinator.results.configuration import digest_frame
-from coordinator.results.evaluation import Evaluation, check_truth_of, evaluate, read_truth
+from coordinator.results.evaluation import Evaluation, evaluate, read_truth
 from coordinator.results.summary import read_summary
-from coordinator.results.track import read_track
+from coordinator.results.track import TRACK_FILE, read_track
 from coordinator.sources import find_format, open_source
 
 logger = logging.getLogger(__name__)
@@ -37,8 +37,7 @@ def run_evaluate(options: EvaluateOptions) -> None:
     found = dict[Path, Evaluation]()
     for run, of_run in truths.items():
         if of_run is not None:
-            check_truth_of(run, of_run)
-            refuse_another_sequence(run, of_run)
+            check_truth(run, of_run)
             source, placed = sources[run], NOT_MOVED
             if source is not None and source.truth is not None and source.truth.samefile(of_run):
                 placed = source.T_rig_camera
@@ -62,8 +61,10 @@ def write_table(found: Mapping[Path, Evaluation]) -> None:
         writer.writerow([run, *(getattr(evaluation, name) for name in columns)])
 
 
-def refuse_another_sequence(run: Path, truth: Path) -> None:
-    """InputError if the truth is in the folder of another recording, by the first tracked frame."""
+def check_truth(run: Path, truth: Path) -> None:
+    """InputError if the truth is the run itself, or in the folder of another recording."""
+    if truth.exists() and truth.samefile(run / TRACK_FILE):
+        raise InputError(f"{truth} is the run's own track; give the truth of its sequence, truth.npz")
     summary, folder = read_summary(run), truth.resolve().parent
     if "first_frame" not in summary:
         return

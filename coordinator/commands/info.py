@@ -16,7 +16,7 @@ from coordinator.commands.console import loading
 from coordinator.commands.options import CameraOptions, InfoOptions
 from coordinator.results.summary import FOUND, PERSON_FILE, find_summary
 from coordinator.sources import Format, Source, find_format
-from coordinator.sources.camera import doubt_camera, doubt_range, parse_camera_options
+from coordinator.sources.camera import doubts, parse_camera_options
 
 if TYPE_CHECKING:
     from coordinator.scene.candidates import Candidate
@@ -42,7 +42,9 @@ def run_info(options: InfoOptions, camera: CameraOptions) -> None:
     source = form.open(sequence, parse_camera_options(camera.intrinsics, camera.depth_scale))
     cameras = []
     for each in source.views:
-        alone = single(each)
+        turn = each.T_rig_camera[:3, :3]
+        gravity = None if each.gravity is None else turn.T @ each.gravity
+        alone = each.changed(others=(), gravity=gravity)  # with gravity in its own frame
         facts = describe(form, alone)
         if not as_json:
             print_facts(facts)
@@ -59,13 +61,6 @@ def run_info(options: InfoOptions, camera: CameraOptions) -> None:
             print_facts(scene)
     if as_json:
         print_json({"cameras": cameras} if source.others else cameras[0])
-
-
-def single(source: Source) -> Source:
-    """A camera of a rig by itself, with gravity in its own frame."""
-    turn = source.T_rig_camera[:3, :3]
-    gravity = None if source.gravity is None else turn.T @ source.gravity
-    return source.changed(others=(), gravity=gravity)
 
 
 def describe_tracked(run: Path, summary: Mapping[str, Any]) -> dict[str, object]:
@@ -168,9 +163,8 @@ def describe(form: Format, source: Source) -> dict[str, object]:
     """Facts about a sequence by name. Raises InputError for a damaged one."""
     camera = source.intrinsics
     near, far = depth_range(source)
-    for doubt in (doubt_camera(camera), doubt_range(near, far)):
-        if doubt is not None:
-            logger.warning("%s: %s", source.name, doubt)
+    for doubt in doubts(camera, near, far):
+        logger.warning("%s: %s", source.name, doubt)
     return {
         **({"camera": source.camera} if source.camera else {}),
         "format": form.name,

@@ -48,10 +48,10 @@ class Belief:
 class Observation:
     """The data of a frame that are used for drawing its particles."""
 
-    points: Array = field(default_factory=lambda: np.empty((0, 3)))  # (P, 3) camera frame, metres
-    interval: float = USUAL_INTERVAL  # seconds since the frame before
-    step: Array | None = None  # (D,) relative motion since then, from encoders; NaN if unknown
-    cameras: int = 1  # that show the body
+    points: Array  # (P, 3) camera frame, metres
+    interval: float  # seconds since the frame before
+    step: Array | None  # (D,) relative motion since then, from encoders; NaN if unknown
+    cameras: int  # that show the body
 
     def expect(self, velocities: Array, time_constant: float | None) -> Array:
         """The expected motion (M, D) since the frame before, of hypotheses with these velocities (M, D).

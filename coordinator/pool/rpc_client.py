@@ -43,7 +43,11 @@ class Refinement:
         ProtocolError if no worker can serve the request, BusError if the transport fails or local workers do
         not start.
         """
-        self.client.finish(self)
+        try:
+            while not self.is_over:
+                self.client.step()
+        finally:
+            self.cancel()
         return concatenate([self.parts[start] for start in sorted(self.parts)])
 
     def cancel(self) -> None:
@@ -101,14 +105,6 @@ class RpcClient:
         particles, now = len(request.particles.poses), time.monotonic()
         self._send(self.scheduler.start(number, particles, now, spare=request.particles.spare))
         return refinement
-
-    def finish(self, refinement: Refinement) -> None:
-        """Wait until a refinement is complete; then forget it."""
-        try:
-            while not refinement.is_over:
-                self.step()
-        finally:
-            self.forget(refinement)
 
     def forget(self, refinement: Refinement) -> None:
         """Send nothing more of a refinement, and ignore its answers."""

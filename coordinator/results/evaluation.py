@@ -20,7 +20,7 @@ from common.camera import NOT_MOVED, moved
 from common.errors import InputError
 from coordinator.bodies.from_joints import angles_from_joints
 from coordinator.files import layout_of, read_arrays
-from coordinator.results.track import TRACK_FILE, Track
+from coordinator.results.track import Track
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,13 +54,6 @@ def read_truth(path: Path, placed: Array = NOT_MOVED) -> Truth:
         values[~np.isfinite(values)] = np.nan
     frame = arrays.get("frame", np.arange(len(joints)))
     return Truth(frame, joint_names, moved(joints, placed), dof_names, pose, ROOT_DOFS[:3] + slides)
-
-
-def check_truth_of(run: Path, truth: Path) -> None:
-    """InputError if a run would be compared with itself."""
-    own = run / TRACK_FILE
-    if own.exists() and truth.exists() and own.samefile(truth):
-        raise InputError(f"{truth} is the run's own track; give the truth of its sequence, truth.npz")
 
 
 NEAR_M = 0.10
@@ -178,8 +171,7 @@ def lost_from(errors: Errors) -> int | None:
 
 def to_the_end(frames: Indices, lost: Mask) -> int | None:
     """First frame of (F,) from which all frames are lost (F,); None if the last frame is not."""
-    kept = np.flatnonzero(~lost)
-    first = kept[-1] + 1 if len(kept) else 0
+    first = np.flatnonzero(~lost).max(initial=-1) + 1
     return int(frames[first]) if first < len(lost) else None
 
 

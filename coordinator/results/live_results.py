@@ -17,6 +17,7 @@ from common.arrays import Array
 from common.body import BodyModel
 from common.errors import ProtocolError
 from common.protocol.keys import of_run
+from common.protocol.wire import LIVE
 from common.transport.channels import Publisher
 from coordinator.bodies.angles import Angles, angles_of
 from coordinator.results.log import assemble
@@ -26,7 +27,6 @@ from coordinator.tracking.estimate import Estimate, Status
 if TYPE_CHECKING:  # it loads the types of ROS
     from coordinator.results.ros2_results import RosOutlet
 
-VERSION = 1
 KIND, END = "estimate", "estimates-end"
 
 BodyKey = Annotated[str, msgspec.Meta(pattern=r"^gepf/run/[A-Za-z0-9._-]{1,64}/model/[0-9a-f]{64}\Z")]
@@ -43,7 +43,7 @@ class HypothesesMessage(msgspec.Struct, frozen=True):
 class ResultMessage(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind", tag=KIND):
     """The result of one frame."""
 
-    version: int = VERSION
+    version: int = LIVE
     frame: int
     time_s: float
     estimated_at: float  # seconds since 1970
@@ -64,7 +64,7 @@ class ResultMessage(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind",
 class EndMessage(msgspec.Struct, frozen=True, tag_field="kind", tag=END):
     """There are no more results."""
 
-    version: int = VERSION
+    version: int = LIVE
 
 
 class PackedOutlet:
@@ -171,8 +171,8 @@ def read_result(payload: bytes) -> Result | None:
     decode = msgspec.json.decode if payload.startswith(b"{") else msgspec.msgpack.decode
     try:
         message = decode(payload, type=ResultMessage | EndMessage)
-        if message.version != VERSION:
-            raise ProtocolError(f"the result is of version {message.version}, expected {VERSION}")
+        if message.version != LIVE:
+            raise ProtocolError(f"the result is of version {message.version}, expected {LIVE}")
         if isinstance(message, EndMessage):
             return None
         return Result(as_track(message), message.body)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -106,18 +107,13 @@ NEAREST_IN_A_ROOM_M, FARTHEST_IN_A_ROOM_M = 0.4, 10.0
 """Depth that is all below or all above these limits is implausible for a camera in a room."""
 
 
-def doubt_range(near: float | None, far: float | None) -> str | None:
-    """A warning about implausible nearest and farthest depth, metres; None if they are plausible."""
+def doubts(camera: Intrinsics, near: float | None, far: float | None) -> Iterator[str]:
+    """Warnings about an implausible camera matrix, and implausible nearest and farthest depth, metres."""
+    if not (0.0 <= camera.cx <= camera.width and 0.0 <= camera.cy <= camera.height):
+        size = f"{camera.width}x{camera.height}"
+        yield f"the centre ({camera.cx:g}, {camera.cy:g}) is outside its {size} image"
     scale = "is the unit right? --depth-scale N gives the units per metre"
     if near is None or far is None:
-        return f"the examined frames have no depth; {scale}"
-    if near > FARTHEST_IN_A_ROOM_M or far < NEAREST_IN_A_ROOM_M:
-        return f"all depth lies between {near:.3g} and {far:.3g} m; {scale}"
-    return None
-
-
-def doubt_camera(camera: Intrinsics) -> str | None:
-    """A warning about an implausible camera matrix; None if it is plausible."""
-    if 0.0 <= camera.cx <= camera.width and 0.0 <= camera.cy <= camera.height:
-        return None
-    return f"the centre ({camera.cx:g}, {camera.cy:g}) is outside its {camera.width}x{camera.height} image"
+        yield f"the examined frames have no depth; {scale}"
+    elif near > FARTHEST_IN_A_ROOM_M or far < NEAREST_IN_A_ROOM_M:
+        yield f"all depth lies between {near:.3g} and {far:.3g} m; {scale}"

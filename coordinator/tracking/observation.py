@@ -128,12 +128,6 @@ def middle_of(subject: SubjectFrame) -> Array:
     return middle
 
 
-def distance_of(subject: SubjectFrame) -> float:
-    """Median depth of some of the observed points in the camera that shows most, metres; 0 without any."""
-    points = camera_points(subject, max(1, len(subject.picked) // POINTS))
-    return float(np.median(points[:, 2])) if len(points) else 0.0
-
-
 def thin(subject: SubjectFrame, points: int) -> SubjectFrame:
     """The frame with at most this number of its points, evenly distributed."""
     every = -(-sum(len(each.picked) for each in subject.views) // points)

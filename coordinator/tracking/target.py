@@ -29,7 +29,7 @@ from coordinator.tracking.detector import Detector
 from coordinator.tracking.estimate import Status
 from coordinator.tracking.faults import Agreement, CameraStates
 from coordinator.tracking.gating import LEAST_PIXELS, gate_pose
-from coordinator.tracking.observation import distance_of
+from coordinator.tracking.observation import POINTS, camera_points
 from coordinator.tracking.particle_filter import Encoders, Pace, ParticleFilter, Submitted
 from coordinator.tracking.person_size import PersonSize
 from coordinator.tracking.pose_candidates import SURER_LOG_LIKELIHOOD, Detection
@@ -222,7 +222,8 @@ class TargetTracker:
     ) -> Detection | None:
         """Detect the body if there is none yet; redetect it if its place is in doubt."""
         with clock.stage("search"):
-            self._distance = distance_of(subject)
+            points = camera_points(subject, max(1, len(subject.picked) // POINTS))
+            self._distance = float(np.median(points[:, 2])) if len(points) else 0.0
             if self._belief is None and self._given:
                 self.start = replace(self.start, noise=self._measure_noise(subject))
                 self._belief = self._filter.begin(self.model, self.start.pose)

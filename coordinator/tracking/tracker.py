@@ -114,11 +114,6 @@ class Tracker:
         )
 
     @property
-    def people(self) -> int:
-        """Largest number of people that are tracked."""
-        return len(self._targets)
-
-    @property
     def states(self) -> list[TrackerState]:
         """Everything that the next frame depends on, one state per person."""
         return [target.state for target in self._targets]

@@ -21,10 +21,10 @@ from tests.support.extremes import Extremes
 from tests.support.filtering import advance
 from tests.support.processes.serving import MODEL, POSES
 from worker.kernel.icp import refine
-from worker.kernel.observation import observe, pack_observation
+from worker.kernel.observation import observe, pack_views
 from worker.kernel.surface import pack_model
 from worker.kernel.visibility import DepthImage, rasterise
-from worker.kernel.workspace import LARGEST_SIDE_PX, make_workspace
+from worker.kernel.workspace import LARGEST_SIDE_PX, make_workspaces
 from worker.warm_up import tiny_frame, tiny_model
 
 
@@ -63,7 +63,8 @@ def test_drawing_ends() -> None:
     full = MOST_PIXELS // side**2
     skeleton, surface = pack_model(MODEL)
     surface = surface._replace(vertices=np.zeros((3 * (full + 1), 3)))
-    workspace = make_workspace(skeleton, surface, pack_observation(observe(tiny_frame()), RefineSettings()))
+    views = pack_views(observe(tiny_frame()), RefineSettings())
+    workspace = make_workspaces(skeleton, surface, views).shared
     workspace.image[:] = np.tile(corners, (full + 1, 1))
     workspace.posed[:, 2] = np.repeat(np.linspace(3.0, 2.0, full + 1), 3)
     seen = DepthImage(

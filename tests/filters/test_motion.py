@@ -61,7 +61,7 @@ def test_a_swing_is_not_overshot_however_it_is_sampled(frames: int) -> None:
     angle = np.radians(60.0) * np.sin(2.0 * np.pi * 1.3 * times)[:, None]
     decay = preset("default").filter.velocity_time_s
     velocity = np.diff(angle, axis=0)[:-1] / interval
-    predicted = angle[1:-1] + Observation(interval=interval).expect(velocity, decay)
+    predicted = angle[1:-1] + Observation(np.empty((0, 3)), interval, None, 1).expect(velocity, decay)
     held, off = np.abs(angle[2:] - angle[1:-1]), np.abs(angle[2:] - predicted)
     assert off.mean() <= 1.05 * held.mean()
     assert np.degrees(np.abs(predicted).max()) < 70.0

@@ -15,7 +15,7 @@ from coordinator.filters.belief import Observation, Proposal
 from coordinator.filters.methods import METHODS, Method
 
 INTERVAL = 0.1  # seconds between frames
-NOTHING_SEEN = Observation(interval=INTERVAL)
+NOTHING_SEEN = Observation(np.empty((0, 3)), INTERVAL, None, 1)
 
 
 def advance(

@@ -17,7 +17,8 @@ from common.camera import Intrinsics, inverse, moved
 from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import joint_positions, pose_vertices
 from common.settings import Settings, preset
-from coordinator.bodies.human.template import DEFAULT_ACTIVE, human, person_of_size
+from coordinator.bodies.human.shape_space import shape_space
+from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from coordinator.bodies.tracked import Bodies, name_pose
 from coordinator.scene.scope import Scope
 from coordinator.synthesis.rendering import DepthRenderer
@@ -160,7 +161,7 @@ def known() -> Bodies:
 @cache
 def people() -> Bodies:
     """People of any size, as the command line makes them, of the paper's degrees of freedom."""
-    return Bodies(person_of_size, DEFAULT_ACTIVE, DEFAULT_ACTIVE)
+    return Bodies(shape_space().person, DEFAULT_ACTIVE, DEFAULT_ACTIVE)
 
 
 def tracker(settings: Settings = SETTINGS, start: dict[str, float] = STANDING) -> OnePerson:

@@ -14,7 +14,7 @@ from common.arrays import Array
 from common.camera import Intrinsics
 from tests.support.kernel.kernel_cases import PAPER
 from worker.kernel.correspondence import closest_points
-from worker.kernel.observation import TILE, Observation, pack_observation
+from worker.kernel.observation import TILE, Observation, pack_views, view_of
 from worker.kernel.surface import LEAF
 from worker.kernel.workspace import make_search
 
@@ -77,7 +77,8 @@ def search(
     nothing = np.zeros((1, 1), np.bool_), np.zeros((2, 1, 1), np.int32)
     camera = Intrinsics(1, 1, 1.0, 1.0, 0.0, 0.0)
     points = np.concatenate([observed, np.repeat(observed[-1:], -len(observed) % TILE, axis=0)])
-    packed = pack_observation(Observation(points, len(observed), *nothing, camera, np.zeros(4, int)), PAPER)
+    of = Observation(points, len(observed), *nothing, camera, np.zeros(4, int), np.eye(4)[:3], 0.0)
+    packed = view_of(pack_views(of, PAPER), 0)
     assert packed.stretch == 1.0
     leaves = -(-len(model) // LEAF)
     found = make_search(len(model), leaves, len(points))

@@ -31,14 +31,14 @@ from tests.support.kernel.posterior import (
 from worker.kernel.correspondence import find_correspondences
 from worker.kernel.gauss_newton import fill_covariance_root, minimise
 from worker.kernel.icp import refine
-from worker.kernel.observation import observe, pack_observation, pack_views
+from worker.kernel.observation import observe, pack_views, view_of
 from worker.kernel.parameters import pack_parameters
 from worker.kernel.priors import LIMIT_WEIGHT_M2
 from worker.kernel.soft import fisher_scoring_step
 from worker.kernel.surface import Surface, pack_model
 from worker.kernel.visibility import DepthImage, draw, pose_body, visible_vertices
 from worker.kernel.weighting import accumulate_correspondences
-from worker.kernel.workspace import Problem, make_workspace, make_workspaces
+from worker.kernel.workspace import Problem, make_workspaces
 from worker.lanes import Lanes
 
 POSES = 3
@@ -52,13 +52,13 @@ def widest(model: BodyModel) -> Array:
 def kernel_covariance(of: PosteriorCase, pose: Array) -> tuple[Array, Array]:
     """The kernel's covariance (D, D) at a pose (D,), and the expected one."""
     skeleton, surface = pack_model(of.model)
-    packed, parameters = pack_observation(observe(of.subject), of.settings), pack_parameters(of.settings)
-    workspace, moved = make_workspace(skeleton, surface, packed), pose.copy()
+    views, parameters = pack_views(observe(of.subject), of.settings), pack_parameters(of.settings)
+    packed = view_of(views, 0)
+    workspace, moved = make_workspaces(skeleton, surface, views).shared, pose.copy()
     pose_body(pose, skeleton, surface, workspace)
     visible = visible_vertices(surface, workspace)
     if parameters.soft:
         exact = soft_information(of, pose, (draw(surface.triangles, True, workspace), surface))
-        views = pack_views(observe(of.subject), of.settings)
         workspaces = make_workspaces(skeleton, surface, views)
         fisher_scoring_step(moved, Problem(skeleton, surface, views, parameters), workspaces)
         workspace = workspaces.shared

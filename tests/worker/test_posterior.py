@@ -24,14 +24,14 @@ from tests.support.kernel.posterior import (
 from worker.kernel.correspondence import find_correspondences
 from worker.kernel.icp import refine
 from worker.kernel.normal_equations import fill_normal_equations
-from worker.kernel.observation import observe, pack_observation
+from worker.kernel.observation import observe, pack_views, view_of
 from worker.kernel.parameters import pack_parameters
 from worker.kernel.priors import add_prior
 from worker.kernel.soft import add_soft_equations
 from worker.kernel.surface import pack_model
 from worker.kernel.visibility import draw, pose_body, visible_vertices
 from worker.kernel.weighting import accumulate_correspondences
-from worker.kernel.workspace import make_workspace
+from worker.kernel.workspace import make_workspaces
 
 MANY, FEW = 200, 6
 
@@ -39,8 +39,9 @@ MANY, FEW = 200, 6
 def kernel_slope(of: PosteriorCase, pose: Array) -> tuple[Array, Held]:
     """Minus the right side of the descent's equations as a slope (D,) of the log posterior; what it held."""
     skeleton, surface = pack_model(of.model)
-    packed, parameters = pack_observation(observe(of.subject), of.settings), pack_parameters(of.settings)
-    workspace, drawn = make_workspace(skeleton, surface, packed), None
+    views, parameters = pack_views(observe(of.subject), of.settings), pack_parameters(of.settings)
+    packed = view_of(views, 0)
+    workspace, drawn = make_workspaces(skeleton, surface, views).shared, None
     equations = workspace.equations
     if parameters.soft:
         equations.gram[:], equations.gradient[:] = 0.0, 0.0

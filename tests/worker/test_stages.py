@@ -14,10 +14,10 @@ from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes import SCENES, Scene
 from tests.support.bodies import person
 from tests.support.kernel.kernel_cases import DEFAULT, layout, subject
-from worker.kernel.observation import observe, pack_observation
+from worker.kernel.observation import observe, pack_views
 from worker.kernel.surface import pack_model
 from worker.kernel.visibility import visible_vertices
-from worker.kernel.workspace import make_workspace
+from worker.kernel.workspace import make_workspaces
 
 AROUND = 7  # pixels: what the surface does within 14 mm, about a pixel of the worker, counts as its edge
 SEEN, HIDDEN = 0.003, 0.05  # metres behind the z-buffer
@@ -63,10 +63,8 @@ def test_the_worker_sees_what_the_z_buffer_shows(name: str, frame: int) -> None:
     vertices = pose_vertices(scene.model, scene.poses[frame : frame + 1])[0]
     seen = np.zeros(len(vertices), dtype=bool)
     skeleton, surface = pack_model(scene.model)
-    workspace, order = (
-        make_workspace(skeleton, surface, pack_observation(observe(subject()), DEFAULT)),
-        layout(scene.model),
-    )
+    views, order = pack_views(observe(subject()), DEFAULT), layout(scene.model)
+    workspace = make_workspaces(skeleton, surface, views).shared
     workspace.posed[:] = vertices[order]
     seen[order[visible_vertices(surface, workspace)]] = True
     shown, free, hidden = judge(vertices, scene)

@@ -5,7 +5,7 @@ They are computed once per frame and shared by all its particles.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -39,8 +39,8 @@ class Observation:
     nearest: NDArray[np.int32]  # (2, H, W)
     camera: Intrinsics
     view: Indices  # (4,) left, top, right, bottom of the whole image
-    T_camera_rig: Array = field(default_factory=lambda: np.eye(4)[:3])  # (3, 4)
-    delay_s: float = 0.0  # after the time of the frame
+    T_camera_rig: Array  # (3, 4)
+    delay_s: float  # after the time of the frame
     others: tuple[Observation, ...] = ()  # of other cameras
 
     @property
@@ -113,11 +113,6 @@ def observe_view(subject: SubjectFrame) -> Observation:
         T_camera_rig=subject.frame.T_camera_rig[:3],
         delay_s=subject.delay_s,
     )
-
-
-def pack_observation(observation: Observation, settings: RefineSettings) -> PackedObservation:
-    """Pack the observation of one camera in the metric of the noise."""
-    return stretch(observation, settings.noise_lateral / settings.noise_depth)
 
 
 def pack_views(observation: Observation, settings: RefineSettings) -> PackedViews:

@@ -16,7 +16,7 @@ import numpy as np
 from common.arrays import Array, Indices, Mask, Numbers, Points
 from common.compiling import numba
 from worker.kernel.drawing import SIDE
-from worker.kernel.observation import TILE, PackedObservation, PackedViews
+from worker.kernel.observation import TILE, PackedViews
 from worker.kernel.parameters import KernelParameters
 from worker.kernel.surface import Skeleton, Surface
 
@@ -143,11 +143,6 @@ def workspace_of(workspaces: Workspaces, views: PackedViews, v: int) -> Workspac
         shared.equations,
         shared.wrenches,
     )
-
-
-def make_workspace(skeleton: Skeleton, surface: Surface, observed: PackedObservation) -> Workspace:
-    """Allocate a workspace for particles of one body and one camera."""
-    return allocate(skeleton, surface, observed.points.shape[1], observed.T_camera_rig[None])
 
 
 def allocate(skeleton: Skeleton, surface: Surface, points: int, T_camera_rig: Array) -> Workspace:

@@ -36,8 +36,3 @@ def human(stature_m: float = REFERENCE_STATURE, girth: float = 1.0, **others: fl
 def human_of(measures: Measures) -> BodyModel:
     """A person with these measures, with all degrees of freedom; the last few are cached."""
     return shape_space().person(measures.stature, measures.girth, measures.age, np.array(measures.lengths))
-
-
-def person_of_size(stature_m: float, girth: float) -> BodyModel:
-    """A person of usual proportions for this stature, with all degrees of freedom."""
-    return shape_space().person(stature_m, girth)
