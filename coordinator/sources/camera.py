@@ -90,8 +90,6 @@ AS_RECORDED = CameraOptions()
 
 def parse_camera_options(intrinsics: str | None, depth_scale: float | None) -> CameraOptions:
     """Parse the values of the command line; InputError if they are invalid."""
-    if depth_scale is not None and not 0.0 < depth_scale < np.inf:
-        raise InputError(f"--depth-scale {depth_scale:g} is not above 0; give 1000 for millimetres")
     if intrinsics is None:
         return CameraOptions(None, depth_scale)
     try:

@@ -188,15 +188,7 @@ def test_single_measures_can_be_set() -> None:
     assert volume(stout.vertices, stout.triangles) > 1.2 * volume(usual.vertices, usual.triangles)
 
 
-@pytest.mark.parametrize(
-    ("measures", "message"),
-    [
-        ({"stature_m": 175.0}, "metres"),
-        ({"girth": 0.0}, "factor"),
-        ({"tail": 0.3}, "thigh"),
-        ({"thigh": 4.0}, "about"),
-    ],
-)
+@pytest.mark.parametrize(("measures", "message"), [({"girth": 0.0}, "factor"), ({"thigh": 4.0}, "about")])
 def test_measures_that_no_person_has_are_refused(measures: dict[str, float], message: str) -> None:
     """The error says how to correct it."""
     with pytest.raises(InputError, match=message):

@@ -16,8 +16,7 @@ from common.kinematics.rotations import euler_matrix
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
 from coordinator.cli import main
-from tests.support.pairs import raised
-from tests.support.people import CAMERA, STANDING, rendered
+from tests.support.people import CAMERA, STANDING, raised, rendered
 from tests.support.recordings import write_open3d
 from tests.support.rooms import along
 from tests.support.stand_ins import Direct

@@ -16,7 +16,6 @@ from common.body import ROTATION, TRANSLATION, BodyModel, find_balls
 from common.kinematics import joint_positions, pose_vertices
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from tests.support.bodies import person, puppet
-from tests.support.refusals import refused
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -91,16 +90,6 @@ def test_a_ball_stays_one_only_as_a_whole() -> None:
     rest = np.zeros(len(full.dof_names))
     assert activate(full, ["r_arm_3", "r_arm_1", "r_arm_2"], rest).balls.tolist() == [0]
     assert activate(full, ["r_arm_1", "r_arm_2", "l_arm_3"], rest).balls.tolist() == []
-
-
-def test_an_unknown_name_is_refused() -> None:
-    """The error has the unknown name, the nearest name, and the command that lists all."""
-    full = puppet()
-    with refused() as caught:
-        activate(full, ["l_elbow", "r_elbo"], np.zeros(len(full.dof_names)))
-    assert "'r_elbo'" in str(caught.value)
-    assert "r_elbow" in str(caught.value).replace("'r_elbo'", "")
-    assert "gepf model dofs" in str(caught.value)
 
 
 def test_the_same_content_has_the_same_hash() -> None:

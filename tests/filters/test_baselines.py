@@ -170,7 +170,7 @@ def test_an_arm_is_followed(method: str, particles: int) -> None:
     """From the true start, four angles stay within 8 degrees on average, and few hypotheses are recorded."""
     settings = settings_for(method, "default", particles, 1000)
     start = pose_by_name(human(), arm().poses[0])
-    tracker = OnePerson(DirectRefiner(), settings, choose_bodies(ARM_DOFS, "default"), start)
+    tracker = OnePerson(DirectRefiner(), settings, choose_bodies(ARM_DOFS, "default"), start=start)
     estimates = [tracker.track(frame) for frame in shown()]
     columns = [human().dof_names.index(name) for name in tracker.model.dof_names]
     poses: Array = np.array([estimate.pose for estimate in estimates])

@@ -231,23 +231,6 @@ def test_two_valleys_stay_two_hypotheses(explores: bool) -> None:
         assert np.all(np.diff(found.log_weights) < 0.0)
 
 
-def test_covariances_come_from_before_the_descent() -> None:
-    """With one mode the covariance is that of the drawn particles about the mode, less 10 %."""
-    asked: list[Array] = []
-
-    def one_valley(poses: Array) -> Refined:
-        asked.append(poses.copy())
-        return Refined(np.tile(VALLEYS[0], (len(poses), 1)), np.zeros(len(poses)), np.zeros(len(poses)))
-
-    found = follow(one_valley, PAPER, seed=0, frames=2)
-    for hypotheses, before in zip(found, asked, strict=True):
-        assert len(before) == PAPER.particles
-        apart = before - VALLEYS[0]
-        np.testing.assert_allclose(hypotheses.covariances, [0.9 * apart.T @ apart / len(before)], atol=1e-12)
-    np.testing.assert_allclose(INTERVAL * found[0].velocities, [VALLEYS[0]], atol=1e-12)
-    np.testing.assert_allclose(INTERVAL * found[1].velocities, 0.0, atol=1e-12)
-
-
 def test_every_hypothesis_goes_back_to_its_own_ancestor() -> None:
     """Velocity and inherited covariance are those of its ancestor, whichever is the likeliest."""
     past = Hypotheses(

@@ -7,12 +7,10 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-import msgspec
 import numpy as np
 import pytest
 
 import gepf
-from common.settings import preset
 from coordinator.bodies.human.measures import Measures
 from coordinator.bodies.human.template import human_of
 from tests.support.pairs import pair
@@ -90,17 +88,6 @@ def test_the_example_runs(tmp_path: Path) -> None:
         "frame 0, tracked",
         "frame 1, tracked",
     ]
-
-
-def test_the_settings_are_used() -> None:
-    """Another seed gives other hypotheses; left out, they are the default preset's."""
-    frame = shown("standing").frames[0]
-    changed = msgspec.structs.replace(preset("default"), seed=7)
-    usual = [
-        as_bytes(gepf.Tracker(PERSON, s, start=STANDING).track(frame)) for s in (None, preset("default"))
-    ]
-    assert usual[0] == usual[1]
-    assert as_bytes(gepf.Tracker(PERSON, changed, start=STANDING).track(frame)) != usual[0]
 
 
 def test_two_people_are_tracked_and_saved(tmp_path: Path) -> None:

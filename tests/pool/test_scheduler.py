@@ -106,25 +106,6 @@ def test_late_joiner_takes_what_waits() -> None:
 
 
 @pytest.mark.usefixtures("small_batches")
-def test_killed_worker() -> None:
-    """The batches of a lost worker are sent to the other one, and its late answers are ignored."""
-    scheduler = play(
-        [
-            *TWO_AT_WORK,
-            (0.1, ended(0), []),
-            (0.1, left("b"), [(4, "a", 10, 20)]),
-            (0.1, ended(1, "nothing"), []),
-            (0.1, ended(3), []),
-            (0.2, ended(2), [(5, "a", 30, 40)]),
-            (0.3, ended(4), []),
-            (0.4, ended(5), []),
-        ]
-    )
-    assert not scheduler.batches
-    assert scheduler.sent_again == 2
-
-
-@pytest.mark.usefixtures("small_batches")
 def test_what_is_late_is_sent_again() -> None:
     """To an idle worker, once; the first result wins."""
     scheduler = play(
@@ -154,24 +135,6 @@ def test_a_large_share_is_not_late_by_its_size() -> None:
             (2.0, ended(2), []),
             (3.9, look, []),
             (4.1, look, [(4, "a", 100, 200)]),
-        ]
-    )
-
-
-@pytest.mark.usefixtures("small_batches")
-def test_frozen_worker_gets_no_more() -> None:
-    """A worker that is still busy with the job before gets nothing of the next one."""
-    play(
-        [
-            *TWO_AT_WORK,
-            (0.1, ended(0), []),
-            (0.1, ended(2), []),
-            (0.5, look, [(4, "a", 10, 20)]),
-            (0.6, ended(4), [(5, "a", 30, 40)]),
-            (0.7, ended(5), []),
-            (0.7, started(40), [(6, "a", 0, 10), (7, "a", 10, 20)]),
-            (0.8, ended(1), [(8, "b", 20, 30)]),
-            (0.8, ended(3, "nothing"), []),
         ]
     )
 

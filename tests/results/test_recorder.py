@@ -5,8 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import tempfile
-import zipfile
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import BinaryIO
 
@@ -16,12 +15,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from common.errors import InputError
-from coordinator.exports import export_run
 from coordinator.files import write_atomically
 from coordinator.pool.options import PoolStatistics
 from coordinator.results.log import Recorded, frame_record, read_log, read_records
 from coordinator.results.recorder import Recorder, is_complete
-from coordinator.results.track import Track, read_track
+from coordinator.results.track import read_track
 from coordinator.scene.scene import SceneChange
 from coordinator.tracking.certainty.certainty import Certainty
 from coordinator.tracking.estimate import Estimate, Status
@@ -148,14 +146,6 @@ def test_values_come_through_bit_by_bit_and_missing_hypotheses_are_nan(run: Path
         assert np.isnan(track.hypothesis_weight[f, count:]).all()
 
 
-def test_equal_runs_give_equal_bytes(tmp_path: Path, run: Path) -> None:
-    """Neither the time nor the place of a run is in its track; time taken is in the summary only."""
-    record(tmp_path / "elsewhere" / "other", ESTIMATES)
-    assert (run / "track.npz").read_bytes() == (tmp_path / "elsewhere" / "other" / "track.npz").read_bytes()
-    with zipfile.ZipFile(run / "track.npz") as file:
-        assert {entry.date_time for entry in file.infolist()} == {(1980, 1, 1, 0, 0, 0)}
-
-
 def test_a_frame_is_in_the_file_before_the_next_begins(tmp_path: Path) -> None:
     """A reader of the folder sees each frame as soon as append returns."""
     with Recorder(tmp_path / "run", CONFIGURATION) as recorder:
@@ -204,13 +194,6 @@ def test_a_log_torn_anywhere_gives_the_whole_records_before(log: bytes, data: st
         found = records_of(damaged)
         assert found == whole[: len(found)]
         assert len(found) < len(whole) == 4
-
-
-def test_without_a_frame_no_folder_stays(tmp_path: Path) -> None:
-    """A run that fails before its first frame leaves nothing, not even folders above."""
-    with pytest.raises(ZeroDivisionError), Recorder(tmp_path / "a" / "b" / "run", CONFIGURATION):
-        raise ZeroDivisionError
-    assert names(tmp_path) == []
 
 
 def test_a_folder_that_was_there_stays_with_all_it_held(tmp_path: Path) -> None:
@@ -317,15 +300,3 @@ def test_the_csv_gives_back_the_same_numbers(run: Path) -> None:
     np.testing.assert_array_equal(found, np.degrees(track.angle))
     assert list(rows[0])[3] == f"{track.angle_names[0]}_deg"
     assert [row[f"{track.angle_names[0]}_deviation_deg"] == "nan" for row in rows] == [False, False, True]
-
-
-def test_exports_hold_the_track(tmp_path: Path, run: Path) -> None:
-    """CSV is that of the run; JSON has all fields, with null where hypotheses are missing."""
-    track = read_track(run)
-    export_run(run, "csv", tmp_path / "poses")
-    export_run(run, "json", tmp_path / "poses.json")
-    assert (tmp_path / "poses").read_bytes() == (run / "poses.csv").read_bytes()
-    content = json.loads((tmp_path / "poses.json").read_text())
-    assert set(content) == {field.name for field in fields(Track)}
-    assert content["pose"] == track.pose.tolist()
-    assert content["hypothesis_weight"][0] == [1.0, None, None]

@@ -49,16 +49,16 @@ def test_a_tracker_goes_on_bit_for_bit(method: str, *, room: bool, tmp_path: Pat
     frames = list(shown("standing").frames)
     frames[2] = empty(2)
     frames = [in_a_room(frame) for frame in frames] if room else frames
-    whole = OnePerson(DirectRefiner(), settings, known(), STANDING)
-    said = [as_bytes(estimate) for estimate, _ in whole.follow(frames)]
+    whole = OnePerson(DirectRefiner(), settings, known(), start=STANDING)
+    said = [as_bytes(tracked.estimate) for (tracked,) in whole.follow(frames)]
 
-    following = OnePerson(DirectRefiner(), settings, known(), STANDING)
+    following = OnePerson(DirectRefiner(), settings, known(), start=STANDING)
     with (tmp_path / "log").open("ab") as file:
         for number, frame in enumerate(frames):
             estimate = following.track(frame)
             assert as_bytes(estimate) == said[number]
             state = recorded_state(file, following.state, estimate)
-            following = OnePerson(DirectRefiner(), settings, known(), state=state)
+            following = OnePerson(DirectRefiner(), settings, known(), states=[state])
 
 
 def test_all_that_a_target_tracker_changes_is_in_its_state() -> None:

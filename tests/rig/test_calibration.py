@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -11,7 +9,6 @@ from common.arrays import Array
 from common.camera import inverse, moved
 from common.errors import InputError
 from coordinator.calibration.rig import CameraPlace, Motion, align, judge
-from coordinator.sources.rig import RigCamera, read_rig_file, write_rig
 from tests.support.rigs import around
 
 TRUE, OFFSET_S = around(70.0), 0.0123
@@ -43,16 +40,6 @@ def test_joints_tell_where_a_camera_is_and_its_clock() -> None:
     assert np.degrees(np.arccos(min(1.0, (np.trace(turn) - 1.0) / 2.0))) < 0.5
     person = moved(np.array([0.0, 0.0, 2.7]), inverse(TRUE))
     assert np.linalg.norm(moved(person, found.placed) - [0.0, 0.0, 2.7]) < 0.01
-
-
-def test_an_alignment_is_written_as_a_rig(tmp_path: Path) -> None:
-    """Read again, place and clock are the same."""
-    found = align(motion(0.0, np.eye(4)), motion(OFFSET_S, TRUE))
-    assert found is not None
-    write_rig(tmp_path / "rig.json", [RigCamera("b", "b", found.placed.tolist(), found.offset_s)])
-    (camera,) = read_rig_file(tmp_path / "rig.json").cameras
-    assert camera.time_offset_s == found.offset_s
-    np.testing.assert_array_equal(camera.placed, found.placed)
 
 
 def test_recordings_of_different_times_are_not_aligned() -> None:

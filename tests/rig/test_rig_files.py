@@ -76,23 +76,6 @@ def change(**fields: object) -> Callable[[dict[str, Any]], object]:
         (change(name=""), "a camera has an empty name"),
         (change(sequence="inner.json"), "'b' is a rig itself"),
     ],
-    ids=[
-        *(
-            "key",
-            "none",
-            "twice",
-            "names",
-            "live",
-            "missing",
-            "scaled",
-            "mirrored",
-            "short",
-            "millimetres",
-            "late",
-            "text",
-        ),
-        *("apart", "nameless", "nested"),
-    ],
 )
 def test_a_bad_rig_is_refused(tmp_path: Path, damage: Callable[[dict[str, Any]], object], said: str) -> None:
     """One line says what is wrong, and where."""

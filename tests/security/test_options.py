@@ -9,7 +9,7 @@ import pytest
 
 from common.errors import InputError
 from common.transport.credentials import Credentials, check_holder, holder_of, read_credentials
-from common.transport.endpoints import check_endpoint, check_listening
+from common.transport.endpoints import check_listening
 from common.transport.session import Security
 from coordinator.cli import main
 from coordinator.security.access import TlsFiles, choose_names, choose_security, read_roster
@@ -51,14 +51,6 @@ def test_commands_refuse_to_listen_openly(tmp_path: Path, capsys: pytest.Capture
         (error,) = (line for line in lines if "; loading" not in line)  # where libraries load slowly
         assert "--insecure" in error
     assert not (tmp_path / "run").exists()
-
-
-def test_certificate_forbids_plain_endpoints(ours: Folder) -> None:
-    """A plain endpoint together with a certificate is a mistake."""
-    for option in ("--listen", "--connect"):
-        with pytest.raises(InputError, match="is not encrypted; with a certificate, give tls/HOST:PORT"):
-            check_endpoint(option, "tcp/127.0.0.1:7447", ours.of("coordinator"))
-    check_endpoint("--connect", "tls/somewhere:7447", ours.of("coordinator"))
 
 
 def test_only_the_coordinators_certificate_runs(ours: Folder) -> None:

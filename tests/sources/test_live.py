@@ -246,7 +246,6 @@ def test_a_port_in_use_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[st
         (["view", f"zenoh:{KEY}"], "no publisher could connect; add --connect or --listen"),
         (["view", "run", "--results", KEY], "--results is for the view of live input"),
         (["view", "ros2:/gepf", "--connect", "tcp/127.0.0.1:7447"], "RViz shows topics of ROS 2"),
-        (["track", "x", "--out", "y", "--near", "nan"], "--near nan is not above 0"),
         (["publish", "x", "--key", "a/*", "--connect", "tcp/127.0.0.1:1"], "such as camera/depth"),
         (["publish", "x", "--key", KEY, "--connect", "tcp/127.0.0.1:1", "--rate", "0"], "--rate 0"),
         (["publish", "PLATE", "--key", KEY], "no subscriber could connect"),

@@ -13,7 +13,7 @@ from common.arrays import Array
 from common.kinematics import joint_positions
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
-from tests.support.people import CAMERA, RAISING, STANDING, Shown, frame_of, rendered
+from tests.support.people import CAMERA, STANDING, Shown, frame_of, raised, rendered
 from tests.support.recordings import write_open3d
 from tests.support.rooms import in_a_room
 
@@ -38,11 +38,6 @@ def pair(apart: float = 1.0) -> tuple[Shown, Shown]:
         pictures = [nearer(*each) for each in zip(pictures, rendered(model, poses), strict=True)]
     frames = [in_a_room(frame_of(n, picture)) for n, picture in enumerate(pictures)]
     return Shown(frames, joints[0]), Shown(frames, joints[1])
-
-
-def raised(posture: Mapping[str, float], number: int) -> dict[str, float]:
-    """The posture, with the arm as high as in a frame."""
-    return {**posture, **{name: rate * number for name, rate in RAISING.items()}}
 
 
 def nearer(one: NDArray[np.floating], other: NDArray[np.floating]) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import fields
 from functools import cache
 from typing import NamedTuple
@@ -20,42 +20,22 @@ from common.settings import Settings, preset
 from coordinator.bodies.human.shape_space import shape_space
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from coordinator.bodies.tracked import Bodies, name_pose
-from coordinator.scene.scope import Scope
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.tracking.certainty.certainty import Certainty
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.observation import isolate
-from coordinator.tracking.particle_filter import Encoders
-from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.state import Start, TrackerState
 from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
 
 
-class OnePerson:
+class OnePerson(Tracker):
     """`Tracker` for one person."""
-
-    def __init__(
-        self,
-        refiner: Refiner,
-        settings: Settings,
-        bodies: Bodies,
-        start: Mapping[str, float] | None = None,
-        *,
-        state: TrackerState | None = None,
-        motion: Encoders | None = None,
-        scope: Scope | None = None,
-    ) -> None:
-        states = None if state is None else [state]
-        self._tracker = Tracker(
-            refiner, settings, bodies, start=start, states=states, motion=motion, scope=scope
-        )
-        self.prepare = self._tracker.prepare
 
     @property
     def state(self) -> TrackerState:
         """The state for the next frame."""
-        return self._tracker.states[0]
+        return self.states[0]
 
     @property
     def start(self) -> Start:
@@ -67,14 +47,9 @@ class OnePerson:
         """The body that is tracked."""
         return self.state.start.model
 
-    def track(self, frame: DepthFrame) -> Estimate:
+    def track(self, frame: DepthFrame) -> Estimate:  # type: ignore[override]
         """The estimate of the next frame."""
-        return self._tracker.track(frame)[0].estimate
-
-    def follow(self, frames: Iterable[DepthFrame]) -> Iterator[tuple[Estimate, TrackerState]]:
-        """Each frame's estimate, and all that was known after it."""
-        for tracked in self._tracker.follow(frames):
-            yield tracked[0].estimate, tracked[0].state
+        return super().track(frame)[0].estimate
 
 
 CAMERA = Intrinsics(320, 240, 290.0, 290.0, 159.5, 119.5)
@@ -108,13 +83,14 @@ def shown(posture: str, stature: float = 1.82) -> Shown:
     """A person who raises the left arm, standing or sitting."""
     model = human(stature)
     first = STANDING if posture == "standing" else SITTING
-    poses = np.array(
-        [
-            name_pose(model, {**first, **{name: rate * n for name, rate in RAISING.items()}})
-            for n in range(FRAMES)
-        ]
-    )
-    return show(model, poses)
+    return show(model, np.array([name_pose(model, raised(first, n)) for n in range(FRAMES)]))
+
+
+def raised(
+    posture: Mapping[str, float], number: int, rates: Mapping[str, float] = RAISING
+) -> dict[str, float]:
+    """The posture, with the arm as high as in a frame."""
+    return {**posture, **{name: rate * number for name, rate in rates.items()}}
 
 
 def show(model: BodyModel, poses: Array) -> Shown:
@@ -166,7 +142,7 @@ def people() -> Bodies:
 
 def tracker(settings: Settings = SETTINGS, start: dict[str, float] = STANDING) -> OnePerson:
     """A tracker of the known person, from a given start."""
-    return OnePerson(DirectRefiner(), settings, known(), start)
+    return OnePerson(DirectRefiner(), settings, known(), start=start)
 
 
 def as_bytes(estimate: Estimate) -> list[bytes]:

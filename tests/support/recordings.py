@@ -23,7 +23,7 @@ from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
 from coordinator.sources import open_source
 from coordinator.sources.utd_mhad import KINECT
-from tests.support.people import rendered
+from tests.support.people import raised, rendered
 from tests.support.ros import camera_of, header_of, image_of
 
 Depth = NDArray[np.uint16]  # (F, H, W), millimetres
@@ -160,9 +160,7 @@ FRAMES = 3
 def recorded() -> Depth:
     """Frames (F, H, W) of a person who raises a forearm, in whole millimetres."""
     model = human(1.75)
-    poses = np.array(
-        [name_pose(model, START | {name: rate * n for name, rate in RAISING.items()}) for n in range(FRAMES)]
-    )
+    poses = np.array([name_pose(model, raised(START, n, RAISING)) for n in range(FRAMES)])
     millimetres: Array = np.rint(np.array(rendered(model, poses, KINECT)) * 1000.0)
     return millimetres.astype(np.uint16)
 

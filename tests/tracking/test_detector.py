@@ -175,7 +175,7 @@ def test_a_person_who_comes_back_faces_the_way_that_is_seen(turn: float) -> None
     truth = joint_positions(MODEL, poses)
     first, then = rendered(MODEL, poses)
     shown_frames = [(first, truth[0])] * 2 + [None] * 3 + [(then, truth[1])] * 3
-    tracker = OnePerson(DirectRefiner(), SETTINGS, known(), STANDING)
+    tracker = OnePerson(DirectRefiner(), SETTINGS, known(), start=STANDING)
     sides = [NAMES.index(f"{side}_shoulder") for side in ("left", "right")]
     for number, each in enumerate(shown_frames):
         if each is None:

@@ -16,7 +16,6 @@ from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
 from coordinator.sources import open_source
 from gepf.direct import DirectRefiner
-from tests.support.pairs import raised
 from tests.support.people import (
     CAMERA,
     SETTINGS,
@@ -26,6 +25,7 @@ from tests.support.people import (
     frame_of,
     known,
     people,
+    raised,
     rendered,
     show,
 )
@@ -53,7 +53,7 @@ def stepping(posture: str) -> Shown:
 def test_who_steps_far_is_found_in_that_frame(posture: str) -> None:
     """Found in that frame, though some points are near the former place; and in the next frame."""
     frames, joints = stepping(posture)
-    followed = OnePerson(DirectRefiner(), SETTINGS, known(), STARTS[posture])
+    followed = OnePerson(DirectRefiner(), SETTINGS, known(), start=STARTS[posture])
     for frame, truth in zip(frames, joints, strict=True):
         estimate = followed.track(frame)
         assert estimate.status in ("tracked", "ambiguous")

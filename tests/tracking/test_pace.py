@@ -9,7 +9,8 @@ from common.camera import Intrinsics
 from common.frame import DepthFrame
 from common.settings import preset
 from coordinator.filters.methods import pace_iterations
-from coordinator.tracking.observation import filter_observation, isolate
+from coordinator.tracking.observation import filter_observation
+from tests.support.people import subject_of
 
 CAMERA = Intrinsics(32, 24, 30.0, 30.0, 16.0, 12.0)
 
@@ -27,16 +28,10 @@ def test_iterations_go_with_the_time_between_frames(interval: float, factor: int
 def test_a_sighting_has_the_points_and_the_time_of_its_frame() -> None:
     """Points lie on the surface that is seen; time that stands still or goes back is the usual interval."""
     depth = np.full((24, 32), 2000, dtype=np.uint16)
-    subject = isolate(DepthFrame(3, 0.5, depth, 1000.0, CAMERA), 100)
-    assert subject is not None
+    subject = subject_of(DepthFrame(3, 0.5, depth, 1000.0, CAMERA), 100)
     sighting = filter_observation(subject, 0.4)
     np.testing.assert_allclose(sighting.points[:, 2], 2.0)
     u = CAMERA.cx + CAMERA.fx * sighting.points[:, 0] / 2.0
     np.testing.assert_allclose(u, np.rint(u), atol=1e-9)
     assert sighting.interval == pytest.approx(0.1)
-    assert (
-        filter_observation(subject, None).interval
-        == filter_observation(subject, 0.5).interval
-        == filter_observation(subject, 0.9).interval
-        == 1 / 30
-    )
+    assert {filter_observation(subject, last).interval for last in (None, 0.5, 0.9)} == {1 / 30}

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import msgspec
 import numpy as np
-import pytest
 
 from common.settings import Settings
-from coordinator.scene.scene import Scene
 from coordinator.tracking.state import TrackerState
 from coordinator.tracking.tracker import Tracker
 from gepf.direct import DirectRefiner
 from tests.support.pairs import pair
-from tests.support.people import SETTINGS, as_bytes
+from tests.support.people import SETTINGS
 from tests.support.people import people as anybody
 
 FEW: Settings = msgspec.structs.replace(SETTINGS, points=1500)
@@ -41,24 +38,3 @@ def test_two_people_are_detected_and_tracked() -> None:
         assert last in (None, order)
         last = order
         assert {each.estimate.status for each in results} <= {"tracked", "ambiguous"}
-
-
-@pytest.mark.parametrize("stop", [1, 3])
-def test_people_are_resumed_bit_for_bit(stop: int) -> None:
-    """A tracker from the states of another gives what that would have given, and so does `track`."""
-    first, _ = pair()
-    states, given = [], []
-    for results in tracker(2).follow(first.frames[:5]):
-        given.append([as_bytes(each.estimate) for each in results])
-        states.append([each.state for each in results])
-    folded = Scene()
-    for each in states[:stop]:
-        folded.recall(each[0].checkpoint.scenes[""])
-    past = [
-        replace(state, checkpoint=replace(state.checkpoint, scenes={"": folded.all()}))
-        for state in states[stop - 1]
-    ]
-    resumed = tracker(2, past)
-    for number in range(stop, 5):
-        found = [as_bytes(each.estimate) for each in resumed.track(first.frames[number])]
-        assert found == given[number]

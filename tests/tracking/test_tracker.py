@@ -24,7 +24,6 @@ from coordinator.sources.live_stream import LiveCamera
 from coordinator.stopwatch import Stopwatch
 from coordinator.tracking.detector import Detector
 from coordinator.tracking.estimate import UNKNOWN, Estimate
-from coordinator.tracking.observation import isolate
 from coordinator.tracking.particle_filter import Pace
 from coordinator.tracking.refiner import Pending
 from coordinator.tracking.reporting import judge
@@ -168,9 +167,9 @@ def test_a_frame_is_told_while_the_workers_are_busy_with_the_next() -> None:
     frames, refiner = list(shown("standing").frames), Watched()
     frames[2] = empty(2)  # nothing to be busy with: the frame before comes all the same
     states: list[TrackerState] = []
-    for estimate, state in OnePerson(refiner, FOLLOWING, known(), STANDING).follow(frames):
-        refiner.events.append(f"told {estimate.frame}")
-        states.append(state)
+    for (tracked,) in OnePerson(refiner, FOLLOWING, known(), start=STANDING).follow(frames):
+        refiner.events.append(f"told {tracked.estimate.frame}")
+        states.append(tracked.state)
     assert refiner.events == [
         *("sent 0", "busy", "sent 1", "idle"),
         *("sent 1", "busy", "told 0", "idle"),
@@ -324,9 +323,7 @@ def test_one_word_says_how_sure_it_is(
 def test_points_are_picked_evenly() -> None:
     """As many as asked for, in ascending order, each from its own equal share of the pixels."""
     frame = shown("standing").frames[0]
-    every, some = isolate(frame, 10**6), isolate(frame, 500)
-    assert every is not None
-    assert some is not None
+    every, some = subject_of(frame, 10**6), subject_of(frame, 500)
     assert len(some.picked) == 500 < len(every.picked)
     steps = np.diff(np.searchsorted(every.picked, some.picked))
     assert steps.max() - steps.min() <= 1
