@@ -147,7 +147,7 @@ class Site:
 def site(calm: Path, folder: Path) -> Iterator[Site]:
     """Hosts, and on them a run that has begun; nothing runs on them afterwards."""
     try:
-        network = Network(folder / "cables.txt")
+        network = Network()
     except NotAllowed as error:
         pytest.skip(f"no network hosts can be made here: {error}")
     with network:

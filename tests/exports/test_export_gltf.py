@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 import pygltflib
 import pytest
-import trimesh
 
 from common.kinematics import pose_vertices
 from coordinator.exports import export_run
@@ -87,16 +86,3 @@ def test_times_status_and_frames_are_written(tmp_path: Path) -> None:
         "frame": [100, 101, 102, 103],
         "status": ["tracked", "lost", *["tracked"] * 2],
     }
-
-
-@pytest.mark.parametrize("form", ["glb", "gltf"])
-def test_another_library_reads_the_surface(tmp_path: Path, form: str) -> None:
-    """trimesh finds one closed surface, outside out, with as many corners and faces as the body."""
-    write_run(tmp_path / "run", person(), swing(person(), 2))
-    export_run(tmp_path / "run", form, tmp_path / f"x.{form}")
-    scene = trimesh.load_scene(tmp_path / f"x.{form}")
-    (mesh,) = scene.geometry.values()
-    assert isinstance(mesh, trimesh.Trimesh)
-    assert (len(mesh.vertices), len(mesh.faces)) == (len(person().vertices), len(person().triangles))
-    assert mesh.is_watertight
-    assert mesh.volume == pytest.approx(0.07, abs=0.04)

@@ -58,21 +58,6 @@ def slow(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SECONDS_PER_PARTICLE", "0.01")
 
 
-@pytest.mark.parametrize("lanes", [1, 8])
-def test_the_local_worker_gives_the_bytes_of_the_kernel(lanes: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """One process serves all frames, with any number of lanes, and ends with the run."""
-    monkeypatch.setattr("coordinator.pool.local_worker.ANSWER_S", 60.0)
-    with local(lanes) as refiner:
-        refiner.wait_for(lanes)
-        for number in range(5):
-            assert refined_bytes(refiner, number) == expected(number)
-        process = refiner._local.process
-        assert process is not None
-        assert refiner.statistics.workers_seen == (f"{refiner.run}-0",)
-        assert refiner.statistics.counts["batches_sent"] == 5
-    assert process.returncode == 0
-
-
 @contextmanager
 def later(seconds: float, act: Callable[[], None]) -> Iterator[None]:
     """Do something while the body runs."""

@@ -18,7 +18,7 @@ from common.errors import InputError
 from coordinator.files import write_atomically
 from coordinator.pool.options import PoolStatistics
 from coordinator.results.log import Recorded, frame_record, read_log, read_records
-from coordinator.results.recorder import Recorder, is_complete
+from coordinator.results.recorder import Recorder
 from coordinator.results.track import read_track
 from coordinator.scene.scene import SceneChange
 from coordinator.tracking.certainty.certainty import Certainty
@@ -239,34 +239,6 @@ def test_a_log_without_a_frame_is_no_reason_to_refuse(tmp_path: Path) -> None:
     """A run that was killed before its first frame leaves an empty log, which holds nothing to lose."""
     (tmp_path / "frames.log").touch()
     record(tmp_path, ESTIMATES)
-    assert names(tmp_path) == ["model.npz", "poses.csv", "summary.json", "track.npz"]
-
-
-def test_a_complete_run_is_known_as_such(run: Path, tmp_path: Path) -> None:
-    """Only if all results exist and nothing is left to do; other options are refused here, too."""
-    assert is_complete(run, CONFIGURATION)
-    with pytest.raises(InputError, match=r"settings\.seed"):
-        is_complete(run, {"settings": {"seed": 4}})
-    record(tmp_path / "other", ESTIMATES, complete=False)
-    assert not is_complete(tmp_path / "other", CONFIGURATION)
-    assert not is_complete(tmp_path / "nothing", CONFIGURATION)
-    (run / "summary.json").write_text("{")
-    assert not is_complete(run, CONFIGURATION)
-
-
-def test_pictures_that_fail_leave_a_run_that_can_be_gone_on_with(tmp_path: Path) -> None:
-    """The log stays until all that follows the last frame is done."""
-
-    def fail_after(recorder: Recorder) -> None:
-        with recorder:
-            append(recorder, ESTIMATES[0])
-            recorder.finish({"complete": True}, 0.0)
-            raise ZeroDivisionError
-
-    with pytest.raises(ZeroDivisionError):
-        fail_after(Recorder(tmp_path, CONFIGURATION))
-    past = record(tmp_path, [], resume=True)
-    assert past is not None
     assert names(tmp_path) == ["model.npz", "poses.csv", "summary.json", "track.npz"]
 
 

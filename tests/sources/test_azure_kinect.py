@@ -96,13 +96,6 @@ def test_the_lens_is_opencvs() -> None:
     assert np.mean(found != expected) < 1e-3
 
 
-def test_depth_is_never_mixed() -> None:
-    """At the edge between a near and a far object, undistorted depth is one of the two."""
-    camera = Intrinsics(64, 64, 40.0, 40.0, 31.5, 31.5)
-    depth = np.where(np.indices((64, 64))[1] < 32, 1000, 3000).astype(np.uint16)
-    assert set(np.unique(lens_of(LENS, camera).undistort(depth))) <= {0, 1000, 3000}
-
-
 def test_a_camera_without_samples_has_no_gravity() -> None:
     """At rest the ground pushes up and things fall the other way; without a sample it is not known."""
     calibration = Calibration(lens=[], radius=0.0, turn=np.eye(3).ravel().tolist())

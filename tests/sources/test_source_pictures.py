@@ -18,9 +18,8 @@ from rosbags.typesys import Stores, get_typestore
 from common.camera import Intrinsics
 from common.errors import InputError
 from coordinator.sources import open_source
-from coordinator.sources.camera import CameraOptions, parse_camera_options
+from coordinator.sources.camera import CameraOptions, parse_camera_options, write_camera
 from coordinator.sources.source import select_frames
-from tests.support.recordings import camera_file
 from tests.support.ros import camera_of, header_of, image_of
 
 SMALL = Intrinsics(16, 12, 50.0, 51.0, 7.5, 5.5)
@@ -56,7 +55,7 @@ def test_missing_frames_keep_their_numbers_and_times(
 ) -> None:
     """Frames 3 and 6 are 0.1 s apart though two are missing in between, which is reported."""
     write_pictures(tmp_path / "seq" / "depth", ["000002.png", "000003.png", "000006.png"])
-    camera_file(tmp_path / "seq", 1000.0, SMALL)
+    write_camera(tmp_path / "seq" / "camera_intrinsic.json", SMALL, 1000.0)
     assert taken(tmp_path / "seq", CameraOptions()) == ([2, 3, 6], [0.066667, 0.1, 0.2])
     assert "2 of 5 frames are missing, frame 4 first; the others keep their times" in caplog.text
     numbers = open_source(tmp_path / "seq").numbers

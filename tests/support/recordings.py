@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -21,7 +20,9 @@ from common.arrays import Array
 from common.camera import Intrinsics, back_project
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
+from coordinator.files import CAMERA_FILE
 from coordinator.sources import open_source
+from coordinator.sources.camera import write_camera
 from coordinator.sources.utd_mhad import KINECT
 from tests.support.people import raised, rendered
 from tests.support.ros import camera_of, header_of, image_of
@@ -31,14 +32,6 @@ Write = Callable[[Path, Depth], Path]
 
 FPS = 30.0
 SENSOR = "/device_0/sensor_0"
-
-
-def camera_file(folder: Path, scale: float, camera: Intrinsics = KINECT, fps: float = FPS) -> None:
-    """camera_intrinsic.json."""
-    matrix = [camera.fx, 0, 0, 0, camera.fy, 0, camera.cx, camera.cy, 1]
-    content = {"width": camera.width, "height": camera.height, "intrinsic_matrix": matrix}
-    content |= {"depth_scale": scale, "fps": fps}
-    (folder / "camera_intrinsic.json").write_text(json.dumps(content))
 
 
 def matrix_of(camera: Intrinsics) -> Array:
@@ -51,7 +44,7 @@ def write_open3d(path: Path, depth: Depth, camera: Intrinsics = KINECT, fps: flo
     (path / "depth").mkdir(parents=True)
     for n, image in enumerate(depth):
         Image.fromarray(image).save(path / "depth" / f"{n:06d}.png")
-    camera_file(path, 1000.0, camera, fps)
+    write_camera(path / CAMERA_FILE, camera, 1000.0, fps)
     return path
 
 
@@ -65,7 +58,7 @@ def write_tum(path: Path, depth: Depth, with_camera: bool = True) -> Path:
         lines.append(f"{1305031102.160407 + n / FPS:.6f} {name}")
     (path / "depth.txt").write_text("\n".join(lines) + "\n")
     if with_camera:
-        camera_file(path, 5000.0)
+        write_camera(path / CAMERA_FILE, KINECT, 5000.0)
     return path
 
 
@@ -82,7 +75,7 @@ def write_ply(path: Path, depth: Depth) -> Path:
         seen = cloud[np.isfinite(cloud).all(axis=2)]
         points: Any = trimesh.PointCloud(seen)  # type: ignore[no-untyped-call]
         (path / f"cloud_{n}.ply").write_bytes(points.export(file_type="ply"))
-    camera_file(path, 1000.0)
+    write_camera(path / CAMERA_FILE, KINECT, 1000.0)
     return path
 
 

@@ -8,7 +8,6 @@ import pytest
 from common.frame import HIDDEN, SUBJECT
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
-from coordinator.scene.scope import Scope
 from coordinator.tracking.segmenter import PosedBody, Segmenter
 from tests.support.people import CAMERA, STANDING, frame_of, rendered
 from tests.support.rooms import TABLE, Room, along
@@ -28,13 +27,6 @@ def test_a_person_is_found_whose_body_is_not_known() -> None:
     assert np.any(subject.kinds == HIDDEN)
     assert np.sum(subject.kinds == SUBJECT) / truth.sum() > 0.9
     assert segmented.changes[""].furnished
-
-
-def test_a_room_without_people_has_no_candidates() -> None:
-    """An empty room, and a frame in which nothing counts, have none."""
-    assert Segmenter(300).segment(Room(noise=0.001).see(None).frame, [None]).candidates == ()
-    near = Scope(far=0.5)
-    assert Segmenter(300, near).segment(Room().see(PERSON).frame, [None]).candidates == ()
 
 
 @pytest.mark.parametrize("measured", ["head alone", "one frame of holes"])

@@ -9,12 +9,10 @@ import ctypes
 import os
 import subprocess
 from collections.abc import Callable
-from contextlib import ExitStack
 from multiprocessing.process import BaseProcess
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
+from common.closing import Closing
 from tests.support.processes.warm_processes import start
 
 HOLD = "echo made && mount -t tmpfs tmpfs /dev/shm && ip link set lo up && echo ready && exec cat"
@@ -68,33 +66,23 @@ class Host:
             raise otherwise(self._holder.communicate()[1].strip())
 
 
-class Network:
+class Network(Closing):
     """A switch with hosts; a context manager. NotAllowed where namespaces are."""
 
-    def __init__(self, log: Path) -> None:
-        self._stack = ExitStack()
-        self._log = log
+    def __init__(self) -> None:
         self._hosts: list[Host] = []
         self._switch = Host("switch", "")
-        self._stack.callback(self._switch.end)
+        self._switch.ip("link add name bridge type bridge")
+        self._switch.ip("link set dev bridge up")
 
-    def __enter__(self) -> Self:
-        with ExitStack() as stack:
-            stack.push(self._stack.pop_all())
-            self._switch.ip("link add name bridge type bridge")
-            self._switch.ip("link set dev bridge up")
-            self._stack = stack.pop_all()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._stack.close()
+    def close(self) -> None:
+        """End all hosts."""
+        for host in (*reversed(self._hosts), self._switch):
+            host.end()
 
     def host(self, name: str) -> Host:
         """A host on a cable."""
         host = Host(name, f"{SUBNET}.{len(self._hosts) + 1}")
-        self._stack.callback(host.end)
         self._hosts.append(host)
         self._switch.ip(f"link add name {name} type veth peer name eth0 netns {host.pid}")
         self._switch.ip(f"link set dev {name} master bridge up")

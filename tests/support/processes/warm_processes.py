@@ -10,8 +10,9 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from multiprocessing.process import BaseProcess
 from pathlib import Path
-from types import MappingProxyType, TracebackType
-from typing import Self
+from types import MappingProxyType
+
+from common.closing import Closing
 
 CONTEXT = multiprocessing.get_context("forkserver")
 CONTEXT.set_forkserver_preload(
@@ -67,7 +68,7 @@ def work_instantly(*arguments: str) -> None:
     main()
 
 
-class Workers:
+class Workers(Closing):
     """Worker processes by name, each of which can be killed, frozen, and started again; a context manager."""
 
     def __init__(
@@ -78,12 +79,8 @@ class Workers:
         self._lanes = lanes  # by name; one for who is not named
         self._processes: dict[str, list[BaseProcess]] = {}
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def close(self) -> None:
+        """Kill all."""
         for name in list(self._processes):
             self.kill(name)
 
