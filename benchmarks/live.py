@@ -36,7 +36,7 @@ from benchmarks.running import add_data, command_line, keep
 from common.arrays import Array
 from common.camera import Intrinsics
 from common.frame import DepthFrame
-from common.protocol.frames import encode_live, encode_live_end
+from common.protocol.frames import LIVE_END, encode_live
 from common.transport.bus import Bus
 from common.transport.opening import open_worker
 from coordinator.results.track import read_track
@@ -99,7 +99,7 @@ class Camera:
 
     def end(self) -> None:
         """End the stream."""
-        self.bus.publish(KEY).put_blocking(encode_live_end())
+        self.bus.publish(KEY).put_blocking(LIVE_END)
 
 
 def main() -> int:

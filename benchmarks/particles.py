@@ -17,7 +17,7 @@ from benchmarks.tracking import bodies_of, follow, prepare
 from common.settings import preset
 from coordinator.sources import open_source
 from coordinator.tracking.tracker import Tracker
-from gepf.direct import DirectRefiner
+from gepf.refiners import DirectRefiner
 
 RATES = (1, 3)  # every n-th frame of 30 a second
 

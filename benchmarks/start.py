@@ -27,7 +27,7 @@ from coordinator.bodies.tracked import Bodies
 from coordinator.results.evaluation import positions
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.tracker import Tracker
-from gepf.direct import DirectRefiner
+from gepf.refiners import DirectRefiner
 
 PARTS = ("starts", "gaps", "real", "situations")
 RENDERED = (

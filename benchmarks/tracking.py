@@ -19,7 +19,7 @@ from coordinator.results.evaluation import NEAR_M, positions
 from coordinator.results.summary import count_status
 from coordinator.tracking.reporting import Tracked
 from coordinator.tracking.tracker import Tracker
-from gepf.direct import DirectRefiner
+from gepf.refiners import DirectRefiner
 from worker.cli import load_kernel
 
 

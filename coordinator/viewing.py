@@ -97,14 +97,8 @@ class PersonLog:
                 self._log(what, "", rr.Clear(recursive=True))
             return
         self._log_joints(track, f)
-        if model is None:
-            return
-        self._log_surface(model, track.pose[f])
-        self._log_numbers(track, f, model)
-        weights = track.hypothesis_weight[f][np.isfinite(track.hypothesis_weight[f])]
-        joints = joint_positions(model, track.hypothesis_pose[f, : len(weights)])
-        strength = weights / weights.max(initial=1e-9)
-        self._log("hypotheses", "", skeletons(track.joint_names, joints, strength, OTHERS_COLOUR))
+        if model is not None:
+            self._log_body(track, f, model)
 
     def _log(self, what: str, part: str, value: rr.AsComponents, *, static: bool = False) -> None:
         self._to.log(f"/{what}{self._name}{part and f'/{part}'}", value, static=static)
@@ -119,8 +113,9 @@ class PersonLog:
         marks = rr.Points3D(joints[doubted], colors=DOUBT_COLOUR, radii=0.03, labels=names, show_labels=True)
         self._log("model", "doubtful", marks)
 
-    def _log_surface(self, model: BodyModel, pose: Array) -> None:
-        surface = pose_vertices(model, pose[None])[0]
+    def _log_body(self, track: Track, f: int, model: BodyModel) -> None:
+        """The surface, the degrees of freedom, in degrees and metres, and the hypotheses."""
+        surface = pose_vertices(model, track.pose[f][None])[0]
         mesh = rr.Mesh3D(
             vertex_positions=surface.astype(np.float32),
             triangle_indices=model.triangles.astype(np.uint32),
@@ -128,16 +123,16 @@ class PersonLog:
             albedo_factor=SURFACE_COLOUR,
         )
         self._log("model", "surface", mesh)
-
-    def _log_numbers(self, track: Track, f: int, model: BodyModel) -> None:
-        """The degrees of freedom, in degrees and metres, and the number of hypotheses."""
         values = np.where(model.kinds == ROTATION, np.rad2deg(track.pose[f]), track.pose[f])
         root = np.array([name.startswith("root_") for name in track.dof_names])
         for what, chosen in (("root", root), ("angles", ~root)):
             self._log(what, "", rr.SeriesLines(names=np.array(track.dof_names)[chosen].tolist()), static=True)
             self._log(what, "", rr.Scalars(values[chosen]))
-        count = float(np.isfinite(track.hypothesis_weight[f]).sum())
-        self._log("quality", "hypotheses", rr.Scalars(count))
+        weights = track.hypothesis_weight[f][np.isfinite(track.hypothesis_weight[f])]
+        self._log("quality", "hypotheses", rr.Scalars(float(len(weights))))
+        joints = joint_positions(model, track.hypothesis_pose[f, : len(weights)])
+        strength = weights / weights.max(initial=1e-9)
+        self._log("hypotheses", "", skeletons(track.joint_names, joints, strength, OTHERS_COLOUR))
 
 
 def skeletons(names: tuple[str, ...], joints: Array, strength: Array, colour: Colour) -> rr.LineStrips3D:

@@ -73,11 +73,14 @@ def work(  # noqa: PLR0913 one parameter an option
 def choose_identity(
     connect: list[str], name: str | None, credentials: Credentials | None, timeout: float
 ) -> Identity:
-    """The checked identity of a worker from its options; a certificate also gives its name."""
+    """The checked identity of a worker from its options; its name is also that of its certificate or host."""
     for endpoint in connect:
         check_endpoint("--connect", endpoint, credentials)
-    if name is None:
-        name = invent_name() if credentials is None else holder_of(credentials)
+    if name is None and credentials is not None:
+        name = holder_of(credentials)
+    elif name is None:
+        host = re.sub(r"[^A-Za-z0-9-]", "-", socket.gethostname())[:32].strip("-") or "worker"
+        name = f"{host}-{uuid.uuid4().hex[:8]}"
     check_name("worker name", name)
     if credentials is not None:
         check_holder(credentials, name)
@@ -155,12 +158,6 @@ def end_with_parent() -> None:
     while os.read(0, 4096):
         pass
     os.kill(os.getpid(), signal.SIGTERM)
-
-
-def invent_name() -> str:
-    """A unique name: that of the host, and random digits."""
-    host = re.sub(r"[^A-Za-z0-9-]", "-", socket.gethostname())[:32].strip("-") or "worker"
-    return f"{host}-{uuid.uuid4().hex[:8]}"
 
 
 if __name__ == "__main__":

@@ -26,7 +26,7 @@ from coordinator.tracking.estimate import UNKNOWN
 from coordinator.tracking.reporting import Updated, report
 from coordinator.tracking.segmenter import Segmenter
 from coordinator.tracking.target import TargetTracker
-from gepf.direct import DirectRefiner
+from gepf.refiners import DirectRefiner
 
 ROOMS = ("skinned", "three_cameras", "rooms")  # folders of rendered recordings
 FRAMES = 50  # of each rendered person

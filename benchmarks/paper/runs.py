@@ -30,7 +30,7 @@ from coordinator.synthesis.sequence import DEPTH_SCALE, render
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise, assume_noise
 from coordinator.tracking.tracker import Tracker
-from gepf.direct import DirectRefiner
+from gepf.refiners import DirectRefiner
 from worker.kernel.parameters import pack_parameters
 
 NONE, HEAVY, STEREO = NO_NOISE, SensorNoise(0.15, 0.01), SensorNoise(0.02, 0.003)

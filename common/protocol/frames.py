@@ -161,9 +161,8 @@ def decode_colour(payload: bytes) -> tuple[int, bytes]:
     return message.number, bytes(message.jpeg)
 
 
-def encode_live_end() -> bytes:
-    """The end of a stream of depth images."""
-    return encode(LiveEndMessage())
+LIVE_END = encode(LiveEndMessage())
+"""The end of a stream of depth images."""
 
 
 def decode_live(payload: bytes) -> DepthFrame | None:

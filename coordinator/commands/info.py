@@ -160,9 +160,12 @@ def in_words(value: object) -> str:
 
 
 def describe(form: Format, source: Source) -> dict[str, object]:
-    """Facts about a sequence by name. Raises InputError for a damaged one."""
+    """Facts about a sequence by name, its depth from ten frames. Raises InputError for a damaged one."""
     camera = source.intrinsics
-    near, far = depth_range(source)
+    chosen = np.unique(np.linspace(0, len(source) - 1, 10).astype(int)).tolist()
+    depths = [source.frame(source.numbers[n]).metres() for n in chosen]
+    seen = np.concatenate([depth[depth > 0] for depth in depths])
+    near, far = (round(float(seen.min()), 4), round(float(seen.max()), 4)) if len(seen) else (None, None)
     for doubt in doubts(camera, near, far):
         logger.warning("%s: %s", source.name, doubt)
     return {
@@ -180,11 +183,3 @@ def describe(form: Format, source: Source) -> dict[str, object]:
         "truth": source.truth is not None,
         "init": source.init is not None,
     }
-
-
-def depth_range(source: Source) -> tuple[float | None, float | None]:
-    """Nearest and farthest depth in metres of ten frames; None without depth."""
-    chosen = np.unique(np.linspace(0, len(source) - 1, 10).astype(int)).tolist()
-    depths = [source.frame(source.numbers[n]).metres() for n in chosen]
-    seen = np.concatenate([depth[depth > 0] for depth in depths])
-    return (round(float(seen.min()), 4), round(float(seen.max()), 4)) if len(seen) else (None, None)

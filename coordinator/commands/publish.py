@@ -10,7 +10,7 @@ import imageio.v3 as iio
 
 from common.errors import InputError
 from common.frame import DepthFrame
-from common.protocol.frames import encode_colour, encode_live, encode_live_end
+from common.protocol.frames import LIVE_END, encode_colour, encode_live
 from common.protocol.keys import check_stream
 from common.transport.bus import Bus
 from common.transport.opening import open_coordinator, open_worker
@@ -100,7 +100,7 @@ def play(images: Iterable[Shot], put: Put, put_last: Put, put_colour: Put | None
             put(encode_live(frame))
             number += 1
     finally:
-        put_last(encode_live_end())
+        put_last(LIVE_END)
     return number
 
 

@@ -58,15 +58,10 @@ Record = Opening | Entry
 
 def append_records(descriptor: int, records: Sequence[Record]) -> None:
     """Append records to the file: readers see them, and they survive the end of this process."""
-    rest = memoryview(b"".join(map(frame_record, records)))
+    payloads = [msgspec.msgpack.encode(record, enc_hook=_pack_array) for record in records]
+    rest = memoryview(b"".join(HEAD.pack(len(each), zlib.crc32(each)) + each for each in payloads))
     while rest:
         rest = rest[os.write(descriptor, rest) :]
-
-
-def frame_record(record: Record) -> bytes:
-    """The bytes of a record with its length and checksum."""
-    payload = msgspec.msgpack.encode(record, enc_hook=_pack_array)
-    return HEAD.pack(len(payload), zlib.crc32(payload)) + payload
 
 
 def read_records(file: BinaryIO) -> Iterator[tuple[Record, int]]:

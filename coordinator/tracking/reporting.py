@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from common.arrays import Array
+from common.body import BodyModel
 from common.frame import DepthFrame, SubjectFrame
-from common.kinematics import joint_positions
+from common.kinematics import joint_positions, retract
 from coordinator.bodies.angles import is_person
 from coordinator.filters.belief import Belief
+from coordinator.filters.motion import precisions
 from coordinator.stopwatch import Stopwatch
-from coordinator.tracking.certainty import known_body
 from coordinator.tracking.certainty.certainty import FIT, OFF, SUSPECTED, Certainty, unknown_certainty
 from coordinator.tracking.certainty.features import FrameContext, measure_features
 from coordinator.tracking.certainty.surface import seen_shares
@@ -22,6 +23,9 @@ from coordinator.tracking.state import TrackerState
 from coordinator.tracking.track_management import TrackManagement
 
 RIVAL_WEIGHT = 0.5  # least weight of a rival, relative to the most likely hypothesis
+
+INFORMATION = 44.0
+"""Of the points of a known body; fitted to rendered robots and objects with a Kinect's noise."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,7 +69,7 @@ def report(updated: Updated) -> Tracked:
             features = measure_features(model, pose, joints, weights, context, management.residual, seen_by)
             certainty = FIT.judge(features)
             if belief is not None and belief.posterior.size and not is_person(model.dof_names):
-                certainty = replace(certainty, deviation=known_body.deviations(model, pose, belief.posterior))
+                certainty = replace(certainty, deviation=known_deviations(model, pose, belief.posterior))
             cameras = [each.frame.camera for each in context.subject.views]
             seen = dict(zip(cameras, seen_by, strict=True))
             disputed = updated.state.checkpoint.agreement.dispute(cameras)
@@ -106,14 +110,9 @@ def judge(
         return "searching"
     if management.unexplained:
         return "lost"
-    doubted = doubted or management.ambiguous_facing or has_rival(weights, joints, reported)
-    return "ambiguous" if doubted else "tracked"
-
-
-def has_rival(weights: Array, joints: Array, reported: Array) -> bool:
-    """Whether a likely hypothesis of (M, J, 3) has a joint elsewhere than the reported joints (J, 3)."""
     apart = np.linalg.norm(joints[weights > RIVAL_WEIGHT * weights[0]] - reported, axis=-1)
-    return bool(np.any(apart > OFF))
+    doubted = doubted or management.ambiguous_facing or bool(np.any(apart > OFF))
+    return "ambiguous" if doubted else "tracked"
 
 
 def explain_doubt(names: tuple[str, ...], certainty: Certainty) -> str:
@@ -122,3 +121,20 @@ def explain_doubt(names: tuple[str, ...], certainty: Certainty) -> str:
     doubted = [j for j in np.argsort(-probability, kind="stable") if probability[j] > SUSPECTED]
     listed = ", ".join(names[j].replace("_", " ") for j in doubted)
     return f"may be more than {100 * OFF:.0f} cm off: {listed}" if doubted else ""
+
+
+def known_deviations(model: BodyModel, pose: Array, covariance: Array) -> Array:
+    """Expected distance (J,) from a robot's or object's true joints, one standard deviation, metres.
+
+    `covariance` (D, D) of its pose (D,) is that of the refinement, which counts all points as one with an
+    error of 1 cm, because the shape of people is not known. Those of a known body are worth more, the weak
+    prior is not.
+    """
+    weak = np.diag(precisions(model)[0])
+    scaled = np.linalg.inv(weak + INFORMATION * (np.linalg.inv(covariance) - weak))
+    step = 1e-5  # of differences, metres or radians
+    steps = step * np.concatenate([np.eye(len(pose)), -np.eye(len(pose))])
+    ahead, behind = np.split(joint_positions(model, retract(model, np.tile(pose, (len(steps), 1)), steps)), 2)
+    jacobian = (ahead - behind) / (2.0 * step)
+    squares: Array = np.einsum("djx,de,ejx->j", jacobian, scaled, jacobian)
+    return np.sqrt(squares)

@@ -25,7 +25,7 @@ from coordinator.filters.belief import Belief, mean_pose
 from coordinator.filters.methods import METHODS, Method, baseline, settings_for
 from coordinator.synthesis.scenes import ARM_DOFS, arm
 from coordinator.tracking.estimate import MAX_HYPOTHESES
-from gepf.direct import DirectRefiner
+from gepf.refiners import DirectRefiner
 from tests.support.bodies import hinges, puppet
 from tests.support.filtering import INTERVAL, advance
 from tests.support.people import OnePerson, rendered

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import gepf
-from common.protocol.frames import encode_live, encode_live_end
+from common.protocol.frames import LIVE_END, encode_live
 from tests.support.live import KEY, publishing, until_released
 from tests.support.people import SETTINGS, STANDING, as_bytes, shown
 from tests.support.processes.warm_processes import gepf as gepf_command
@@ -26,7 +26,7 @@ from tests.support.small_sequence import write_small_sequence
 
 ROOT = Path(__file__).parents[2]
 PERSON = gepf.Measures.of(1.82)
-END = encode_live_end()
+END = LIVE_END
 
 
 def test_a_tracker_follows_live_input_to_its_end(endpoint: str, tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import itertools
 import json
 import tempfile
 from dataclasses import replace
@@ -17,7 +18,7 @@ from hypothesis import strategies as st
 from common.errors import InputError
 from coordinator.files import write_atomically
 from coordinator.pool.options import PoolStatistics
-from coordinator.results.log import Recorded, frame_record, read_log, read_records
+from coordinator.results.log import Recorded, read_log, read_records
 from coordinator.results.recorder import Recorder
 from coordinator.results.track import read_track
 from coordinator.scene.scene import SceneChange
@@ -175,11 +176,12 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> bytes:
 
 
 def records_of(content: bytes) -> list[bytes]:
-    """The whole records of a log, as they would be written again."""
+    """The bytes of the whole records of a log."""
     with tempfile.TemporaryFile() as file:
         file.write(content)
         file.seek(0)
-        return [frame_record(record) for record, _ in read_records(file)]
+        ends = [0, *(end for _, end in read_records(file))]
+    return [content[start:end] for start, end in itertools.pairwise(ends)]
 
 
 @given(data=st.data())

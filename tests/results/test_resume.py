@@ -22,7 +22,7 @@ from coordinator.tracking.observation import isolate
 from coordinator.tracking.particle_filter import Submitted
 from coordinator.tracking.state import Checkpoint, TrackerState
 from coordinator.tracking.target import TargetTracker
-from gepf.direct import DirectRefiner
+from gepf.refiners import DirectRefiner
 from tests.support.people import STANDING, OnePerson, as_bytes, empty, known, shown
 from tests.support.rooms import in_a_room
 from tests.support.stand_ins import Desk, desk, no_traces, sequence, workers  # noqa: F401 fixtures

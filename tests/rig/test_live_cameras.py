@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 
 import gepf
-from common.protocol.frames import encode_live, encode_live_end
+from common.protocol.frames import LIVE_END, encode_live
 from coordinator.cli import main
 from coordinator.results.track import read_track
 from coordinator.sources import open_source
@@ -65,7 +65,7 @@ def staged(where: str, shown: Iterable[Mapping[str, int]], rest: Rest) -> Iterat
     def steps() -> Iterator[dict[str, bytes]]:
         for numbers in shown:
             yield {KEYS[name]: image(name, number) for name, number in numbers.items()}
-        yield dict.fromkeys(KEYS.values(), encode_live_end())
+        yield dict.fromkeys(KEYS.values(), LIVE_END)
 
     with publishing(where, KEYS.values(), steps(), pause), at_work(where):
         yield

@@ -20,7 +20,7 @@ from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import coarsen, name_pose
 from coordinator.tracking.segmenter import Segmenter
 from coordinator.tracking.tracker import Tracker
-from gepf.direct import DirectRefiner
+from gepf.refiners import DirectRefiner
 from tests.support.people import SETTINGS, STANDING, known, subject_of
 from tests.support.rigs import around, seen_from, together
 from worker.kernel.icp import refine

@@ -12,7 +12,7 @@ from PIL import Image as Picture
 
 from common.errors import InputError
 from common.frame import DepthFrame
-from common.protocol.frames import decode_colour, decode_live, encode_live_end
+from common.protocol.frames import LIVE_END, decode_colour, decode_live
 from coordinator.cli import main
 from coordinator.results.track import read_track
 from coordinator.sources import open_source
@@ -73,7 +73,7 @@ def test_a_published_camera_is_tracked_and_kept(endpoint: str, tmp_path: Path) -
     spec = film(tmp_path, acceleration=TILTED, colour=colours)
     with listening(endpoint, f"{KEY}/color", KEY) as listener:
         assert main(["publish", spec, "--key", KEY, "--listen", endpoint, "--color"]) == 0
-        wait_until(lambda: encode_live_end() in listener.on(KEY))
+        wait_until(lambda: LIVE_END in listener.on(KEY))
     came, arrived = listener.on(KEY), listener.on(f"{KEY}/color")
     for payload in came[:-1]:
         frame = decode_live(payload)

@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from common.protocol.frames import encode_live, encode_live_end
+from common.protocol.frames import LIVE_END, encode_live
 from common.transport.opening import open_coordinator
 from coordinator.cli import main
 from coordinator.results.track import read_track
@@ -48,7 +48,7 @@ def staged(where: str, frames: Iterable[int], rest: Rest, worker: Finder, dark: 
     Before them, it shows some without depth.
     """
     shown = [*(plate_image(n, depth=0) for n in range(dark)), *map(plate_image, frames)]
-    steps = ({KEY: message} for message in [*map(encode_live, shown), encode_live_end()])
+    steps = ({KEY: message} for message in [*map(encode_live, shown), LIVE_END])
     with publishing(where, [KEY], steps, rest), at_work(where, worker):
         yield
 

@@ -12,9 +12,8 @@ from hypothesis import strategies as st
 
 from common.camera import Intrinsics
 from common.frame import DepthFrame
-from common.protocol.frames import encode_live, encode_live_end
-from coordinator.sources.live import LiveFrames, from_first_seen
-from coordinator.sources.live_rig import COUNTED
+from common.protocol.frames import LIVE_END, encode_live
+from coordinator.sources.live import COUNTED, LiveFrames, from_first_seen
 from coordinator.sources.live_stream import LiveCamera
 
 KEY = "camera/depth"
@@ -55,7 +54,7 @@ def test_the_newest_frame_wins_and_the_others_are_counted() -> None:
     assert next(numbers).number == 2
     frames.receive(encode_live(image(3)))
     assert next(numbers).number == 3
-    for message in (encode_live(image(4)), encode_live_end(), encode_live(image(5))):
+    for message in (encode_live(image(4)), LIVE_END, encode_live(image(5))):
         frames.receive(message)
     assert [frame.number for frame in numbers] == [4]
     assert frames.counts == counted(received=5, skipped=2)
@@ -69,7 +68,7 @@ def test_malformed_messages_are_counted_and_reported_once() -> None:
     other_version = encode_live(image(8)).replace(b"version\x01", b"version\x09")
     for malformed in (b"", b"\xc1" * 100, other_version):
         frames.receive(malformed)
-    frames.receive(encode_live_end())
+    frames.receive(LIVE_END)
     assert [frame.number for frame in frames] == [7]
     assert frames.counts == counted(received=1, malformed=3)
     assert reports == [

@@ -12,7 +12,7 @@ import pytest
 
 from common.errors import InputError
 from common.frame import DepthFrame
-from coordinator.sources.live_rig import LiveRig
+from coordinator.sources.live import LiveRig
 from coordinator.sources.live_stream import LiveCamera
 from coordinator.sources.rig import live_cameras
 from tests.sources.test_live_frames import WIDE, image

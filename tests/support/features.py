@@ -13,7 +13,7 @@ from common.settings import RefineSettings
 from coordinator.tracking.certainty.features import Features, FrameContext, measure_features
 from coordinator.tracking.certainty.surface import seen_shares
 from coordinator.tracking.gating import gate_pose
-from gepf.direct import DirectRefiner
+from gepf.refiners import DirectRefiner
 
 
 def features_in(

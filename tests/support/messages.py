@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import msgpack  # type: ignore[import-untyped]
 import numpy as np
 
-from common.protocol.frames import decode_frame, decode_live, encode_frame, encode_live, encode_live_end
+from common.protocol.frames import LIVE_END, decode_frame, decode_live, encode_frame, encode_live
 from common.protocol.messages import (
     RefineRequest,
     decode_refined,
@@ -58,7 +58,7 @@ class Kind:
 KINDS = {
     "frame": Kind(encode_frame(tiny_frame()), decode_frame),
     "live-frame": Kind(encode_live(tiny_frame().frame), decode_live),
-    "live-end": Kind(encode_live_end(), decode_live),
+    "live-end": Kind(LIVE_END, decode_live),
     "model": Kind(encode_model(tiny_model()), decode_model),
     "request": Kind(encode_request(tiny_request()), decode_request),
     "reply": Kind(encode_refined(tiny_refined()), lambda payload: decode_refined(payload, (COUNT, DOFS))),

@@ -26,7 +26,7 @@ from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.observation import isolate
 from coordinator.tracking.state import Start, TrackerState
 from coordinator.tracking.tracker import Tracker
-from gepf.direct import DirectRefiner
+from gepf.refiners import DirectRefiner
 
 
 class OnePerson(Tracker):

@@ -23,7 +23,7 @@ from coordinator.cli import main
 from coordinator.pool.options import Pool, PoolStatistics
 from coordinator.tracking.preparation import Unmoved, unmoved
 from coordinator.tracking.refiner import Pending, Refiner
-from gepf.direct import DirectRefiner
+from gepf.refiners import DirectRefiner
 from tests.support.people import rendered
 from tests.support.recordings import write_open3d
 

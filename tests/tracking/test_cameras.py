@@ -21,7 +21,7 @@ from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.faults import Agreement, CameraStates, describe_changes, faults_of
 from coordinator.tracking.observation import isolate
 from coordinator.tracking.tracker import Tracker
-from gepf.direct import DirectRefiner
+from gepf.refiners import DirectRefiner
 from tests.support.people import SETTINGS, STANDING, frame_of, known, rendered
 from tests.support.rigs import around, together
 

@@ -24,7 +24,7 @@ from coordinator.tracking.pose_candidates import Candidates, Detection
 from coordinator.tracking.pose_library import draw_any
 from coordinator.tracking.sensor_noise import NO_NOISE
 from coordinator.tracking.state import start_at
-from gepf.direct import DirectRefiner
+from gepf.refiners import DirectRefiner
 from tests.support.people import (
     SETTINGS,
     STANDING,

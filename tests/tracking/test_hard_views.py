@@ -15,7 +15,7 @@ from coordinator.bodies.choice import USUAL, choose_bodies
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
 from coordinator.sources import open_source
-from gepf.direct import DirectRefiner
+from gepf.refiners import DirectRefiner
 from tests.support.people import (
     CAMERA,
     SETTINGS,

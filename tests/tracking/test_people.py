@@ -10,7 +10,7 @@ import numpy as np
 from common.settings import Settings
 from coordinator.tracking.state import TrackerState
 from coordinator.tracking.tracker import Tracker
-from gepf.direct import DirectRefiner
+from gepf.refiners import DirectRefiner
 from tests.support.pairs import pair
 from tests.support.people import SETTINGS
 from tests.support.people import people as anybody

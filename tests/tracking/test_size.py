@@ -18,7 +18,7 @@ from coordinator.filters.gradient_enhanced import begin
 from coordinator.tracking.person_size import PersonSize
 from coordinator.tracking.size import SizeEstimate, head_to_ankle, measure_stature
 from coordinator.tracking.state import Start
-from gepf.direct import DirectRefiner
+from gepf.refiners import DirectRefiner
 from tests.support.people import (
     CAMERA,
     SETTINGS,

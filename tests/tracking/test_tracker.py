@@ -32,7 +32,7 @@ from coordinator.tracking.state import TrackerState
 from coordinator.tracking.target import TargetTracker
 from coordinator.tracking.track_management import TrackManagement
 from coordinator.tracking.tracker import Tracker
-from gepf.direct import DirectRefiner
+from gepf.refiners import DirectRefiner
 from tests.support.people import (
     FRAMES,
     SETTINGS,
@@ -200,7 +200,7 @@ def test_a_live_frame_does_not_wait_for_a_search(monkeypatch: pytest.MonkeyPatch
         requests.append(0)
         return refine(*given, **options)
 
-    monkeypatch.setattr("gepf.direct.refine", count)
+    monkeypatch.setattr("gepf.refiners.refine", count)
     places = [min(n, FRAMES - 1) for n in range(8)]
     frames = [replace(posture.frames[k], number=n, time_s=n / 30) for n, k in enumerate(places)]
     follow = Tracker(DirectRefiner(), SETTINGS, people()).follow

@@ -79,7 +79,7 @@ def upright(data: MakeHuman, age: str, weight: str = "average") -> tuple[Array, 
 
 def build_surface(data: MakeHuman) -> Built:
     """The surface of the mean adult."""
-    from coordinator.bodies.human.build.shell import Shell
+    from coordinator.bodies.human.build.mesh import Shell
 
     vertices, _, stature = upright(data, "young")
     shell = Shell(vertices, data.triangles, CLOTHES_M, GAP_M)
