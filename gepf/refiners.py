@@ -20,7 +20,7 @@ from common.transport.session import Security
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
 from coordinator.security.access import TlsFiles, choose_security
-from coordinator.tracking.refiner import Refiner
+from coordinator.tracking.refiner import Pending, Refiner
 from worker.kernel.icp import refine
 from worker.kernel.observation import observe
 
@@ -105,6 +105,6 @@ class DirectRefiner(Refiner):
     def publish(self, subject: SubjectFrame) -> None:
         """Nothing to do without workers."""
 
-    def refine(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> DirectRequest:
+    def refine(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Pending:
         """Keep particles, to be refined on a frame."""
         return DirectRequest(partial(refine, model, self._observe(subject), particles))

@@ -92,7 +92,6 @@ def test_a_damaged_folder_is_refused(
         (["--dof", "root_tx,tail"], "unknown degree of freedom 'tail'; gepf model dofs lists all"),
         (["--dof", ","], "--dof , is not understood; give names"),
         (["--particles", "0"], "Invalid value for '--particles': Input should be greater than or equal to 1"),
-        (["--particles", "many"], "'--particles'"),
         (["--noise-depth", "0"], "--noise-depth 0 is not above 0"),
         (["--far", "nan"], "--far nan is not above 0"),
         (["--method", "gradient", "--particles", "5"], "leave --particles out"),
@@ -114,13 +113,9 @@ def test_an_option_that_makes_no_sense_is_refused(
 
 
 def test_a_path_without_a_sequence_is_refused(tmp_path: Path, refused: Callable[..., str]) -> None:
-    """No such path, an empty folder, and a path that is too long."""
+    """An empty folder, and a path that is too long."""
     (tmp_path / "empty").mkdir()
-    for path, says in (
-        (tmp_path / "nowhere", "no such file or folder"),
-        (tmp_path / "empty", "holds no depth sequence"),
-        ("x" * 5000, "cannot read"),
-    ):
+    for path, says in ((tmp_path / "empty", "holds no depth sequence"), ("x" * 5000, "cannot read")):
         assert says in refused("track", path, "--out", tmp_path / "out")
 
 
@@ -140,7 +135,6 @@ def test_an_output_folder_that_cannot_be_had_is_refused(
         ("export run --out x", "Missing option '--to' FORMAT: csv, mot, c3d, trc, bvh"),
         ("export run --to avi --out x", "choose from bvh, c3d, csv"),
         ("synth leg --out {}/seq", "unknown scene 'leg'; choose from arm"),
-        ("synth arm --out {}/seq --frames x", "--frames"),
         ("demo --out {}", "files that are not from a demo; choose another --out"),
         ("demo --scene dog", "unknown scene 'dog'; choose from person, arm"),
         ("trak", "No such command 'trak'. Did you mean 'track'?"),

@@ -66,8 +66,6 @@ def test_exports_by_suffix(run: gepf.Run, tmp_path: Path) -> None:
     assert "inDegrees=yes" in path.read_text()
     run.smooth(6.0).export(path, force=True)
     assert "low pass 6 Hz" in path.read_text()
-    with pytest.raises(gepf.InputError, match="unknown format 'fbx'"):
-        run.export(tmp_path / "a.fbx")
 
 
 def test_smoothing_leaves_the_run_as_it_was(run: gepf.Run) -> None:
@@ -84,8 +82,6 @@ def test_plot_and_report(run: gepf.Run) -> None:
     assert [axes.get_title(loc="left") for axes in figure.axes] == ["right knee flexion", "left knee flexion"]
     assert run.report() == run.folder / "report.html"
     assert "Range of motion" in (run.folder / "report.html").read_text()
-    with pytest.raises(gepf.InputError, match="unknown angle"):
-        run.plot(["knee"])
 
 
 def test_estimates_are_asked_by_name_and_saved(tmp_path: Path) -> None:
@@ -98,8 +94,6 @@ def test_estimates_are_asked_by_name_and_saved(tmp_path: Path) -> None:
     assert 0.0 < first.joint_deviation("head") < 0.5
     elbow = first.angle("right_elbow_flexion", degrees=True)
     assert elbow == pytest.approx(np.degrees(first.angle("r_elbow_flexion")))
-    with pytest.raises(gepf.InputError, match="unknown angle 'elbow'"):
-        first.angle("elbow")
     run = gepf.load(tracker.save(estimates, tmp_path / "saved"))
     assert run.angle("r_elbow_flexion", degrees=True)[0] == pytest.approx(elbow)
     assert run.angle("right_elbow_flexion", degrees=True)[0] == pytest.approx(elbow, abs=0.1)  # evened out

@@ -317,47 +317,25 @@ class Client:
         return came.get(timeout=60.0)
 
 
-@contextmanager
-def connected(endpoint: str) -> Iterator[Client]:
-    """A worker, and a client that sends requests without a run."""
-    with open_coordinator([endpoint]) as bus, serving(endpoint, "w"):
-        alive: SimpleQueue[bool] = SimpleQueue()
-        bus.watch(keys.of_worker("*", "alive"), lambda _, there: alive.put(there))
-        assert alive.get(timeout=60.0)
-        yield Client(bus, "w")
-
-
-@pytest.mark.parametrize(
-    ("payload", "reason"),
-    [
-        (b"", "not a request message"),
-        (b"\xc1" * 1000, "not a request message"),
-        (encode_request(REQUEST), "model [0-9a-f]{12} of run ghost is not available"),
-    ],
-    ids=["empty", "rubbish", "unknown-run"],
-)
-def test_request_that_cannot_be_served_gets_a_reason(endpoint: str, payload: bytes, reason: str) -> None:
-    """A worker answers any request, and serves the next one."""
-    with connected(endpoint) as someone:
-        for _ in range(2):
-            kind, answer = someone.ask(payload)
-            assert kind == "refusal"
-            assert re.search(reason, decode_refusal(answer).reason)
-
-
-def test_unknown_frame_and_other_degrees_of_freedom_get_a_reason(endpoint: str) -> None:
-    """A frame that the run no longer has, and poses of another model, are refused by name."""
+def test_a_request_that_cannot_be_served_gets_a_reason(endpoint: str) -> None:
+    """Rubbish, a run or a frame that is not there, and poses of another model; the next one is served."""
     with pool(endpoint) as refiner, serving(endpoint, "w"), open_worker([endpoint]) as bus:
         refined_bytes(refiner, 1)
         client, request = Client(bus, "w"), replace(REQUEST, run=refiner.run)
-        kind, answer = client.ask(encode_request(replace(request, frame=99)))
-        assert kind == "refusal"
-        assert decode_refusal(answer).reason == f"frame 99 of run {refiner.run} is not available"
-        kind, answer = client.ask(
-            encode_request(replace(request, particles=Particles(POSES[:, :5], SETTINGS)))
-        )
-        assert kind == "refusal"
-        assert decode_refusal(answer).reason == "poses of 5 values for a model of 6"
+        for payload, reason in (
+            (b"\xc1nonsense", "not a request message"),
+            (encode_request(REQUEST), "frame 1 of run ghost is not available"),
+            (encode_request(replace(REQUEST, model="0" * 64)), "model 0{12} of run ghost is not available"),
+            (encode_request(replace(request, frame=99)), f"frame 99 of run {refiner.run} is not available"),
+            (
+                encode_request(replace(request, particles=Particles(POSES[:, :5], SETTINGS))),
+                "poses of 5 values for a model of 6",
+            ),
+        ):
+            kind, answer = client.ask(payload)
+            assert kind == "refusal"
+            assert re.match(reason, decode_refusal(answer).reason)
+        assert refined_bytes(refiner, 2) == expected(2)
 
 
 def test_endpoint_that_cannot_be_opened() -> None:

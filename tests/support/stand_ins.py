@@ -63,17 +63,10 @@ class StandIn(Refiner):
         yield self
 
 
-class Direct(StandIn):
+class Direct(StandIn, DirectRefiner):
     """Refines in this process."""
 
     statistics = PoolStatistics(workers_seen=("here",))
-
-    def __init__(self) -> None:
-        self._refiner = DirectRefiner()
-
-    def refine(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Pending:
-        """By the worker's kernel, when the result is asked for."""
-        return self._refiner.refine(subject, model, particles)
 
 
 class Listening(Direct):

@@ -123,8 +123,6 @@ def test_a_scene_moves_as_a_person_can_and_stays_in_the_picture(name: str) -> No
 @pytest.mark.parametrize(
     ("scene", "wish", "complaint"),
     [
-        ("dance", {}, "unknown scene 'dance'; choose from arm, turn"),
-        ("arm", {"frames": 0}, "choose from 1 to 176"),
         ("arm", {"frames": 177}, "choose from 1 to 176"),
         ("arm", {"noise_depth": -0.1}, "choose from 0 to 1 metre"),
         ("arm", {"noise_lateral": float("nan")}, "choose from 0 to 1 metre"),
