@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import logging
 import sys
-from collections.abc import Mapping
 from pathlib import Path
 
 import msgspec
@@ -26,7 +25,8 @@ logger = logging.getLogger(__name__)
 def run_evaluate(options: EvaluateOptions) -> None:
     """Print the errors of runs. Raises InputError if they cannot be compared.
 
-    A table omits runs without truth and names them, unless no run has truth.
+    A table has all errors except those by name. It omits runs without truth and names them, unless no run has
+    truth.
     """
     runs, truth = options.runs, options.truth
     if len(runs) > 1 and not options.csv:
@@ -46,19 +46,12 @@ def run_evaluate(options: EvaluateOptions) -> None:
             logger.warning("left out: the sequence of %s has no truth for this body, or was moved", run)
     if not found:
         raise InputError(f"the sequence of {runs[0]} has no truth for this body, or was moved; give --truth")
-    if options.csv:
-        write_table(found)
-    else:
+    if not options.csv:
         sys.stdout.write(msgspec.json.format(msgspec.json.encode(found[runs[0]])).decode() + "\n")
-
-
-def write_table(found: Mapping[Path, Evaluation]) -> None:
-    """One line per run: its folder and all errors except those by name."""
+        return
     columns = [name for name in Evaluation.__struct_fields__ if not name.endswith(("_by_dof", "_by_angle"))]
-    writer = csv.writer(sys.stdout, lineterminator="\n")
-    writer.writerow(["run", *columns])
-    for run, evaluation in found.items():
-        writer.writerow([run, *(getattr(evaluation, name) for name in columns)])
+    rows = [[run, *(getattr(each, name) for name in columns)] for run, each in found.items()]
+    csv.writer(sys.stdout, lineterminator="\n").writerows([["run", *columns], *rows])
 
 
 def check_truth(run: Path, truth: Path) -> None:
