@@ -10,7 +10,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from common.camera import Intrinsics
 from common.errors import InputError
@@ -22,15 +21,7 @@ VARIABLE = "d_depth"
 
 
 def read_utd_mhad(path: Path, options: CameraOptions) -> Source:
-    """Read the frames of one `.mat` file, numbered from 0."""
-    depth = np.ascontiguousarray(np.moveaxis(read_depth(path), 2, 0))
-    camera = options.camera(depth.shape[1:], path) if options.intrinsics else KINECT
-    scale = options.depth_scale or MILLIMETRES
-    return Source(path.stem, camera, range(len(depth)), depth.__getitem__, scale)
-
-
-def read_depth(path: Path) -> NDArray[np.uint16]:
-    """Depth (240, 320, F) in millimetres; InputError if the file is damaged or holds something else."""
+    """Read the frames of one `.mat` file, numbered from 0; InputError for anything else."""
     from scipy.io import loadmat  # is slow to load
 
     try:
@@ -44,4 +35,7 @@ def read_depth(path: Path) -> NDArray[np.uint16]:
         raise InputError(
             f"{path} has no '{VARIABLE}' (240, 320, frames) in whole millimetres; give a *_depth.mat"
         )
-    return whole
+    frames = np.ascontiguousarray(np.moveaxis(whole, 2, 0))
+    camera = options.camera(frames.shape[1:], path) if options.intrinsics else KINECT
+    scale = options.depth_scale or MILLIMETRES
+    return Source(path.stem, camera, range(len(frames)), frames.__getitem__, scale)

@@ -18,8 +18,13 @@ from common.refinement import Refined
 from common.settings import FilterSettings, preset
 from coordinator.filters.belief import choose_reported, draw_ancestors, normalise
 from coordinator.filters.exploration import choose_count, choose_kinds
-from coordinator.filters.gradient_enhanced import Hypotheses, begin, propose
-from coordinator.filters.merging import estimate_covariances, merge_by_angle
+from coordinator.filters.gradient_enhanced import (
+    Hypotheses,
+    begin,
+    estimate_covariances,
+    merge_by_angle,
+    propose,
+)
 from coordinator.filters.motion import draw_noise
 from tests.support.bodies import hinges, puppet
 from tests.support.filtering import INTERVAL, NOTHING_SEEN, advance
@@ -201,7 +206,7 @@ def test_covariance_by_hand() -> None:
     before = np.array([[1.1, 2.0], [0.9, 2.2], [7.0, 7.0]])
     merged = np.array([[1.0, 2.0], [6.0, 6.0]])
     inherited = np.array([np.eye(2), [[4.0, 1.0], [1.0, 2.0]]])
-    found = estimate_covariances(hinges(), before, merged, np.array([0, 0, 1]), inherited, 0.1)
+    found = estimate_covariances(hinges(), before, merged, np.array([0, 0, 1]), inherited)
     np.testing.assert_allclose(found[0], 0.9 * np.array([[0.01, -0.01], [-0.01, 0.02]]), atol=1e-12)
     np.testing.assert_allclose(found[1], 0.9 * inherited[1], atol=1e-12)  # a lone particle inherits
 

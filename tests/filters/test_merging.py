@@ -16,8 +16,13 @@ from common.body import ROTATION
 from common.kinematics import difference, retract
 from common.refinement import Refined, lower_triangular
 from common.settings import preset
-from coordinator.filters.gradient_enhanced import begin, propose, update
-from coordinator.filters.merging import estimate_covariances, merge_by_covariance
+from coordinator.filters.gradient_enhanced import (
+    begin,
+    estimate_covariances,
+    merge_by_covariance,
+    propose,
+    update,
+)
 from tests.support.bodies import hinges, puppet
 from tests.support.filtering import NOTHING_SEEN
 
@@ -92,5 +97,5 @@ def test_an_update_merges_by_it() -> None:
     found = update(model, proposal, after, DEFAULT, rng)
     assert len(found.poses) == 1
     group = np.zeros(20, dtype=np.int64)
-    by_particles = estimate_covariances(model, proposal.poses, found.poses, group, past.covariances, 0.1)
+    by_particles = estimate_covariances(model, proposal.poses, found.poses, group, past.covariances)
     np.testing.assert_allclose(found.covariances, by_particles, atol=1e-9)
