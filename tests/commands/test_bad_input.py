@@ -102,7 +102,6 @@ def test_a_damaged_folder_is_refused(
         (["--frames", "2:9"], "--frames 2:9 is out of range"),
         (["--frames", "3"], "--frames '3' is not of the form A:B; this sequence has frames 0:4"),
         (["--init", "nowhere.json"], "no such file: nowhere.json; give --init a file, or auto"),
-        (["--fast"], "No such option: --fast"),
     ],
 )
 def test_an_option_that_makes_no_sense_is_refused(

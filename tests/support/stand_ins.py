@@ -22,7 +22,7 @@ from coordinator.bodies.tracked import name_pose
 from coordinator.cli import main
 from coordinator.pool.options import Pool, PoolStatistics
 from coordinator.tracking.preparation import Unmoved, unmoved
-from coordinator.tracking.refiner import Pending, Refiner
+from coordinator.tracking.refiner import Refiner
 from gepf.refiners import DirectRefiner
 from tests.support.people import rendered
 from tests.support.recordings import write_open3d
@@ -67,19 +67,6 @@ class Direct(StandIn, DirectRefiner):
     """Refines in this process."""
 
     statistics = PoolStatistics(workers_seen=("here",))
-
-
-class Listening(Direct):
-    """Notes whether it was asked how sure poses are."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.asked: set[bool] = set()
-
-    def refine(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Pending:
-        """As in the base class."""
-        self.asked.add(particles.covariance)
-        return super().refine(subject, model, particles)
 
 
 CAMERA = Intrinsics(64, 48, 50.0, 50.0, 32.0, 24.0)

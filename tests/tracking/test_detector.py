@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 from typing import cast
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -37,7 +38,7 @@ from tests.support.people import (
     show,
     subject_of,
 )
-from tests.support.stand_ins import Listening
+from tests.support.stand_ins import Direct
 
 BRACKET = Path(__file__).parents[2] / "examples" / "bracket.urdf"
 KNEELING = {
@@ -61,9 +62,9 @@ def complete(search: Search) -> Detection:
 def detect(bodies: Bodies, model: BodyModel, pose: Array) -> tuple[Detection, BodyModel]:
     """What is detected in a frame that shows a pose. Candidates are never asked for their covariance."""
     subject = subject_of(show(model, pose[None]).frames[0], 2_000)
-    refiner = Listening()
-    found = complete(Detector(bodies, refiner, preset("default")).detect(subject, NO_NOISE, Planes()))
-    assert refiner.asked == {False}
+    with patch.object(Direct, "refine", autospec=True, side_effect=Direct.refine) as asked:
+        found = complete(Detector(bodies, Direct(), preset("default")).detect(subject, NO_NOISE, Planes()))
+    assert {call.args[3].covariance for call in asked.call_args_list} == {False}
     return found, found.start.model
 
 
