@@ -6,7 +6,7 @@ Errors of endpoints and certificates name the arguments of the library, not the 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from functools import lru_cache, partial
@@ -15,12 +15,12 @@ from common.body import BodyModel
 from common.errors import InputError
 from common.frame import SubjectFrame
 from common.recent import FRAMES_KEPT
-from common.refinement import Particles, Refined
+from common.refinement import Particles
 from common.transport.session import Security
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
 from coordinator.security.access import TlsFiles, choose_security
-from coordinator.tracking.refiner import Pending, Refiner
+from coordinator.tracking.refiner import LocalRequest, Pending, Refiner
 from worker.kernel.icp import refine
 from worker.kernel.observation import observe
 
@@ -73,29 +73,6 @@ def said_in_python() -> Iterator[None]:
         raise InputError(line) from error
 
 
-class DirectRequest:
-    """Particles that are refined when their result, or whether it is ready, is first requested."""
-
-    def __init__(self, refine: Callable[[], Refined]) -> None:
-        self._refine = refine
-        self._refined: Refined | None = None
-
-    @property
-    def is_ready(self) -> bool:
-        """Whether the particles are refined; if they are not, they are now, one request at a time."""
-        was_ready = self._refined is not None
-        self.result()
-        return was_ready
-
-    def result(self) -> Refined:
-        """Refine the particles, unless that is done."""
-        self._refined = self._refined or self._refine()
-        return self._refined
-
-    def cancel(self) -> None:
-        """Nothing is under way."""
-
-
 class DirectRefiner(Refiner):
     """Refines with the worker's kernel, on one core."""
 
@@ -107,4 +84,4 @@ class DirectRefiner(Refiner):
 
     def refine(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Pending:
         """Keep particles, to be refined on a frame."""
-        return DirectRequest(partial(refine, model, self._observe(subject), particles))
+        return LocalRequest(partial(refine, model, self._observe(subject), particles))

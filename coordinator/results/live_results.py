@@ -6,7 +6,7 @@ Each message contains all names and values, so a receiver needs no earlier messa
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -100,14 +100,8 @@ class LiveResults:
     Nothing is published while nobody receives it. The bodies can be fetched from the run named `run`.
     """
 
-    def __init__(
-        self,
-        outlet: PackedOutlet | RosOutlet,
-        *,
-        run: str | None = None,
-        clock: Callable[[], float] = time.time,
-    ) -> None:
-        self._outlet, self._run, self._clock = outlet, run, clock
+    def __init__(self, outlet: PackedOutlet | RosOutlet, run: str | None = None) -> None:
+        self._outlet, self._run = outlet, run
         self.end = outlet.end
         self._last: Array | None = None
 
@@ -115,7 +109,7 @@ class LiveResults:
         """Publish the estimate of a frame."""
         if not self._outlet.has_subscriber:
             return
-        estimated_at = self._clock()
+        estimated_at = time.time()
         angles = angles_of(model, held)
         track = assemble(model, [estimate], held=held)
         message = ResultMessage(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -15,27 +16,12 @@ from coordinator.bodies.tracked import Bodies
 from coordinator.scene.planes import Planes
 from coordinator.stopwatch import Stopwatch
 from coordinator.tracking.observation import isolate
-from coordinator.tracking.refiner import Refiner
+from coordinator.tracking.refiner import LocalRequest, Refiner
 from coordinator.tracking.reporting import Updated, report
 from coordinator.tracking.segmenter import Segmenter
 from coordinator.tracking.target import TargetTracker
 
 CAMERA = Intrinsics(80, 60, 60.0, 60.0, 39.5, 29.5)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Unmoved:
-    """A request of a refiner without workers, whose result are the same poses."""
-
-    refined: Refined
-    is_ready = True
-
-    def result(self) -> Refined:
-        """The poses."""
-        return self.refined
-
-    def cancel(self) -> None:
-        """There is nothing to give up."""
 
 
 class NoRefiner(Refiner):
@@ -45,10 +31,10 @@ class NoRefiner(Refiner):
         """There are no workers."""
         del subject
 
-    def refine(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Unmoved:
+    def refine(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> LocalRequest:
         """The same poses (N, D), with a covariance of 1 cm and 0.01 rad."""
         del subject, model
-        return Unmoved(unmoved(particles))
+        return LocalRequest(partial(unmoved, particles))
 
 
 def unmoved(particles: Particles) -> Refined:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -30,6 +31,29 @@ class Pending(Protocol):
     def cancel(self) -> None:
         """Give up the result; after `result`, this changes nothing."""
         ...
+
+
+class LocalRequest:
+    """Particles that are refined when their result, or whether it is ready, is first requested."""
+
+    def __init__(self, refine: Callable[[], Refined]) -> None:
+        self._refine = refine
+        self._refined: Refined | None = None
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether the particles are refined; if they are not, they are now, one request at a time."""
+        was_ready = self._refined is not None
+        self.result()
+        return was_ready
+
+    def result(self) -> Refined:
+        """Refine the particles, unless that is done."""
+        self._refined = self._refined or self._refine()
+        return self._refined
+
+    def cancel(self) -> None:
+        """Nothing is under way."""
 
 
 class Refiner(ABC):

@@ -75,20 +75,17 @@ def test_before_anybody_is_found_all_is_null() -> None:
     assert found["angles"]["pelvis_turn"] == pytest.approx(-0.5)
 
 
-def test_a_message_says_all_of_itself() -> None:
+def test_a_message_says_all_of_itself(monkeypatch: pytest.MonkeyPatch) -> None:
     """Names and values of all results of the frame; null for unknown ones."""
     heard: Any = Heard()
-    results = LiveResults(PackedOutlet(heard, as_json=True), clock=lambda: 12.5)
+    monkeypatch.setattr(time, "time", lambda: 12.5)
+    results = LiveResults(PackedOutlet(heard, as_json=True))
     results.put(estimate(3, 0.5), person(), {})
     results.put(estimate(4, 0.5, "lost"), person(), {})
     results.end()
     first, lost, end = (msgspec.json.decode(payload) for payload in heard.payloads)
-    assert (first["kind"], first["version"], first["frame"], first["estimated_at"]) == (
-        "estimate",
-        1,
-        3,
-        12.5,
-    )
+    about = [first[name] for name in ("kind", "version", "frame", "estimated_at")]
+    assert about == ["estimate", 1, 3, 12.5]
     assert first["pose"]["root_ry"] == 0.5
     assert first["angles"]["pelvis_turn"] == pytest.approx(-0.5)
     wrist = person().joint_names.index("right_wrist")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -21,8 +21,8 @@ from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
 from coordinator.cli import main
 from coordinator.pool.options import Pool, PoolStatistics
-from coordinator.tracking.preparation import Unmoved, unmoved
-from coordinator.tracking.refiner import Refiner
+from coordinator.tracking.preparation import unmoved
+from coordinator.tracking.refiner import LocalRequest, Pending, Refiner
 from gepf.refiners import DirectRefiner
 from tests.support.people import rendered
 from tests.support.recordings import write_open3d
@@ -84,7 +84,7 @@ class StillWorkers(StandIn):
         self.asked = Pool()
         self.before: Callable[[int], object] = lambda _: None  # a frame
 
-    def refine(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Unmoved:
+    def refine(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Pending:
         """The same poses, all equally likely; or the failure, if it is time."""
         number = subject.frame.number
         self.before(number)
@@ -92,7 +92,7 @@ class StillWorkers(StandIn):
             raise self.failure
         assert particles.poses.shape[1] == len(model.dof_names)
         assert particles.settings.noise_depth >= particles.settings.noise_lateral
-        return Unmoved(unmoved(particles))
+        return LocalRequest(partial(unmoved, particles))
 
     def track(self, sequence: Path, out: Path, *options: str) -> int:
         """The exit code of `gepf track` by these, without pictures."""
