@@ -144,16 +144,15 @@ app.add_typer(model_app, name="model", rich_help_panel=SEQUENCES)
 
 
 @model_app.command()
-@grouped
-def dofs(options: given.DofsOptions) -> None:
+def dofs(model: given.Body = "human") -> None:
     """List a body's degrees of freedom, for --dof and init.json."""
     from coordinator.bodies.human.dofs import HUMAN, HUMAN_DOFS
 
     names = HUMAN_DOFS
-    if options.model != HUMAN:  # a person's are known without the body, which takes seconds to build
+    if model != HUMAN:  # a person's are known without the body, which takes seconds to build
         from coordinator.bodies.choice import choose_model, load_body
 
-        names = load_body(choose_model(options.model)).dof_names
+        names = load_body(choose_model(model)).dof_names
     sys.stdout.write("".join(f"{name}\n" for name in names))
 
 

@@ -32,6 +32,7 @@ worker_option = partial(option, panel="Workers")
 output_option = partial(option, panel="Output")
 
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Show only errors.", rich_help_panel="Output")]
+Body = Annotated[str, typer.Argument(metavar="human|FILE", help="Template, URDF, or a person's measures.")]
 RUN = "Results of gepf track."
 FORCE = "Replace FILE if it exists."
 MOVED = "The sequence, if it was moved."
@@ -168,13 +169,6 @@ class SynthOptions:
     apart: float = option("DEG", "Degrees from camera to camera.", default=90.0)
     late: float | None = option("MS", "Delay from camera to camera.")
     room: bool = option("", "Add floor, ceiling and walls.", "--room", default=False)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DofsOptions:
-    """Options of `gepf model dofs`."""
-
-    model: str = argument("human|FILE", "Template, URDF, or a person's measures.", default="human")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
