@@ -26,10 +26,10 @@ MISFIT_M = 0.09  # largest mean residual of joints of the same person
 LARGEST = np.repeat([np.radians(1.0), 0.02, 0.008], (3, 3, 1))  # deviations; with larger ones it is a guess
 STEP_S = 1.0 / 60.0  # between the offsets that are tried
 OUTLIER_M = 0.1  # scale of the robust kernel
-BLOCK_S = 0.5  # longer than errors of the pose are alike
+BLOCK_S = 0.5  # longer than pose errors are correlated
 PLACE_M = 0.01  # deviation of a person's place: cameras that see different sides measure different sizes
 WHAT = ("rotation", "position", "clock")
-ADVICE = ("walk about in all that {} sees", "walk closer to {} and turn about", "wave before {}")
+ADVICE = ("walk through the view of {}", "walk closer to {} and turn about", "wave before {}")
 
 
 def calibrate(
@@ -141,7 +141,7 @@ def align(first: Motion, other: Motion) -> CameraPlace | None:
 def deviations_of(first: Motion, other: Motion, found: CameraPlace) -> Array:
     """Deviations (7,) of an alignment, from the jackknife by blocks of time and by joints.
 
-    Errors of the pose are alike within a block, errors of a joint's place over time.
+    Pose errors correlate within a block, those of a joint's position at all times.
     """
     known = np.isfinite(first.variance)
     person = first.joints[known].mean(axis=0)

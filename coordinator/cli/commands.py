@@ -69,7 +69,7 @@ if TYPE_CHECKING:
 
 TRACK, SEQUENCES, HOSTS, FINISHED = "Track", "Sequences and bodies", "Many hosts", "Look, compare, export"
 
-app = typer.Typer()
+app = typer.Typer(help="List degrees of freedom.")
 model_app = typer.Typer()
 
 
@@ -121,7 +121,7 @@ def info(options: given.InfoOptions, camera: CameraOptions) -> None:
 @app.command(rich_help_panel=SEQUENCES)
 @grouped
 def calibrate(context: typer.Context, options: given.CalibrateOptions, quiet: Quiet = False) -> None:
-    """Find the places and clocks of cameras, from a person who moves in front of all of them."""
+    """Find the poses and clocks of cameras, from a person who moves in front of all of them."""
     show = on_stderr(quiet=quiet)
     show.say(f"calibrating {len(options.sequences)} cameras; loading")
     with loading():

@@ -84,7 +84,7 @@ class TrackOptions:
         "Recorded depth (docs/formats.md), or live: zenoh:KEY, ros2:/TOPIC, realsense:[SERIAL], orbbec:, "
         "azure-kinect:. Several recordings, or a .txt file that lists them, share the workers.",
     )
-    dof: str | None = input_option("NAME,...", "Track only these; joints: all but the root.")
+    dof: str | None = input_option("NAME,...", "Track only these; `joints`: all but root.")
     model: str = input_option("human|FILE", "Body: a URDF file, or a file of measures.", default="human")
     init: str | None = input_option("auto|FILE", "Pose to start from (default: SEQ/init.json, else auto).")
     joint_states: Path | None = input_option(
@@ -92,7 +92,7 @@ class TrackOptions:
     )
     domain: int = input_option("N", "Domain of ros2:/TOPIC.", default=0, min=0, envvar="ROS_DOMAIN_ID")
     frames: str | None = input_option("A:B", FRAMES)
-    idle_timeout: float | None = input_option("SECONDS", "End live input without frames (default: wait).")
+    idle_timeout: float | None = input_option("SECONDS", "Silence that ends live input (default: none).")
     record: Path | None = output_option("DIR", "Keep the tracked frames of live input in a new folder.")
     rotate: str = input_option(
         "0|90|180|270|auto", "Clockwise degrees to upright (default: found).", default="auto"
@@ -111,23 +111,23 @@ class TrackOptions:
     method: str = method_option(
         "NAME", "gepf, gradient (one particle), condensation or annealed.", default="gepf"
     )
-    preset: str = method_option("NAME", "default, or paper (its constants).", default="default")
+    preset: str = method_option("NAME", "default, or paper (as published).", default="default")
     particles: int | None = method_option("N", "Particles per frame; with annealed, per layer.", min=1)
     points: int | None = method_option("N", "Largest number of observed points.", min=1)
     noise_depth: float | None = method_option("M", "Noise in depth (default: measured in the first frame).")
     noise_lateral: float | None = method_option("M", "Lateral noise.")
     seed: int = method_option("N", "The same seed gives the same bytes.", default=0, min=0, max=2**32 - 1)
     workers: int | None = worker_option(
-        "N", "Lanes of the local worker (default: all cores; 0: none).", min=0
+        "N", "Threads of the local worker (default: all cores; 0: none).", min=0
     )
     listen: str | None = worker_option("ENDPOINT", "Let other workers join, e.g. at tls/0.0.0.0:7447.")
     connect: str | None = worker_option("ENDPOINT", "Use the workers at a router.")
-    worker_timeout: float | None = worker_option("SECONDS", "Stop if no worker comes (default: wait).")
+    worker_timeout: float | None = worker_option("SECONDS", "Stop if none joins (default: wait).")
     out: Path = output_option("DIR", "New folder for the results.", default=MISSING)
     resume: bool = output_option("", "Continue the run in --out, if there is one.", "--resume", default=False)
     pictures: bool = output_option("", "Draw pictures at the end.", "--pictures/--no-pictures", default=True)
     results: str | None = output_option(
-        "KEY|ros2:/TOPIC", "Publish results there (for zenoh:KEY: KEY/results).", "--publish"
+        "KEY|ros2:/TOPIC", "Publish results there (for zenoh:KEY, KEY/results).", "--publish"
     )
     results_json: bool = output_option("", "Publish results as JSON.", "--publish-json", default=False)
     quiet: Quiet = False
@@ -138,7 +138,7 @@ class TrackOptions:
 class InfoOptions:
     """Options of `gepf info` without camera."""
 
-    sequence: Path = argument("SEQ", "Recorded depth (docs/formats.md).")
+    sequence: Path = argument("SEQ", "Recorded depth or a run's folder.")
     as_json: bool = option("", "Print one JSON object.", "--json", default=False)
     picture: Path | None = option("FILE", "Draw the detected floor, walls and people as PNG.")
 
@@ -149,7 +149,7 @@ class CalibrateOptions:
 
     sequences: list[Path] = argument("A B [C ...]", "A recording of each camera, at the same time.")
     out: Path = option("FILE.json", "Rig to write.", default=MISSING)
-    given: Path | None = option("FILE|DIR", "Take the places from Kalibr, ROS or 4 x 4 matrices.", "--from")
+    given: Path | None = option("FILE|DIR", "Take the poses from Kalibr, ROS or 4 x 4 matrices.", "--from")
     force: bool = option("", FORCE, "--force", default=False)
 
 

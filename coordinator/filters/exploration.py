@@ -59,7 +59,7 @@ class Layout(NamedTuple):
 
 
 def explain(model: BodyModel, pose: Array, points: Array) -> Mask:
-    """Which points (P, 3) each part of the body in pose (D,) is near, (G, P)."""
+    """Which points (P, 3) are near each part of a body in pose (D,): (G, P)."""
     transforms = link_transforms(model, pose[None])
     return np.array([mark_near(points, part.pose(transforms))[0] for part in layout_of(model).parts])
 
@@ -67,8 +67,8 @@ def explain(model: BodyModel, pose: Array, points: Array) -> Mask:
 def choose_count(most: int, near: Mask, cameras: int = 1) -> int:
     """How many particles a frame needs, by the share of the points that the prediction leaves unexplained.
 
-    `near` (G, P) is from `explain`. Particles times cameras, that is the images to draw, are as many for any
-    number of cameras: they hide less of the body.
+    `near` (G, P) is from `explain`. The number of images to draw, particles times cameras, is the same for
+    any number of cameras: several hide less.
     """
     unexplained = 1.0 - near.any(axis=0).mean() if near.size else 1.0
     images = min(most, max(FEWEST, math.ceil(most * unexplained / MOST_UNEXPLAINED)))

@@ -122,7 +122,7 @@ def cut(view: SceneView, part: Part) -> list[Part]:
     """The parts of a component that are not flat, without flat furniture.
 
     A flat patch is furniture that touches a person if the rest is as high as before, or at least a metre
-    high. Else the component stays whole, unless most of it is flat. Small rests are dropped.
+    high. Else it is kept whole, or dropped if most of it is flat; small parts are dropped.
     """
     depth = view.depth[part.window]
     flat = find_flat(depth, part.mask, camera_of(view, part.window), view.growth)

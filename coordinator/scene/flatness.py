@@ -22,9 +22,9 @@ SAMPLED = 800  # points for planes
 class Flat:
     """The plane with the largest part of an object.
 
-    mask: (H, W) pixels around which the surface of the object is on the plane. share: of its pixels, of those
-    within half the noise of the plane. on: (H, W) pixels of the object that may be on the plane, by their own
-    noise. size: of the squares, pixels. patches: (H, W) for the pixels of the mask, the visible area of
+    mask: (H, W) pixels around which the surface of the object is on the plane. share: part of its pixels
+    within half the margin of the plane. on: (H, W) pixels of the object that may be on the plane, by their
+    own noise. size: of the squares, pixels. patches: (H, W) for the pixels of the mask, the visible area of
     the connected patch that each is in, square metres; 0 for other pixels.
     """
 

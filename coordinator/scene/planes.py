@@ -1,7 +1,7 @@
 """Planes: floor and walls, which are behind everything else in the image.
 
 The inverse depth of a plane is linear in the image: 1 / z = a x/z + b y/z + c. So planes are fitted to rays
-(N, 4): x/z, y/z, 1/z, and the margin of 1/z, DEVIATIONS standard deviations. A ray is on a plane within it.
+(N, 4): x/z, y/z, 1/z, and the margin of 1/z, DEVIATIONS standard deviations, for being on a plane.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ DRAWN_PLANES = 2_000  # samples of RANSAC, of three points each
 REFINED_PLANES = 40  # best samples that are refined
 LEAST_POINTS = 30  # on a plane
 MOST_BEYOND = 0.01  # largest share of points behind a wall or below a floor
-LEVEL = np.cos(np.radians(50.0))  # largest tilt of the camera to a floor
-UPRIGHT = np.sin(np.radians(20.0))  # largest tilt of a wall
+LEVEL = np.cos(np.radians(50.0))  # cosine of the largest camera tilt
+UPRIGHT = np.sin(np.radians(20.0))  # sine of its tilt
 LEAST_FLOOR = (0.2, 0.3)  # smallest width in metres, and area in square metres
 LEAST_WALL = (0.7, 1.5)
 EXTREMES = (1.0, 99.0)  # percentiles of the points that define an extent
@@ -139,7 +139,7 @@ def draw_planes(rays: Array) -> Array:
 
 @numba.njit(cache=True, nogil=True)
 def count_points(planes: Array, rays: Array) -> Indices:
-    """Numbers of rays (N, 4): within half the margin of each plane (M, 3), within it, beyond twice of it."""
+    """Numbers of rays (N, 4): within half the margin of each plane (M, 3), within it, beyond twice it."""
     counts = np.empty((len(planes), 3), dtype=np.int64)
     x, y, inverse = rays[:, 0] / rays[:, 3], rays[:, 1] / rays[:, 3], rays[:, 2] / rays[:, 3]
     one = 1.0 / rays[:, 3]

@@ -33,10 +33,10 @@ class SceneView:
     """One frame and the known scene.
 
     depth: (H, W) metres, 0 for pixels without depth or outside the user's scope.
-    growth: of the depth's noise.
+    growth: k of 1 mm + k z^2.
     background: (H, W) metres, depth without people; 0 if unknown.
     marks: (H, W) NOT_MEASURED, FOREGROUND, BACKGROUND or ON_PLANE.
-    furnished: the frame shows more than one person alone; if not, pixels without depth are empty.
+    furnished: the frame shows a room, not only a person; if not, pixels without depth are empty.
     left_out: (H, W) pixels excluded by the user; they are unknown.
     """
 
@@ -95,7 +95,7 @@ NOTHING = Learned(np.empty(0, np.uint32), np.empty(0, np.float32), np.empty(0, n
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SceneChange:
-    """The change of a scene by one frame: the changed pixels of the background, and all of the rest."""
+    """The change of a scene by one frame: the changed pixels of the background, and everything else."""
 
     seen: int = 0  # frames with depth
     growth: float = 0.0  # of the depth's noise; 0 before the first depth

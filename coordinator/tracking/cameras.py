@@ -1,9 +1,9 @@
 """Faults of the cameras of a rig: one that gives no depth, repeats an image, or contradicts the others.
 
-Evidence is left out by one principle: the pose that the other cameras support must explain what a camera
-shows of the body and where it sees farther, within the residual that a pose may have. A camera with a wrong
-or changed place fails this, whatever the reason. A repeated image is no new evidence. A camera is left out
-only while another one is not.
+One principle decides: the pose that the other cameras support must explain the points of the body in a
+camera's image, and its depth behind the body, within the allowed residual. A camera with a wrong or changed
+place fails this, whatever the reason. A repeated image is no new evidence. A camera is left out only while
+another one is not.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ from coordinator.tracking.observation import camera_points
 def watch(
     states: Mapping[str, CameraState], frame: DepthFrame, contradicting: Collection[str]
 ) -> tuple[CameraStates, DepthFrame]:
-    """The states of all cameras after a frame, and the frame without depth in repeated images.
+    """The states of all cameras after a frame, and the frame with repeated images set to 0.
 
     `contradicting` are the cameras that are left out now.
     """
     after = {name: replace(state, fault=NO_DEPTH) for name, state in states.items()}
     found = [look(view, states.get(view.camera), frame.time_s) for view in frame.views]
-    if all(each.fault for each in found):  # what there is must do
+    if all(each.fault for each in found):  # none is good: use all
         found = [replace(each, good_s=frame.time_s, fault=None) for each in found]
     views = [
         replace(view, depth=np.zeros_like(view.depth) if each.fault == REPEATS else view.depth, others=())
@@ -75,7 +75,7 @@ def compare(
     """The agreement of cameras after a frame with this pose (D,), by what shows the body in their images.
 
     A camera contradicts the others if the pose does not explain its image. The camera that the pose explains
-    best never does. One that contradicted before and cannot be compared still does.
+    best does not. One that cannot be compared now keeps its last state.
     """
     if len(frame.views) < 2:
         return before
@@ -104,7 +104,7 @@ def compare(
 
 
 def seen_through(image: DepthFrame, surface: Array) -> float:
-    """Median distance in metres of what an image shows from points (N, 3) of a surface that it is behind.
+    """Median distance in metres by which the depth of an image is behind points (N, 3) of a surface.
 
     It counts as 0 where the image shows nothing or something nearer.
     """

@@ -32,8 +32,8 @@ CameraStates = dict[str, CameraState]
 class Agreement:
     """Whether the cameras that show a body agree on its place.
 
-    contradicting: cameras whose points the last pose does not explain. agreed_s: for how long two cameras
-    or more have agreed; what was long enough counts until the body is lost.
+    contradicting: cameras whose points the last pose does not explain. agreed_s: seconds for which two or
+    more cameras agree; kept from PERSISTS_S on, until the body is lost.
     """
 
     contradicting: tuple[str, ...] = ()

@@ -18,10 +18,10 @@ from coordinator.tracking.observation import observed_points
 RESIDUAL_M = 0.03  # largest mean distance of observed points, in addition to the camera's noise
 MISFIT_M = 0.028  # root of the mean cost, which includes model surface in empty space
 LEAST_PIXELS = 150  # smallest number that can show a body
-SPAN_SHARES = (0.35, 1.6)  # extent of a person in a frame over stature; else the depth scale is wrong
-HEAD_DOWN_M = -0.2  # height of the head above the pelvis
+SPAN_SHARES = (0.35, 1.6)  # extent / stature of a person in a frame; else the depth scale is wrong
+HEAD_DOWN_M = -0.2  # lowest head above the pelvis
 FLOOR_M = (-0.25, 0.6)  # height of the lowest joint above the floor
-SHOWN_SHARE = 0.75  # least of head and of legs: real people have 0.79 or more, most things less
+SHOWN_SHARE = 0.75  # smallest agreeing share of head or legs: people have at least 0.79
 AGREES_M = 0.06  # largest distance in depth between the body and what shows it
 CELL_SHARE = 0.018  # of stature: side of the cells that are drawn; vertices and triangles fill them
 CROSS = generate_binary_structure(2, 1)  # a cell and its four neighbours
@@ -89,8 +89,8 @@ def reject_parts(model: BodyModel, pose: Array, subject: SubjectFrame, stature: 
 def compare(surface: Array, view: SubjectFrame, cell_m: float) -> tuple[Indices, Mask]:
     """Some points (N,) of a surface (V, 3) that face a camera, and which of them agree with its image (N,).
 
-    They are the nearest ones of each cell of the body's image, without the cells at its outline, which noise
-    and clothes move. Anything agrees with pixels that are hidden, unmeasured or outside of the image.
+    They are the nearest ones in each cell of the body's image. Its outline is left out: noise and clothes
+    move it. Anything agrees with pixels that are hidden, unmeasured or outside of the image.
     """
     frame, camera = view.frame, view.frame.intrinsics
     places = frame.to_camera(surface)

@@ -49,7 +49,7 @@ class Submitted:
     proposal: Proposal[Any]
     pending: Pending
     context: FrameContext
-    detection: Detection | None  # of the body elsewhere, if it was searched for
+    detection: Detection | None  # result of a search for the body, if any
     clock: Stopwatch
 
 
@@ -96,7 +96,7 @@ class ParticleFilter:
         return self._method.propose(model, belief, observation, settings, self.rng)
 
     def pace(self, rules: RefineSettings, interval: float, pace: Pace | None) -> RefineSettings:
-        """Rules with the iterations for a frame so many seconds after the one before."""
+        """Settings with the iterations for this interval between frames, seconds."""
         interval = interval if pace is None else min(interval, pace.period_s)
         return pace_iterations(rules, interval, self._settings.pace_iterations, MAX_ITERATIONS)
 
@@ -109,7 +109,7 @@ class ParticleFilter:
         return self._refiner.submit(subject, model, poses, rules, covariance=covariance, velocity=velocity)
 
     def update(self, model: BodyModel, submitted: Submitted) -> tuple[Belief, int]:
-        """The belief after refinement, and how many particles it is from; layers ask more than once."""
+        """The belief after refinement, and its number of particles; `annealed` sends several layers."""
         proposal, pending, clock = submitted.proposal, submitted.pending, submitted.clock
         while True:
             with clock.stage("refine"):

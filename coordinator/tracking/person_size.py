@@ -1,4 +1,4 @@
-"""The size of a tracked person: stature in frames in which the pose is settled, girth at each new stature.
+"""The size of a tracked person: stature in frames with status `tracked`, girth at each new stature.
 
 One camera hardly determines the girth, so it stays as detected, with the detected stature. Cameras on several
 sides determine it sharply. At a wrong girth they contradict each other.

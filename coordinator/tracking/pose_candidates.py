@@ -52,7 +52,7 @@ class Detection:
     gate: Gate
 
     def is_elsewhere(self, joints: Array) -> bool:
-        """Whether the pose or position differs from that of joints (J, 3) by more than a refinement."""
+        """Whether a joint is more than 15 cm (OFF) from its position in joints (J, 3)."""
         return bool(np.linalg.norm(self.candidates.joints[0] - joints, axis=-1).max() > OFF)
 
     def looks_alike(self, names: tuple[str, ...], joints: Array, log_likelihood: float) -> bool:
@@ -89,7 +89,7 @@ def faces_away(names: tuple[str, ...], joints: Array, body: Array) -> Mask:
 
 
 def keep_distinct(joints: Array, count: int) -> Indices:
-    """Up to `count` indices of joints (N, J, 3) with a mean distance of DISTINCT_M from all others."""
+    """Up to `count` indices of joints (N, J, 3) more than DISTINCT_M (mean) from each other."""
     kept = list[int]()
     for n, each in enumerate(joints):
         if len(kept) == count:

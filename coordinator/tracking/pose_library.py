@@ -282,7 +282,7 @@ def describe_each(
 
 
 def upright_ways(planes: Planes, ways_up: tuple[float, ...]) -> tuple[float, ...]:
-    """Rotations of the image, radians, in which a body is searched for; the first is upright by the room."""
+    """Rotations of the image, radians, in which a body is searched for; in the first the room is upright."""
     across, down, _ = planes.up
     if len(ways_up) == 1 or np.hypot(across, down) < LEAST_LEVEL:
         return ways_up

@@ -34,7 +34,7 @@ class Pending(Protocol):
 
 
 class LocalRequest:
-    """Particles that are refined when their result, or whether it is ready, is first requested."""
+    """Particles that are refined at the first use of `result` or `is_ready`."""
 
     def __init__(self, refine: Callable[[], Refined]) -> None:
         self._refine = refine
@@ -42,7 +42,7 @@ class LocalRequest:
 
     @property
     def is_ready(self) -> bool:
-        """Whether the particles are refined; if they are not, they are now, one request at a time."""
+        """Whether they were refined already; refines them now if not, one request at a time."""
         was_ready = self._refined is not None
         self.result()
         return was_ready

@@ -43,7 +43,7 @@ class Updated:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tracked:
-    """One person in one frame: the estimate, the tracker's state after it, and what showed the person."""
+    """One person in one frame: the estimate, the tracker's state after it, and the person's crop."""
 
     estimate: Estimate
     state: TrackerState

@@ -13,12 +13,12 @@ from coordinator.tracking.sensor_noise import assume_noise
 
 
 class BodySearch:
-    """The search for one body, if there is one: under way, or done until its result is taken."""
+    """At most one search for a body: running, or ended with a result that is not yet taken."""
 
     def __init__(self, detector: Detector, settings: RefineSettings) -> None:
         self._detector, self._settings = detector, settings
         self.subject: SubjectFrame | None = None  # in which the body is searched for
-        self._search: Search | None = None  # None if it is done, too
+        self._search: Search | None = None  # None also when done
         self._sent: Stage | None = None  # to the workers
         self._found: Detection | None = None
 
@@ -54,7 +54,7 @@ class BodySearch:
             return found
         rules = assume_noise(self._settings, found.start.noise.at(distance))
         moved = self._detector.transfer(found, before, now, rules)
-        # a body that has moved a lot since is not wrong, and may be found again
+        # keep the old gate: the body may only have moved far since
         return replace(moved, gate=found.gate) if first else moved
 
     def end(self) -> None:

@@ -48,8 +48,8 @@ class PosedBody:
 class SegmentedView:
     """The segmented image of one camera.
 
-    frame: within the user's scope. bodies: what shows each body, if anything does. people: what shows each
-    person who is not tracked.
+    frame: within the user's scope. bodies: the crop of each body, None if invisible. people: the crop of each
+    untracked person.
     """
 
     frame: DepthFrame
@@ -64,7 +64,7 @@ class Segmented:
     """A segmented frame.
 
     subjects: one per body; None if nothing of the body is visible, or if it may be anywhere.
-    left_out: what the cameras that contradict the others show of each body.
+    left_out: crops of each body, of cameras that contradict the others.
     candidates: people who are not tracked, the most likely first; empty unless a body may be anywhere.
     """
 
@@ -120,7 +120,7 @@ class Segmenter:
     ) -> Segmented:
         """Segment the next frame: near each body, and, if a body may be anywhere, other people.
 
-        Cameras are `left_out` of what shows each body, unless no other camera shows it.
+        Cameras in `left_out` are not used for a body, unless no other camera shows it.
 
         Other people are not learned as the room, unless they have been `rejected` for a while. Without
         `find`, they are not searched for, and nothing is learned while a body may be anywhere.

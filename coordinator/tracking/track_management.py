@@ -19,10 +19,11 @@ FACING_DOUBT = "front and back look alike: it may face the other way"
 class TrackManagement:
     """The recent history of a track; counts are in frames.
 
-    is_lost: the body may be anywhere. tracked: since the last detection. unexplained: successive frames that
-    the body does not explain. frames_searched: since the first search for an unknown body; a live search
-    counts as the frames of its interval. residual, why: of the last frame. pixels: of the body in the last
-    explained frame. ambiguous_facing: in the last search, front and back explained the frame equally well.
+    is_lost: the body may be anywhere (status `searching`). tracked: frames since the last detection.
+    unexplained: successive frames that the body does not explain. frames_searched: since the first search for
+    an unknown body; a live search counts as the frames of its interval. residual, why: of the last frame.
+    pixels: of the body in the last explained frame. ambiguous_facing: in the last search, front and back
+    explained the frame equally well.
     """
 
     is_lost: bool = False
@@ -41,7 +42,7 @@ class TrackManagement:
 
     @property
     def check_due(self) -> bool:
-        """Whether to search elsewhere, although the body is tracked."""
+        """Whether to search for the body again: lost, or in doubt."""
         new = self.tracked < CHECK_INTERVAL_FRAMES
         interval = SEARCH_INTERVAL_FRAMES if new else CHECK_INTERVAL_FRAMES
         due = self.tracked % interval == interval - 1

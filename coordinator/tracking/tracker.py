@@ -65,7 +65,7 @@ class Lookahead(Generic[Item]):
         return item
 
     def peek(self) -> Item | None:
-        """The next item; None at the end, or if it fails, which raises the error when its turn comes."""
+        """The next item; None at the end, or after an error, which is raised at the item's turn."""
         if not self.is_ahead:
             try:
                 self._next = next(self._items, None)
@@ -135,7 +135,7 @@ class Tracker:
 
         The results are those of `track`. If a frame fails, the frame before is still reported. Without
         `look_ahead`, each frame is reported at once. The same holds for `live` frames, unless the next one
-        already waits and a body is tracked. Bodies are searched for beside live frames.
+        already waits and a body is tracked. Bodies are searched for during live tracking.
         """
         look_ahead = look_ahead and live is None
         upcoming, unreported = Lookahead(map(self._segment, frames)), list[Updated]()

@@ -27,7 +27,7 @@ class KernelParameters(NamedTuple):
     icp_iterations: int
     steps: Steps
     soft: bool
-    free_space: bool  # whether model points in empty space have residuals
+    free_space: bool  # whether model points in free space have residuals
     damping: float
     rest_weight: float  # m^2, of a squared joint angle, per point
     stretch: float  # ratio of lateral to depth noise

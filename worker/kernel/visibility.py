@@ -101,7 +101,7 @@ def visible_vertices(surface: Surface, workspace: Workspace) -> Numbers:
 
 @numba.njit(cache=True, nogil=True)
 def draw(triangles: Numbers, which: bool, workspace: Workspace) -> DepthImage:
-    """The depth image of workspace.posed, and the visible triangles; also fills workspace.front."""
+    """The depth image of workspace.posed, and, if `which`, the triangles; fills workspace.front."""
     focal = float(np.mean(workspace.posed[:, 2])) / PIXEL_M
     left, top, right, bottom = project(workspace.posed, focal, workspace.image)
     width = max(1, min(LARGEST_SIDE_PX, right - left + 1)) + SIDE - 1  # edges far off overflow
