@@ -78,20 +78,19 @@ def update(
     rng: np.random.Generator,  # noqa: ARG001 as all methods
 ) -> Hypotheses:
     """Steps 6 and 7: hypotheses from the refined particles."""
-    past, before, roots = proposal.past, proposal.poses, after.covariance_roots
-    if roots is None:
+    past, before, posteriors = proposal.past, proposal.poses, np.empty((0, 0, 0))
+    if after.covariance_roots is None:
         angle = np.deg2rad(settings.merge_angle_deg)
         chosen, group = merge_by_angle(model, after.poses, after.log_likelihood, angle)  # 6
     else:
-        lower = lower_triangular(roots, before.shape[1])
+        lower = lower_triangular(after.covariance_roots, before.shape[1])
         chosen, group = merge_by_covariance(model, after.poses, after.log_likelihood, lower)
+        posteriors = lower[chosen] @ lower[chosen].transpose(0, 2, 1)
     parents = proposal.ancestors[chosen]
     poses, log_likelihood = after.poses[chosen], after.log_likelihood[chosen]
     covariances = estimate_covariances(model, before, poses, group, past.covariances[parents])  # 7
-    found = np.empty((0, 0, 0))
-    if roots is not None and proposal.expected is not None:
-        found = lower[chosen] @ lower[chosen].transpose(0, 2, 1)
-        poses = fuse_with_prediction(model, poses, found, proposal.expected[chosen], proposal.interval)
+    if len(posteriors) and proposal.expected is not None:
+        poses = fuse_with_prediction(model, poses, posteriors, proposal.expected[chosen], proposal.interval)
     reported = choose_reported(model, past.reported, poses, log_likelihood, proposal.interval)
     at = np.argmin(np.abs(poses - reported).sum(axis=1))
     return Hypotheses(
@@ -101,7 +100,7 @@ def update(
         velocities=difference(model, past.poses[parents], poses) / proposal.interval,
         reported=reported,
         covariances=covariances,
-        posterior=found[at] if len(found) else np.empty((0, 0)),
+        posterior=posteriors[at] if len(posteriors) else np.empty((0, 0)),
     )
 
 

@@ -37,7 +37,7 @@ class SceneView:
     background: (H, W) metres, depth without people; 0 if unknown.
     marks: (H, W) NOT_MEASURED, FOREGROUND, BACKGROUND or ON_PLANE.
     furnished: the frame shows a room, not only a person; if not, pixels without depth are empty.
-    left_out: (H, W) pixels excluded by the user; they are unknown.
+    excluded: (H, W) pixels excluded by the user; they are unknown.
     """
 
     number: int
@@ -48,7 +48,7 @@ class SceneView:
     background: Depth
     marks: Marks
     furnished: bool
-    left_out: Mask | None = None
+    excluded: Mask | None = None
 
     @property
     def lens(self) -> Lens:
@@ -138,8 +138,8 @@ class Scene:
         self._begin(np.zeros((0, 0), np.float32) if background is None else background.copy())
         self._furnished = background is not None
 
-    def see(self, frame: DepthFrame, left_out: Mask | None = None) -> SceneView:
-        """A frame with the known scene; `left_out` (H, W) are excluded pixels."""
+    def see(self, frame: DepthFrame, excluded: Mask | None = None) -> SceneView:
+        """A frame with the known scene; `excluded` (H, W) are excluded pixels."""
         depth, self._placed = frame.metres(), frame.T_rig_camera
         if self._background.shape != depth.shape:
             self._begin(np.zeros_like(depth))
@@ -156,7 +156,7 @@ class Scene:
             background=self._background,
             marks=mark_pixels(depth, self._background, lens, planes.coefficients, growth),
             furnished=self._furnished,
-            left_out=left_out,
+            excluded=excluded,
         )
 
     def learn(self, view: SceneView, people: Mask | None = None) -> SceneChange:

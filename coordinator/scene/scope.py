@@ -46,15 +46,15 @@ class Scope:
         if self.near is None and self.far is None and self.region is None:
             return frame, None
         depth = frame.metres()
-        left_out = (depth > 0.0) & (depth < (self.near or 0.0))
+        excluded = (depth > 0.0) & (depth < (self.near or 0.0))
         if self.far is not None:
-            left_out |= depth > self.far
+            excluded |= depth > self.far
         if self.region is not None:
             left, top, right, bottom = np.maximum(self.region, 0)
-            outside = np.ones_like(left_out)
+            outside = np.ones_like(excluded)
             outside[top:bottom, left:right] = False
-            left_out |= outside
-        return replace(frame, depth=np.where(left_out, np.uint16(0), frame.depth)), left_out
+            excluded |= outside
+        return replace(frame, depth=np.where(excluded, np.uint16(0), frame.depth)), excluded
 
     def choose(self, view: SceneView, found: Sequence[Candidate]) -> list[Candidate]:
         """The candidates who may be meant, the most likely first."""

@@ -126,7 +126,7 @@ def segment_body(
     inside = slices(window)
     depth, near, marks = view.depth[inside], distances[inside], view.marks[inside]
     unclear = (marks != FOREGROUND) & (near <= CELL_M)
-    for mask in (view.left_out, others):
+    for mask in (view.excluded, others):
         if mask is not None:
             unclear |= mask[inside]
     possible = (marks == FOREGROUND) & (near <= REACH_M) & ~unclear

@@ -40,18 +40,17 @@ def watch(
 
     `contradicting` are the cameras that are left out now.
     """
-    after = {name: replace(state, fault=NO_DEPTH) for name, state in states.items()}
     found = [look(view, states.get(view.camera), frame.time_s) for view in frame.views]
     if all(each.fault for each in found):  # none is good: use all
         found = [replace(each, good_s=frame.time_s, fault=None) for each in found]
-    views = [
-        replace(view, depth=np.zeros_like(view.depth) if each.fault == REPEATS else view.depth, others=())
-        for view, each in zip(frame.views, found, strict=True)
-    ]
+    after, views = {name: replace(state, fault=NO_DEPTH) for name, state in states.items()}, []
     for view, each in zip(frame.views, found, strict=True):
-        before = states.get(view.camera, each)
-        contradicts = CameraState(each.image, before.good_s, CONTRADICTS)
-        after[view.camera] = contradicts if view.camera in contradicting else each
+        depth = np.zeros_like(view.depth) if each.fault == REPEATS else view.depth
+        views.append(replace(view, depth=depth, others=()))
+        after[view.camera] = each
+        if view.camera in contradicting:
+            good_s = states.get(view.camera, each).good_s
+            after[view.camera] = CameraState(each.image, good_s, CONTRADICTS)
     return after, replace(views[0], others=tuple(views[1:]))
 
 

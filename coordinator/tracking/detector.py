@@ -88,9 +88,9 @@ class Detector:
         """
         settings = assume_noise(self._refine, noise)
         found = yield from self._detect(subject, settings, noise, planes)
-        fits = found.gate.passes or not self._bodies.people
-        clear = subject if fits else without_flat(subject)
-        if clear is subject:
+        if found.gate.passes or not self._bodies.people:
+            return found
+        if (clear := without_flat(subject)) is subject:
             return found
         other = yield from self._detect(clear, settings, noise, planes)
         return other if other.gate.passes else found

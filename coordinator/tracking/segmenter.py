@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 
@@ -64,13 +65,13 @@ class Segmented:
     """A segmented frame.
 
     subjects: one per body; None if nothing of the body is visible, or if it may be anywhere.
-    left_out: crops of each body, of cameras that contradict the others.
+    aside: crops of each body, of doubted cameras.
     candidates: people who are not tracked, the most likely first; empty unless a body may be anywhere.
     """
 
     frame: DepthFrame
     subjects: tuple[SubjectFrame | None, ...]
-    left_out: tuple[SubjectFrame | None, ...]
+    aside: tuple[SubjectFrame | None, ...]
     candidates: tuple[SubjectFrame, ...]
     views: tuple[SegmentedView, ...]
 
@@ -114,13 +115,13 @@ class Segmenter:
         frame: DepthFrame,
         bodies: Sequence[PosedBody | None],
         *,
-        left_out: Sequence[Collection[str]] = (),
+        doubted: Sequence[Collection[str]] = (),
         rejected: bool = False,
         find: bool = True,
     ) -> Segmented:
         """Segment the next frame: near each body, and, if a body may be anywhere, other people.
 
-        Cameras in `left_out` are not used for a body, unless no other camera shows it.
+        The `doubted` cameras of a body are not used for it, unless no other camera shows it.
 
         Other people are not learned as the room, unless they have been `rejected` for a while. Without
         `find`, they are not searched for, and nothing is learned while a body may be anywhere.
@@ -129,19 +130,17 @@ class Segmenter:
         views = tuple(
             self._segment_view(view, surfaces, rejected=rejected, find=find) for view in frame.views
         )
-        subjects, others = list[SubjectFrame | None](), list[SubjectFrame | None]()
-        for n in range(len(bodies)):
-            parts: tuple[list[Cut], list[Cut]] = ([], [])
-            for each in views:
-                if (cut := each.bodies[n]) is not None:
-                    parts[bool(left_out) and each.frame.camera in left_out[n]].append(cut)
-            subject, aside = (subject_of(frame, part, self._points) for part in parts)
-            subjects.append(subject or aside)
-            others.append(None if subject is None else aside)
-        doubted = set().union(*left_out)
-        shown = [each.people for each in views if each.frame.camera not in doubted]
+        subjects, aside = list[SubjectFrame | None](), list[SubjectFrame | None]()
+        for n, unused in enumerate(doubted or [()] * len(bodies)):
+            cuts = [(each.frame.camera, cut) for each in views if (cut := each.bodies[n]) is not None]
+            agreed = subject_of(frame, [cut for name, cut in cuts if name not in unused], self._points)
+            contradicting = subject_of(frame, [cut for name, cut in cuts if name in unused], self._points)
+            subjects.append(agreed or contradicting)
+            aside.append(None if agreed is None else contradicting)
+        doubtful = set().union(*doubted)
+        shown = [each.people for each in views if each.frame.camera not in doubtful]
         people = self._join_people(frame, shown if any(shown) else [each.people for each in views])
-        return Segmented(frame, tuple(subjects), tuple(others), people, views)
+        return Segmented(frame, tuple(subjects), tuple(aside), people, views)
 
     def find_candidates(self, segmented: Segmented, tracked: Sequence[PosedBody]) -> tuple[SubjectFrame, ...]:
         """People in a segmented frame, apart from those who are tracked; the most likely first."""
@@ -169,8 +168,8 @@ class Segmenter:
                 up = frame.T_camera_rig[:3, :3] @ scope.up
             self._scenes[frame.camera] = Scene(scope.background, up)
         scene = self._scenes[frame.camera]
-        frame, left_out = scope.limit(frame)
-        view = scene.see(frame, left_out)
+        frame, excluded = scope.limit(frame)
+        view = scene.see(frame, excluded)
         if not view.furnished and len(bodies) == 1:
             found, change = tuple(outline(frame)), scene.learn(view)
             if bodies[0] is None:
@@ -181,24 +180,21 @@ class Segmenter:
         nearest = nearest_of(view, distances)
         known, apart = nearest <= NEAR_M, mark_apart(view, nearest)
         others = [(each > nearest) | apart for each in distances]
-        strangers, theirs = tuple[Cut, ...](), known.copy()
-        if len(surfaces) < len(bodies) and not find:
-            theirs[:] = True
-        elif len(surfaces) < len(bodies):
-            possible = candidates(view, known)
-            found_masks = [each.mask for each in scope.choose(view, possible)]
-            found_masks = found_masks[:1] if len(bodies) == 1 else found_masks
-            strangers = cut_masks(frame, view, found_masks, known)
-            for each in () if rejected else possible:
-                theirs |= each.mask
         segmented = [segment_body(view, *each) for each in zip(surfaces, distances, others, strict=True)]
-        if any(is_missing(view, *each) for each in zip(surfaces, segmented, strict=True)):
-            theirs[:] = True  # a body may be anywhere, so no pixel is learned as the room
-        change = scene.learn(view, theirs)
-        own = ((frame, each.window, each.labels) for each in segmented)
-        return SegmentedView(
-            frame, view, change, tuple(None if body is None else next(own) for body in bodies), strangers
-        )
+        complete = len(surfaces) == len(bodies)
+        strangers, people = tuple[Cut, ...](), known
+        if find and not complete:
+            possible = candidates(view, known)
+            masks = [each.mask for each in scope.choose(view, possible)]
+            strangers = cut_masks(frame, view, masks[:1] if len(bodies) == 1 else masks, known)
+            people = known if rejected else reduce(np.logical_or, (each.mask for each in possible), known)
+        missing = any(is_missing(view, *each) for each in zip(surfaces, segmented, strict=True))
+        if missing or not (find or complete):  # a body may be anywhere, so no pixel is learned as the room
+            people = np.ones_like(known)
+        change = scene.learn(view, people)
+        cuts = iter([(frame, each.window, each.labels) for each in segmented])
+        own = tuple(None if body is None else next(cuts) for body in bodies)
+        return SegmentedView(frame, view, change, own, strangers)
 
     def _join_people(self, frame: DepthFrame, seen: Sequence[Sequence[Cut]]) -> tuple[SubjectFrame, ...]:
         """People by what shows them in each image; those at the same place are one person."""

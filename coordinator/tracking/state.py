@@ -119,7 +119,7 @@ class Checkpoint:
     management: TrackManagement = field(default_factory=TrackManagement)
     size: SizeEstimate | None = None  # of the person; None if it is not estimated
     cameras: CameraStates = field(default_factory=dict)
-    left_out: tuple[str, ...] = ()  # cameras, when the next frame is segmented
+    doubted: tuple[str, ...] = ()  # cameras, when the next frame is segmented
     agreement: Agreement = field(default_factory=Agreement)  # of the cameras, by the last pose
 
 

@@ -80,7 +80,7 @@ class TargetTracker:
         self.scenes = SceneChanges()  # what the last submitted frame changed in the scenes
         self.cameras = CameraStates()  # after the last submitted frame
         self.aside: SubjectFrame | None = None  # what cameras that are left out show of the body
-        self.left_out: tuple[str, ...] = ()  # cameras, when the next frame is segmented
+        self.doubted: tuple[str, ...] = ()  # cameras, when the next frame is segmented
         self._agreement = Agreement()
         if state is not None:
             self._resume(state)
@@ -89,7 +89,7 @@ class TargetTracker:
         past = state.checkpoint
         self.start, self.scenes, self.management = state.start, past.scenes, past.management
         self._expected, self._time_s, self._size.estimate = past.expected, past.time_s, past.size
-        self.cameras, self.left_out, self._agreement = past.cameras, past.left_out, past.agreement
+        self.cameras, self.doubted, self._agreement = past.cameras, past.doubted, past.agreement
         self._filter.rng.bit_generator.state = json.loads(past.generator)
         if past.belief:
             self._belief = replace(self._filter.begin(self.model, self.start.pose), **past.belief)
@@ -112,7 +112,7 @@ class TargetTracker:
             management=self.management,
             size=self._size.estimate,
             cameras=self.cameras,
-            left_out=self.left_out,
+            doubted=self.doubted,
             agreement=self._agreement,
         )
         return TrackerState(self.start, checkpoint)
@@ -185,7 +185,7 @@ class TargetTracker:
         detection = None if subject is None else self._detect(subject, planes, clock, live=pace is not None)
         anywhere = self.management.is_lost and self._redetects
         self._expected = None if self._belief is None or anywhere else self._belief.reported
-        self.left_out = self._agreement.contradicting
+        self.doubted = self._agreement.contradicting
         if self._belief is None or subject is None:
             status = self._lose(shows=shows)
             return Updated(frame, self.state, self._belief, status, 0, None, clock)

@@ -138,38 +138,36 @@ class Tracker:
         already waits and a body is tracked. Bodies are searched for during live tracking.
         """
         look_ahead = look_ahead and live is None
-        upcoming, unreported = Lookahead(map(self._segment, frames)), list[Updated]()
+        upcoming, previous = Lookahead(map(self._segment, frames)), list[Updated]()
         try:
             for segmented, cameras, clocks in upcoming:
                 late = live is not None and (upcoming.was_ahead or live.is_ready)
                 pace = None if live is None else Pace(live.period_s, late)
                 submitted = self._submit(segmented, cameras, clocks, pace)
                 # the workers are busy from here until the update
-                if unreported:
-                    tracked, unreported = [report(each) for each in unreported], []
-                    yield tracked
+                if previous:
+                    done, previous = previous, []
+                    yield [report(each) for each in done]
                 waits = live is not None and live.is_ready and any(each.is_tracked for each in self._targets)
                 if look_ahead or waits:
                     self._send_ahead(upcoming)
                     self._search(wait=False)
                 pairs = zip(self._targets, submitted, strict=True)
-                updated = [one if isinstance(one, Updated) else target.update(one) for target, one in pairs]
-                unreported = updated
-                if upcoming.is_ahead:
-                    continue
-                tracked, unreported = [report(each) for each in unreported], []
-                yield tracked
-                if live is not None:
-                    self._search_until_ready(live)
+                previous = [one if isinstance(one, Updated) else target.update(one) for target, one in pairs]
+                if not upcoming.is_ahead:
+                    done, previous = previous, []
+                    yield [report(each) for each in done]
+                    if live is not None:
+                        self._search_until_ready(live)
         except (Exception, KeyboardInterrupt):
-            if unreported:
-                yield [report(each) for each in unreported]
+            if previous:
+                yield [report(each) for each in previous]
             raise
         finally:
             for target in self._targets:
                 target.searching.end()
-        if unreported:
-            yield [report(each) for each in unreported]
+        if previous:
+            yield [report(each) for each in previous]
 
     def _submit(
         self, segmented: Segmented, cameras: CameraStates, clocks: list[Stopwatch], pace: Pace | None
@@ -179,7 +177,7 @@ class Tracker:
         for n, target in enumerate(self._targets):
             subject = self._assign(n, segmented, free)
             target.scenes, target.cameras = segmented.changes, cameras
-            target.aside = segmented.left_out[n]
+            target.aside = segmented.aside[n]
             if n > 0:
                 target.scenes = {name: replace(s, learned=NOTHING) for name, s in target.scenes.items()}
             planes = segmented.planes(subject)
@@ -215,36 +213,42 @@ class Tracker:
             bodies = [target.expected for target in self._targets]
             rejected = any(target.management.frames_searched > SETTLED_FRAMES for target in self._targets)
             find = any(target.needs_candidates for target in self._targets)
-            left_out = [target.left_out for target in self._targets]
-            self._cameras, frame = watch(self._cameras, frame, set().union(*left_out))
-            segmented = self._segmenter.segment(
-                frame, bodies, left_out=left_out, rejected=rejected, find=find
-            )
+            doubted = [target.doubted for target in self._targets]
+            self._cameras, frame = watch(self._cameras, frame, set().union(*doubted))
+            segmented = self._segmenter.segment(frame, bodies, doubted=doubted, rejected=rejected, find=find)
             return segmented, self._cameras, clocks
 
     def _assign(self, place: int, segmented: Segmented, free: list[SubjectFrame]) -> SubjectFrame | None:
         """Choose the subject of a person: a free candidate if the person is undetected or lost.
 
-        People are detected in their order. The chosen candidate is removed from `free`.
+        The chosen candidate is removed from `free`.
         """
         target, chosen = self._targets[place], segmented.subjects[place]
         if not target.start.found:
-            if not all(each.start.found for each in self._targets[:place]) or not free:
-                return None
-            searches = target.management.frames_searched // SEARCH_INTERVAL_FRAMES
-            chosen = free[searches % len(free)]
-            if (searched := target.searching.subject) is not None:
-                chosen = min(free, key=lambda each: distance(each, middle_of(searched)))
-            free[:] = [each for each in free if each is not chosen]
-            # cameras with wrong places show no person together, but each by itself
-            alone = [replace(view, others=()) for view in chosen.views]
-            return [chosen, *alone][searches // (len(free) + 1) % (len(alone) + 1)]
+            return self._assign_undetected(place, free)
         if target.expected is None:
             chosen = min(free, key=lambda each: distance(each, target.last_seen), default=None)
         elif target.misses(segmented.pixels(place)):
             chosen = self._find_elsewhere(place, segmented)
         free[:] = [each for each in free if each is not chosen]
         return chosen
+
+    def _assign_undetected(self, place: int, free: list[SubjectFrame]) -> SubjectFrame | None:
+        """Choose the candidate in which a person is searched for: the one under way, or each in turn.
+
+        People are detected in their order. When each candidate had its turn, its cameras have theirs, one by
+        one: cameras with wrong poses show no person together.
+        """
+        target, count = self._targets[place], len(free)
+        if not count or not all(each.start.found for each in self._targets[:place]):
+            return None
+        rounds, turn = divmod(target.management.frames_searched // SEARCH_INTERVAL_FRAMES, count)
+        chosen = free[turn]
+        if (searched := target.searching.subject) is not None:
+            chosen = min(free, key=lambda each: distance(each, middle_of(searched)))
+        free[:] = [each for each in free if each is not chosen]
+        options = [chosen, *(replace(view, others=()) for view in chosen.views)]
+        return options[rounds % len(options)]
 
     def _find_elsewhere(self, place: int, segmented: Segmented) -> SubjectFrame | None:
         """The present subject, or a candidate nearby with more pixels, who is probably the same person."""

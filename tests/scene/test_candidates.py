@@ -106,12 +106,12 @@ def test_what_limits_leave_out_says_nothing_of_the_body() -> None:
     """It is neither empty nor unmeasured, so an arm that leaves the region is still possible."""
     room, scope = Room(), Scope(region=(0, 0, 66, 120))
     frame = room.see(PERSON).frame
-    frame, left_out = scope.limit(frame)
-    view = Scene().see(frame, left_out)
+    frame, excluded = scope.limit(frame)
+    view = Scene().see(frame, excluded)
     surface = room.surface(PERSON, 2000)
     cut = segment_body(view, surface, measure_distances(view, surface))
     left, top, right, bottom = cut.window
-    assert left_out is not None
-    outside = left_out[top:bottom, left:right]
+    assert excluded is not None
+    outside = excluded[top:bottom, left:right]
     assert outside.any()
     assert (cut.labels[outside] == UNKNOWN).all()
