@@ -1,4 +1,4 @@
-"""Camera places as other tools write them: Kalibr's camchain, static transforms of ROS, or matrices."""
+"""Camera poses as other tools write them: Kalibr's camchain, static transforms of ROS, or matrices."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from common.arrays import Array
 from common.camera import inverse
 from common.errors import InputError
 
-Place = tuple[Array, float]
+CameraExtrinsics = tuple[Array, float]
 """T_world_camera (4, 4), metres, and the clock offset in seconds, that added to the camera's time gives the
 common time."""
 
@@ -25,8 +25,8 @@ KNOWN = (
 )
 
 
-def read_places(path: Path, names: Sequence[str]) -> dict[str, Place]:
-    """The places of cameras by name, in the frame and the time of the first one.
+def read_poses(path: Path, names: Sequence[str]) -> dict[str, CameraExtrinsics]:
+    """The poses of cameras by name, in the frame and the time of the first one.
 
     Kalibr's cameras are in the order of the names. Frames of ROS and files of matrices have the names of
     cameras. Raises InputError if one is missing, or if the file is of no known kind.
@@ -41,9 +41,9 @@ def read_places(path: Path, names: Sequence[str]) -> dict[str, Place]:
     return {name: (back @ found[name][0], found[name][1] - earlier) for name in names}
 
 
-def read_folder(path: Path, names: Sequence[str]) -> dict[str, Place]:
+def read_folder(path: Path, names: Sequence[str]) -> dict[str, CameraExtrinsics]:
     """Matrices camera to world, one file for each camera."""
-    found = dict[str, Place]()
+    found = dict[str, CameraExtrinsics]()
     for name in names:
         file = next((path / f"{name}{end}" for end in READERS if (path / f"{name}{end}").is_file()), None)
         if file is None:
@@ -58,8 +58,8 @@ READERS: dict[str, Callable[[Path], Any]] = {
 }
 
 
-def read_yaml(path: Path, names: Sequence[str]) -> dict[str, Place] | None:
-    """The places in a YAML file; None if it is of no known kind."""
+def read_yaml(path: Path, names: Sequence[str]) -> dict[str, CameraExtrinsics] | None:
+    """The poses in a YAML file; None if it is of no known kind."""
     yaml = YAML(typ="safe", pure=True)
     parts = [each for each in yaml.load_all(path.read_text(encoding="utf-8")) if each]
     if parts and all("transforms" in each for each in parts):
@@ -67,23 +67,24 @@ def read_yaml(path: Path, names: Sequence[str]) -> dict[str, Place] | None:
     return of_camchain(parts[0], names, path) if len(parts) == 1 and "cam0" in parts[0] else None
 
 
-def of_camchain(chain: Mapping[str, Any], names: Sequence[str], path: Path) -> dict[str, Place]:
+def of_camchain(chain: Mapping[str, Any], names: Sequence[str], path: Path) -> dict[str, CameraExtrinsics]:
     """Kalibr: T_cn_cnm1 maps from the camera before; camera's time + timeshift_cam_imu = the IMU's time."""
-    found, placed = dict[str, Place](), np.eye(4)
+    found, transform = dict[str, CameraExtrinsics](), np.eye(4)
     for n, name in enumerate(names):
         if (camera := chain.get(f"cam{n}")) is None:
             raise InputError(
                 f"{path} has no cam{n} for {name}; give the recordings in the order of its cameras"
             )
         if n > 0:
-            placed = placed @ inverse(np.reshape(np.array(camera["T_cn_cnm1"], dtype=np.float64), (4, 4)))
-        found[name] = placed, float(camera.get("timeshift_cam_imu", 0.0))
+            step = np.reshape(np.array(camera["T_cn_cnm1"], dtype=np.float64), (4, 4))
+            transform = transform @ inverse(step)
+        found[name] = transform, float(camera.get("timeshift_cam_imu", 0.0))
     return found
 
 
 def of_transforms(
     transforms: Sequence[Mapping[str, Any]], names: Sequence[str], path: Path
-) -> dict[str, Place]:
+) -> dict[str, CameraExtrinsics]:
     """ROS: each transform maps from child_frame_id to header.frame_id; a camera is named as its frame."""
     parents = dict[str, tuple[str, Array]]()
     for each in transforms:
@@ -91,9 +92,9 @@ def of_transforms(
         step[:3, :3] = Rotation.from_quat([turn[k] for k in "xyzw"]).as_matrix()
         step[:3, 3] = [at[k] for k in "xyz"]
         parents[each["child_frame_id"]] = each["header"]["frame_id"], step
-    found, roots = dict[str, Place](), set[str]()
+    found, roots = dict[str, CameraExtrinsics](), set[str]()
     for name in names:
-        optical, placed = f"{name}_depth_optical_frame", np.eye(4)
+        optical, transform = f"{name}_depth_optical_frame", np.eye(4)
         if name not in parents and optical not in parents:
             raise InputError(
                 f"{path} has no frame {name} or {optical}, but {', '.join(sorted(parents))}; "
@@ -104,9 +105,9 @@ def of_transforms(
             if frame not in parents:
                 break
             frame, step = parents[frame]
-            placed = step @ placed
+            transform = step @ transform
         roots.add(frame)
-        found[name] = placed, 0.0
+        found[name] = transform, 0.0
     if len(roots) > 1:
         raise InputError(f"{path} does not connect the frames of all cameras; add the transform between them")
     return found

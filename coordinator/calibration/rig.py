@@ -27,7 +27,7 @@ LARGEST = np.repeat([np.radians(1.0), 0.02, 0.008], (3, 3, 1))  # deviations; wi
 STEP_S = 1.0 / 60.0  # between the offsets that are tried
 OUTLIER_M = 0.1  # scale of the robust kernel
 BLOCK_S = 0.5  # longer than pose errors are correlated
-PLACE_M = 0.01  # deviation of a person's place: cameras that see different sides measure different sizes
+POSITION_M = 0.01  # deviation of a person's position: seen from different sides, sizes differ
 WHAT = ("rotation", "position", "clock")
 ADVICE = ("walk through the view of {}", "walk closer to {} and turn about", "wave before {}")
 
@@ -38,8 +38,8 @@ def calibrate(
     settings: Settings,
     bodies: Bodies,
     report: Callable[[str], None] = lambda _: None,
-) -> dict[str, CameraPlace]:
-    """The places of cameras by name, in the frame and the time of the first one.
+) -> dict[str, CameraPose]:
+    """The poses of cameras by name, in the frame and the time of the first one.
 
     Raises InputError if the recordings do not determine them.
     """
@@ -48,7 +48,7 @@ def calibrate(
         report(f"tracking {name} alone")
         followed = Tracker(refiner, settings, bodies).follow(source)
         motions.append(motion_of([tracked.estimate for (tracked,) in followed]))
-    first, places = names[0], {names[0]: CameraPlace(np.eye(4), 0.0, 0.0, np.zeros(7))}
+    first, poses = names[0], {names[0]: CameraPose(np.eye(4), 0.0, 0.0, np.zeros(7))}
     for name, motion in zip(names[1:], motions[1:], strict=True):
         found = align(motions[0], motion)
         if found is None:
@@ -60,12 +60,12 @@ def calibrate(
                 f"{name} does not show the motion of {first}: joints are {100 * found.residual_m:.0f} cm "
                 "apart at best; record one person who moves in front of both"
             )
-        places[name] = found
-    return {name: judge(name, each) for name, each in places.items()}
+        poses[name] = found
+    return {name: judge(name, each) for name, each in poses.items()}
 
 
-def judge(name: str, found: CameraPlace) -> CameraPlace:
-    """A place, with what would make its largest deviation smaller; InputError if it is not determined."""
+def judge(name: str, found: CameraPose) -> CameraPose:
+    """A pose, with what would make its largest deviation smaller; InputError if it is not determined."""
     worst = int(np.argmax(found.deviations / LARGEST))
     advice = ADVICE[worst // 3].format(name)
     if not found.deviations[worst] <= LARGEST[worst]:
@@ -97,15 +97,15 @@ class Motion:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class CameraPlace:
-    """How a camera is placed relative to the first, and how sure that is.
+class CameraPose:
+    """The pose of a camera relative to the first, and its uncertainty.
 
-    placed: T_first_other (4, 4). offset_s: of its clock. residual_m: mean residual. deviations: (7,) of the
+    T_first_other: (4, 4). offset_s: of its clock. residual_m: mean residual. deviations: (7,) of the
     rotation about the first camera's axes and of the position at the person, radians and metres; and of the
     clock, seconds; infinite if they are not known. advice: what would make the largest of them smaller.
     """
 
-    placed: Array
+    T_first_other: Array
     offset_s: float
     residual_m: float
     deviations: Array = field(default_factory=lambda: np.full(7, np.inf))
@@ -122,7 +122,7 @@ def motion_of(estimates: list[Estimate]) -> Motion:
     return Motion(np.array([each.time_s for each in estimates]), np.nan_to_num(joints), variance)
 
 
-def align(first: Motion, other: Motion) -> CameraPlace | None:
+def align(first: Motion, other: Motion) -> CameraPose | None:
     """Align the joints of another camera with those of the first; None if they have too little in common."""
     length = min(np.ptp(first.time_s), np.ptp(other.time_s))
     least = max(1.0, 0.5 * length)  # seconds
@@ -138,7 +138,7 @@ def align(first: Motion, other: Motion) -> CameraPlace | None:
     return None if found is None else replace(found, deviations=deviations_of(first, other, found))
 
 
-def deviations_of(first: Motion, other: Motion, found: CameraPlace) -> Array:
+def deviations_of(first: Motion, other: Motion, found: CameraPose) -> Array:
     """Deviations (7,) of an alignment, from the jackknife by blocks of time and by joints.
 
     Pose errors correlate within a block, those of a joint's position at all times.
@@ -153,16 +153,16 @@ def deviations_of(first: Motion, other: Motion, found: CameraPlace) -> Array:
             variances = np.where(groups == each, np.inf, first.variance)
             without = fit_near(replace(first, variance=variances), other, found.offset_s)
             if without is not None:
-                moves = without.placed @ inverse(found.placed)
+                moves = without.T_first_other @ inverse(found.T_first_other)
                 turn = Rotation.from_matrix(moves[:3, :3]).as_rotvec()
                 clock = without.offset_s - found.offset_s
                 changes.append(np.array([*turn, *(moved(person, moves) - person), clock]))
         variance += (len(changes) - 1.0) * np.var(changes, axis=0) if len(changes) > 1 else np.inf
-    variance[3:6] += PLACE_M**2
+    variance[3:6] += POSITION_M**2
     return np.sqrt(variance)
 
 
-def fit_near(first: Motion, other: Motion, offset_s: float) -> CameraPlace | None:
+def fit_near(first: Motion, other: Motion, offset_s: float) -> CameraPose | None:
     """The rigid fit with the best clock offset near this one; None if nothing is known at the same time."""
     fits = [fit_at(first, other, offset_s + step) for step in (-STEP_S, 0.0, STEP_S)]
     before, at, after = (np.inf if fit is None else fit.residual_m**2 for fit in fits)
@@ -172,7 +172,7 @@ def fit_near(first: Motion, other: Motion, offset_s: float) -> CameraPlace | Non
     return fit_at(first, other, offset_s + STEP_S * float(np.clip(shift, -0.5, 0.5)))
 
 
-def fit_at(first: Motion, other: Motion, offset_s: float) -> CameraPlace | None:
+def fit_at(first: Motion, other: Motion, offset_s: float) -> CameraPose | None:
     """The rigid fit with a clock offset; None if nothing is known at the same time."""
     joints, variance = other.at(first.time_s - offset_s)
     weights = (1.0 / (first.variance + variance)).ravel()
@@ -180,11 +180,11 @@ def fit_at(first: Motion, other: Motion, offset_s: float) -> CameraPlace | None:
         return None
     here, there, robust = first.joints.reshape(-1, 3), joints.reshape(-1, 3), np.ones_like(weights)
     for _ in range(4):
-        placed = rigid_fit(there, here, weights * robust)
-        squares = np.sum((moved(there, placed) - here) ** 2, axis=1)
+        transform = rigid_fit(there, here, weights * robust)
+        squares = np.sum((moved(there, transform) - here) ** 2, axis=1)
         robust = (OUTLIER_M**2 / (OUTLIER_M**2 + squares)) ** 2
     cost = OUTLIER_M**2 * squares / (OUTLIER_M**2 + squares)
-    return CameraPlace(placed, offset_s, float(np.sqrt(np.average(cost, weights=weights))))
+    return CameraPose(transform, offset_s, float(np.sqrt(np.average(cost, weights=weights))))
 
 
 def rigid_fit(points: Array, targets: Array, weights: Array) -> Array:
@@ -192,7 +192,7 @@ def rigid_fit(points: Array, targets: Array, weights: Array) -> Array:
     total = weights / weights.sum()
     middle, target = total @ points, total @ targets
     left, _, right = np.linalg.svd((targets - target).T @ ((points - middle) * total[:, None]))
-    placed = np.eye(4)
-    placed[:3, :3] = left @ np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))]) @ right
-    placed[:3, 3] = target - placed[:3, :3] @ middle
-    return placed
+    transform = np.eye(4)
+    transform[:3, :3] = left @ np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))]) @ right
+    transform[:3, 3] = target - transform[:3, :3] @ middle
+    return transform

@@ -1,4 +1,4 @@
-"""`gepf calibrate`: the places and clocks of cameras, from recordings of one person, as a rig file."""
+"""`gepf calibrate`: the poses and clocks of cameras, from recordings of one person, as a rig file."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from common.errors import InputError
 from common.settings import preset
 from coordinator.bodies.choice import choose_bodies
 from coordinator.bodies.human.dofs import HUMAN
-from coordinator.calibration.extrinsics import read_places
-from coordinator.calibration.rig import CameraPlace, calibrate
+from coordinator.calibration.extrinsics import read_poses
+from coordinator.calibration.rig import CameraPose, calibrate
 from coordinator.commands.options import CalibrateOptions
 from coordinator.commands.progress import Show
 from coordinator.files import require_new, with_parent
@@ -28,34 +28,34 @@ from coordinator.sources.rig import RigCamera, find_fault, write_rig
 def run_calibrate(options: CalibrateOptions, show: Show, connect: Connect) -> None:
     """Write the rig file, and print a line for each camera.
 
-    Raises InputError for wrong input, and if the recordings do not determine a place.
+    Raises InputError for wrong input, and if the recordings do not determine a pose.
     """
     sequences, given, out = options.sequences, options.given, options.out
     require_new(out, force=options.force)
     with_parent(out)
     sources = open_all(sequences)
     if given is not None:
-        found = {name: CameraPlace(*place, 0.0) for name, place in read_places(given, list(sources)).items()}
+        found = {name: CameraPose(*pose, 0.0) for name, pose in read_poses(given, list(sources)).items()}
     else:
         with connect(Pool(), show.say) as workers:
             found = calibrate(
                 sources, workers, preset("default"), choose_bodies(None, "default", HUMAN), show.say
             )
     cameras, deviations = list[RigCamera](), dict[str, object]()
-    for (name, place), sequence in zip(found.items(), sequences, strict=True):
+    for (name, pose), sequence in zip(found.items(), sequences, strict=True):
         path = os.path.relpath(sequence.resolve(), out.resolve().parent)
-        cameras.append(RigCamera(name, path, place.placed.tolist(), place.offset_s))
+        cameras.append(RigCamera(name, path, pose.T_first_other.tolist(), pose.offset_s))
         if (wrong := find_fault(cameras[-1])) is not None:
             raise InputError(f"{given}: {wrong}")
-        if np.isfinite(place.deviations).all():
+        if np.isfinite(pose.deviations).all():
             deviations[name] = {
-                "rotation_deg": np.degrees(place.deviations[:3]).round(4).tolist(),
-                "position_at_person_m": place.deviations[3:6].round(5).tolist(),
-                "time_offset_s": round(float(place.deviations[6]), 6),
+                "rotation_deg": np.degrees(pose.deviations[:3]).round(4).tolist(),
+                "position_at_person_m": pose.deviations[3:6].round(5).tolist(),
+                "time_offset_s": round(float(pose.deviations[6]), 6),
             }
     write_rig(out, cameras, deviations)
-    for name, place in list(found.items())[1:]:
-        sys.stdout.write(f"{name}: {describe(place)}\n")
+    for name, pose in list(found.items())[1:]:
+        sys.stdout.write(f"{name}: {describe(pose)}\n")
     show.say(f"the rig is in {out}; gepf track {out} --out run/ tracks with all cameras")
 
 
@@ -74,15 +74,16 @@ def open_all(sequences: Sequence[Path]) -> dict[str, Source]:
     return found
 
 
-def describe(place: CameraPlace) -> str:
-    """A place in one line, with its deviations if they are known."""
-    away = float(np.linalg.norm(place.placed[:3, 3]))
-    turn = float(np.degrees(np.arccos(np.clip((np.trace(place.placed[:3, :3]) - 1.0) / 2.0, -1.0, 1.0))))
-    clock = 1000.0 * place.offset_s
+def describe(pose: CameraPose) -> str:
+    """A pose in one line, with its deviations if they are known."""
+    rotation, position = pose.T_first_other[:3, :3], pose.T_first_other[:3, 3]
+    away = float(np.linalg.norm(position))
+    turn = float(np.degrees(np.arccos(np.clip((np.trace(rotation) - 1.0) / 2.0, -1.0, 1.0))))
+    clock = 1000.0 * pose.offset_s
     text = f"{away:.3f} m from the first camera, turned by {turn:.1f} deg, clock {clock:+.1f} ms"
-    spread = place.deviations
+    spread = pose.deviations
     if not np.isfinite(spread).all():
         return text
     angle, metres = np.degrees(spread[:3].max()), 100.0 * spread[3:6].max()
     text += f"; deviations {angle:.2f} deg, {metres:.1f} cm at the person, {1000.0 * spread[6]:.1f} ms"
-    return f"{text}; to reduce them, {place.advice}"
+    return f"{text}; to reduce them, {pose.advice}"

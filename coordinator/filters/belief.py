@@ -123,6 +123,6 @@ def choose_reported(
     such ties and rarely affects other cases.
     """
     joints = joint_positions(model, np.concatenate([last[None], poses]))
-    way = np.sum((joints[1:] - joints[0]) ** 2, axis=-1).mean(axis=-1)
-    chosen: Array = poses[np.argmax(log_likelihood - 0.5 * way / (USUAL_SPEED * interval) ** 2)]
+    square = np.sum((joints[1:] - joints[0]) ** 2, axis=-1).mean(axis=-1)
+    chosen: Array = poses[np.argmax(log_likelihood - 0.5 * square / (USUAL_SPEED * interval) ** 2)]
     return chosen

@@ -98,20 +98,20 @@ def propose_limbs(
     a gain.
     """
     layout, explained = layout_of(model), near.sum(axis=0)
-    ways, gains = [], []
+    draws, gains = [], []
     for limb in layout.limbs if count else ():
         mine = near[limb.group]
         held = np.repeat(pose[None], DRAWS, axis=0)
         held[:, limb.dofs] = rng.uniform(limb.low, limb.high, size=(DRAWS, len(limb.dofs)))
         posed = layout.parts[limb.group].pose(link_transforms(model, held))
         reached = mark_near(points[explained == mine], posed).sum(axis=1)
-        ways.append(held[:, limb.dofs])
+        draws.append(held[:, limb.dofs])
         gains.append(np.maximum(0, reached - np.count_nonzero(mine & (explained == 1))))
     weights = np.concatenate(gains) ** 2 if gains else np.zeros(0)
     if not weights.any():
         return []
     drawn = rng.choice(len(weights), size=count, p=weights / weights.sum())
-    return [(layout.limbs[k // DRAWS].dofs, ways[k // DRAWS][k % DRAWS]) for k in drawn]
+    return [(layout.limbs[k // DRAWS].dofs, draws[k // DRAWS][k % DRAWS]) for k in drawn]
 
 
 def mark_near(points: Array, vertices: Array) -> Mask:

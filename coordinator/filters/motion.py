@@ -67,8 +67,8 @@ def fuse_with_prediction(
     """
     weak, moves, base = precisions(model)
     motion: Array = np.where(base, weak, moves / interval)
-    way: Array = np.where(base, 0.0, difference(model, refined, expected))
-    pull = covariances @ (motion * way)[..., None]
+    step: Array = np.where(base, 0.0, difference(model, refined, expected))
+    pull = covariances @ (motion * step)[..., None]
     matrix: Array = np.eye(len(motion)) + covariances * (motion - weak)
     steps = np.asarray(np.linalg.solve(matrix, pull), dtype=np.float64)
     return within_limits(model, retract(model, refined, steps[..., 0]))

@@ -59,7 +59,7 @@ def summarise(recorded: Recorded, person: RecordedPerson) -> dict[str, object]:
         "status": count_status(e.status for e in person.estimates),
         "doubts": count_doubts(person.estimates),
         **describe_cameras(person.estimates),
-        "rotate_deg": round(np.degrees(start.way_up)),
+        "rotate_deg": round(np.degrees(start.roll)),
         "particles": settings["filter"]["particles"],
         "seconds": recorded.seconds,
         "time_per_stage": stages,

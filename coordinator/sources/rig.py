@@ -36,7 +36,7 @@ class RigCamera(msgspec.Struct, frozen=True):
     time_offset_s: float = 0.0  # added to the camera's time it gives the rig's
 
     @property
-    def placed(self) -> Array:
+    def pose(self) -> Array:
         """T_rig_camera (4, 4), with an exact rotation."""
         matrix = np.array(self.T_rig_camera)
         left, _, right = np.linalg.svd(matrix[:3, :3])
@@ -105,7 +105,7 @@ def live_cameras(sequence: Path) -> tuple[LiveCamera, ...]:
         odd = listed[keys.index(None)]
         raise InputError(f"{sequence}: '{odd.name}' is a recording, others are live; list one kind")
     return tuple(
-        LiveCamera(key, camera.name, camera.placed, camera.time_offset_s)
+        LiveCamera(key, camera.name, camera.pose, camera.time_offset_s)
         for key, camera in zip(keys, listed, strict=True)
         if key is not None
     )
@@ -121,11 +121,11 @@ def read_rig(path: Path, options: CameraOptions) -> Source:
         raise InputError(f"the cameras of {path} are live; gepf track and gepf.live read them")
     cameras = []
     for camera in read_rig_file(path).cameras:
-        source, placed = open_source(sequence_of(path, camera)), camera.placed
-        gravity = None if source.gravity is None else placed[:3, :3] @ source.gravity
+        source, pose = open_source(sequence_of(path, camera)), camera.pose
+        gravity = None if source.gravity is None else pose[:3, :3] @ source.gravity
         if source.others:
             raise InputError(f"{path}: '{camera.name}' is a rig itself; list its cameras instead")
-        named = source.changed(camera=camera.name, T_rig_camera=placed, gravity=gravity)
+        named = source.changed(camera=camera.name, T_rig_camera=pose, gravity=gravity)
         cameras.append(named.changed(offset_s=camera.time_offset_s))
         first, last = (each.times_s for each in (cameras[0], cameras[-1]))
         if last[0] > first[-1] or last[-1] < first[0]:
@@ -135,5 +135,5 @@ def read_rig(path: Path, options: CameraOptions) -> Source:
 
 
 def write_rig(path: Path, cameras: list[RigCamera], deviations: Mapping[str, object] | None = None) -> None:
-    """Write a rig file, with the standard deviations of the places by camera if they are known."""
+    """Write a rig file, with the standard deviations of the poses by camera if they are known."""
     write_json(path, {"cameras": cameras} | ({"deviations": deviations} if deviations else {}))

@@ -2,7 +2,7 @@
 
 One principle decides: the pose that the other cameras support must explain the points of the body in a
 camera's image, and its depth behind the body, within the allowed residual. A camera with a wrong or changed
-place fails this, whatever the reason. A repeated image is no new evidence. A camera is left out only while
+pose fails this, whatever the reason. A repeated image is no new evidence. A camera is left out only while
 another one is not.
 """
 

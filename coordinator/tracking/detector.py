@@ -28,10 +28,10 @@ from coordinator.scene.planes import Planes
 from coordinator.tracking.gating import gate_pose, reject_parts, reject_points, reject_position
 from coordinator.tracking.observation import camera_points, middle_of, thin, without_flat
 from coordinator.tracking.pose_candidates import Candidates, Detection, candidates_of, ordered
-from coordinator.tracking.pose_library import PoseLibrary, displaced, library_of, upright_ways
+from coordinator.tracking.pose_library import PoseLibrary, displaced, library_of, upright_rolls
 from coordinator.tracking.refiner import Pending, Refiner, Stage, iterations
 from coordinator.tracking.sensor_noise import SensorNoise, assume_noise
-from coordinator.tracking.state import Start, start_at, way_up
+from coordinator.tracking.state import Start, roll_of, start_at
 
 STATURES_M = (0.82, 0.9, 0.98, 1.07, 1.16, 1.26, 1.38, 1.5, 1.62, 1.74, 1.86, 1.98)
 STATURE_STEPS = (0.91, 0.955, 1.0, 1.045, 1.09)  # factors of the best of these
@@ -67,7 +67,7 @@ class Detector:
             noise_lateral=settings.refine.noise_lateral,
         )
         degrees = (0, 90, 180, 270) if settings.rotate_deg is None else (settings.rotate_deg,)
-        self._ways_up = tuple(float(np.radians(each)) for each in degrees)
+        self._rolls = tuple(float(np.radians(each)) for each in degrees)
         self._usual = bodies.measures or (REFERENCE_STATURE, USUAL_GIRTH)
 
     @cached_property
@@ -99,11 +99,11 @@ class Detector:
         self, subject: SubjectFrame, settings: RefineSettings, noise: SensorNoise, planes: Planes
     ) -> Search:
         """Detect an unknown body that explains all points of a frame."""
-        ways = upright_ways(planes, self._ways_up)
-        proposed = yield from self._propose(subject, settings, self._sizes, ways)
+        rolls = upright_rolls(planes, self._rolls)
+        proposed = yield from self._propose(subject, settings, self._sizes, rolls)
         size, found = yield from self._select(subject, proposed, settings, self._sizes)
         if len(subject.views) > 1 and len(self._sizes) > 1:  # few of the candidates had this size
-            proposed = yield from self._propose(subject, settings, [size], ways, found[0])
+            proposed = yield from self._propose(subject, settings, [size], rolls, found[0])
             _, found = yield from self._select(subject, proposed, settings, [size])
         model = self._bodies.for_start(*size)
         start = start_at(pose_by_name(model, found[0]), self._bodies, size, noise)
@@ -128,10 +128,10 @@ class Detector:
         For a person who is not lost and has the same orientation as at the start, only that one is searched.
         """
         turn = subject.frame.T_camera_rig[:3, :3]
-        first = way_up(start.model, start.pose, turn)
-        ways = (first, *(way for way in self._ways_up if way != first))
-        if not lost and self._bodies.people and way_up(start.model, last, turn) == first:
-            ways = ways[:1]
+        first = roll_of(start.model, start.pose, turn)
+        rolls = (first, *(roll for roll in self._rolls if roll != first))
+        if not lost and self._bodies.people and roll_of(start.model, last, turn) == first:
+            rolls = rolls[:1]
         settings = msgspec.structs.replace(
             self._refine, noise_depth=rules.noise_depth, noise_lateral=rules.noise_lateral
         )
@@ -139,7 +139,7 @@ class Detector:
         values = {**start.values, **pose_by_name(start.model, last)}
         model = self._bodies.for_start(*size)
         known = np.array([values.get(name, 0.0) for name in model.dof_names])
-        proposed = yield from self._propose(subject, settings, [size], ways, known)
+        proposed = yield from self._propose(subject, settings, [size], rolls, known)
         _, found = yield from self._select(subject, proposed, settings, [size])
         settled = iterations(rules, LAST_ITERATIONS)
         candidates = yield from self._refine_tracked(subject, start, found, settled)
@@ -180,7 +180,7 @@ class Detector:
         subject: SubjectFrame,
         settings: RefineSettings,
         sizes: Sequence[tuple[float, float]],
-        ways_up: Sequence[float],
+        rolls: Sequence[float],
         last: Array | None = None,
     ) -> Generator[Stage, None, Candidates]:
         """The best distinct candidates of these sizes after the first stage.
@@ -190,7 +190,7 @@ class Detector:
         """
         names = self._bodies.for_start(*sizes[0]).joint_names
         few, models = thin(subject, FEW_POINTS), [self._coarse(*size) for size in sizes]
-        matched = self._match(subject, sizes, ways_up, last)
+        matched = self._match(subject, sizes, rolls, last)
         first = iterations(settings, FIRST_ITERATIONS)
         found = yield from self._refine_candidates(few, models, matched, first)
         return found.distinct(names, SURVIVORS)
@@ -243,14 +243,14 @@ class Detector:
         self,
         subject: SubjectFrame,
         sizes: Sequence[tuple[float, float]],
-        ways_up: Sequence[float],
+        rolls: Sequence[float],
         last: Array | None,
     ) -> Iterator[tuple[Array, Indices]]:
         """Candidates (N, D) and their sizes (N,): from the library in each orientation, and the last pose."""
         points, placed = camera_points(subject), subject.frame.T_rig_camera
         scales = [stature / self._usual[0] if self._bodies.people else 1.0 for stature, _ in sizes]
-        for n, way in enumerate(ways_up):
-            yield self._library.match(points, scales, way, CANDIDATES if n == 0 else TURNED, placed)
+        for n, roll in enumerate(rolls):
+            yield self._library.match(points, scales, roll, CANDIDATES if n == 0 else TURNED, placed)
         if last is not None:
             poses = displaced(self._bodies.for_start(*sizes[0]), last, points, self._library.cell_m, placed)
             yield poses, np.zeros(len(poses), dtype=np.int64)

@@ -12,7 +12,7 @@ NO_DEPTH: Kind = "gives no depth"
 REPEATS: Kind = "repeats an image"
 CONTRADICTS: Kind = "contradicts the others"
 PERSISTS_S = 0.5  # until a fault is reported, and until cameras that agree are believed
-REMEDY = "it or another one was moved: gepf calibrate finds the places again from recordings"
+REMEDY = "it or another one was moved: gepf calibrate finds the poses again from recordings"
 
 
 @dataclass(frozen=True, slots=True)

@@ -281,10 +281,10 @@ def describe_each(
         occupied[n] = describe(points, cell_m, images[n], middles[n])
 
 
-def upright_ways(planes: Planes, ways_up: tuple[float, ...]) -> tuple[float, ...]:
+def upright_rolls(planes: Planes, rolls: tuple[float, ...]) -> tuple[float, ...]:
     """Rotations of the image, radians, in which a body is searched for; in the first the room is upright."""
     across, down, _ = planes.up
-    if len(ways_up) == 1 or np.hypot(across, down) < LEAST_LEVEL:
-        return ways_up
+    if len(rolls) == 1 or np.hypot(across, down) < LEAST_LEVEL:
+        return rolls
     upright = float(np.arctan2(-across, -down))
-    return tuple(upright + way for way in ways_up)
+    return tuple(upright + roll for roll in rolls)

@@ -60,9 +60,9 @@ class Start:
         return replace(self, model=model, stature=stature, girth=girth)
 
     @property
-    def way_up(self) -> float:
+    def roll(self) -> float:
         """The rotation of the image that makes the body upright: a multiple of pi / 2, radians."""
-        return way_up(self.model, self.pose, np.eye(3)) if self.found else 0.0
+        return roll_of(self.model, self.pose, np.eye(3)) if self.found else 0.0
 
 
 def no_start(bodies: Bodies) -> Start:
@@ -83,7 +83,7 @@ def start_at(
     return Start(model, pose, *size, dict(values), noise)
 
 
-def way_up(model: BodyModel, pose: Array, turn: Array) -> float:
+def roll_of(model: BodyModel, pose: Array, turn: Array) -> float:
     """The rotation of an image that makes a pose (D,) upright: a multiple of pi / 2, radians.
 
     `turn` (3, 3) leads from the rig to the camera.

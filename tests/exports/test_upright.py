@@ -19,7 +19,7 @@ from coordinator.exports import export_run
 from coordinator.exports.recorded import read_run
 from coordinator.results.log import floor_up
 from coordinator.scene.scene import Scene
-from coordinator.tracking.pose_library import upright_ways
+from coordinator.tracking.pose_library import upright_rolls
 from coordinator.tracking.segmenter import Segmenter
 from coordinator.viewing import layout
 from tests.support.bodies import person, puppet, random_body
@@ -185,6 +185,6 @@ def test_a_camera_on_its_side_finds_its_floor_where_gravity_is_known() -> None:
     assert not Scene().see(side).planes.has_floor
     view = Scene(up=np.array([-1.0, 0.0, 0.0])).see(side)
     assert view.planes.camera_height == pytest.approx(HEIGHT, abs=0.02)
-    assert upright_ways(view.planes, (0.0, 0.5 * np.pi))[0] % (2 * np.pi) == pytest.approx(
+    assert upright_rolls(view.planes, (0.0, 0.5 * np.pi))[0] % (2 * np.pi) == pytest.approx(
         0.5 * np.pi, abs=0.02
     )

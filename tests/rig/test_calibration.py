@@ -1,4 +1,4 @@
-"""Places and clocks of cameras from a moving person, with known truth."""
+"""Poses and clocks of cameras from a moving person, with known truth."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import pytest
 from common.arrays import Array
 from common.camera import inverse, moved
 from common.errors import InputError
-from coordinator.calibration.rig import CameraPlace, Motion, align, judge
+from coordinator.calibration.rig import CameraPose, Motion, align, judge
 from tests.support.rigs import around
 
 TRUE, OFFSET_S = around(70.0), 0.0123
@@ -36,10 +36,10 @@ def test_joints_tell_where_a_camera_is_and_its_clock() -> None:
     found = align(motion(0.0, np.eye(4)), other)
     assert found is not None
     assert abs(found.offset_s - OFFSET_S) < 0.004
-    turn = found.placed[:3, :3] @ TRUE[:3, :3].T
+    turn = found.T_first_other[:3, :3] @ TRUE[:3, :3].T
     assert np.degrees(np.arccos(min(1.0, (np.trace(turn) - 1.0) / 2.0))) < 0.5
     person = moved(np.array([0.0, 0.0, 2.7]), inverse(TRUE))
-    assert np.linalg.norm(moved(person, found.placed) - [0.0, 0.0, 2.7]) < 0.01
+    assert np.linalg.norm(moved(person, found.T_first_other) - [0.0, 0.0, 2.7]) < 0.01
 
 
 def test_recordings_of_different_times_are_not_aligned() -> None:
@@ -62,11 +62,11 @@ def test_stated_deviations_are_those_of_the_errors() -> None:
     assert np.mean(np.array(shares)[:, :6] < 2.0) > 0.85
 
 
-def errors_of(found: CameraPlace) -> Array:
+def errors_of(found: CameraPose) -> Array:
     """Errors (7,) of the alignment: rotation, position at the person, clock."""
-    turn = found.placed[:3, :3] @ TRUE[:3, :3].T
+    turn = found.T_first_other[:3, :3] @ TRUE[:3, :3].T
     person = joints_at(np.arange(90) / 30.0).mean(axis=(0, 1))
-    apart = moved(moved(person, inverse(TRUE)), found.placed) - person
+    apart = moved(moved(person, inverse(TRUE)), found.T_first_other) - person
     return np.array([turn[2, 1], turn[0, 2], turn[1, 0], *apart, found.offset_s - OFFSET_S])
 
 
@@ -74,7 +74,7 @@ def test_what_is_not_determined_is_refused_with_what_would_help() -> None:
     """A deviation of 3 degrees, 10 cm or 0.1 s; it is said which one, of which camera."""
     for place_of, what in ((0, "rotation"), (4, "position"), (6, "clock")):
         deviations = np.full(7, 1e-4)
-        assert judge("side", CameraPlace(TRUE, 0.0, 0.0, deviations)).advice
+        assert judge("side", CameraPose(TRUE, 0.0, 0.0, deviations)).advice
         deviations[place_of] = 0.1
         with pytest.raises(InputError, match=f"the {what} of side is not determined; w"):
-            judge("side", CameraPlace(TRUE, 0.0, 0.0, deviations))
+            judge("side", CameraPose(TRUE, 0.0, 0.0, deviations))

@@ -1,4 +1,4 @@
-"""Camera places of other tools, written in their conventions, through the command line."""
+"""Camera poses of other tools, written in their conventions, through the command line."""
 
 from __future__ import annotations
 
