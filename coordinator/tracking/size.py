@@ -16,7 +16,7 @@ import numpy as np
 from common.arrays import Array
 from common.body import BodyModel
 from common.camera import back_project
-from common.frame import HIDDEN, SubjectFrame
+from common.frame import EMPTY, HIDDEN, SubjectFrame
 from common.kinematics import joint_positions
 
 INTERVAL_S = 0.095  # shortest time between measured frames: errors of successive frames are correlated
@@ -28,10 +28,8 @@ DEVIATION_SHARES = (
     0.02,
 )  # of stature, before and after a measurement: errors of people of known stature
 UPRIGHT_SHARE = 0.97  # of the length at rest; a body that is bent more does not show its stature
-SEARCH_RADIUS_M = 0.3  # around head and ankle, for the end of the body
 AXIS_RADIUS_M = 0.14  # around the body's axis: the width of a head
-HIDDEN_END_M = 0.06  # a body that is too large may exceed the points by this much at a joint
-STRAY_AREA_M2 = 2.5e-4  # of outliers beyond an end
+END_M = 0.06  # most by which a body that is too large exceeds the points at a joint, and largest gap
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,9 +68,8 @@ class SizeEstimate:
 def measure_stature(model: BodyModel, pose: Array, straight_m: float, subject: SubjectFrame) -> float | None:
     """Stature in metres of a person in pose (D,); None if the frame does not show it.
 
-    If the person leans or bends slightly, the length is scaled up by the ratio of the head-to-ankle distances
-    of the straight model and the posed model. The outermost pixels are missing, so the stature is about 1 %
-    too small; with a correction for that the joints are worse (subjects 1 and 2).
+    Each leg that is nearly straight shows it: the length of the straight model from head to ankle, and the
+    lengths by which the person extends beyond these joints.
 
     Args:
         model: The tracked body.
@@ -82,22 +79,22 @@ def measure_stature(model: BodyModel, pose: Array, straight_m: float, subject: S
     """
     places = subject.frame.to_camera(joint_positions(model, pose[None])[0])
     joints = dict(zip(model.joint_names, places, strict=True))
-    head, feet = joints["head"], (joints["left_ankle"], joints["right_ankle"])
-    upright = max(float(np.linalg.norm(head - foot)) for foot in feet) / straight_m
+    head, statures = joints["head"], list[float]()
     raised = any(
         (joints[f"{side}_wrist"] - joints[f"{side}_shoulder"]) @ (head - joints["pelvis"]) > 0.0
         for side in ("left", "right")
     )
-    if upright <= UPRIGHT_SHARE or raised:  # a raised hand may be mistaken for the head
+    if raised:  # a raised hand may be mistaken for the head
         return None
     depth = subject.frame.metres().astype(np.float64)
-    points, lengths = back_project(depth, subject.frame.intrinsics)[depth > 0.0], []
-    for foot in feet:
+    points = back_project(depth, subject.frame.intrinsics)[depth > 0.0]
+    for foot in (joints["left_ankle"], joints["right_ankle"]):
         between = float(np.linalg.norm(head - foot))
-        up = (head - foot) / between
-        lengths.append(_find_end(subject, points, head, up) + between + _find_end(subject, points, foot, -up))
-    length = max((each for each in lengths if np.isfinite(each)), default=None)
-    return None if length is None else length / upright
+        if between > UPRIGHT_SHARE * straight_m:
+            up = (head - foot) / between
+            ends = _find_end(subject, points, head, up) + _find_end(subject, points, foot, -up)
+            statures.append(straight_m + ends)
+    return float(np.nanmean(statures)) if np.isfinite(statures).any() else None
 
 
 def head_to_ankle(model: BodyModel) -> float:
@@ -108,30 +105,39 @@ def head_to_ankle(model: BodyModel) -> float:
 
 
 def _find_end(subject: SubjectFrame, points: Array, joint: Array, outwards: Array) -> float:
-    """Length (m) of the person, shown by points (P, 3), beyond a joint (3,); NaN if the end is hidden."""
-    camera = subject.frame.intrinsics
+    """Length (m) of the person, shown by points (P, 3), beyond a joint (3,); NaN if the end is hidden.
+
+    Pixels at the edge of a person often have no depth, and near a floor it is unclear what they show. So the
+    person ends in the middle between the last point and the first pixel that shows something else.
+    """
     offset = points - joint
     along = offset @ outwards
     aside = np.einsum("pi,pi->p", offset, offset) - along * along
-    along = np.sort(along[(np.abs(along) < SEARCH_RADIUS_M) & (aside < AXIS_RADIUS_M**2)])
-    stray = int(STRAY_AREA_M2 * camera.fx * camera.fy / joint[2] ** 2)
-    if len(along) <= stray:
+    near = np.flatnonzero(aside < AXIS_RADIUS_M**2)
+    if not len(near):
         return float("nan")
-    end = float(along[-1 - stray])
-    if end < -HIDDEN_END_M:  # the points end far from the joint: something hides it
+    last = near[along[near].argmax()]
+    end = float(along[last])
+    if end < -END_M:  # the points end far from the joint: something hides it
         return float("nan")
-    beyond = joint + (end + 0.05) * outwards  # where the person would continue behind an occluder
-    return float("nan") if _is_hidden(subject, beyond) else end
+    pixel = float(points[last, 2] / subject.frame.intrinsics.fx)
+    beyond = np.arange(pixel, END_M, pixel)
+    labels = _labels(subject, points[last] + beyond[:, None] * outwards)
+    shown = np.flatnonzero((labels == EMPTY) | (labels == HIDDEN))
+    if len(shown) and labels[shown[0]] == HIDDEN:
+        return float("nan")
+    return end + 0.5 * float(beyond[shown[0]] if len(shown) else pixel)
 
 
-def _is_hidden(subject: SubjectFrame, point: Array) -> bool:
-    """Whether a point (3,) is outside the image or behind something."""
+def _labels(subject: SubjectFrame, points: Array) -> Array:
+    """Labels (P,) of the pixels of points (P, 3); HIDDEN outside the image."""
     camera = subject.frame.intrinsics
-    u = round(camera.cx + camera.fx * point[0] / point[2])
-    v = round(camera.cy + camera.fy * point[1] / point[2])
+    u = np.rint(camera.cx + camera.fx * points[:, 0] / points[:, 2]).astype(int)
+    v = np.rint(camera.cy + camera.fy * points[:, 1] / points[:, 2]).astype(int)
     left, top, right, bottom = subject.view
-    if not (left <= u < right and top <= v < bottom):
-        return True
-    labels = subject.kinds
-    inside = labels is not None and 0 <= v < labels.shape[0] and 0 <= u < labels.shape[1]
-    return labels is not None and inside and bool(labels[v, u] == HIDDEN)
+    labels = np.where((left <= u) & (u < right) & (top <= v) & (v < bottom), EMPTY, HIDDEN)
+    if subject.kinds is not None:
+        rows, columns = subject.kinds.shape
+        inside = (u >= 0) & (u < columns) & (v >= 0) & (v < rows)
+        labels[inside] = subject.kinds[v[inside], u[inside]]
+    return labels
