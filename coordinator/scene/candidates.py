@@ -13,14 +13,14 @@ from dataclasses import dataclass, replace
 from functools import reduce
 
 import numpy as np
-from scipy.ndimage import find_objects
+from scipy.ndimage import binary_erosion, find_objects
 
 from common.arrays import Array, Mask
 from common.camera import Intrinsics, back_project, level_from_camera
-from coordinator.scene.flatness import FLAT_SHARE, LEAST_PART_M2, SAMPLED, find_flat
+from coordinator.scene.flatness import FLAT_SHARE, LEAST_PART_M2, SAMPLED, Flat, find_flat
 from coordinator.scene.planes import extents
 from coordinator.scene.scene import FOREGROUND, PERSON_LENGTH_M, SceneView
-from coordinator.scene.segmentation import LEAST_AREA_M2, REACH_M, STEP_M, label_parts
+from coordinator.scene.segmentation import CELL_M, LEAST_AREA_M2, REACH_M, STEP_M, label_parts
 
 PERSON_AREA_M2 = LEAST_AREA_M2, 1.6  # least and most visible area of a person
 SAME_SPOT_M = 0.35  # horizontal distance of a further part of a person, with an occluder between
@@ -122,7 +122,8 @@ def cut(view: SceneView, part: Part) -> list[Part]:
     """The parts of a component that are not flat, without flat furniture.
 
     A flat patch is furniture that touches a person if the rest is as high as before, or at least a metre
-    high. Else it is kept whole, or dropped if most of it is flat; small parts are dropped.
+    high. Small parts are dropped. If no rest is so high, the patch may be a seat on the floor, with a person
+    around it. Else the component is kept whole, or dropped if most of it is flat.
     """
     depth = view.depth[part.window]
     flat = find_flat(depth, part.mask, camera_of(view, part.window), view.growth)
@@ -134,7 +135,22 @@ def cut(view: SceneView, part: Part) -> list[Part]:
         rests = [rest for rest in rests if area_of(view, rest.points) >= LEAST_AREA_M2]
     if max((rest.height for rest in rests), default=0.0) >= min(1.0, part.height):
         return [one for rest in rests for one in cut(view, rest)]
+    others = part.mask & ~flat.grow(find_seat(view, part, flat))
+    if 0 < np.count_nonzero(others) < len(part.points):
+        rest = part_of(view, others, part.window)
+        if rest.height >= part.height:
+            return cut(view, rest)
     return [] if flat.share > FLAT_SHARE else [part]
+
+
+def find_seat(view: SceneView, part: Part, flat: Flat) -> Mask:
+    """The flat patches (H, W) of a component that reach down to the floor and are wider than a shin."""
+    patches = flat.patches >= LEAST_PART_M2
+    labels = label_parts(view.depth[part.window], patches, STEP_M, view.growth, view.camera.fx)
+    low = labels[part.mask][view.planes.above(part.points) < CELL_M]
+    wide = labels[binary_erosion(patches, np.ones((flat.size, flat.size)))]
+    seat: Mask = patches & np.isin(labels, np.intersect1d(low, wide)) & view.planes.has_floor
+    return seat
 
 
 def join_hidden(view: SceneView, person: Candidate, parts: Sequence[Part]) -> Candidate:

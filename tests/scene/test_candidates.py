@@ -13,7 +13,7 @@ from coordinator.scene.candidates import Candidate, candidates
 from coordinator.scene.scene import Scene
 from coordinator.scene.scope import Scope
 from coordinator.scene.segmentation import measure_distances, segment_body
-from tests.support.rooms import CABINET, TABLE, Room
+from tests.support.rooms import CABINET, HEIGHT, TABLE, Room
 
 PERSON = (-0.4, 2.6)
 
@@ -38,6 +38,13 @@ def test_a_person_is_found_and_not_the_cabinet(person: tuple[float, float]) -> N
     assert precision > 0.93
     assert recall > 0.95
     assert "m high" in found.why
+
+
+def test_a_small_box_at_the_legs_is_cut_off() -> None:
+    """Its front is smaller than a person's visible area, and it touches a leg."""
+    room = Room((((-0.5, 0.8, 2.5), (-0.22, HEIGHT, 2.7)),), noise=0.001)
+    (found,) = found_in(room, (-0.15, 2.6))
+    assert min(overlap(found.mask, room.see((-0.15, 2.6)).mask)) > 0.95
 
 
 @pytest.mark.parametrize("nearer", [0.0, 0.1], ids=["not measured between", "one is nearer"])
