@@ -170,7 +170,8 @@ def refit(planes: Array, rays: Array) -> Array:
         moments, counts = sum_moments(planes, rays, margins)
         enough = counts >= LEAST_POINTS
         products, sums = moments[enough, :, :3], moments[enough, :, 3:]
-        least = np.finfo(float).eps * np.trace(products, axis1=1, axis2=2)  # for collinear points
+        rounding = np.finfo(float).eps * counts[enough]
+        least = rounding * np.trace(products, axis1=1, axis2=2)  # for collinear points
         planes[enough] = np.linalg.solve(products + least[:, None, None] * np.eye(3), sums)[..., 0]
     return planes
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from common.arrays import Array
 from coordinator.scene.noise import fit_noise
-from coordinator.scene.planes import Planes, find_planes, follow_planes, sample_rays
+from coordinator.scene.planes import Planes, find_planes, follow_planes, refit, sample_rays
 from tests.support.rooms import CABINET, CAMERA, HEIGHT, TABLE, WALL, Box, Room
 
 PERSON = (-0.4, 2.6)
@@ -87,3 +87,12 @@ def test_no_floor_is_made_up() -> None:
     above = np.where(shown, depth, np.float32(0.0))
     found = find_planes(rays_of(above), Planes().approximate_up)
     assert not found.has_floor
+
+
+def test_points_on_a_line_do_not_stop_the_fit() -> None:
+    """No plane is determined by them; rounding must not make the equations singular."""
+    for seed in range(300):
+        rng = np.random.default_rng(seed)
+        x = rng.uniform(-0.5, 0.5, 40)
+        rays = np.column_stack([x, rng.uniform() * x + rng.uniform(), 0.2 + 0.1 * x, np.full(40, 1e-3)])
+        assert np.isfinite(refit(np.array([[0.1, 0.0, 0.2]]), rays)).all()
