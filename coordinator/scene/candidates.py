@@ -146,10 +146,12 @@ def cut(view: SceneView, part: Part) -> list[Part]:
 def find_seat(view: SceneView, part: Part, flat: Flat) -> Mask:
     """The flat patches (H, W) of a component that reach down to the floor and are wider than a shin."""
     patches = flat.patches >= LEAST_PART_M2
+    if not view.planes.has_floor or not patches.any():
+        return np.zeros_like(patches)
     labels = label_parts(view.depth[part.window], patches, STEP_M, view.growth, view.camera.fx)
     low = labels[part.mask][view.planes.above(part.points) < CELL_M]
     wide = labels[binary_erosion(patches, np.ones((flat.size, flat.size)))]
-    seat: Mask = patches & np.isin(labels, np.intersect1d(low, wide)) & view.planes.has_floor
+    seat: Mask = patches & np.isin(labels, np.intersect1d(low, wide))
     return seat
 
 

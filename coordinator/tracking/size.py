@@ -23,10 +23,7 @@ INTERVAL_S = 0.095  # shortest time between measured frames: errors of successiv
 WINDOW_FRAMES = 15  # medians of two successive windows differ by less than 1 cm (subjects 1 and 2)
 LEAST_CHANGE_SHARE = 0.005  # of stature; a smaller change does not justify a new body
 CONTRADICTION_SHARE = 0.03  # of stature; least change by a later window: three times a window's error
-DEVIATION_SHARES = (
-    0.08,
-    0.02,
-)  # of stature, before and after a measurement: errors of people of known stature
+DEVIATION_SHARES = (0.08, 0.02)  # of stature, before and after a measurement: known people's errors
 UPRIGHT_SHARE = 0.97  # of the length at rest; a body that is bent more does not show its stature
 AXIS_RADIUS_M = 0.14  # around the body's axis: the width of a head
 END_M = 0.06  # most by which a body that is too large exceeds the points at a joint, and largest gap
