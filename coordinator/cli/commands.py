@@ -69,8 +69,8 @@ if TYPE_CHECKING:
 
 TRACK, SEQUENCES, HOSTS, FINISHED = "Track", "Sequences and bodies", "Many hosts", "Look, compare, export"
 
-app = typer.Typer(help="List degrees of freedom.")
-model_app = typer.Typer()
+app = typer.Typer()
+model_app = typer.Typer(help="List degrees of freedom.")
 
 
 def on_stderr(*, quiet: bool = False) -> Show:

@@ -33,7 +33,7 @@ from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.state import Checkpoint, Start, TrackerState
 
 HEAD = struct.Struct("<II")
-FORM = 14
+FORM = 15
 
 
 class Opening(msgspec.Struct, frozen=True, tag="opening"):

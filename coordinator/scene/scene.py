@@ -139,7 +139,7 @@ class Scene:
         self._furnished = background is not None
 
     def see(self, frame: DepthFrame, excluded: Mask | None = None) -> SceneView:
-        """A frame with the known scene; `excluded` (H, W) are excluded pixels."""
+        """A frame with the known scene; `excluded` (H, W) are pixels that the user excluded."""
         depth, self._placed = frame.metres(), frame.T_rig_camera
         if self._background.shape != depth.shape:
             self._begin(np.zeros_like(depth))

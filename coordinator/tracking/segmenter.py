@@ -131,14 +131,14 @@ class Segmenter:
             self._segment_view(view, surfaces, rejected=rejected, find=find) for view in frame.views
         )
         subjects, aside = list[SubjectFrame | None](), list[SubjectFrame | None]()
-        for n, unused in enumerate(doubted or [()] * len(bodies)):
+        for n, names in enumerate(doubted or [()] * len(bodies)):
             cuts = [(each.frame.camera, cut) for each in views if (cut := each.bodies[n]) is not None]
-            agreed = subject_of(frame, [cut for name, cut in cuts if name not in unused], self._points)
-            contradicting = subject_of(frame, [cut for name, cut in cuts if name in unused], self._points)
+            agreed = subject_of(frame, [cut for name, cut in cuts if name not in names], self._points)
+            contradicting = subject_of(frame, [cut for name, cut in cuts if name in names], self._points)
             subjects.append(agreed or contradicting)
             aside.append(None if agreed is None else contradicting)
-        doubtful = set().union(*doubted)
-        shown = [each.people for each in views if each.frame.camera not in doubtful]
+        doubted_by_any = set().union(*doubted)
+        shown = [each.people for each in views if each.frame.camera not in doubted_by_any]
         people = self._join_people(frame, shown if any(shown) else [each.people for each in views])
         return Segmented(frame, tuple(subjects), tuple(aside), people, views)
 

@@ -146,8 +146,8 @@ class Tracker:
                 submitted = self._submit(segmented, cameras, clocks, pace)
                 # the workers are busy from here until the update
                 if previous:
-                    done, previous = previous, []
-                    yield [report(each) for each in done]
+                    done, previous = [report(each) for each in previous], []
+                    yield done
                 waits = live is not None and live.is_ready and any(each.is_tracked for each in self._targets)
                 if look_ahead or waits:
                     self._send_ahead(upcoming)
@@ -155,8 +155,8 @@ class Tracker:
                 pairs = zip(self._targets, submitted, strict=True)
                 previous = [one if isinstance(one, Updated) else target.update(one) for target, one in pairs]
                 if not upcoming.is_ahead:
-                    done, previous = previous, []
-                    yield [report(each) for each in done]
+                    done, previous = [report(each) for each in previous], []
+                    yield done
                     if live is not None:
                         self._search_until_ready(live)
         except (Exception, KeyboardInterrupt):

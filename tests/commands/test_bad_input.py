@@ -71,6 +71,7 @@ def with_file(name: str, content: str) -> Damage:
             "init.json: unknown degree of freedom 'elbow'; gepf model dofs lists all; is --model right?",
         ),
         (with_file("init.json", '{"root_tz": NaN}'), "init.json: JSON is malformed"),
+        (with_file("truth.npz", "truth"), "truth.npz is damaged"),
     ],
 )
 def test_a_damaged_folder_is_refused(
@@ -112,9 +113,14 @@ def test_an_option_that_makes_no_sense_is_refused(
 
 
 def test_a_path_without_a_sequence_is_refused(tmp_path: Path, refused: Callable[..., str]) -> None:
-    """An empty folder, and a path that is too long."""
+    """An empty folder, a file of another kind, and a path that is too long."""
     (tmp_path / "empty").mkdir()
-    for path, says in ((tmp_path / "empty", "holds no depth sequence"), ("x" * 5000, "cannot read")):
+    (tmp_path / "text").write_text("text")
+    for path, says in (
+        (tmp_path / "empty", "holds no depth sequence"),
+        (tmp_path / "text", "or write depth/000000.png"),
+        ("x" * 5000, "cannot read"),
+    ):
         assert says in refused("track", path, "--out", tmp_path / "out")
 
 

@@ -141,7 +141,7 @@ def test_a_run_that_ends_before_its_first_frame_leaves_nothing(
     desk.fail(0, RuntimeError("a defect"))
     for debug in ("0", "1"):
         monkeypatch.setenv("GEPF_DEBUG", debug)
-        assert desk.track() == 1
+        assert desk.track(out=desk.out / "deep" / "run") == 1
         lines = desk.said()
         assert any("Traceback" in line for line in lines) == (debug == "1")
         assert lines[-1].startswith("gepf: RuntimeError: a defect")

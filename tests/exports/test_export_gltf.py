@@ -60,6 +60,8 @@ def test_joints_and_skin_lie_where_the_track_has_them(tmp_path: Path, body: str)
     assert gltf is not None
     surface = pose_vertices(model, track.pose) @ CAMERA_TO_Y_UP
     parts = gltf.meshes[0].primitives[0].attributes
+    corners = array_of(gltf, gltf.meshes[0].primitives[0].indices)
+    assert np.array_equal(corners.ravel(), model.triangles.ravel())
     rest = np.pad(array_of(gltf, parts.POSITION), ((0, 0), (0, 1)), constant_values=1.0)
     joints, weights = array_of(gltf, parts.JOINTS_0), array_of(gltf, parts.WEIGHTS_0)
     back = array_of(gltf, gltf.skins[0].inverseBindMatrices).reshape(-1, 4, 4).swapaxes(1, 2)

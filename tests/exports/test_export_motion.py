@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +17,7 @@ from coordinator.cli import main
 from coordinator.exports import export_run
 from coordinator.exports.recorded import CAMERA_TO_OPENSIM, read_run
 from coordinator.exports.smoothing import smooth_track
-from coordinator.results.track import write_track
+from coordinator.results.track import Track, write_track
 from tests.support.bodies import hinges, person
 from tests.support.export_readers import c3d_points
 from tests.support.runs import RATE, swing, write_run
@@ -214,6 +214,7 @@ def test_frames_before_a_person_was_found_are_empty_in_csv_and_json(tmp_path: Pa
         assert all("nan" not in [line[at] for at in places] for line in lines[2:])
         export_run(tmp_path / "run", "json", tmp_path / "a.json", smooth_hz=smooth)
         told = json.loads((tmp_path / "a.json").read_text())
+        assert set(told) - {"smoothed_hz"} == {each.name for each in fields(Track)}
         assert set(told["pose"][0]) == {None}
         assert None not in told["pose"][2]
 

@@ -64,6 +64,8 @@ def test_exports_by_suffix(run: gepf.Run, tmp_path: Path) -> None:
     """The format follows the suffix; a smoothed run is smoothed there."""
     path = run.export(tmp_path / "angles.mot")
     assert "inDegrees=yes" in path.read_text()
+    with pytest.raises(gepf.InputError, match="force"):
+        run.export(path)
     run.smooth(6.0).export(path, force=True)
     assert "low pass 6 Hz" in path.read_text()
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,10 +12,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from common.camera import Intrinsics
+from common.errors import InputError
 from common.frame import DepthFrame
 from common.protocol.frames import LIVE_END, encode_live
 from coordinator.sources.live import COUNTED, LiveFrames, from_first_seen
-from coordinator.sources.live_stream import LiveCamera
+from coordinator.sources.live_stream import LiveCamera, live_key
 
 KEY = "camera/depth"
 CAMERA = Intrinsics(4, 3, 10.0, 10.0, 2.0, 1.5)
@@ -217,3 +219,10 @@ def test_nothing_starts_from_frames_without_depth() -> None:
     reports: list[str] = []
     assert [frame.number for frame in from_first_seen(iter(frames), reports.append)] == [2, 3]
     assert reports == ["frames come, but without depth; waiting for one with depth"]
+
+
+@pytest.mark.parametrize("key", ["", "/a", "../a", "a/*", "a?b", "a b", "@adv/x", "x" * 99])
+def test_a_key_names_one_place(key: str) -> None:
+    """Patterns and malformed keys are refused in a line that shows a good one."""
+    with pytest.raises(InputError, match="such as camera/depth"):
+        live_key(Path("zenoh:" + key))

@@ -72,8 +72,12 @@ class Network(Closing):
     def __init__(self) -> None:
         self._hosts: list[Host] = []
         self._switch = Host("switch", "")
-        self._switch.ip("link add name bridge type bridge")
-        self._switch.ip("link set dev bridge up")
+        try:
+            self._switch.ip("link add name bridge type bridge")
+            self._switch.ip("link set dev bridge up")
+        except BaseException:
+            self._switch.end()
+            raise
 
     def close(self) -> None:
         """End all hosts."""
