@@ -20,7 +20,7 @@ from common.camera import Intrinsics, back_project, level_from_camera
 from coordinator.scene.flatness import FLAT_SHARE, LEAST_PART_M2, SAMPLED, Flat, find_flat
 from coordinator.scene.planes import extents
 from coordinator.scene.scene import FOREGROUND, PERSON_LENGTH_M, SceneView
-from coordinator.scene.segmentation import CELL_M, LEAST_AREA_M2, REACH_M, STEP_M, label_parts
+from coordinator.scene.segmentation import CELL_M, LEAST_AREA_M2, REACH_M, STEP_M, areas_of, label_parts
 
 PERSON_AREA_M2 = LEAST_AREA_M2, 1.6  # least and most visible area of a person
 SAME_SPOT_M = 0.35  # horizontal distance of a further part of a person, with an occluder between
@@ -85,8 +85,7 @@ def find_parts(
     Neighbours are connected if their depths differ by less than a step, metres.
     """
     labels = label_parts(view.depth, free, step, view.growth, view.camera.fx)
-    areas = np.bincount(labels.ravel(), (view.depth**2 / (view.camera.fx * view.camera.fy)).ravel())
-    windows = find_objects(labels)
+    areas, windows = areas_of(labels, view.depth, view.camera), find_objects(labels)
     fits = (areas[1:] >= area_m2[0]) & (areas[1:] <= area_m2[1])
     return [part_of(view, labels[windows[n]] == n + 1, windows[n]) for n in np.flatnonzero(fits).tolist()]
 
@@ -131,8 +130,8 @@ def cut(view: SceneView, part: Part) -> list[Part]:
     if flat.patches.max() >= LEAST_AREA_M2:
         others = part.mask & ~flat.grow(flat.patches >= LEAST_PART_M2)
         labels = label_parts(depth, others, STEP_M, view.growth, view.camera.fx)
-        rests = [part_of(view, labels == label, part.window) for label in range(1, labels.max() + 1)]
-        rests = [rest for rest in rests if area_of(view, rest.points) >= LEAST_AREA_M2]
+        large = areas_of(labels, depth, view.camera) >= LEAST_AREA_M2
+        rests = [part_of(view, labels == label, part.window) for label in np.flatnonzero(large).tolist()]
     if max((rest.height for rest in rests), default=0.0) >= min(1.0, part.height):
         return [one for rest in rests for one in cut(view, rest)]
     others = part.mask & ~flat.grow(find_seat(view, part, flat))
@@ -145,11 +144,11 @@ def cut(view: SceneView, part: Part) -> list[Part]:
 
 def find_seat(view: SceneView, part: Part, flat: Flat) -> Mask:
     """The flat patches (H, W) of a component that reach down to the floor and are wider than a shin."""
-    patches = flat.patches >= LEAST_PART_M2
-    if not view.planes.has_floor or not patches.any():
+    patches, floor = flat.patches >= LEAST_PART_M2, view.planes.above(part.points) < CELL_M
+    if not view.planes.has_floor or not floor.any():
         return np.zeros_like(patches)
     labels = label_parts(view.depth[part.window], patches, STEP_M, view.growth, view.camera.fx)
-    low = labels[part.mask][view.planes.above(part.points) < CELL_M]
+    low = labels[part.mask][floor]
     wide = labels[binary_erosion(patches, np.ones((flat.size, flat.size)))]
     seat: Mask = patches & np.isin(labels, np.intersect1d(low, wide))
     return seat

@@ -11,7 +11,7 @@ from scipy.ndimage import binary_dilation, uniform_filter
 from common.arrays import Array, Mask
 from common.camera import Intrinsics, back_project
 from coordinator.scene.planes import count_points, draw_planes, lie_on, refit, to_rays
-from coordinator.scene.segmentation import STEP_M, label_parts
+from coordinator.scene.segmentation import STEP_M, areas_of, label_parts
 
 FLAT_SHARE = 0.5  # of points in one plane, above which an object is flat and not a person
 LEAST_PART_M2 = 0.008  # visible area of the smallest part of a person or of furniture
@@ -55,13 +55,11 @@ def find_flat(depth: NDArray[np.floating], mask: Mask, camera: Intrinsics, growt
         image[mask] = rays[:, n]
         averaged[:, n] = uniform_filter(image, size)[mask] / weight
     averaged[:, 3] /= size * np.sqrt(weight)
-    some = averaged[:: 1 + len(averaged) // SAMPLED]
+    some = averaged[:: 1 + len(averaged) // SAMPLED].copy()
     planes = draw_planes(some)
     near = count_points(planes, some)[:, 0]
     plane = refit(planes[[near.argmax()]], some)[0]
     flat, on = np.zeros_like(mask), np.zeros_like(mask)
     flat[mask], on[mask] = lie_on(plane, averaged), lie_on(plane, rays)
     labels = label_parts(depth, flat, STEP_M, growth, camera.fx)
-    areas = np.bincount(labels.ravel(), (depth**2 / (camera.fx * camera.fy)).ravel()).astype(np.float64)
-    areas[0] = 0.0
-    return Flat(flat, float(near.max()) / len(some), on, size, areas[labels])
+    return Flat(flat, float(near.max()) / len(some), on, size, areas_of(labels, depth, camera)[labels])

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.arrays import Array, Mask
-from common.camera import back_project
+from common.camera import Intrinsics, back_project
 from common.compiling import numba
 from common.frame import EMPTY, HIDDEN, SUBJECT, UNKNOWN, UNMEASURED
 from coordinator.scene.noise import margin_at
@@ -260,3 +260,10 @@ def label_parts(depth: Depth, inside: Mask, step: float, growth: float, focal: f
                     stack[count] = r * columns + c
                     count += 1
     return labels
+
+
+def areas_of(labels: NDArray[np.int32], depth: NDArray[np.floating], camera: Intrinsics) -> Array:
+    """Visible areas (L + 1,), square metres, of components by their labels (H, W); that of 0 is 0."""
+    areas = np.bincount(labels.ravel(), (depth**2 / (camera.fx * camera.fy)).ravel()).astype(np.float64)
+    areas[0] = 0.0
+    return areas
