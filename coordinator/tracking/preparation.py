@@ -47,16 +47,20 @@ def unmoved(particles: Particles) -> Refined:
 
 
 def rehearse(settings: Settings, bodies: Bodies) -> None:
-    """Segment and track two frames of a small scene, as a whole and around a body, without workers."""
+    """Segment two frames of a small scene, as a whole and around a body, and detect and track it there.
+
+    There are no workers.
+    """
     distance_m = 2.5
     depth = np.full((CAMERA.height, CAMERA.width), 4000, dtype=np.uint16)
     depth[10:40, 30:45] = 1e3 * distance_m + 5 * (np.arange(15) - 7) ** 2  # something before the wall
     start = {"root_tz": distance_m} if "root_tz" in bodies.dof_names else {}
     target = TargetTracker(NoRefiner(), settings, bodies, start=start)
-    segmenter = Segmenter(1)
+    unknown, segmenter = TargetTracker(NoRefiner(), settings, bodies), Segmenter(1)
     for number, body in enumerate((None, target.expected)):
         room = DepthFrame(number, number / 30.0, depth, 1000.0, CAMERA)
         segmenter.segment(room, [body])
         shown = replace(room, depth=np.where(depth < 4000, depth, 0))
-        updated = target.submit(shown, isolate(shown, 100), Planes(), Stopwatch())
-        report(updated if isinstance(updated, Updated) else target.update(updated))
+        for each in (target, unknown) if bodies.people else (target,):
+            updated = each.submit(shown, isolate(shown, 400), Planes(), Stopwatch())
+            report(updated if isinstance(updated, Updated) else each.update(updated))

@@ -252,7 +252,9 @@ from tests.support.people import SETTINGS, STANDING, known, shown
 from tests.support.rooms import in_a_room
 rehearse(SETTINGS, known())
 new = [each for each in gc.get_objects() if isinstance(each, Dispatcher) and not each.signatures]
-list(Tracker(NoRefiner(), SETTINGS, known(), start=STANDING).follow(map(in_a_room, shown("standing").frames)))
+frames = [in_a_room(frame) for frame in shown("standing").frames]
+for start in (None, STANDING):
+    list(Tracker(NoRefiner(), SETTINGS, known(), start=start).follow(frames))
 print([each.__name__ for each in new if each.signatures])
 """
     assert subprocess.check_output([sys.executable, "-c", script], text=True) == "[]\n"
