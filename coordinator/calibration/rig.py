@@ -27,7 +27,7 @@ LARGEST = np.repeat([np.radians(1.0), 0.02, 0.008], (3, 3, 1))  # deviations; wi
 STEP_S = 1.0 / 60.0  # between the offsets that are tried
 OUTLIER_M = 0.1  # scale of the robust kernel
 BLOCK_S = 0.5  # longer than pose errors are correlated
-POSITION_M = 0.01  # deviation of a person's position: seen from different sides, sizes differ
+POSITION_M = 0.005  # deviation of a person's position: seen from different sides, sizes differ
 WHAT = ("rotation", "position", "clock")
 ADVICE = ("walk through the view of {}", "walk closer to {} and turn about", "wave before {}")
 
