@@ -264,6 +264,6 @@ def label_parts(depth: Depth, inside: Mask, step: float, growth: float, focal: f
 
 def areas_of(labels: NDArray[np.int32], depth: NDArray[np.floating], camera: Intrinsics) -> Array:
     """Visible areas (L + 1,), square metres, of components by their labels (H, W); that of 0 is 0."""
-    areas = np.bincount(labels.ravel(), (depth**2 / (camera.fx * camera.fy)).ravel()).astype(np.float64)
-    areas[0] = 0.0
-    return areas
+    inside = labels > 0
+    areas = depth[inside] ** 2 / (camera.fx * camera.fy)
+    return np.bincount(labels[inside], areas, minlength=1).astype(np.float64)
