@@ -152,12 +152,12 @@ def merge_by_covariance(
     well constrained directions millimetres separate them. `roots` (N, D, D) are Cholesky factors of
     covariances. Returns the same as `merge`.
     """
-    rim = MERGE_VARIANCES * poses.shape[1]
+    largest = MERGE_VARIANCES * poses.shape[1]
 
     def is_near(n: int, steps: Array) -> Mask:
         whitened = solve_triangular(roots[n], steps.T, lower=True, check_finite=False)
         with np.errstate(over="ignore"):  # a worker may reply anything
-            return np.asarray(np.sum(whitened**2, axis=0) < rim)
+            return np.asarray(np.sum(whitened**2, axis=0) < largest)
 
     return merge(model, poses, log_likelihood, is_near)
 

@@ -20,7 +20,14 @@ from common.camera import Intrinsics, back_project, level_from_camera
 from coordinator.scene.flatness import FLAT_SHARE, LEAST_PART_M2, SAMPLED, Flat, find_flat
 from coordinator.scene.planes import extents
 from coordinator.scene.scene import FOREGROUND, PERSON_LENGTH_M, SceneView
-from coordinator.scene.segmentation import CELL_M, LEAST_AREA_M2, REACH_M, STEP_M, areas_of, label_parts
+from coordinator.scene.segmentation import (
+    CELL_M,
+    LEAST_AREA_M2,
+    REACH_M,
+    STEP_M,
+    component_areas,
+    label_parts,
+)
 
 PERSON_AREA_M2 = LEAST_AREA_M2, 1.6  # least and most visible area of a person
 SAME_SPOT_M = 0.35  # horizontal distance of a further part of a person, with an occluder between
@@ -85,7 +92,7 @@ def find_parts(
     Neighbours are connected if their depths differ by less than a step, metres.
     """
     labels = label_parts(view.depth, free, step, view.growth, view.camera.fx)
-    areas, windows = areas_of(labels, view.depth, view.camera), find_objects(labels)
+    areas, windows = component_areas(labels, view.depth, view.camera), find_objects(labels)
     fits = (areas[1:] >= area_m2[0]) & (areas[1:] <= area_m2[1])
     return [part_of(view, labels[windows[n]] == n + 1, windows[n]) for n in np.flatnonzero(fits).tolist()]
 
@@ -130,7 +137,7 @@ def cut(view: SceneView, part: Part) -> list[Part]:
     if flat.patches.max() >= LEAST_AREA_M2:
         others = part.mask & ~flat.grow(flat.patches >= LEAST_PART_M2)
         labels = label_parts(depth, others, STEP_M, view.growth, view.camera.fx)
-        large = areas_of(labels, depth, view.camera) >= LEAST_AREA_M2
+        large = component_areas(labels, depth, view.camera) >= LEAST_AREA_M2
         rests = [part_of(view, labels == label, part.window) for label in np.flatnonzero(large).tolist()]
     if max((rest.height for rest in rests), default=0.0) >= min(1.0, part.height):
         return [one for rest in rests for one in cut(view, rest)]

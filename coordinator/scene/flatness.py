@@ -11,7 +11,7 @@ from scipy.ndimage import binary_dilation, uniform_filter
 from common.arrays import Array, Mask
 from common.camera import Intrinsics, back_project
 from coordinator.scene.planes import count_points, draw_planes, lie_on, refit, to_rays
-from coordinator.scene.segmentation import STEP_M, areas_of, label_parts
+from coordinator.scene.segmentation import STEP_M, component_areas, label_parts
 
 FLAT_SHARE = 0.5  # of points in one plane, above which an object is flat and not a person
 LEAST_PART_M2 = 0.008  # visible area of the smallest part of a person or of furniture
@@ -62,4 +62,4 @@ def find_flat(depth: NDArray[np.floating], mask: Mask, camera: Intrinsics, growt
     flat, on = np.zeros_like(mask), np.zeros_like(mask)
     flat[mask], on[mask] = lie_on(plane, averaged), lie_on(plane, rays)
     labels = label_parts(depth, flat, STEP_M, growth, camera.fx)
-    return Flat(flat, float(near.max()) / len(some), on, size, areas_of(labels, depth, camera)[labels])
+    return Flat(flat, float(near.max()) / len(some), on, size, component_areas(labels, depth, camera)[labels])

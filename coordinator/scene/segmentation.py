@@ -262,7 +262,7 @@ def label_parts(depth: Depth, inside: Mask, step: float, growth: float, focal: f
     return labels
 
 
-def areas_of(labels: NDArray[np.int32], depth: NDArray[np.floating], camera: Intrinsics) -> Array:
+def component_areas(labels: NDArray[np.int32], depth: NDArray[np.floating], camera: Intrinsics) -> Array:
     """Visible areas (L + 1,), square metres, of components by their labels (H, W); that of 0 is 0."""
     inside = labels > 0
     areas = depth[inside] ** 2 / (camera.fx * camera.fy)

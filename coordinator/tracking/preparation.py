@@ -1,4 +1,4 @@
-"""Loads compiled code before the first frame of live input, which would otherwise take 0.1 s longer."""
+"""Loads compiled code before the first frame of live input, which would otherwise wait for it."""
 
 from __future__ import annotations
 

@@ -131,10 +131,10 @@ class Segmenter:
             self._segment_view(view, surfaces, rejected=rejected, find=find) for view in frame.views
         )
         subjects, aside = list[SubjectFrame | None](), list[SubjectFrame | None]()
-        for n, names in enumerate(doubted or [()] * len(bodies)):
+        for n, out in enumerate(doubted or [()] * len(bodies)):
             cuts = [(each.frame.camera, cut) for each in views if (cut := each.bodies[n]) is not None]
-            agreed = subject_of(frame, [cut for name, cut in cuts if name not in names], self._points)
-            contradicting = subject_of(frame, [cut for name, cut in cuts if name in names], self._points)
+            agreed = subject_of(frame, [cut for name, cut in cuts if name not in out], self._points)
+            contradicting = subject_of(frame, [cut for name, cut in cuts if name in out], self._points)
             subjects.append(agreed or contradicting)
             aside.append(None if agreed is None else contradicting)
         doubted_by_any = set().union(*doubted)

@@ -236,8 +236,8 @@ class Tracker:
     def _assign_undetected(self, place: int, free: list[SubjectFrame]) -> SubjectFrame | None:
         """Choose the candidate in which a person is searched for: the one under way, or each in turn.
 
-        People are detected in their order. When each candidate had its turn, its cameras have theirs, one by
-        one: cameras with wrong poses show no person together.
+        People are detected in their order. In the first round all cameras of a candidate are used, in each
+        further round one of them: cameras with wrong poses show no person together.
         """
         target, count = self._targets[place], len(free)
         if not count or not all(each.start.found for each in self._targets[:place]):
