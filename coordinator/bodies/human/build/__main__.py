@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from common.arrays import Array, Indices
 from common.body import vertex_normals
-from coordinator.bodies.human.build.joints import ADULT, Joints, place_joints
+from coordinator.bodies.human.build.joints import ADULT, CLOTHED, Joints, place_joints
 from coordinator.bodies.human.build.makehuman import MakeHuman, read_makehuman
 from coordinator.bodies.human.build.mesh import MIRRORED, mesh_symmetric
 from coordinator.bodies.human.build.rest import (
@@ -140,13 +140,17 @@ def build(data: MakeHuman) -> dict[str, Array]:
     """The arrays of the file, see `coordinator.bodies.human.shape_space`."""
     built = build_surface(data)
     own = {age: rest_person(data, built, age, "average")[1] for age in AGES}
-    lengths = {a: {n: f * own[a][n] / own["young"][n] for n, f in ADULT.items()} for a in AGES}
-    people = {age: rest_person(data, built, age, "average", lengths[age])[0] for age in AGES}
-    adult, joints = people["young"], place_joints(ADULT)
+
+    def grown(age: str, adult: Mapping[str, float]) -> dict[str, float]:
+        return {name: length * own[age][name] / own["young"][name] for name, length in adult.items()}
+
+    people = {age: rest_person(data, built, age, "average", grown(age, ADULT))[0] for age in AGES}
+    lengths = {age: grown(age, CLOTHED) for age in AGES}
+    adult, joints = people["young"], place_joints(CLOTHED)
     slim, stout = (rest_person(data, built, "young", weight, ADULT)[0] for weight in ("min", "max"))
     wide, heavy, normals = widen(built, adult, joints), stout - slim, vertex_normals(adult, built.triangles)
     outward = [float(np.mean(np.sum(change * normals, axis=1))) for change in (wide, heavy)]
-    longer = [place_joints({**ADULT, name: ADULT[name] + STEP}) for name in LENGTHS]
+    longer = [place_joints({**CLOTHED, name: CLOTHED[name] + STEP}) for name in LENGTHS]
     names = tuple(joints)
     links = tuple(built.shares)
     table = np.stack([built.shares[link] for link in links], axis=1)
