@@ -25,8 +25,8 @@ from common.settings import RefineSettings, Settings, preset
 from coordinator.bodies.human.measures import REFERENCE_STATURE
 from coordinator.bodies.tracked import Bodies, coarsen, pose_by_name
 from coordinator.scene.planes import Planes
-from coordinator.tracking.gating import gate_pose, reject_parts, reject_points, reject_position
-from coordinator.tracking.observation import camera_points, middle_of, thin, without_flat
+from coordinator.tracking.gating import gate_pose, reject_parts, reject_planes, reject_points, reject_position
+from coordinator.tracking.observation import camera_points, middle_of, observed_points, thin, without_flat
 from coordinator.tracking.pose_candidates import Candidates, Detection, candidates_of, ordered
 from coordinator.tracking.pose_library import PoseLibrary, displaced, library_of, upright_rolls
 from coordinator.tracking.refiner import Pending, Refiner, Stage, iterations
@@ -112,6 +112,8 @@ class Detector:
         gate = gate_pose(candidates.log_likelihood[0], candidates.residual[0], settings)
         if self._bodies.people:
             gate = gate.against(reject_points(subject, size[0]))
+            points, between = observed_points(subject, FEW_POINTS), VERTEX_SHARE * size[0]
+            gate = gate.against(reject_planes(points, candidates.residual[0], between))
             gate = gate.against(reject_parts(start.model, candidates.poses[0], subject, size[0]))
             if planes.has_floor:
                 joints, names = subject.frame.to_camera(candidates.joints[0]), start.model.joint_names

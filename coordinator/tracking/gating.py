@@ -68,6 +68,48 @@ def reject_points(subject: SubjectFrame, stature: float) -> str:
     return f"the observed points extend over {size}, which is not a person: is depth_scale right?"
 
 
+def reject_planes(points: Array, residual: float, between: float) -> str:
+    """Why a subject with points (P, 3) is not a person; empty if it may be.
+
+    Furniture has large sides that are nearly flat. So two planes are nearer to its points than the body is.
+
+    Args:
+        points: The observed points, metres.
+        residual: Their mean distance from the nearest vertices of the body, metres.
+        between: The part of it that the distances between vertices cause.
+    """
+    if fit_two_planes(points) ** 2 + between**2 < residual**2:
+        return "two planes fit the observed points better than a body: an object, not a person"
+    return ""
+
+
+def fit_two_planes(points: Array) -> float:
+    """Mean distance of points (P, 3) from the nearer of two planes that fit them.
+
+    The points are divided at their middle, across each of their principal axes. Then each part is fitted, and
+    each point is given to the nearer plane, in turns, until the mean distance does not fall.
+    """
+    centred, found = points - points.mean(axis=0), list[float]()
+    for axis in np.linalg.svd(centred, full_matrices=False)[2]:
+        first, least = centred @ axis > 0.0, np.inf
+        while True:
+            parts = [centred[first], centred[~first]] if 0 < np.sum(first) < len(first) else [centred]
+            distances = np.array([distance_from_plane(centred, part) for part in parts])
+            if not (mean := float(distances.min(axis=0).mean())) < least:
+                break
+            first, least = distances[0] <= distances[-1], mean
+        found.append(least)
+    return min(found)
+
+
+def distance_from_plane(points: Array, some: Array) -> Array:
+    """Distances (P,) of points (P, 3) from the plane that fits some points (N, 3) best."""
+    middle = some.mean(axis=0)
+    _, axes = np.linalg.eigh(np.cov(some, rowvar=False, bias=True))
+    distances: Array = np.abs((points - middle) @ axes[:, 0])
+    return distances
+
+
 def reject_parts(model: BodyModel, pose: Array, subject: SubjectFrame, stature: float) -> str:
     """Why a pose (D,) cannot be a person: the frame contradicts the head or the legs; empty if it does not.
 

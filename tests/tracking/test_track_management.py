@@ -11,8 +11,15 @@ from common.frame import EMPTY, HIDDEN, SUBJECT
 from common.settings import RefineSettings
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
-from coordinator.tracking.gating import Gate, gate_pose, reject_parts, reject_points, reject_position
-from coordinator.tracking.observation import isolate
+from coordinator.tracking.gating import (
+    Gate,
+    gate_pose,
+    reject_parts,
+    reject_planes,
+    reject_points,
+    reject_position,
+)
+from coordinator.tracking.observation import isolate, observed_points
 from coordinator.tracking.track_management import TrackManagement
 from tests.support.people import CAMERA, STANDING, show, subject_of
 from tests.support.rooms import Room
@@ -81,6 +88,17 @@ def test_what_is_no_person_is_said() -> None:
     said = [reject_points(one, 1.75) for one in subjects if one is not None]
     assert said[0] == ""
     assert "depth_scale" in said[1]
+
+
+def test_what_two_planes_fit_better_is_an_object() -> None:
+    """Two sides of a box are no person, and what a body fits equally well may be one."""
+    (frame,), _ = show(human(1.82), name_pose(human(1.82), STANDING)[None])
+    person = observed_points(subject_of(frame, 1_000))
+    across, down = np.random.default_rng(0).uniform(-0.5, 0.5, (2, 1_000))
+    box = np.stack([across, 1.6 * down, 2.5 + 0.5 * abs(across + 0.2)], axis=1)
+    assert "object" in reject_planes(box, 0.02, 0.016)
+    assert not reject_planes(person, 0.02, 0.016)
+    assert not reject_planes(box, 0.015, 0.016)
 
 
 @pytest.mark.parametrize(
