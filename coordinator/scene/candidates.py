@@ -2,8 +2,8 @@
 
 A candidate is a connected component of the foreground that has the extent and area of a person and, unlike
 furniture, is not flat. Flat furniture that a person touches is cut off. A limb may hide where the parts of a
-body are connected. So the remaining foreground is divided again, only at steps that are larger than those
-between parts of one body.
+body are connected. So a candidate is joined with parts above or below it, and the remaining foreground is
+divided again, only at steps that are larger than those between parts of one body.
 """
 
 from __future__ import annotations
@@ -77,11 +77,15 @@ def candidates(view: SceneView, known: Mask | None = None) -> list[Candidate]:
     free = view.marks == FOREGROUND
     if known is not None:
         free &= ~known
-    parts = find_parts(view, free, STEP_M)
+    parts = without_furniture(view, find_parts(view, free, STEP_M))
     found = judge_parts(view, parts)
     rest = free & ~reduce(np.logical_or, (each.mask for each in found), np.zeros_like(free))
-    found += judge_parts(view, find_parts(view, rest, REACH_M, PERSON_AREA_M2))
-    return [join_hidden(view, each, parts) for each in sorted(found, key=lambda each: -each.score)]
+    found += judge_parts(view, without_furniture(view, find_parts(view, rest, REACH_M, PERSON_AREA_M2)))
+    people = list[Candidate]()
+    for each in sorted(found, key=lambda each: -each.score):
+        if not any((other.mask & each.mask).any() for other in people):
+            people.append(join_parts(view, each, parts))
+    return people
 
 
 def find_parts(
@@ -97,12 +101,20 @@ def find_parts(
     return [part_of(view, labels[windows[n]] == n + 1, windows[n]) for n in np.flatnonzero(fits).tolist()]
 
 
-def judge_parts(view: SceneView, parts: Sequence[Part]) -> list[Candidate]:
-    """The candidates among components."""
+def without_furniture(view: SceneView, parts: Sequence[Part]) -> list[Part]:
+    """Components without flat furniture, and without those that are larger than a person."""
     least, most = PERSON_AREA_M2
-    large = [each for each in parts if least <= area_of(view, each.points) <= most]
-    found = [judge(view, each) for part in large for each in cut(view, part)]
-    return [each for each in found if each is not None]
+    found = list[Part]()
+    for part in parts:
+        area = area_of(view, part.points)
+        found += [part] if area < least else cut(view, part) if area <= most else []
+    return found
+
+
+def judge_parts(view: SceneView, parts: Sequence[Part]) -> list[Candidate]:
+    """The candidates among components without furniture."""
+    large = (each for each in parts if area_of(view, each.points) >= PERSON_AREA_M2[0])
+    return [found for part in large if (found := judge(view, part)) is not None]
 
 
 def part_of(view: SceneView, mask: Mask, window: tuple[slice, slice]) -> Part:
@@ -161,23 +173,33 @@ def find_seat(view: SceneView, part: Part, flat: Flat) -> Mask:
     return seat
 
 
-def join_hidden(view: SceneView, person: Candidate, parts: Sequence[Part]) -> Candidate:
-    """Join the candidate with parts at the same place if something nearer is between them."""
+def join_parts(view: SceneView, person: Candidate, parts: Sequence[Part]) -> Candidate:
+    """Join the candidate with parts at the same place: above it, below it, or behind something nearer.
+
+    A head, a trunk and legs are such parts if a shoulder or a forearm hides where they are connected.
+    """
     own, mask, joined = person.part, person.mask.copy(), [person.points]
     for part in parts:
         (low, high), across = zip(own.heights, part.heights, strict=True), own.middle - part.middle
         far = np.linalg.norm(across[[0, 2]]) >= SAME_SPOT_M or max(high) - min(low) >= PERSON_LENGTH_M[1]
         if far or (mask[part.window] & part.mask).any():
             continue
-        whole = mask.copy()
-        part.mark(whole)
-        ends = [np.argwhere(mask).mean(axis=0), np.argwhere(whole & ~mask).mean(axis=0)]
-        rows, columns = np.linspace(ends[0], ends[1], 64).round().astype(int).T
-        between = view.depth[rows, columns][~whole[rows, columns]]
-        nearest = min(float(np.percentile(each[:, 2], 5.0)) for each in (person.points, part.points))
-        if np.any((between > 0.0) & (between < nearest)):
-            mask, joined = whole, [*joined, part.points]
+        shared = min(high) - max(low)
+        if -REACH_M < shared < 0.5 * min(own.height, part.height) or is_behind(view, mask, part):
+            part.mark(mask)
+            joined.append(part.points)
     return replace(person, mask=mask, points=np.concatenate(joined))
+
+
+def is_behind(view: SceneView, mask: Mask, part: Part) -> bool:
+    """Whether something nearer is between the pixels (H, W) of a candidate and a part of the foreground."""
+    other = np.zeros_like(mask)
+    part.mark(other)
+    start, end = (np.argwhere(each).mean(axis=0) for each in (mask, other))
+    rows, columns = np.linspace(start, end, 64).round().astype(int).T
+    between = view.depth[rows, columns][~(mask | other)[rows, columns]]
+    nearest = min(float(np.percentile(view.depth[each], 5.0)) for each in (mask, other))
+    return bool(np.any((between > 0.0) & (between < nearest)))
 
 
 def judge(view: SceneView, part: Part) -> Candidate | None:

@@ -61,6 +61,15 @@ def test_halves_of_a_child_that_are_separated_in_depth_are_one_candidate(nearer:
     assert overlap(found.mask, truth)[1] > 0.95
 
 
+def test_trunk_and_legs_that_are_separated_in_depth_are_one_candidate() -> None:
+    """Each is large enough for a person, and the legs are 10 cm nearer, as those of a person who sits."""
+    frame, truth = Room(noise=0.001).see(PERSON)
+    rows, depth = np.arange(len(truth))[:, None], frame.depth.copy()
+    depth[truth & (rows > np.median(np.nonzero(truth)[0]))] -= 100
+    (found,) = candidates(Scene().see(replace(frame, depth=depth)))
+    assert min(overlap(found.mask, truth)) > 0.95
+
+
 def test_a_person_behind_a_table_comes_before_the_table() -> None:
     """The visible part of a person behind a table has a higher score than the table."""
     table = ((-0.7, 0.3, 1.7), (0.7, 0.42, 1.9))
