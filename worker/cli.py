@@ -137,7 +137,7 @@ def load_kernel(lanes: int = 1) -> Kernel:
     from worker.warm_up import warm_up
 
     side_by_side = Lanes(lanes)
-    kernel = Kernel(observe, side_by_side.refine, lanes, side_by_side.prepare, Lanes(lanes).refine)
+    kernel = Kernel(observe, side_by_side.refine, lanes, side_by_side.prepare, Lanes(1).refine)
     warm_up(kernel)
     return kernel
 

@@ -2,7 +2,7 @@
 
 Frames and models are cached only to avoid fetching them again: a result depends only on its request. Each
 coordinator has only a few requests at a worker, so several coordinators are served alternately. Spare
-requests, those of searches, are served beside the others, on threads of low priority.
+requests, those of searches, are served beside the others, one per lane, on threads of low priority.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class Kernel:
     refine: Refine
     lanes: int = 1  # particles refined in parallel
     prepare: Callable[[Any, RefineSettings], None] | None = None  # for a later request
-    spare: Refine | None = None  # for spare requests, called on another thread; None: `refine`
+    spare: Refine | None = None  # for spare requests, on other threads, one per lane; None: `refine`
 
 
 class Task(NamedTuple):
@@ -82,20 +82,21 @@ class Service:
         self._bus.serve_requests(keys.of_worker(self._name, "refine"), self._accept)
         self._bus.announce(keys.of_worker(self._name, f"lanes/{self._kernel.lanes}"))
         self._bus.announce(keys.of_worker(self._name, "alive"))  # last, as requests follow
-        with ThreadPoolExecutor(1) as threads:
-            spare = threads.submit(self._serve_spare)
+        with ThreadPoolExecutor(self._kernel.lanes) as threads:
+            spare = [threads.submit(self._serve_spare) for _ in range(self._kernel.lanes)]
             try:
-                while not (self._stopped or self.abandoned or spare.done()):
+                while not (self._stopped or self.abandoned or any(each.done() for each in spare)):
                     try:
                         self._tasks.get(timeout=LOOK_S).do()
                     except Empty:
                         self.abandoned = self._is_link_dead()
             finally:
-                self.stop()  # the other thread, too
-            spare.result()  # raises its error
+                self.stop()  # the other threads, too
+            for each in spare:
+                each.result()  # raises its error
 
     def _serve_spare(self) -> None:
-        """Serve spare requests until `run` ends. Threads that are started from here have its priority."""
+        """Serve spare requests until `run` ends."""
         if sys.platform == "linux":  # elsewhere, a priority is that of the process
             # a tenth of a core if others want all of it
             os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), 10)

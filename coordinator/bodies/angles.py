@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -132,7 +132,7 @@ def _between(carrier: str, segment: str) -> tuple[Dof, ...]:
     return tuple(reversed(chain))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Angles:
     """The angles of a body, as functions of its pose.
 
@@ -150,7 +150,7 @@ class Angles:
     held: Mapping[str, float]
     level: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the angles (A,); first three per spherical joint, then the others."""
         return (
@@ -181,7 +181,7 @@ class Angles:
         turned = np.concatenate([swing, twist[..., None]], axis=-1).reshape(len(angles), first)
         return np.concatenate([turned, nearest_turn(angles[:, first:], reference[:, first:])], axis=1)
 
-    @property
+    @cached_property
     def levers(self) -> dict[int, int]:
         """Angles that are visible only if another is bent, with that other: rotations of upper arms."""
         names = self.names
@@ -228,10 +228,9 @@ class Angles:
         chains = [[dof for dof in joint.dofs if dof.name in moved] for joint in joints]
         longest = max(map(len, chains), default=0)
         axes, values = np.zeros((len(joints), longest, 3)), np.zeros((len(poses), len(joints), longest))
-        total = np.zeros((len(poses), len(joints), 4))
+        levels = [self.level if joint.dofs[0].name in ROOT_DOFS else (0.0, 0.0, 0.0) for joint in joints]
+        total = np.tile(quaternions(np.array(levels).reshape(-1, 3)), (len(poses), 1, 1))
         for j, joint in enumerate(joints):
-            level = self.level if joint.dofs[0].name in ROOT_DOFS else (0.0, 0.0, 0.0)
-            total[:, j] = quaternions(np.array(level))
             for k, dof in enumerate(chains[j]):
                 axes[j, k] = np.asarray(dof.axis) * (MIRROR if joint.mirrored else 1.0)
                 values[:, j, k] = self._value(dof.name, poses)

@@ -56,19 +56,23 @@ SHOWN_BY = {
 
 def with_angles(track: Track, angles: Angles) -> Track:
     """The track with the angles (F, A) of its body and their deviations; a person's angles are smoothed."""
+    unknown, placed = track.unknown, track.placed
+    if not placed.any():
+        nothing = np.full((len(placed), len(angles.names)), np.nan)
+        return replace(track, angle_names=angles.names, angle=nothing, angle_deviation=nothing.copy())
     known = filled(track)
     measured, others = measure(known, angles)
-    reported = angles.follow(measured, known.unknown)
+    reported = angles.follow(measured, unknown)
     if is_person(track.dof_names) and len(known.frame) > 1:
         off = deviations(known, angles, others, reported, np.inf)
-        off[known.unknown] = np.inf
+        off[unknown] = np.inf
         since = np.diff(known.time_s)
         interval = np.where(since > 0.0, since, 1.0 / DEFAULT_FPS)
         beyond = np.maximum(off**2 - ANGLE_MISFIT**2, 0.0)
         columns = [smooth(*each, interval) for each in zip(reported.T, beyond.T, strict=True)]
         reported = np.array(columns).reshape(reported.T.shape).T
     expected = deviations(known, angles, others, reported, LARGEST_DEVIATION)
-    reported[~track.placed], expected[track.unknown] = np.nan, np.nan
+    reported[~placed], expected[unknown] = np.nan, np.nan
     return replace(track, angle_names=angles.names, angle=reported, angle_deviation=expected)
 
 

@@ -131,14 +131,46 @@ def segment_body(
             unclear |= mask[inside]
     possible = (marks == FOREGROUND) & (near <= REACH_M) & ~unclear
     parts = label_parts(depth, possible, STEP_M, view.growth, view.camera.fx)
-    chosen = np.zeros(parts.max(initial=0) + 1, dtype=np.bool_)
-    chosen[parts[near <= NEAR_M]] = True
-    labels = np.full(depth.shape, EMPTY, dtype=np.uint8)
-    labels[(marks != ON_PLANE) & (depth < surface[:, 2].max())] = HIDDEN
-    labels[marks == NOT_MEASURED] = UNMEASURED if view.furnished else EMPTY
-    labels[unclear] = UNKNOWN
-    labels[possible & chosen[parts]] = SUBJECT
+    farthest, missing = surface[:, 2].max(), UNMEASURED if view.furnished else EMPTY
+    labels = np.empty(depth.shape, dtype=np.uint8)
+    label_pixels(view.depth, view.marks, distances, window[:2], unclear, parts, farthest, missing, labels)
     return Segmentation(window, labels)
+
+
+@numba.njit(cache=True, nogil=True)
+def label_pixels(
+    depth: Depth,
+    marks: Labels,
+    distances: Depth,
+    corner: tuple[int, int],
+    unclear: Mask,
+    parts: NDArray[np.int32],
+    farthest: float,
+    missing: int,
+    labels: Labels,
+) -> None:
+    """Fill the labels (h, w) of a window with this left, top corner; depth, marks, distances are (H, W).
+
+    Of the components, `parts` (h, w), the subject has those with pixels near the body, whose depth is at most
+    `farthest`. Pixels without depth get the label `missing`.
+    """
+    left, top = corner
+    chosen = np.zeros(parts.size + 1, dtype=np.bool_)
+    for v in range(parts.shape[0]):
+        for u in range(parts.shape[1]):
+            if parts[v, u] > 0 and distances[top + v, left + u] <= NEAR_M:
+                chosen[parts[v, u]] = True
+    for v in range(parts.shape[0]):
+        for u in range(parts.shape[1]):
+            mark = marks[top + v, left + u]
+            if chosen[parts[v, u]]:
+                labels[v, u] = SUBJECT
+            elif unclear[v, u]:
+                labels[v, u] = UNKNOWN
+            elif mark == NOT_MEASURED:
+                labels[v, u] = missing
+            else:
+                labels[v, u] = HIDDEN if mark != ON_PLANE and depth[top + v, left + u] < farthest else EMPTY
 
 
 def segment_mask(view: SceneView, mask: Mask, others: Mask | None = None) -> Segmentation:
@@ -180,7 +212,7 @@ def is_missing(view: SceneView, surface: Array, segmentation: Segmentation) -> b
 
 def nearest_of(view: SceneView, distances: Sequence[Depth]) -> Depth:
     """Distances (H, W) from the nearest body, given those from each; infinite without a body."""
-    return reduce(np.minimum, distances, np.full(view.depth.shape, np.inf, dtype=np.float32))
+    return reduce(np.minimum, distances or [np.full(view.depth.shape, np.inf, dtype=np.float32)])
 
 
 def mark_apart(view: SceneView, nearest: Depth) -> Mask:
@@ -235,12 +267,12 @@ def label_parts(depth: Depth, inside: Mask, step: float, growth: float, focal: f
     labels = np.zeros(depth.shape, dtype=np.int32)
     rows, columns = depth.shape
     stack = np.empty(rows * columns, dtype=np.int64)
-    last = 0
+    last, free, found = 0, inside.ravel(), labels.ravel()
     for start in range(rows * columns):
-        if not inside[start // columns, start % columns] or labels[start // columns, start % columns] != 0:
+        if not free[start] or found[start] != 0:
             continue
         last += 1
-        labels[start // columns, start % columns] = last
+        found[start] = last
         stack[0], count = start, 1
         while count > 0:
             count -= 1

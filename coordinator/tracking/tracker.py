@@ -134,8 +134,8 @@ class Tracker:
         """Track frames; each frame is reported while the workers refine the next one.
 
         The results are those of `track`. If a frame fails, the frame before is still reported. Without
-        `look_ahead`, each frame is reported at once. The same holds for `live` frames, unless the next one
-        already waits and a body is tracked. Bodies are searched for during live tracking.
+        `look_ahead`, each frame is reported at once. So is each `live` frame; if the next one waits and a
+        body is tracked, that is segmented before. Bodies are searched for during live tracking.
         """
         look_ahead = look_ahead and live is None
         upcoming, previous = Lookahead(map(self._segment, frames)), list[Updated]()
@@ -154,11 +154,11 @@ class Tracker:
                     self._search(wait=False)
                 pairs = zip(self._targets, submitted, strict=True)
                 previous = [one if isinstance(one, Updated) else target.update(one) for target, one in pairs]
-                if not upcoming.is_ahead:
+                if not look_ahead or not upcoming.is_ahead:
                     done, previous = [report(each) for each in previous], []
                     yield done
-                    if live is not None:
-                        self._search_until_ready(live)
+                if live is not None and not upcoming.is_ahead:
+                    self._search_until_ready(live)
         except (Exception, KeyboardInterrupt):
             if previous:
                 yield [report(each) for each in previous]
