@@ -132,8 +132,7 @@ def segment_body(
     possible = (marks == FOREGROUND) & (near <= REACH_M) & ~unclear
     parts = label_parts(depth, possible, STEP_M, view.growth, view.camera.fx)
     farthest, missing = surface[:, 2].max(), UNMEASURED if view.furnished else EMPTY
-    labels = np.empty(depth.shape, dtype=np.uint8)
-    label_pixels(view.depth, view.marks, distances, window[:2], unclear, parts, farthest, missing, labels)
+    labels = label_pixels(view.depth, view.marks, distances, window[:2], unclear, parts, farthest, missing)
     return Segmentation(window, labels)
 
 
@@ -147,14 +146,14 @@ def label_pixels(
     parts: NDArray[np.int32],
     farthest: float,
     missing: int,
-    labels: Labels,
-) -> None:
-    """Fill the labels (h, w) of a window with this left, top corner; depth, marks, distances are (H, W).
+) -> Labels:
+    """Labels (h, w) of a window with this left, top corner; depth, marks, distances are (H, W).
 
-    Of the components, `parts` (h, w), the subject has those with pixels near the body, whose depth is at most
+    The subject has the components, `parts` (h, w), with pixels near the body. No point of the body is beyond
     `farthest`. Pixels without depth get the label `missing`.
     """
     left, top = corner
+    labels = np.empty(parts.shape, dtype=np.uint8)
     chosen = np.zeros(parts.size + 1, dtype=np.bool_)
     for v in range(parts.shape[0]):
         for u in range(parts.shape[1]):
@@ -171,6 +170,7 @@ def label_pixels(
                 labels[v, u] = missing
             else:
                 labels[v, u] = HIDDEN if mark != ON_PLANE and depth[top + v, left + u] < farthest else EMPTY
+    return labels
 
 
 def segment_mask(view: SceneView, mask: Mask, others: Mask | None = None) -> Segmentation:

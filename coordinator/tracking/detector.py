@@ -42,7 +42,7 @@ SURVIVORS, FINALISTS = 16, 4  # distinct candidates after the first stage, and a
 FIRST_ITERATIONS, ITERATIONS, LAST_ITERATIONS = 3, 12, 6  # of the first stage, the next ones, and the last
 FEW_POINTS = 1_000  # on which candidates are refined
 VERTEX_SHARE = 0.009  # of stature: rms distance of a surface from the nearest vertex, 0.008 to 0.010
-REQUEST_ITERATIONS = 150  # of ICP in one request: about 5 ms on two lanes
+REQUEST_ITERATIONS = 150  # of ICP in one request: about 10 ms
 
 
 Search = Generator[Stage, None, Detection]
@@ -99,12 +99,13 @@ class Detector:
         self, subject: SubjectFrame, settings: RefineSettings, noise: SensorNoise, planes: Planes
     ) -> Search:
         """Detect an unknown body that explains all points of a frame."""
-        rolls = upright_rolls(planes, self._rolls)
-        proposed = yield from self._propose(subject, settings, self._sizes, rolls)
-        size, found = yield from self._select(subject, proposed, settings, self._sizes)
+        rolls, few = upright_rolls(planes, self._rolls), thin(subject, FEW_POINTS)
+        points = camera_points(subject)
+        proposed = yield from self._propose(few, points, settings, self._sizes, rolls)
+        size, found = yield from self._select(subject, few, proposed, settings, self._sizes)
         if len(subject.views) > 1 and len(self._sizes) > 1:  # few of the candidates had this size
-            proposed = yield from self._propose(subject, settings, [size], rolls, found[0])
-            _, found = yield from self._select(subject, proposed, settings, [size])
+            proposed = yield from self._propose(few, points, settings, [size], rolls, found[0])
+            _, found = yield from self._select(subject, few, proposed, settings, [size])
         model = self._bodies.for_start(*size)
         start = start_at(pose_by_name(model, found[0]), self._bodies, size, noise)
         settled = iterations(settings, LAST_ITERATIONS)
@@ -141,8 +142,9 @@ class Detector:
         values = {**start.values, **pose_by_name(start.model, last)}
         model = self._bodies.for_start(*size)
         known = np.array([values.get(name, 0.0) for name in model.dof_names])
-        proposed = yield from self._propose(subject, settings, [size], rolls, known)
-        _, found = yield from self._select(subject, proposed, settings, [size])
+        few, points = thin(subject, FEW_POINTS), camera_points(subject)
+        proposed = yield from self._propose(few, points, settings, [size], rolls, known)
+        _, found = yield from self._select(subject, few, proposed, settings, [size])
         settled = iterations(rules, LAST_ITERATIONS)
         candidates = yield from self._refine_tracked(subject, start, found, settled)
         gate = gate_pose(candidates.log_likelihood[0], candidates.residual[0], rules)
@@ -179,7 +181,8 @@ class Detector:
 
     def _propose(
         self,
-        subject: SubjectFrame,
+        few: SubjectFrame,
+        points: Array,
         settings: RefineSettings,
         sizes: Sequence[tuple[float, float]],
         rolls: Sequence[float],
@@ -187,12 +190,12 @@ class Detector:
     ) -> Generator[Stage, None, Candidates]:
         """The best distinct candidates of these sizes after the first stage.
 
-        Most candidates have the first of the orientations. Some have the last pose `last` (D,), moved and
-        rotated.
+        They are similar to all points (P, 3) and refined on a few. Most have the first of the orientations.
+        Some have the last pose `last` (D,), moved and rotated.
         """
         names = self._bodies.for_start(*sizes[0]).joint_names
-        few, models = thin(subject, FEW_POINTS), [self._coarse(*size) for size in sizes]
-        matched = self._match(subject, sizes, rolls, last)
+        models = [self._coarse(*size) for size in sizes]
+        matched = self._match(points, few.frame.T_rig_camera, sizes, rolls, last)
         first = iterations(settings, FIRST_ITERATIONS)
         found = yield from self._refine_candidates(few, models, matched, first)
         return found.distinct(names, SURVIVORS)
@@ -200,13 +203,14 @@ class Detector:
     def _select(
         self,
         subject: SubjectFrame,
+        few: SubjectFrame,
         found: Candidates,
         settings: RefineSettings,
         sizes: Sequence[tuple[float, float]],
     ) -> Generator[Stage, None, tuple[tuple[float, float], Array]]:
         """The size and poses (N, D) that explain a frame best, of these candidates' sizes or between them."""
         names = self._bodies.for_start(*sizes[0]).joint_names
-        few, models = thin(subject, FEW_POINTS), [self._coarse(*size) for size in sizes]
+        models = [self._coarse(*size) for size in sizes]
         then = iterations(settings, ITERATIONS)
         found = yield from self._refine_candidates(few, models, [(found.poses, found.sizes)], then)
         found = found.distinct(names, FINALISTS)
@@ -243,19 +247,25 @@ class Detector:
 
     def _match(
         self,
-        subject: SubjectFrame,
+        points: Array,
+        placed: Array,
         sizes: Sequence[tuple[float, float]],
         rolls: Sequence[float],
         last: Array | None,
     ) -> Iterator[tuple[Array, Indices]]:
-        """Candidates (N, D) and their sizes (N,): from the library in each orientation, and the last pose."""
-        points, placed = camera_points(subject), subject.frame.T_rig_camera
+        """Candidates (N, D) and their sizes (N,): those of the first orientation, then all others.
+
+        They are similar to points (P, 3), or `last` (D,) is moved to these; `placed` is T_rig_camera.
+        """
         scales = [stature / self._usual[0] if self._bodies.people else 1.0 for stature, _ in sizes]
-        for n, roll in enumerate(rolls):
-            yield self._library.match(points, scales, roll, CANDIDATES if n == 0 else TURNED, placed)
+        yield self._library.match(points, scales, rolls[0], CANDIDATES, placed)
+        others = [self._library.match(points, scales, roll, TURNED, placed) for roll in rolls[1:]]
         if last is not None:
             poses = displaced(self._bodies.for_start(*sizes[0]), last, points, self._library.cell_m, placed)
-            yield poses, np.zeros(len(poses), dtype=np.int64)
+            others.append((poses, np.zeros(len(poses), dtype=np.int64)))
+        if others:
+            poses, of = map(np.concatenate, zip(*others, strict=True))
+            yield poses, of
 
     def _refine_tracked(
         self, subject: SubjectFrame, start: Start, poses: Array, settings: RefineSettings
@@ -266,8 +276,8 @@ class Detector:
         for j, name in enumerate(model.dof_names):
             if name in searched.dof_names:
                 taken[:, j] = poses[:, searched.dof(name)]
-        sizes = np.zeros(len(taken), dtype=np.int64)
-        return (yield from self._refine_candidates(subject, [model], [(taken, sizes)], settings))
+        halves = [(some, np.zeros(len(some), dtype=np.int64)) for some in (taken[::2], taken[1::2])]
+        return (yield from self._refine_candidates(subject, [model], halves, settings))
 
     def _refine_candidates(
         self,
