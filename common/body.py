@@ -162,9 +162,8 @@ def vertex_normals(vertices: Array, triangles: Indices) -> NDArray[np.float32]:
     """Unit normals (V, 3), the mean of the neighbouring triangles' by area."""
     corners = vertices[triangles]
     faces = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    total = np.zeros_like(vertices)
-    for k in range(3):
-        np.add.at(total, triangles[:, k], faces)
+    ends, count = triangles.T.ravel(), len(vertices)
+    total = np.stack([np.bincount(ends, np.tile(each, 3), count) for each in faces.T], axis=1)
     length = np.linalg.norm(total, axis=1, keepdims=True)
     total = np.where(length > 0, total, (0.0, 1.0, 0.0))
     unit: Array = total / np.linalg.norm(total, axis=1, keepdims=True)
