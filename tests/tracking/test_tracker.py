@@ -189,6 +189,16 @@ class Waiting(LiveFrames):
     is_ready, period_s = True, 1 / 30
 
 
+def test_a_live_frame_is_told_before_the_workers_get_busy_with_the_next() -> None:
+    """Also if that one waits already."""
+    refiner = Watched()
+    follow = OnePerson(refiner, FOLLOWING, known(), start=STANDING).follow
+    for (tracked,) in follow(shown("standing").frames[:3], live=Waiting([LiveCamera("depth")], print)):
+        refiner.events.append(f"told {tracked.estimate.frame}")
+    order = [event for event in refiner.events if event[:4] in {"busy", "told"}]
+    assert order == ["busy", "told 0", "busy", "told 1", "busy", "told 2"]
+
+
 def test_a_live_frame_does_not_wait_for_a_search(monkeypatch: pytest.MonkeyPatch) -> None:
     """The body that was searched for in the first frame is tracked in the others, where it is by then.
 
