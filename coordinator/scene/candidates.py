@@ -23,6 +23,7 @@ from coordinator.scene.scene import FOREGROUND, PERSON_LENGTH_M, SceneView
 from coordinator.scene.segmentation import (
     CELL_M,
     LEAST_AREA_M2,
+    NEAR_M,
     REACH_M,
     STEP_M,
     component_areas,
@@ -77,37 +78,32 @@ def candidates(view: SceneView, known: Mask | None = None) -> list[Candidate]:
     free = view.marks == FOREGROUND
     if known is not None:
         free &= ~known
-    parts = without_furniture(view, find_parts(view, free, STEP_M))
+    parts = find_parts(view, free, STEP_M, LEAST_PART_M2)
     found = judge_parts(view, parts)
     rest = free & ~reduce(np.logical_or, (each.mask for each in found), np.zeros_like(free))
-    found += judge_parts(view, without_furniture(view, find_parts(view, rest, REACH_M, PERSON_AREA_M2)))
-    people = list[Candidate]()
+    found += judge_parts(view, find_parts(view, rest, REACH_M, PERSON_AREA_M2[0]))
+    people, taken = list[Candidate](), np.zeros_like(free)
     for each in sorted(found, key=lambda each: -each.score):
-        if not any((other.mask & each.mask).any() for other in people):
-            people.append(join_parts(view, each, parts))
+        if 2 * np.count_nonzero(taken & each.mask) < np.count_nonzero(each.mask):
+            others = [part for part in parts if not (taken[part.window] & part.mask).any()]
+            people.append(join_parts(view, each, others))
+            taken |= people[-1].mask
     return people
 
 
-def find_parts(
-    view: SceneView, free: Mask, step: float, area_m2: tuple[float, float] = (LEAST_PART_M2, np.inf)
-) -> list[Part]:
-    """The connected components of pixels (H, W) whose visible area is in a range.
+def find_parts(view: SceneView, free: Mask, step: float, least_m2: float) -> list[Part]:
+    """The connected components of pixels (H, W), without flat furniture.
 
-    Neighbours are connected if their depths differ by less than a step, metres.
+    Neighbours are connected if their depths differ by less than a step, metres. Components with a smaller
+    visible area than the least, square metres, and those larger than a person are left out.
     """
     labels = label_parts(view.depth, free, step, view.growth, view.camera.fx)
     areas, windows = component_areas(labels, view.depth, view.camera), find_objects(labels)
-    fits = (areas[1:] >= area_m2[0]) & (areas[1:] <= area_m2[1])
-    return [part_of(view, labels[windows[n]] == n + 1, windows[n]) for n in np.flatnonzero(fits).tolist()]
-
-
-def without_furniture(view: SceneView, parts: Sequence[Part]) -> list[Part]:
-    """Components without flat furniture, and without those that are larger than a person."""
-    least, most = PERSON_AREA_M2
+    fits = (areas[1:] >= least_m2) & (areas[1:] <= PERSON_AREA_M2[1])
     found = list[Part]()
-    for part in parts:
-        area = area_of(view, part.points)
-        found += [part] if area < least else cut(view, part) if area <= most else []
+    for n in np.flatnonzero(fits).tolist():
+        part = part_of(view, labels[windows[n]] == n + 1, windows[n])
+        found += cut(view, part) if areas[n + 1] >= PERSON_AREA_M2[0] else [part]
     return found
 
 
@@ -176,25 +172,29 @@ def find_seat(view: SceneView, part: Part, flat: Flat) -> Mask:
 def join_parts(view: SceneView, person: Candidate, parts: Sequence[Part]) -> Candidate:
     """Join the candidate with parts at the same place: above it, below it, or behind something nearer.
 
-    A head, a trunk and legs are such parts if a shoulder or a forearm hides where they are connected.
+    A head, a trunk and legs are such parts if a shoulder or a forearm hides where they are connected. Parts
+    that may be two people are not joined.
     """
     own, mask, joined = person.part, person.mask.copy(), [person.points]
+    low, high = own.heights
     for part in parts:
-        (low, high), across = zip(own.heights, part.heights, strict=True), own.middle - part.middle
-        far = np.linalg.norm(across[[0, 2]]) >= SAME_SPOT_M or max(high) - min(low) >= PERSON_LENGTH_M[1]
+        (bottom, top), across = part.heights, own.middle - part.middle
+        lowest, highest = min(low, bottom), max(high, top)
+        far = np.linalg.norm(across[[0, 2]]) >= SAME_SPOT_M or highest - lowest >= PERSON_LENGTH_M[1]
         if far or (mask[part.window] & part.mask).any():
             continue
-        shared = min(high) - max(low)
-        if -REACH_M < shared < 0.5 * min(own.height, part.height) or is_behind(view, mask, part):
-            part.mark(mask)
-            joined.append(part.points)
+        whole = mask.copy()
+        part.mark(whole)
+        smaller, larger = sorted((own.height, part.height))
+        shared = min(high, top) - max(low, bottom)
+        adjoins = -NEAR_M < shared < 0.5 * smaller and (smaller < PERSON_LENGTH_M[0] or larger < 1.0)
+        if adjoins or is_behind(view, mask, whole & ~mask):
+            mask, joined, low, high = whole, [*joined, part.points], lowest, highest
     return replace(person, mask=mask, points=np.concatenate(joined))
 
 
-def is_behind(view: SceneView, mask: Mask, part: Part) -> bool:
-    """Whether something nearer is between the pixels (H, W) of a candidate and a part of the foreground."""
-    other = np.zeros_like(mask)
-    part.mark(other)
+def is_behind(view: SceneView, mask: Mask, other: Mask) -> bool:
+    """Whether something nearer is between the pixels (H, W) of two parts of the foreground."""
     start, end = (np.argwhere(each).mean(axis=0) for each in (mask, other))
     rows, columns = np.linspace(start, end, 64).round().astype(int).T
     between = view.depth[rows, columns][~(mask | other)[rows, columns]]

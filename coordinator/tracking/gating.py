@@ -86,20 +86,19 @@ def reject_planes(points: Array, residual: float, between: float) -> str:
 def fit_two_planes(points: Array) -> float:
     """Mean distance of points (P, 3) from the nearer of two planes that fit them.
 
-    The points are divided at their middle, across each of their principal axes. Then each part is fitted, and
-    each point is given to the nearer plane, in turns, until the mean distance does not fall.
+    The points are divided at their middle, across each of their principal axes. Then, in turns, each part is
+    fitted, and each point is given to the nearer plane.
     """
     centred, found = points - points.mean(axis=0), list[float]()
     for axis in np.linalg.svd(centred, full_matrices=False)[2]:
-        first, least = centred @ axis > 0.0, np.inf
-        while True:
-            parts = [centred[first], centred[~first]] if 0 < np.sum(first) < len(first) else [centred]
-            distances = np.array([distance_from_plane(centred, part) for part in parts])
-            if not (mean := float(distances.min(axis=0).mean())) < least:
+        first = centred @ axis > 0.0
+        for _ in range(8):
+            if first.all() or not first.any():
                 break
-            first, least = distances[0] <= distances[-1], mean
-        found.append(least)
-    return min(found)
+            near, far = (distance_from_plane(centred, centred[part]) for part in (first, ~first))
+            found.append(float(np.minimum(near, far).mean()))
+            first = near <= far
+    return min(found, default=0.0)
 
 
 def distance_from_plane(points: Array, some: Array) -> Array:

@@ -134,8 +134,8 @@ class Tracker:
         """Track frames; each frame is reported while the workers refine the next one.
 
         The results are those of `track`. If a frame fails, the frame before is still reported. Without
-        `look_ahead`, each frame is reported at once. So is each `live` frame; if the next one waits and a
-        body is tracked, that is segmented before. Bodies are searched for during live tracking.
+        `look_ahead`, each frame is reported at once. So is each `live` frame, after the next one is segmented
+        if it waits and a body is tracked. Bodies are searched for during live tracking.
         """
         look_ahead = look_ahead and live is None
         upcoming, previous = Lookahead(map(self._segment, frames)), list[Updated]()

@@ -13,6 +13,7 @@ from coordinator.scene.candidates import Candidate, candidates
 from coordinator.scene.scene import Scene
 from coordinator.scene.scope import Scope
 from coordinator.scene.segmentation import measure_distances, segment_body
+from tests.support import rooms
 from tests.support.rooms import CABINET, HEIGHT, TABLE, Room
 
 PERSON = (-0.4, 2.6)
@@ -47,13 +48,17 @@ def test_a_small_box_at_the_legs_is_cut_off() -> None:
     assert min(overlap(found.mask, room.see((-0.15, 2.6)).mask)) > 0.95
 
 
-@pytest.mark.parametrize("nearer", [0.0, 0.1], ids=["not measured between", "one is nearer"])
-def test_halves_of_a_child_that_are_separated_in_depth_are_one_candidate(nearer: float) -> None:
-    """Each is too small for a person, and between them a row was not measured, or one is nearer (metres)."""
+@pytest.mark.parametrize(
+    ("scale", "nearer"),
+    [(0.7, 0.0), (0.7, 0.1), (1.0, 0.1)],
+    ids=["a row was not measured", "small and one nearer", "legs nearer"],
+)
+def test_halves_that_are_separated_in_depth_are_one_candidate(scale: float, nearer: float) -> None:
+    """Each may be too small for a person. They are separated by a row, or one is nearer (metres)."""
     frame, truth = Room(noise=0.001).see(PERSON)
     rows = np.arange(len(truth))[:, None]
     middle = int(np.median(np.nonzero(truth)[0]))
-    depth = 0.7 * frame.depth  # the room and the person are small
+    depth = scale * frame.depth
     depth[truth & (rows > middle)] -= 1000.0 * nearer
     if not nearer:
         depth[truth & (rows == middle)] = 0.0
@@ -61,13 +66,13 @@ def test_halves_of_a_child_that_are_separated_in_depth_are_one_candidate(nearer:
     assert overlap(found.mask, truth)[1] > 0.95
 
 
-def test_trunk_and_legs_that_are_separated_in_depth_are_one_candidate() -> None:
-    """Each is large enough for a person, and the legs are 10 cm nearer, as those of a person who sits."""
-    frame, truth = Room(noise=0.001).see(PERSON)
-    rows, depth = np.arange(len(truth))[:, None], frame.depth.copy()
-    depth[truth & (rows > np.median(np.nonzero(truth)[0]))] -= 100
-    (found,) = candidates(Scene().see(replace(frame, depth=depth)))
-    assert min(overlap(found.mask, truth)) > 0.95
+def test_a_child_before_an_adult_is_another_candidate(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is seen of the adult is above the child, as a trunk is above legs."""
+    adult = Room(noise=0.001).see(PERSON).frame
+    monkeypatch.setattr(rooms, "PARTS", 0.72 * np.array(rooms.PARTS))
+    child = Room(noise=0.001).see((PERSON[0], PERSON[1] - 0.3)).frame
+    both = replace(adult, depth=np.minimum(adult.depth, child.depth))
+    assert len(candidates(Scene().see(both))) == 2
 
 
 def test_a_person_behind_a_table_comes_before_the_table() -> None:
