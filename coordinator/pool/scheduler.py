@@ -1,9 +1,10 @@
 """Assigns particles to workers: a state machine from events to requests, without clock and socket.
 
-The particles are split into one batch per worker, in proportion to the lanes. A batch whose request ends
-without a result is sent to another worker. If no batch is waiting, a late request is sent again, once, to an
-idle worker. The first result of a batch is used, later ones are ignored. A worker that gives neither a result
-nor a refusal gets no requests for a while. If all workers refuse a batch, the refinement fails.
+The particles are split into one batch per worker, in proportion to the lanes, of which a spare one uses one.
+A batch whose request ends without a result is sent to another worker. If no batch is waiting, a late request
+is sent again, once, to an idle worker. The first result of a batch is used, later ones are ignored. A worker
+that gives neither a result nor a refusal gets no requests for a while. If all workers refuse a batch, the
+refinement fails.
 
 A request stays in flight until it ends, even if its refinement is done, because the worker is still busy with
 it.
@@ -20,8 +21,7 @@ from typing import Literal
 from common.bounds import MAX_PARTICLES
 from common.errors import ProtocolError, SilentWorkers
 
-MAX_IN_FLIGHT = 2  # requests at one worker, so that the next one is there when one ends
-MAX_SPARE = 8  # with spare ones, which wait there for their turn
+MAX_IN_FLIGHT = 2  # requests at one worker, and spare ones per lane: the next one is there when one ends
 TICK_S = 0.1  # between checks of the clock; no request is late before
 LATE_FACTOR = 3.0  # a request is late after this multiple of the last time per particle
 REST_S = 0.5  # pause of a worker without a result: it may be leaving or joining
@@ -66,8 +66,9 @@ class Request:
 
     @property
     def load(self) -> int:
-        """Particles per lane of the worker."""
-        return math.ceil((self.batch.stop - self.batch.start) / self.worker.lanes)
+        """Particles per lane that refines them."""
+        lanes = 1 if self.batch.spare else self.worker.lanes
+        return math.ceil((self.batch.stop - self.batch.start) / lanes)
 
 
 class Scheduler:
@@ -85,7 +86,7 @@ class Scheduler:
     def start(self, refinement: int, particles: int, now: float, *, spare: bool = False) -> list[Request]:
         """Start a refinement, which has an unused number, of so many particles; a spare one can wait."""
         workers = sorted(self.workers.values(), key=lambda w: (w.rests_until > now, len(w.in_flight)))
-        lanes = [worker.lanes for worker in workers] or [1]
+        lanes = [1 if spare else worker.lanes for worker in workers] or [1]
         rounds = max(lanes) * particles / sum(lanes) / MAX_PARTICLES
         ranges = split(particles, lanes * max(1, math.ceil(rounds)))
         self.batches += [Batch(refinement, spare, start, stop) for start, stop in ranges]
@@ -145,8 +146,8 @@ class Scheduler:
         sends: list[Request] = []
         for batch in sorted(waiting, key=lambda batch: batch.spare):
             by_all = batch.refusals.keys() >= self.workers.keys()
-            most = MAX_SPARE if batch.spare else MAX_IN_FLIGHT
-            able = [w for w in self._awake(now) if self._count(w, batch) < most]
+            ready, spare = self._awake(now), batch.spare
+            able = [w for w in ready if self._count(w, batch) < MAX_IN_FLIGHT * (1 + spare * w.lanes)]
             free = [w for w in able if by_all or w.name not in batch.refusals]
             if free:
                 sends.append(self._send(batch, min(free, key=lambda w: len(w.in_flight)), now))
