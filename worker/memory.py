@@ -6,7 +6,8 @@ All sizes are bounded; the least recently used entry is dropped first.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -38,14 +39,15 @@ class Memory:
 
     Args:
         bus: For fetching frames and models.
-        observe: Converts a frame to an observation.
+        observe: Converts a frame to an observation, prepared for requests with the settings.
     """
 
-    def __init__(self, bus: Bus, observe: Callable[[SubjectFrame], Any]) -> None:
+    def __init__(self, bus: Bus, observe: Callable[[SubjectFrame, RefineSettings], Any]) -> None:
         self._bus = bus
         self._observe = observe
         self._runs: dict[str, RunMemory] = {}
         self._models: dict[str, BodyModel] = {}  # by hash
+        self._busy: set[tuple[str, int] | str] = set()  # frames and models that a thread gets
         self._changed = threading.Condition()
 
     def __len__(self) -> int:
@@ -68,32 +70,30 @@ class Memory:
 
         Raises ProtocolError for an invalid frame, BusError if it is not found.
         """
-        run, number = request.run, request.frame
-        with self._changed:
-            memory = self._of(run)
-            memory.settings = request.particles.settings
-            if number in memory.observations:
-                return put_recent(memory.observations, number, memory.observations[number], FRAMES_KEPT)
-            frames = memory.frames  # numbers ascend, so an older one does not come any more
-            self._changed.wait_for(lambda: number <= max(frames, default=-1), FRAME_DELAY_S)
-            payload = memory.frames.get(number)
-        if payload is None:
-            payload = self._fetch(keys.of_run(run, f"frame/{number}"), f"frame {number} of run {run}")
-        return self._put_observed(memory, number, payload)
+        run, number, settings = request.run, request.frame, request.particles.settings
+        with self._by_one_thread((run, number)):
+            with self._changed:
+                memory = self._of(run)
+                memory.settings = settings
+                if number in memory.observations:
+                    return put_recent(memory.observations, number, memory.observations[number], FRAMES_KEPT)
+                frames = memory.frames  # numbers ascend, so an older one does not come any more
+                self._changed.wait_for(lambda: number <= max(frames, default=-1), FRAME_DELAY_S)
+                payload = memory.frames.get(number)
+            if payload is None:
+                payload = self._fetch(keys.of_run(run, f"frame/{number}"), f"frame {number} of run {run}")
+            return self._put_observed(memory, number, payload, settings)
 
-    def observe_ahead(self, run: str) -> tuple[Any, RefineSettings] | None:
-        """The observation of a run's newest frame, and the settings of its probable request.
-
-        None if it was observed before, or the run has not requested anything yet.
-        """
+    def observe_ahead(self, run: str) -> None:
+        """Observe a run's newest frame, for the settings of its probable request, if there was one before."""
         with self._changed:
             memory = self._runs.get(run)
             if memory is None or memory.settings is None or not memory.frames:
-                return None
+                return
             number, payload = list(memory.frames.items())[-1]
-            if number in memory.observations:
-                return None
-        return self._put_observed(memory, number, payload), memory.settings
+        with self._by_one_thread((run, number)):
+            if number not in memory.observations:
+                self._put_observed(memory, number, payload, memory.settings)
 
     def model(self, request: RefineRequest) -> BodyModel:
         """A request's model.
@@ -101,22 +101,36 @@ class Memory:
         Raises ProtocolError if it is invalid or does not fit the poses, BusError if it is not found.
         """
         wanted = request.model
-        model = self._models.get(wanted)
-        if model is None:
-            name = f"model {wanted[:12]} of run {request.run}"
-            model = decode_model(self._fetch(keys.of_run(request.run, f"model/{wanted}"), name))
-            if model.hash != wanted:
-                raise ProtocolError(f"asked for model {wanted} and got {model.hash}")
-        with self._changed:
-            put_recent(self._models, wanted, model, 4 * MODELS_KEPT)  # of several runs
+        with self._by_one_thread(wanted):
+            model = self._models.get(wanted)
+            if model is None:
+                name = f"model {wanted[:12]} of run {request.run}"
+                model = decode_model(self._fetch(keys.of_run(request.run, f"model/{wanted}"), name))
+                if model.hash != wanted:
+                    raise ProtocolError(f"asked for model {wanted} and got {model.hash}")
+            with self._changed:
+                put_recent(self._models, wanted, model, 4 * MODELS_KEPT)  # of several runs
         if request.particles.poses.shape[1] != len(model.dof_names):
             raise ProtocolError(
                 f"poses of {request.particles.poses.shape[1]} values for a model of {len(model.dof_names)}"
             )
         return model
 
-    def _put_observed(self, memory: RunMemory, number: int, payload: bytes) -> Any:
-        observation = self._observe(decode_frame(payload))
+    @contextmanager
+    def _by_one_thread(self, what: tuple[str, int] | str) -> Iterator[None]:
+        """Get a frame or model while other threads wait for it, so that it is not done twice."""
+        try:
+            with self._changed:
+                self._changed.wait_for(lambda: what not in self._busy)
+                self._busy.add(what)
+            yield
+        finally:
+            with self._changed:
+                self._busy.discard(what)
+                self._changed.notify_all()
+
+    def _put_observed(self, memory: RunMemory, number: int, payload: bytes, settings: RefineSettings) -> Any:
+        observation = self._observe(decode_frame(payload), settings)
         with self._changed:
             return put_recent(memory.observations, number, observation, FRAMES_KEPT)
 

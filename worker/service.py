@@ -50,7 +50,7 @@ class Kernel:
     observe: Callable[[SubjectFrame], Any]
     refine: Refine
     lanes: int = 1  # particles refined in parallel
-    prepare: Callable[[Any, RefineSettings], None] | None = None  # for a later request
+    prepare: Callable[[Any, RefineSettings], None] | None = None  # for requests
     spare: Refine | None = None  # for spare requests, on other threads, one per lane; None: `refine`
 
 
@@ -68,7 +68,7 @@ class Service:
         self._bus = bus
         self._name = name
         self._kernel = kernel
-        self._memory = Memory(bus, kernel.observe)
+        self._memory = Memory(bus, self._observe)
         self._tasks: Queue[Task] = Queue()
         self._spare_tasks: Queue[Task] = Queue()
         self._asks_at = time.monotonic() + SILENCE_S
@@ -98,7 +98,7 @@ class Service:
     def _serve_spare(self) -> None:
         """Serve spare requests until `run` ends."""
         if sys.platform == "linux":  # elsewhere, a priority is that of the process
-            # a tenth of a core if others want all of it
+            # a tenth of each core if others want all of it
             os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), 10)
         while not self._stopped:
             with suppress(Empty):
@@ -159,9 +159,13 @@ class Service:
 
     def _observe_ahead(self, run: str) -> None:
         with suppress(Exception):  # as above
-            ahead = self._memory.observe_ahead(run)
-            if ahead is not None and self._kernel.prepare is not None:
-                self._kernel.prepare(*ahead)
+            self._memory.observe_ahead(run)
+
+    def _observe(self, subject: SubjectFrame, settings: RefineSettings) -> Any:
+        observation = self._kernel.observe(subject)
+        if self._kernel.prepare is not None:
+            self._kernel.prepare(observation, settings)
+        return observation
 
     def _notice_run(self, key: str, alive: bool) -> None:
         """Drop a run and its requests when its coordinator has left; called on a thread of the bus."""

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
+from itertools import count
 from typing import Any, cast
 
 import pytest
@@ -37,7 +40,7 @@ from worker.service import Kernel, Service
 
 def test_memory_is_bounded_and_freed() -> None:
     """However many frames and runs there are, few are kept; a run that is over leaves nothing."""
-    memory = Memory(cast("Bus", None), lambda subject: subject.frame.number)
+    memory = Memory(cast("Bus", None), lambda subject, _: subject.frame.number)
     for run in range(100):
         for number in range(10):
             memory.put_frame(str(run), number, encode_frame(frame(number)))
@@ -47,7 +50,24 @@ def test_memory_is_bounded_and_freed() -> None:
     assert 0 < len(kept.frames) < 10
     assert kept.observations == {9: 9}
     memory.forget("99")
-    assert memory.observe_ahead("99") is None
+    memory.observe_ahead("99")
+    assert "99" not in memory._runs
+
+
+def test_threads_that_wait_for_one_that_fails_go_on() -> None:
+    """The next one observes the frame, once for all the others."""
+    tries = count()
+
+    def fail_at_first(*_: object) -> int:
+        time.sleep(0.1)  # the others come
+        return 1 // next(tries)
+
+    memory = Memory(cast("Bus", None), fail_at_first)
+    memory.put_frame(REQUEST.run, REQUEST.frame, encode_frame(frame(REQUEST.frame)))
+    with ThreadPoolExecutor(4) as threads:
+        asked = [threads.submit(memory.observation, REQUEST) for _ in range(4)]
+    assert sum(isinstance(each.exception(), ZeroDivisionError) for each in asked) == 1
+    assert next(tries) == 2
 
 
 @contextmanager

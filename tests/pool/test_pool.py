@@ -149,6 +149,28 @@ def test_a_frame_that_comes_again_is_not_sent_again(endpoint: str) -> None:
             assert as_bytes(refiner.submit(coming, MODEL, POSES, SETTINGS).result()) == expected(99)
 
 
+def test_the_lanes_of_a_worker_get_the_frame_and_body_of_a_search_once(endpoint: str) -> None:
+    """Although its first requests come together, one for each."""
+    observed, fetched = SimpleQueue[int](), SimpleQueue[str]()
+
+    def slowly(subject: SubjectFrame) -> Any:
+        time.sleep(0.1)
+        return telling(observed)(subject)
+
+    with (
+        pool(endpoint) as refiner,
+        serving(endpoint, "w", Kernel(slowly, refine, 4), lambda bus: WatchedBus(bus, iter(()), fetched)),
+    ):
+        refiner.wait_for(1)
+        subject = frame(1)
+        pending = [refiner.submit(subject, MODEL, POSES, SETTINGS, spare=True) for _ in range(4)]
+        assert all(as_bytes(each.result()) == expected(1) for each in pending)
+    assert "model" in fetched.get()
+    assert fetched.empty()
+    assert observed.get() == 1
+    assert observed.empty()
+
+
 def test_a_frame_sent_ahead_that_makes_no_sense_harms_its_own_turn_alone(endpoint: str) -> None:
     """The worker reports the fault to a request for it, and serves the frames before and after."""
     coming, tried = frame(2), SimpleQueue[int]()

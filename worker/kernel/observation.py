@@ -16,6 +16,7 @@ from common.arrays import Array, Indices, Mask
 from common.camera import Intrinsics
 from common.compiling import numba
 from common.frame import EMPTY, SubjectFrame
+from common.recent import FRAMES_KEPT
 from common.settings import RefineSettings
 from worker.kernel.neighbourhoods import boxes_of, neighbourhoods
 
@@ -120,7 +121,7 @@ def pack_views(observation: Observation, settings: RefineSettings) -> PackedView
     return join_views(observation, settings.noise_lateral / settings.noise_depth)
 
 
-@lru_cache(maxsize=2)
+@lru_cache(FRAMES_KEPT)
 def join_views(observation: Observation, ratio: float) -> PackedViews:
     """Pack the observations of all cameras with depth multiplied by a ratio."""
     views = [stretch(each, ratio) for each in observation.views]
