@@ -70,19 +70,10 @@ class Memory:
 
         Raises ProtocolError for an invalid frame, BusError if it is not found.
         """
-        run, number, settings = request.run, request.frame, request.particles.settings
-        with self._by_one_thread((run, number)):
-            with self._changed:
-                memory = self._of(run)
-                memory.settings = settings
-                if number in memory.observations:
-                    return put_recent(memory.observations, number, memory.observations[number], FRAMES_KEPT)
-                frames = memory.frames  # numbers ascend, so an older one does not come any more
-                self._changed.wait_for(lambda: number <= max(frames, default=-1), FRAME_DELAY_S)
-                payload = memory.frames.get(number)
-            if payload is None:
-                payload = self._fetch(keys.of_run(run, f"frame/{number}"), f"frame {number} of run {run}")
-            return self._put_observed(memory, number, payload, settings)
+        with self._changed:
+            memory = self._of(request.run)
+            memory.settings = request.particles.settings
+        return self._observed(memory, request.run, request.frame, request.particles.settings)
 
     def observe_ahead(self, run: str) -> None:
         """Observe a run's newest frame, for the settings of its probable request, if there was one before."""
@@ -90,10 +81,8 @@ class Memory:
             memory = self._runs.get(run)
             if memory is None or memory.settings is None or not memory.frames:
                 return
-            number, payload = list(memory.frames.items())[-1]
-        with self._by_one_thread((run, number)):
-            if number not in memory.observations:
-                self._put_observed(memory, number, payload, memory.settings)
+            number = list(memory.frames)[-1]
+        self._observed(memory, run, number, memory.settings)
 
     def model(self, request: RefineRequest) -> BodyModel:
         """A request's model.
@@ -110,10 +99,9 @@ class Memory:
                     raise ProtocolError(f"asked for model {wanted} and got {model.hash}")
             with self._changed:
                 put_recent(self._models, wanted, model, 4 * MODELS_KEPT)  # of several runs
-        if request.particles.poses.shape[1] != len(model.dof_names):
-            raise ProtocolError(
-                f"poses of {request.particles.poses.shape[1]} values for a model of {len(model.dof_names)}"
-            )
+        values = request.particles.poses.shape[1]
+        if values != len(model.dof_names):
+            raise ProtocolError(f"poses of {values} values for a model of {len(model.dof_names)}")
         return model
 
     @contextmanager
@@ -129,10 +117,19 @@ class Memory:
                 self._busy.discard(what)
                 self._changed.notify_all()
 
-    def _put_observed(self, memory: RunMemory, number: int, payload: bytes, settings: RefineSettings) -> Any:
-        observation = self._observe(decode_frame(payload), settings)
-        with self._changed:
-            return put_recent(memory.observations, number, observation, FRAMES_KEPT)
+    def _observed(self, memory: RunMemory, run: str, number: int, settings: RefineSettings) -> Any:
+        with self._by_one_thread((run, number)):
+            with self._changed:
+                if number in memory.observations:
+                    return put_recent(memory.observations, number, memory.observations[number], FRAMES_KEPT)
+                frames = memory.frames  # numbers ascend, so an older one does not come any more
+                self._changed.wait_for(lambda: number <= max(frames, default=-1), FRAME_DELAY_S)
+                payload = frames.get(number)
+            if payload is None:
+                payload = self._fetch(keys.of_run(run, f"frame/{number}"), f"frame {number} of run {run}")
+            observation = self._observe(decode_frame(payload), settings)
+            with self._changed:
+                return put_recent(memory.observations, number, observation, FRAMES_KEPT)
 
     def _of(self, run: str) -> RunMemory:
         return put_recent(self._runs, run, self._runs.get(run) or RunMemory(), 16)
