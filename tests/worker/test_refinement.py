@@ -114,6 +114,7 @@ def test_what_nothing_determines_stays() -> None:
 def test_nothing_compiles_in_mid_run() -> None:
     """After the first particle no kernel is compiled for other bodies, frames, batches or settings."""
     icp.refine(puppet(), observe(subject()), Particles(starts(1), PAPER))
+    retract(puppet(), starts(1), starts(1))
     pose = np.zeros((2, len(person().dof_names)))
     gc.unfreeze()  # a worker in this process would have hidden them
     kernels = [
