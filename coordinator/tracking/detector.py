@@ -42,7 +42,7 @@ SURVIVORS, FINALISTS = 16, 4  # distinct candidates after the first stage, and a
 FIRST_ITERATIONS, ITERATIONS, LAST_ITERATIONS = 3, 12, 6  # of the first stage, the next ones, and the last
 FEW_POINTS = 1_000  # on which candidates are refined
 VERTEX_SHARE = 0.009  # of stature: rms distance of a surface from the nearest vertex, 0.008 to 0.010
-REQUEST_ITERATIONS = 150  # of ICP in one request: about 10 ms
+REQUEST_ITERATIONS = 150  # of ICP in one request: about 10 ms on one lane
 
 
 Search = Generator[Stage, None, Detection]
@@ -100,11 +100,12 @@ class Detector:
     ) -> Search:
         """Detect an unknown body that explains all points of a frame."""
         rolls, few = upright_rolls(planes, self._rolls), thin(subject, FEW_POINTS)
-        points = camera_points(subject)
-        proposed = yield from self._propose(few, points, settings, self._sizes, rolls)
+        matched = self._match(subject, self._sizes, rolls)
+        proposed = yield from self._propose(few, matched, settings, self._sizes)
         size, found = yield from self._select(subject, few, proposed, settings, self._sizes)
         if len(subject.views) > 1 and len(self._sizes) > 1:  # few of the candidates had this size
-            proposed = yield from self._propose(few, points, settings, [size], rolls, found[0])
+            matched = self._match(subject, [size], rolls, found[0])
+            proposed = yield from self._propose(few, matched, settings, [size])
             _, found = yield from self._select(subject, few, proposed, settings, [size])
         model = self._bodies.for_start(*size)
         start = start_at(pose_by_name(model, found[0]), self._bodies, size, noise)
@@ -113,8 +114,8 @@ class Detector:
         gate = gate_pose(candidates.log_likelihood[0], candidates.residual[0], settings)
         if self._bodies.people:
             gate = gate.against(reject_points(subject, size[0]))
-            points, between = observed_points(subject, FEW_POINTS), VERTEX_SHARE * size[0]
-            gate = gate.against(reject_planes(points, candidates.residual[0], between))
+            some, between = observed_points(subject, FEW_POINTS), VERTEX_SHARE * size[0]
+            gate = gate.against(reject_planes(some, candidates.residual[0], between))
             gate = gate.against(reject_parts(start.model, candidates.poses[0], subject, size[0]))
             if planes.has_floor:
                 joints, names = subject.frame.to_camera(candidates.joints[0]), start.model.joint_names
@@ -142,8 +143,8 @@ class Detector:
         values = {**start.values, **pose_by_name(start.model, last)}
         model = self._bodies.for_start(*size)
         known = np.array([values.get(name, 0.0) for name in model.dof_names])
-        few, points = thin(subject, FEW_POINTS), camera_points(subject)
-        proposed = yield from self._propose(few, points, settings, [size], rolls, known)
+        few, matched = thin(subject, FEW_POINTS), self._match(subject, [size], rolls, known)
+        proposed = yield from self._propose(few, matched, settings, [size])
         _, found = yield from self._select(subject, few, proposed, settings, [size])
         settled = iterations(rules, LAST_ITERATIONS)
         candidates = yield from self._refine_tracked(subject, start, found, settled)
@@ -182,20 +183,13 @@ class Detector:
     def _propose(
         self,
         few: SubjectFrame,
-        points: Array,
+        matched: Iterable[tuple[Array, Indices]],
         settings: RefineSettings,
         sizes: Sequence[tuple[float, float]],
-        rolls: Sequence[float],
-        last: Array | None = None,
     ) -> Generator[Stage, None, Candidates]:
-        """The best distinct candidates of these sizes after the first stage.
-
-        They are similar to all points (P, 3) and refined on a few. Most have the first of the orientations.
-        Some have the last pose `last` (D,), moved and rotated.
-        """
+        """The best distinct candidates of these sizes after the first stage, on a few points."""
         names = self._bodies.for_start(*sizes[0]).joint_names
         models = [self._coarse(*size) for size in sizes]
-        matched = self._match(points, few.frame.T_rig_camera, sizes, rolls, last)
         first = iterations(settings, FIRST_ITERATIONS)
         found = yield from self._refine_candidates(few, models, matched, first)
         return found.distinct(names, SURVIVORS)
@@ -247,16 +241,17 @@ class Detector:
 
     def _match(
         self,
-        points: Array,
-        placed: Array,
+        subject: SubjectFrame,
         sizes: Sequence[tuple[float, float]],
         rolls: Sequence[float],
-        last: Array | None,
+        last: Array | None = None,
     ) -> Iterator[tuple[Array, Indices]]:
         """Candidates (N, D) and their sizes (N,): those of the first orientation, then all others.
 
-        They are similar to points (P, 3), or `last` (D,) is moved to these; `placed` is T_rig_camera.
+        They are poses of the library that are similar to the observed points, and the last pose `last` (D,),
+        moved and rotated.
         """
+        points, placed = camera_points(subject), subject.frame.T_rig_camera
         scales = [stature / self._usual[0] if self._bodies.people else 1.0 for stature, _ in sizes]
         yield self._library.match(points, scales, rolls[0], CANDIDATES, placed)
         others = [self._library.match(points, scales, roll, TURNED, placed) for roll in rolls[1:]]
