@@ -178,9 +178,8 @@ class Tracker(FrameLoop):
     def follow(self, frames: Iterable[DepthFrame]) -> Iterator[Estimate]:
         """Track the frames of a source: the estimates of `track`, but faster with workers.
 
-        Each estimate is yielded while the workers refine the next frame. Live input: at once;
-        the newest frame is next, and each new stream starts tracking again.
-        Raises the errors of `track`.
+        Each estimate is yielded while the workers refine the next frame. Live input: at once; the
+        newest frame is next, and each new stream starts tracking again. Raises the errors of `track`.
         """
         for (estimate,) in self._follow(frames):
             yield estimate

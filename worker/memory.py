@@ -107,10 +107,10 @@ class Memory:
     @contextmanager
     def _by_one_thread(self, what: tuple[str, int] | str) -> Iterator[None]:
         """Get a frame or model while other threads wait for it, so that it is not done twice."""
+        with self._changed:
+            self._changed.wait_for(lambda: what not in self._busy)
+            self._busy.add(what)
         try:
-            with self._changed:
-                self._changed.wait_for(lambda: what not in self._busy)
-                self._busy.add(what)
             yield
         finally:
             with self._changed:

@@ -1,10 +1,10 @@
 """Assigns particles to workers: a state machine from events to requests, without clock and socket.
 
-The particles are split into one batch per worker, in proportion to the lanes, of which a spare one uses one.
-A batch whose request ends without a result is sent to another worker. If no batch is waiting, a late request
-is sent again, once, to an idle worker. The first result of a batch is used, later ones are ignored. A worker
-that gives neither a result nor a refusal gets no requests for a while. If all workers refuse a batch, the
-refinement fails.
+The particles are split into one batch per worker, in proportion to the lanes. A spare batch is refined on one
+lane. A batch whose request ends without a result is sent to another worker. If no batch is waiting, a late
+request is sent again, once, to an idle worker. The first result of a batch is used, later ones are ignored. A
+worker that gives neither a result nor a refusal gets no requests for a while. If all workers refuse a batch,
+the refinement fails.
 
 A request stays in flight until it ends, even if its refinement is done, because the worker is still busy with
 it.
