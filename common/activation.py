@@ -67,6 +67,6 @@ def merge_weights(links: Indices, weights: Array) -> tuple[Indices, Array]:
     merged = np.zeros_like(weights)
     for k in range(links.shape[1]):
         first = np.argmax(links == links[:, k : k + 1], axis=1)
-        np.add.at(merged, (np.arange(len(links)), first), weights[:, k])
+        merged[np.arange(len(links)), first] += weights[:, k]
     order = np.argsort(-merged, axis=1, kind="stable")
     return np.take_along_axis(links, order, axis=1), np.take_along_axis(merged, order, axis=1)

@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from common.arrays import Array
+from common.arrays import Array, Mask
 
 NOT_MOVED = np.eye(4)  # T_rig_camera of a camera alone
 ROUNDED = 1e-3  # error of a rotation, or a unit vector, that is written with a few digits
@@ -62,6 +62,13 @@ def back_project(depth_m: NDArray[np.floating], camera: Intrinsics) -> Array:
     return np.stack(
         [(u - camera.cx) / camera.fx * depth_m, (v - camera.cy) / camera.fy * depth_m, depth_m], axis=-1
     )
+
+
+def points_of(depth_m: NDArray[np.floating], camera: Intrinsics, mask: Mask) -> Array:
+    """Camera-frame points (N, 3) of the pixels in a mask (H, W) of a depth image (H, W) in metres."""
+    v, u = np.nonzero(mask)
+    z = depth_m[v, u]
+    return np.stack([(u - camera.cx) / camera.fx * z, (v - camera.cy) / camera.fy * z, z], axis=-1)
 
 
 def level_from_camera(up: Array | None) -> Array:

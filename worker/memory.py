@@ -47,7 +47,7 @@ class Memory:
         self._observe = observe
         self._runs: dict[str, RunMemory] = {}
         self._models: dict[str, BodyModel] = {}  # by hash
-        self._busy: set[tuple[str, int] | str] = set()  # frames and models that a thread gets
+        self._busy: list[tuple[str, int] | str] = []  # frames and models that threads get
         self._changed = threading.Condition()
 
     def __len__(self) -> int:
@@ -73,7 +73,8 @@ class Memory:
         with self._changed:
             memory = self._of(request.run)
             memory.settings = request.particles.settings
-        return self._observed(memory, request.run, request.frame, request.particles.settings)
+        particles = request.particles
+        return self._observed(memory, request.run, request.frame, particles.settings, waits=particles.spare)
 
     def observe_ahead(self, run: str) -> None:
         """Observe a run's newest frame, for the settings of its probable request, if there was one before."""
@@ -82,7 +83,7 @@ class Memory:
             if memory is None or memory.settings is None or not memory.frames:
                 return
             number = list(memory.frames)[-1]
-        self._observed(memory, run, number, memory.settings)
+        self._observed(memory, run, number, memory.settings, waits=False)
 
     def model(self, request: RefineRequest) -> BodyModel:
         """A request's model.
@@ -90,7 +91,7 @@ class Memory:
         Raises ProtocolError if it is invalid or does not fit the poses, BusError if it is not found.
         """
         wanted = request.model
-        with self._by_one_thread(wanted):
+        with self._getting(wanted, waits=request.particles.spare):
             model = self._models.get(wanted)
             if model is None:
                 name = f"model {wanted[:12]} of run {request.run}"
@@ -105,20 +106,22 @@ class Memory:
         return model
 
     @contextmanager
-    def _by_one_thread(self, what: tuple[str, int] | str) -> Iterator[None]:
-        """Get a frame or model while other threads wait for it, so that it is not done twice."""
+    def _getting(self, what: tuple[str, int] | str, *, waits: bool) -> Iterator[None]:
+        """Get a frame or model. A thread of low priority waits for others, so that it is not done twice."""
         with self._changed:
-            self._changed.wait_for(lambda: what not in self._busy)
-            self._busy.add(what)
+            self._changed.wait_for(lambda: not waits or what not in self._busy)
+            self._busy.append(what)
         try:
             yield
         finally:
             with self._changed:
-                self._busy.discard(what)
+                self._busy.remove(what)
                 self._changed.notify_all()
 
-    def _observed(self, memory: RunMemory, run: str, number: int, settings: RefineSettings) -> Any:
-        with self._by_one_thread((run, number)):
+    def _observed(
+        self, memory: RunMemory, run: str, number: int, settings: RefineSettings, *, waits: bool
+    ) -> Any:
+        with self._getting((run, number), waits=waits):
             with self._changed:
                 if number in memory.observations:
                     return put_recent(memory.observations, number, memory.observations[number], FRAMES_KEPT)

@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 from functools import reduce
 
 import numpy as np
-from scipy.ndimage import binary_erosion, find_objects
+from scipy.ndimage import binary_erosion
 
 from common.arrays import Array, Mask
-from common.camera import Intrinsics, back_project, level_from_camera
+from common.camera import Intrinsics, points_of
 from coordinator.scene.flatness import FLAT_SHARE, LEAST_PART_M2, SAMPLED, Flat, find_flat
 from coordinator.scene.planes import extents
 from coordinator.scene.scene import FOREGROUND, PERSON_LENGTH_M, SceneView
@@ -26,8 +26,8 @@ from coordinator.scene.segmentation import (
     NEAR_M,
     REACH_M,
     STEP_M,
-    component_areas,
     label_parts,
+    measure_components,
 )
 
 PERSON_AREA_M2 = LEAST_AREA_M2, 1.6  # least and most visible area of a person
@@ -52,6 +52,13 @@ class Part:
     def height(self) -> float:
         """The vertical range, metres."""
         return self.heights[1] - self.heights[0]
+
+    @property
+    def pixel(self) -> Array:
+        """Mean row and column (2,) of its pixels in the frame."""
+        rows, columns = self.window
+        middle: Array = np.argwhere(self.mask).mean(axis=0) + np.array([rows.start, columns.start])
+        return middle
 
     def mark(self, mask: Mask) -> None:
         """Set the pixels of the part in a mask of the whole frame."""
@@ -98,12 +105,13 @@ def find_parts(view: SceneView, free: Mask, step: float, least_m2: float) -> lis
     visible area than the least, square metres, and those larger than a person are left out.
     """
     labels = label_parts(view.depth, free, step, view.growth, view.camera.fx)
-    areas, windows = component_areas(labels, view.depth, view.camera), find_objects(labels)
-    fits = (areas[1:] >= least_m2) & (areas[1:] <= PERSON_AREA_M2[1])
+    areas, windows = measure_components(labels, view.depth, view.camera.fx, view.camera.fy)
     found = list[Part]()
-    for n in np.flatnonzero(fits).tolist():
-        part = part_of(view, labels[windows[n]] == n + 1, windows[n])
-        found += cut(view, part) if areas[n + 1] >= PERSON_AREA_M2[0] else [part]
+    for label in np.flatnonzero((areas >= least_m2) & (areas <= PERSON_AREA_M2[1])).tolist():
+        left, top, right, bottom = windows[label].tolist()
+        window = slice(top, bottom), slice(left, right)
+        part = part_of(view, labels[window] == label, window)
+        found += cut(view, part) if areas[label] >= PERSON_AREA_M2[0] else [part]
     return found
 
 
@@ -115,8 +123,8 @@ def judge_parts(view: SceneView, parts: Sequence[Part]) -> list[Candidate]:
 
 def part_of(view: SceneView, mask: Mask, window: tuple[slice, slice]) -> Part:
     """The component with these pixels (H, W) of a window."""
-    points = back_project(view.depth[window], camera_of(view, window))[mask]
-    level = points @ level_from_camera(view.planes.up).T
+    points = points_of(view.depth[window], camera_of(view, window), mask)
+    level = points @ view.planes.level.T
     heights = float(level[:, 1].min()), float(level[:, 1].max())
     return Part(window, mask, points, np.median(level, axis=0), heights)
 
@@ -145,8 +153,9 @@ def cut(view: SceneView, part: Part) -> list[Part]:
     if flat.patches.max() >= LEAST_AREA_M2:
         others = part.mask & ~flat.grow(flat.patches >= LEAST_PART_M2)
         labels = label_parts(depth, others, STEP_M, view.growth, view.camera.fx)
-        large = component_areas(labels, depth, view.camera) >= LEAST_AREA_M2
-        rests = [part_of(view, labels == label, part.window) for label in np.flatnonzero(large).tolist()]
+        areas, _ = measure_components(labels, depth, view.camera.fx, view.camera.fy)
+        large = np.flatnonzero(areas >= LEAST_AREA_M2).tolist()
+        rests = [part_of(view, labels == label, part.window) for label in large]
     if max((rest.height for rest in rests), default=0.0) >= min(1.0, part.height):
         return [one for rest in rests for one in cut(view, rest)]
     others = part.mask & ~flat.grow(find_seat(view, part, flat))
@@ -158,13 +167,13 @@ def cut(view: SceneView, part: Part) -> list[Part]:
 
 
 def find_seat(view: SceneView, part: Part, flat: Flat) -> Mask:
-    """The flat patches (H, W) of a component that reach down to the floor and are wider than a shin."""
+    """The flat patches (H, W) of a component that reach down to the floor and are wider than a leg."""
     patches, floor = flat.patches >= LEAST_PART_M2, view.planes.above(part.points) < CELL_M
     if not view.planes.has_floor or not floor.any():
         return np.zeros_like(patches)
     labels = label_parts(view.depth[part.window], patches, STEP_M, view.growth, view.camera.fx)
     low = labels[part.mask][floor]
-    wide = labels[binary_erosion(patches, np.ones((flat.size, flat.size)))]
+    wide = labels[binary_erosion(patches, np.ones((2 * flat.size, 2 * flat.size)))]
     seat: Mask = patches & np.isin(labels, np.intersect1d(low, wide))
     return seat
 
@@ -175,7 +184,7 @@ def join_parts(view: SceneView, person: Candidate, parts: Sequence[Part]) -> Can
     A head, a trunk and legs are such parts if a shoulder or a forearm hides where they are connected. Parts
     that may be two people are not joined.
     """
-    own, mask, joined = person.part, person.mask.copy(), [person.points]
+    own, mask, joined = person.part, person.mask.copy(), [person.part]
     low, high = own.heights
     for part in parts:
         (bottom, top), across = part.heights, own.middle - part.middle
@@ -183,22 +192,26 @@ def join_parts(view: SceneView, person: Candidate, parts: Sequence[Part]) -> Can
         far = np.linalg.norm(across[[0, 2]]) >= SAME_SPOT_M or highest - lowest >= PERSON_LENGTH_M[1]
         if far or (mask[part.window] & part.mask).any():
             continue
-        whole = mask.copy()
-        part.mark(whole)
         smaller, larger = sorted((own.height, part.height))
         shared = min(high, top) - max(low, bottom)
         adjoins = -NEAR_M < shared < 0.5 * smaller and (smaller < PERSON_LENGTH_M[0] or larger < 1.0)
-        if adjoins or is_behind(view, mask, whole & ~mask):
-            mask, joined, low, high = whole, [*joined, part.points], lowest, highest
-    return replace(person, mask=mask, points=np.concatenate(joined))
+        if adjoins or is_behind(view, joined, part):
+            part.mark(mask)
+            joined, low, high = [*joined, part], lowest, highest
+    return replace(person, mask=mask, points=np.concatenate([each.points for each in joined]))
 
 
-def is_behind(view: SceneView, mask: Mask, other: Mask) -> bool:
-    """Whether something nearer is between the pixels (H, W) of two parts of the foreground."""
-    start, end = (np.argwhere(each).mean(axis=0) for each in (mask, other))
-    rows, columns = np.linspace(start, end, 64).round().astype(int).T
-    between = view.depth[rows, columns][~(mask | other)[rows, columns]]
-    nearest = min(float(np.percentile(view.depth[each], 5.0)) for each in (mask, other))
+def is_behind(view: SceneView, joined: Sequence[Part], part: Part) -> bool:
+    """Whether something nearer is between the joined parts of a person and another part."""
+    weights = [len(each.points) for each in joined]
+    start = np.average([each.pixel for each in joined], axis=0, weights=weights)
+    rows, columns = np.linspace(start, part.pixel, 64).round().astype(int).T
+    mask = np.zeros(view.depth.shape, dtype=np.bool_)
+    for each in (*joined, part):
+        each.mark(mask)
+    between = view.depth[rows, columns][~mask[rows, columns]]
+    own = np.concatenate([each.points[:, 2] for each in joined])
+    nearest = min(float(np.percentile(each, 5.0)) for each in (own, part.points[:, 2]))
     return bool(np.any((between > 0.0) & (between < nearest)))
 
 
@@ -210,7 +223,7 @@ def judge(view: SceneView, part: Part) -> Candidate | None:
     points, mask = part.points, np.zeros(view.depth.shape, dtype=np.bool_)
     part.mark(mask)
     some = points[:: 1 + len(points) // SAMPLED]
-    across, height, away = extents(some @ level_from_camera(view.planes.up).T).tolist()
+    across, height, away = extents(some @ view.planes.level.T).tolist()
     if not PERSON_LENGTH_M[0] <= max(across, height, away) <= PERSON_LENGTH_M[1]:
         return None
     x, y, z = points.mean(axis=0)

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, uniform_filter
 
 from common.arrays import Array, Mask
-from common.camera import Intrinsics, back_project
-from coordinator.scene.planes import count_points, draw_planes, lie_on, refit, to_rays
-from coordinator.scene.segmentation import STEP_M, component_areas, label_parts
+from common.camera import Intrinsics, points_of
+from coordinator.scene.planes import count_points, draw_planes, lie_on, refine_best, to_rays
+from coordinator.scene.segmentation import STEP_M, label_parts, measure_components
 
 FLAT_SHARE = 0.5  # of points in one plane, above which an object is flat and not a person
 LEAST_PART_M2 = 0.008  # visible area of the smallest part of a person or of furniture
@@ -47,7 +47,7 @@ def find_flat(depth: NDArray[np.floating], mask: Mask, camera: Intrinsics, growt
     plane can be distinguished from a chest or a back.
     """
     size = max(1, int(np.sqrt(LEAST_PART_M2) * camera.fx / np.median(depth[mask])))
-    points = back_project(depth, camera)[mask]
+    points = points_of(depth, camera, mask)
     rays = to_rays(points, growth)
     weight, image = uniform_filter(mask.astype(np.float64), size)[mask], np.zeros(mask.shape)
     averaged = rays.copy()
@@ -56,10 +56,12 @@ def find_flat(depth: NDArray[np.floating], mask: Mask, camera: Intrinsics, growt
         averaged[:, n] = uniform_filter(image, size)[mask] / weight
     averaged[:, 3] /= size * np.sqrt(weight)
     some = averaged[:: 1 + len(averaged) // SAMPLED].copy()
-    planes = draw_planes(some)
+    drawn = draw_planes(some, SAMPLED // 2)
+    planes = refine_best(drawn, count_points(drawn, some)[:, 0], some)
     near = count_points(planes, some)[:, 0]
-    plane = refit(planes[[near.argmax()]], some)[0]
+    plane = planes[near.argmax()]
     flat, on = np.zeros_like(mask), np.zeros_like(mask)
     flat[mask], on[mask] = lie_on(plane, averaged), lie_on(plane, rays)
     labels = label_parts(depth, flat, STEP_M, growth, camera.fx)
-    return Flat(flat, float(near.max()) / len(some), on, size, component_areas(labels, depth, camera)[labels])
+    areas, _ = measure_components(labels, depth, camera.fx, camera.fy)
+    return Flat(flat, float(near.max()) / len(some), on, size, areas[labels])

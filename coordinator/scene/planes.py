@@ -7,13 +7,14 @@ The inverse depth of a plane is linear in the image: 1 / z = a x/z + b y/z + c. 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from common.arrays import Array, Indices, Mask
-from common.camera import Intrinsics
+from common.camera import Intrinsics, level_from_camera
 from common.compiling import numba
 from coordinator.scene.noise import DEVIATIONS, sigma
 
@@ -29,7 +30,7 @@ LEAST_WALL = (0.7, 1.5)
 EXTREMES = (1.0, 99.0)  # percentiles of the points that define an extent
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Planes:
     """Planes as (P, 3) coefficients a, b, c of 1 / z = a x/z + b y/z + c; the floor is the first.
 
@@ -39,6 +40,11 @@ class Planes:
     coefficients: Array = field(default_factory=lambda: np.empty((0, 3)))
     has_floor: bool = False
     approximate_up: Array = field(default_factory=lambda: np.array([0.0, -1.0, 0.0]))
+
+    @cached_property
+    def level(self) -> Array:
+        """The rotation (3, 3) from the camera frame to that of the levelled camera: x right, y down."""
+        return level_from_camera(self.up)
 
     @property
     def up(self) -> Array:
@@ -85,11 +91,10 @@ def extents(points: Array) -> Array:
 
 def find_planes(rays: Array, approximate_up: Array) -> Planes:
     """Floor and walls among rays (N, 4), by RANSAC, given an approximate up direction (3,)."""
-    drawn, rest, found = draw_planes(rays), rays, list[Array]()
+    drawn, rest, found = draw_planes(rays, DRAWN_PLANES), rays, list[Array]()
     drawn = drawn[count_points(drawn, rays)[:, 2] <= MOST_BEYOND * len(rays)]
     while len(drawn):
-        likeliest = drawn[np.argsort(-support(drawn, rest), kind="stable")[:REFINED_PLANES]]
-        refined = refit(refit(likeliest, rest), rest)
+        refined = refine_best(drawn, support(drawn, rest), rest)
         score = support(refined, rest)
         score[count_points(refined, rays)[:, 2] > MOST_BEYOND * len(rays)] = 0
         if score.max() < LEAST_POINTS:
@@ -118,14 +123,20 @@ def level(plane: Array, up: Array) -> float:
     return float(-plane @ up / np.linalg.norm(plane))
 
 
-def draw_planes(rays: Array) -> Array:
-    """Coefficients (M, 3) of planes through three of the rays (N, 4) each, at small to large distances.
+def refine_best(planes: Array, scores: Indices, rays: Array) -> Array:
+    """Those of the planes (M, 3) with the largest scores (M,), fitted to the rays (N, 4) on each."""
+    best = planes[np.argsort(-scores, kind="stable")[:REFINED_PLANES]]
+    return refit(refit(best, rays), rays)
 
-    If only patches of a floor are visible, three random rays are rarely all on it.
+
+def draw_planes(rays: Array, count: int) -> Array:
+    """Coefficients (M, 3) of at most `count` planes through three of the rays (N, 4) each.
+
+    The rays are at small to large distances. If only patches of a floor are visible, three random rays are rarely all on it.
     """
     random, tree = np.random.default_rng(0), cKDTree(rays[:, :2])
-    first = rays[random.integers(len(rays), size=DRAWN_PLANES)]
-    apart = 0.5 * random.uniform(size=(DRAWN_PLANES, 1)) ** 2 * np.ptp(rays[:, :2], axis=0)
+    first = rays[random.integers(len(rays), size=count)]
+    apart = 0.5 * random.uniform(size=(count, 1)) ** 2 * np.ptp(rays[:, :2], axis=0)
     second, third = (
         rays[tree.query(first[:, :2] + apart * random.normal(size=apart.shape))[1], :3] - first[:, :3]
         for _ in range(2)

@@ -13,8 +13,8 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
-from common.arrays import Array, Mask
-from common.camera import Intrinsics, back_project
+from common.arrays import Array, Indices, Mask
+from common.camera import points_of
 from common.compiling import numba
 from common.frame import EMPTY, HIDDEN, SUBJECT, UNKNOWN, UNMEASURED
 from coordinator.scene.noise import margin_at
@@ -175,7 +175,7 @@ def label_pixels(
 
 def segment_mask(view: SceneView, mask: Mask, others: Mask | None = None) -> Segmentation:
     """Label the pixels for a person with known pixels (H, W), but without a posed body."""
-    points = back_project(view.depth, view.camera)[mask]
+    points = points_of(view.depth, view.camera, mask)
     behind = points * (1.0 + REACH_M / points[:, 2:])  # about the thickness of a person
     surface = np.concatenate([points, behind])
     found = segment_body(view, surface, measure_distances(view, surface), others)
@@ -294,8 +294,23 @@ def label_parts(depth: Depth, inside: Mask, step: float, growth: float, focal: f
     return labels
 
 
-def component_areas(labels: NDArray[np.int32], depth: NDArray[np.floating], camera: Intrinsics) -> Array:
-    """Visible areas (L + 1,), square metres, of components by their labels (H, W); that of 0 is 0."""
-    inside = labels > 0
-    areas = depth[inside] ** 2 / (camera.fx * camera.fy)
-    return np.bincount(labels[inside], areas, minlength=1).astype(np.float64)
+@numba.njit(cache=True, nogil=True)
+def measure_components(
+    labels: NDArray[np.int32], depth: Depth, fx: float, fy: float
+) -> tuple[Array, Indices]:
+    """Visible areas (L + 1,), square metres, and windows (L + 1, 4) of components by their labels (H, W).
+
+    The area of label 0 is 0. A window is left, top, right and bottom; fx and fy are in pixels.
+    """
+    count = labels.max() + 1
+    areas, windows = np.zeros(count), np.empty((count, 4), dtype=np.int64)
+    windows[:, :2], windows[:, 2:] = max(labels.shape), 0
+    for v in range(labels.shape[0]):
+        for u in range(labels.shape[1]):
+            label = labels[v, u]
+            if label > 0:
+                areas[label] += depth[v, u] * depth[v, u] / (fx * fy)
+                window = windows[label]
+                window[0], window[1] = min(window[0], u), min(window[1], v)
+                window[2], window[3] = max(window[2], u + 1), max(window[3], v + 1)
+    return areas, windows

@@ -90,23 +90,20 @@ def fit_two_planes(points: Array) -> float:
     fitted, and each point is given to the nearer plane.
     """
     centred, found = points - points.mean(axis=0), list[float]()
-    for axis in np.linalg.svd(centred, full_matrices=False)[2]:
-        first = centred @ axis > 0.0
-        for _ in range(8):
-            if first.all() or not first.any():
-                break
-            near, far = (distance_from_plane(centred, centred[part]) for part in (first, ~first))
-            found.append(float(np.minimum(near, far).mean()))
-            first = near <= far
-    return min(found, default=0.0)
-
-
-def distance_from_plane(points: Array, some: Array) -> Array:
-    """Distances (P,) of points (P, 3) from the plane that fits some points (N, 3) best."""
-    middle = some.mean(axis=0)
-    _, axes = np.linalg.eigh(np.cov(some, rowvar=False, bias=True))
-    distances: Array = np.abs((points - middle) @ axes[:, 0])
-    return distances
+    axes = np.linalg.svd(centred, full_matrices=False)[2]
+    products = (centred[:, :, None] * centred[:, None]).reshape(-1, 9)
+    first = axes @ centred.T > 0.0  # (A, P) for each of the axes
+    for _ in range(8):
+        parts = np.concatenate([first, ~first]).astype(np.float64)
+        counts = np.maximum(parts.sum(axis=1, keepdims=True), 1.0)
+        means = parts @ centred / counts
+        spreads = (parts @ products / counts).reshape(-1, 3, 3) - means[:, :, None] * means[:, None]
+        normals = np.linalg.eigh(spreads)[1][:, :, 0]
+        apart = np.abs(normals @ centred.T - np.sum(normals * means, axis=1, keepdims=True))
+        near, far = np.split(apart, 2)
+        found.append(float(np.minimum(near, far).mean(axis=1).min()))
+        first = near <= far
+    return min(found)
 
 
 def reject_parts(model: BodyModel, pose: Array, subject: SubjectFrame, stature: float) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 
 from common.arrays import Array, Mask
 from common.body import BodyModel
-from common.camera import back_project
+from common.camera import points_of
 from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import pose_vertices
 from coordinator.scene.candidates import candidates
@@ -225,5 +225,5 @@ def apart_m(one: Cut, other: Cut) -> float:
         left, top, right, bottom = window
         camera = view.intrinsics.crop(left, top, right - left, bottom - top)
         depth = depth_in(view, window, labels) / view.depth_scale
-        middles.append(view.to_rig(np.median(back_project(depth, camera)[depth > 0.0], axis=0)))
+        middles.append(view.to_rig(np.median(points_of(depth, camera, depth > 0.0), axis=0)))
     return float(np.linalg.norm(middles[0] - middles[1]))

@@ -15,7 +15,7 @@ import numpy as np
 
 from common.arrays import Array
 from common.body import BodyModel
-from common.camera import back_project
+from common.camera import points_of
 from common.frame import EMPTY, HIDDEN, SubjectFrame
 from common.kinematics import joint_positions
 
@@ -84,7 +84,7 @@ def measure_stature(model: BodyModel, pose: Array, straight_m: float, subject: S
     if raised:  # a raised hand may be mistaken for the head
         return None
     depth = subject.frame.metres().astype(np.float64)
-    points = back_project(depth, subject.frame.intrinsics)[depth > 0.0]
+    points = points_of(depth, subject.frame.intrinsics, depth > 0.0)
     for foot in (joints["left_ankle"], joints["right_ankle"]):
         between = float(np.linalg.norm(head - foot))
         if between > UPRIGHT_SHARE * straight_m:
