@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from functools import reduce
 
 import numpy as np
-from scipy.ndimage import binary_erosion
+from scipy.ndimage import minimum_filter
 
 from common.arrays import Array, Mask
 from common.camera import Intrinsics, points_of
@@ -173,7 +173,7 @@ def find_seat(view: SceneView, part: Part, flat: Flat) -> Mask:
         return np.zeros_like(patches)
     labels = label_parts(view.depth[part.window], patches, STEP_M, view.growth, view.camera.fx)
     low = labels[part.mask][floor]
-    wide = labels[binary_erosion(patches, np.ones((2 * flat.size, 2 * flat.size)))]
+    wide = labels[minimum_filter(patches, 2 * flat.size, mode="constant")]
     seat: Mask = patches & np.isin(labels, np.intersect1d(low, wide))
     return seat
 

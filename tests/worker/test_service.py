@@ -4,21 +4,30 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from common.errors import BusError
 from common.protocol import keys
+from common.protocol.frames import encode_frame
+from common.protocol.messages import RefineRequest
+from common.refinement import Particles
+from common.settings import RefineSettings
 from common.transport.opening import open_coordinator, open_router, open_worker
 from tests.support.processes.instant_worker import KERNEL
 from tests.support.processes.programs import INSTANT, started, wait_until
 from tests.support.processes.serving import expected, pool, refined_bytes, running, serving
 from worker.connection import Identity, check_alive
+from worker.memory import Memory
 from worker.service import Service, Task
+from worker.warm_up import tiny_frame
 
 
 @pytest.mark.slow
@@ -62,6 +71,33 @@ def test_a_worker_leaves_a_run_that_is_announced_and_does_not_answer(
         service = Service(own, "w", KERNEL)
         service.run()
         assert service.abandoned
+
+
+@pytest.mark.timeout(60)
+def test_a_request_does_not_wait_for_a_search_that_observes_the_same_frame(endpoint: str) -> None:
+    """The thread of a search has low priority, so it may take long; another search waits for it."""
+    begun, let, seen = threading.Event(), threading.Event(), list[str]()
+
+    def observe(*_: object) -> object:
+        seen.append(threading.current_thread().name)
+        if len(seen) == 1:
+            begun.set()
+            let.wait()
+        return object()
+
+    def asked(*, spare: bool) -> RefineRequest:
+        return RefineRequest("r", 0, "", Particles(np.zeros((1, 6)), RefineSettings(), spare=spare))
+
+    with open_coordinator([endpoint]) as bus, ThreadPoolExecutor(2, "search") as threads:
+        memory = Memory(bus, observe)
+        memory.put_frame("r", 0, encode_frame(tiny_frame()))
+        searches = [threads.submit(memory.observation, asked(spare=True))]
+        begun.wait()
+        searches.append(threads.submit(memory.observation, asked(spare=True)))
+        assert memory.observation(asked(spare=False)) is not None
+        let.set()
+        assert all(each.result() is not None for each in searches)
+    assert [name.partition("_")[0] for name in seen] == ["search", "MainThread"]
 
 
 @pytest.mark.timeout(60)
