@@ -196,10 +196,11 @@ def sum_moments(planes: Array, rays: Array, within: float) -> tuple[Array, Indic
     moments, counts = np.zeros((len(planes), 3, 4)), np.zeros(len(planes), dtype=np.int64)
     x = np.ones(3)
     for m in range(len(planes)):
+        a, b, c = planes[m]
         for n in range(len(rays)):
-            inverse, margin = rays[n, 2], rays[n, 3]
-            x[0], x[1] = rays[n, 0], rays[n, 1]
-            if abs(planes[m, 0] * x[0] + planes[m, 1] * x[1] + planes[m, 2] - inverse) < within * margin:
+            across, down, inverse, margin = rays[n]
+            if abs(a * across + b * down + c - inverse) < within * margin:
+                x[0], x[1] = across, down
                 counts[m] += 1
                 weight = 1.0 / (margin * margin)
                 for i in range(3):
