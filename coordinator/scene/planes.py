@@ -132,7 +132,8 @@ def refine_best(planes: Array, scores: Indices, rays: Array) -> Array:
 def draw_planes(rays: Array, count: int) -> Array:
     """Coefficients (M, 3) of at most `count` planes through three of the rays (N, 4) each.
 
-    The rays are at small to large distances. If only patches of a floor are visible, three random rays are rarely all on it.
+    The three are at small to large distances: if only patches of a floor are visible, three random rays
+    are rarely all on it.
     """
     random, tree = np.random.default_rng(0), cKDTree(rays[:, :2])
     first = rays[random.integers(len(rays), size=count)]
