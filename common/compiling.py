@@ -25,14 +25,6 @@ PACKAGES = ("common", "worker", "coordinator", "gepf")
 ROOT = Path(__file__).resolve().parents[1]
 IMPORT = re.compile(rf"^ *from ((?:{'|'.join(PACKAGES)})[\w.]*) import (\([^)]*\)|[^\n#]+)", re.MULTILINE)
 SETTING = "CACHE_LOCATOR_CLASSES"
-USUAL = (
-    "UserProvidedCacheLocator",
-    "InTreeCacheLocator",
-    "UserWideCacheLocator",
-    "IPythonCacheLocator",
-    "ZipCacheLocator",
-)
-"""Numba's own cache locators, for other packages."""
 
 
 def is_ours(file: Path) -> bool:
@@ -119,5 +111,6 @@ class Nowhere:
 
 
 ours = [f"{each.__module__}.{each.__name__}" for each in (InFolder, InTree, InHome, Nowhere)]
-theirs = getattr(numba.config, SETTING) or ",".join(USUAL)
+usual = caching.CacheImpl._locator_classes
+theirs = getattr(numba.config, SETTING) or ",".join(each.__name__ for each in usual)
 setattr(numba.config, SETTING, ",".join([*ours, theirs]))

@@ -132,7 +132,7 @@ class Run:
 
     def report(self, path: str | Path | None = None) -> Path:
         """Write the HTML report of the run to `path`, by default into its folder, and return the path."""
-        from coordinator.report import write_report
+        from coordinator.report.page import write_report
 
         page = Path(path) if path else self.folder / "report.html"
         write_report(self.folder, page)

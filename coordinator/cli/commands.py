@@ -7,7 +7,7 @@ import math
 import os
 import sys
 from collections.abc import Callable
-from dataclasses import MISSING, asdict, fields, is_dataclass
+from dataclasses import asdict, fields, is_dataclass
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
@@ -24,14 +24,11 @@ def grouped(command: Callable[..., None]) -> Callable[..., None]:
     Names of fields must differ within a command. Every option that is a quantity must be above zero.
     """
     kinds = get_type_hints(command, include_extras=True)
-    flat, groups = list[inspect.Parameter](), dict[str, Any]()
+    groups: dict[str, Any] = {name: kind for name, kind in kinds.items() if is_dataclass(kind)}
+    flat = list[inspect.Parameter]()
     for name, parameter in inspect.signature(command).parameters.items():
-        kind = kinds[name]
-        if is_dataclass(kind):
-            groups[name] = kind
-            flat += parameters_of(kind)
-        else:
-            flat.append(parameter.replace(kind=parameter.KEYWORD_ONLY, annotation=kind))
+        single = parameter.replace(kind=parameter.KEYWORD_ONLY, annotation=kinds[name])
+        flat += parameters_of(kinds[name]) if name in groups else [single]
 
     def run(**values: Any) -> None:
         for name, value in values.items():
@@ -51,17 +48,11 @@ def grouped(command: Callable[..., None]) -> Callable[..., None]:
 
 def parameters_of(kind: Any) -> list[inspect.Parameter]:
     """A parameter for each field of a dataclass."""
-    types, found = get_type_hints(kind, include_extras=True), list[inspect.Parameter]()
+    types = get_type_hints(kind, include_extras=True)
     for each in fields(kind):
-        default = inspect.Parameter.empty if each.default is MISSING else each.default
-        shown = each.metadata.get("typer")
-        annotation = types[each.name] if shown is None else Annotated[types[each.name], shown]
-        found.append(
-            inspect.Parameter(
-                each.name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation
-            )
-        )
-    return found
+        if "typer" in each.metadata:
+            types[each.name] = Annotated[types[each.name], each.metadata["typer"]]
+    return [one.replace(annotation=types[one.name]) for one in inspect.signature(kind).parameters.values()]
 
 
 if TYPE_CHECKING:

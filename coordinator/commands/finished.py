@@ -10,6 +10,7 @@ from common.errors import InputError
 from coordinator.commands.console import loading
 from coordinator.commands.options import PicturesOptions
 from coordinator.commands.progress import Show
+from coordinator.files import HYPOTHESES_FILE
 from coordinator.results.configuration import GIVEN, PATH, PEOPLE
 from coordinator.results.evaluation import Truth, read_truth
 from coordinator.results.summary import people_in, read_summary
@@ -44,11 +45,9 @@ def draw_pictures(
     track, body = read_track(out), read_tracked_body(out)
     with show.steps("drawing pictures") as advance:
         if source is None:
-            from coordinator.files import HYPOTHESES_FILE
             from coordinator.pictures.plots import draw_hypotheses
-            from coordinator.results.track import filled
 
-            draw_hypotheses(filled(track), body, None, out / HYPOTHESES_FILE)
+            draw_hypotheses(track, body, None, out / HYPOTHESES_FILE)
             return [out / HYPOTHESES_FILE]
         from coordinator.pictures.run import draw_run
 
@@ -82,6 +81,6 @@ def run_report(run: Path, out: Path | None, show: Show) -> None:
     if not people_in(run):
         read_track(run)
     with loading():
-        from coordinator.report import write_report
+        from coordinator.report.page import write_report
     write_report(run, page)
     show.say(f"the report is in {page}")

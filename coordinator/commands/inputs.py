@@ -10,7 +10,6 @@ from dataclasses import replace
 from functools import partial
 from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -46,12 +45,11 @@ from coordinator.sources.frame_recorder import FrameRecorder
 from coordinator.sources.joint_states import JointStates
 from coordinator.sources.live import LiveFrames, from_first_seen
 from coordinator.sources.live_stream import LiveCamera, colour_key, is_topic
+from coordinator.sources.ros2 import Node
+from coordinator.sources.ros2_input import DepthTopic, JointTopic
 from coordinator.sources.source import select_frames
 from coordinator.tracking.reporting import Tracked
 from coordinator.tracking.state import read_start
-
-if TYPE_CHECKING:  # it loads the types of ROS
-    from coordinator.sources.ros2 import Node
 
 Streams = Generator[Iterator[DepthFrame], None, None]
 
@@ -233,8 +231,6 @@ class LiveInput(Input):
 
     def _subscribe(self, node: Node) -> None:
         """Receive frames and joint states from ROS 2."""
-        from coordinator.sources.ros2_input import DepthTopic, JointTopic
-
         DepthTopic(node, self.keys, self.live)
         if isinstance(self.job.joint_states, JointTopic):
             self.job.joint_states.listen(node, self.bodies.dof_names, self._show.say)

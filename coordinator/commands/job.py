@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 
@@ -23,9 +23,7 @@ from coordinator.sources import camera as cameras
 from coordinator.sources.joint_states import JointStates, read_joint_states
 from coordinator.sources.live_stream import is_topic, live_key
 from coordinator.sources.rig import live_cameras
-
-if TYPE_CHECKING:  # it loads the types of ROS
-    from coordinator.sources.ros2_input import JointTopic
+from coordinator.sources.ros2_input import JointTopic
 
 T = TypeVar("T")
 
@@ -95,12 +93,8 @@ def choose_job(options: TrackOptions, camera: CameraOptions, security: SecurityO
         keys = [each.key for each in live_cameras(job.sequence)]
         if (topic or keys) and not (keys and all(map(is_topic, [topic, *keys]))):
             raise InputError("--joint-states FILE is for recordings, ros2:/TOPIC for frames from ROS 2")
-        if topic is None:
-            job = replace(job, joint_states=read_joint_states(options.joint_states))
-        else:
-            from coordinator.sources.ros2_input import JointTopic
-
-            job = replace(job, joint_states=JointTopic(topic))
+        states = read_joint_states(options.joint_states) if topic is None else JointTopic(topic)
+        job = replace(job, joint_states=states)
     if job.people > 1 and job.model != HUMAN:
         raise InputError("--people is for people whose size is measured; leave --model out")
     if job.people > 1 and job.init not in (None, AUTOMATIC):
@@ -129,13 +123,11 @@ def choose_settings(options: TrackOptions) -> Settings:
         raise InputError(f"--rotate {options.rotate} is not valid; give one of {', '.join(ROTATIONS)}")
     turn = None if options.rotate == "auto" else int(options.rotate)
     settings = settings_for(options.method, options.preset, options.particles, options.points, options.seed)
-    settings = msgspec.structs.replace(settings, rotate_deg=turn)
     given = {"noise_depth": options.noise_depth, "noise_lateral": options.noise_lateral}
     given = {name: value for name, value in given.items() if value is not None}
-    if not given:
-        return settings
     refine = msgspec.structs.replace(settings.refine, **given)
-    return msgspec.structs.replace(settings, refine=refine, measure_noise=False)
+    measured = settings.measure_noise and not given
+    return msgspec.structs.replace(settings, rotate_deg=turn, refine=refine, measure_noise=measured)
 
 
 def choose_scope(options: TrackOptions) -> Scope:

@@ -8,7 +8,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 from common.errors import InputError, SilentWorkers
 from coordinator.commands.console import INTERRUPTS, NOT_TRACKED
@@ -22,16 +21,15 @@ from coordinator.pool.zenoh_refiner import Connect, ZenohRefiner
 from coordinator.results.live_results import LiveResults, PackedOutlet
 from coordinator.results.log import RecordedPerson
 from coordinator.results.recorder import Recorder, is_complete
+from coordinator.results.ros2_results import RosOutlet
 from coordinator.results.summary import PERSON, SUMMARY_FILE, describe_failure, describe_status, folder_of
 from coordinator.sources.live_stream import is_topic, live_key
 from coordinator.sources.rig import live_cameras
+from coordinator.sources.ros2 import Node
 from coordinator.tracking.estimate import UNKNOWN
 from coordinator.tracking.faults import Kind, describe_changes
 from coordinator.tracking.reporting import Tracked
 from coordinator.tracking.tracker import Tracker
-
-if TYPE_CHECKING:  # it loads the types of ROS
-    from coordinator.sources.ros2 import Node
 
 
 def run_track(
@@ -181,8 +179,6 @@ def open_node(job: Job, show: Show) -> Iterator[Node | None]:
     if not job.uses_ros:
         yield None
         return
-    from coordinator.sources.ros2 import Node
-
     partner, topic = "subscriber", job.results
     if is_topic(key := live_key(job.sequence)):
         partner, topic = "publisher", key
@@ -198,8 +194,6 @@ def open_outlets(job: Job, workers: ZenohRefiner, node: Node | None) -> list[Liv
     if job.people > 1:
         names = [f"{job.results}/{PERSON}{number}" for number in range(1, job.people + 1)]
     if node is not None and is_topic(job.results):
-        from coordinator.results.ros2_results import RosOutlet
-
         return [LiveResults(RosOutlet(node, name)) for name in names]
     return [
         LiveResults(PackedOutlet(workers.speak(name), as_json=job.results_json), run=workers.run)

@@ -50,7 +50,7 @@ class LiveScene:
         self, frames: Take, results: Take, report: Callable[[str], None], notice: float = NOTICE_S
     ) -> None:
         self._take_frames, self._take_results, self._report, self._notice = frames, results, report, notice
-        self._frames: dict[int, bytes] = {}  # by number, the newest last
+        self.frames: dict[int, bytes] = {}  # by number, the newest last
         self._frame_at = self._result_at = time.monotonic()  # when the last one came
         self._tracked = False  # whether a result has ever come
         self._said = set[str]()
@@ -75,19 +75,14 @@ class LiveScene:
             self._say_once("frames come, but no results; is gepf track running? Give --results its --publish")
         return taken
 
-    @property
-    def newest(self) -> int | None:
-        """The number of the newest frame; None before the first."""
-        return next(reversed(self._frames), None)
-
     def frame(self, number: int) -> DepthFrame | None:
         """The frame with a number; None if it did not come or is too old."""
-        payload = self._frames.get(number)
+        payload = self.frames.get(number)
         return None if payload is None else self._decode("the key of frames", payload)
 
     def _receive_frame(self, key: str, payload: bytes) -> None:
         try:
-            put_recent(self._frames, number_of(payload), payload, WAITING_FRAMES)
+            put_recent(self.frames, number_of(payload), payload, WAITING_FRAMES)
         except ProtocolError:
             self.ended = self.ended or (self._decode(key, payload) is None and not self._tracked)
             return
@@ -220,7 +215,7 @@ class LiveView:
         results = self._scene.take_results()
         for key, result in results.items():
             self._log_result(key, result)
-        newest = self._scene.newest
+        newest = next(reversed(self._scene.frames), None)
         if not results and newest is not None and newest != self._shown:
             self._frames.log(newest, time.monotonic() - self._began, self._scene.frame(newest))
             self._shown = newest

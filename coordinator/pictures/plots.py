@@ -19,7 +19,7 @@ from common.body import ROOT_DOFS, TRANSLATION
 from coordinator.bodies.angles import angles_of
 from coordinator.results.angles import measure, near_to
 from coordinator.results.evaluation import Truth
-from coordinator.results.track import Track, TrackedBody
+from coordinator.results.track import Track, TrackedBody, filled
 
 REPORTED, HYPOTHESIS, TRUE = "#e8590c", "#3b82c4", "#1b1f27"
 STATUS = {
@@ -114,6 +114,7 @@ def plot_curves(track: Track, curves: Sequence[Curve], columns: int | None = Non
 
 def draw_hypotheses(track: Track, body: TrackedBody, truth: Truth | None, file: Path) -> None:
     """Write a PNG: the angles that vary most and the prismatic joints, with all hypotheses."""
+    track = filled(track)
     figure = plot_curves(track, curves_of(track, body, truth), 1)
     handles = [*figure.axes[0].get_legend_handles_labels()[0]]
     seen = set(track.status.tolist()) - {"tracked"}

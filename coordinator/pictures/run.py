@@ -16,7 +16,7 @@ from coordinator.pictures.overlay import FINER, View, paint, view_around
 from coordinator.pictures.plots import draw_hypotheses
 from coordinator.pictures.shading import shade_depth
 from coordinator.results.evaluation import Truth
-from coordinator.results.track import Track, TrackedBody, filled
+from coordinator.results.track import Track, TrackedBody
 from coordinator.sources.colour_folder import ColourFolder
 from coordinator.sources.source import Source
 
@@ -62,7 +62,7 @@ def draw_run(
     advance(steps - 1, steps)
     if track.placed.any():
         files.append(out / HYPOTHESES_FILE)
-        draw_hypotheses(filled(track), body, truth, files[-1])
+        draw_hypotheses(track, body, truth, files[-1])
     advance(steps, steps)
     return files
 

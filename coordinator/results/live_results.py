@@ -24,7 +24,7 @@ from coordinator.results.log import assemble
 from coordinator.results.track import Track
 from coordinator.tracking.estimate import Estimate, Status
 
-if TYPE_CHECKING:  # it loads the types of ROS
+if TYPE_CHECKING:  # it imports this module
     from coordinator.results.ros2_results import RosOutlet
 
 KIND, END = "estimate", "estimates-end"

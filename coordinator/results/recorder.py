@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from itertools import zip_longest
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
 import msgspec
@@ -100,14 +99,12 @@ class Recorder:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         """Release the folder; without a frame, remove all files of the run."""
         self._disk.shutdown()
         empty = os.fstat(self._log).st_size == 0
         try:
-            if empty or (self._finished and error is None):
+            if empty or (self._finished and kind is None):
                 (self.run / LOG_FILE).unlink(missing_ok=True)
         finally:
             os.close(self._log)

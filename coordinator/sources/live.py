@@ -39,10 +39,6 @@ class LiveRig:
         self._first = math.inf  # when the first frame was received
         self._all_heard = False  # or those that were not are reported
 
-    def lives(self, now: float) -> bool:
-        """Whether any camera has sent a frame recently."""
-        return any(each.lives(now) for each in self.streams)
-
     def accept(self, frame: DepthFrame, now: float, place: int = 0) -> str | None:
         """Receive a frame of the camera at a place: keep it if it belongs to its stream or starts another.
 
@@ -183,7 +179,7 @@ class LiveFrames:
         with self._changed:
             if frame is None:
                 rig.streams[place].ended = True
-                self._ended |= not rig.lives(received)
+                self._ended |= not any(each.lives(received) for each in rig.streams)
             elif not self._ended:
                 said = rig.accept(frame, received, place)
             self._changed.notify_all()

@@ -14,8 +14,6 @@ from collections.abc import Callable
 from itertools import count
 from typing import Any
 
-from rosbags.typesys import Stores, get_typestore
-
 from common.errors import ProtocolError
 from common.transport.bus import Bus
 from common.transport.channels import Publisher
@@ -35,6 +33,8 @@ class Node:
     """
 
     def __init__(self, bus: Bus, domain: int) -> None:
+        from rosbags.typesys import Stores, get_typestore  # slow to load
+
         self.began_ns, self.frame_id = 0, "camera"
         self._bus, self._domain = bus, domain
         self._types: Any = get_typestore(Stores.ROS2_JAZZY)
