@@ -15,15 +15,13 @@ from coordinator.bodies.human.template import human
 from coordinator.cli import main
 from tests.support.recordings import write_open3d
 from tests.support.runs import swing, write_run
-from tests.support.stand_ins import no_workers
+from tests.support.stand_ins import no_traces, no_workers  # noqa: F401 a fixture
 
 CAMERA = Intrinsics(8, 6, 10.0, 10.0, 4.0, 3.0)
 Damage = Callable[[Path], object]
 
 
-@pytest.fixture(autouse=True)
-def _no_traces(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("GEPF_DEBUG", raising=False)
+pytestmark = pytest.mark.usefixtures("no_traces")
 
 
 @pytest.fixture
@@ -103,6 +101,15 @@ def test_a_damaged_folder_is_refused(
         (["--frames", "2:9"], "--frames 2:9 is out of range"),
         (["--frames", "3"], "--frames '3' is not of the form A:B; this sequence has frames 0:4"),
         (["--init", "nowhere.json"], "no such file: nowhere.json; give --init a file, or auto"),
+        (["--people", "0"], "Invalid value for '--people'"),
+        (["--people", "2", "--init", "pose.json"], "--init is the pose of one person"),
+        (["--people", "2", "--model", "examples/arm7.urdf"], "is for people whose size is measured"),
+        (["--publish-json"], "add --publish KEY"),
+        (["--publish", "camera/depth"], "no subscriber could connect; add --listen"),
+        (["--publish", "a/*", "--listen", "tcp/127.0.0.1:1"], "key 'a/*' cannot be used"),
+        (["--record", "z"], "--record is for live input"),
+        (["--joint-states", "ros2:/joints"], "for frames from ROS 2"),
+        (["--listen", "tcp/0.0.0.0:7447"], "--insecure"),
     ],
 )
 def test_an_option_that_makes_no_sense_is_refused(
@@ -112,30 +119,33 @@ def test_an_option_that_makes_no_sense_is_refused(
     assert says in refused("track", sequence, "--out", tmp_path / "out", *options)
 
 
-def test_a_path_without_a_sequence_is_refused(tmp_path: Path, refused: Callable[..., str]) -> None:
-    """An empty folder, a file of another kind, and a path that is too long."""
-    (tmp_path / "empty").mkdir()
-    (tmp_path / "text").write_text("text")
-    for path, says in (
-        (tmp_path / "empty", "holds no depth sequence"),
-        (tmp_path / "text", "or write depth/000000.png"),
-        ("x" * 5000, "cannot read"),
-    ):
-        assert says in refused("track", path, "--out", tmp_path / "out")
-
-
-def test_an_output_folder_that_cannot_be_had_is_refused(
-    sequence: Path, tmp_path: Path, refused: Callable[..., str]
-) -> None:
-    """A file, below a file, where nobody can write, and a path that is too long."""
-    (tmp_path / "file").touch()
-    for out in (tmp_path / "file", tmp_path / "file" / "out", "/proc/out", tmp_path / ("x" * 5000)):
-        assert "cannot write to" in refused("track", sequence, "--out", out)
+LIVE = "track zenoh:camera/depth --out {}/out"
+TO_ONE = "--connect tcp/127.0.0.1:1"
 
 
 @pytest.mark.parametrize(
     ("line", "says"),
     [
+        ("track {}/empty --out {}/out", "holds no depth sequence"),
+        ("track {}/thesis.tex --out {}/out", "or write depth/000000.png"),
+        (f"track {'x' * 5000} --out {{}}/out", "cannot read"),
+        ("track {}/wall --out {}/thesis.tex", "cannot write to"),
+        ("track {}/wall --out {}/thesis.tex/out", "cannot write to"),
+        ("track {}/wall --out /proc/out", "cannot write to"),
+        (f"track {{}}/wall --out {{}}/{'x' * 5000}", "cannot write to"),
+        (LIVE, "no publisher could connect; add --listen or --connect"),
+        (f"{LIVE} {TO_ONE} --frames 1:2", "--frames"),
+        (f"{LIVE} {TO_ONE} --depth-scale 1000", "--depth-scale is for recorded sequences"),
+        (f"track zenoh:a*b --out {{}}/out {TO_ONE}", "such as camera/depth"),
+        ("track ros2:/camera/depth --out {}/out", "its router, unencrypted; add --connect"),
+        ("view zenoh:camera/depth", "no publisher could connect; add --connect or --listen"),
+        ("view run --results camera/depth", "--results is for the view of live input"),
+        (f"view ros2:/gepf {TO_ONE}", "RViz shows topics of ROS 2"),
+        (f"publish x --key a/* {TO_ONE}", "such as camera/depth"),
+        (f"publish x --key camera/depth {TO_ONE} --rate 0", "--rate 0"),
+        ("publish {}/wall --key camera/depth", "no subscriber could connect"),
+        ("router --listen tcp/0.0.0.0:7447", "--insecure"),
+        ("report {}/nowhere", "no such folder"),
         ("evaluate {}/run --truth {}/truth.npz", "no such folder"),
         ("export run --out x", "Missing option '--to' FORMAT: csv, mot, c3d, trc, bvh"),
         ("export run --to avi --out x", "choose from bvh, c3d, csv"),
@@ -148,11 +158,16 @@ def test_an_output_folder_that_cannot_be_had_is_refused(
         ("track seq", "Missing option '--out' DIR: New folder for the results."),
     ],
 )
+@pytest.mark.usefixtures("sequence")
 def test_all_commands_refuse_in_the_same_way(
     tmp_path: Path, refused: Callable[..., str], line: str, says: str
 ) -> None:
-    """Unknown runs, scenes, formats and commands, missing arguments; the line has the choices."""
+    """Unknown runs, scenes, formats and commands, missing arguments; the line has the choices.
+
+    Input and output that cannot be had, and options that do not go with live input.
+    """
     (tmp_path / "thesis.tex").touch()
+    (tmp_path / "empty").mkdir()
     assert says in refused(*line.replace("{}", str(tmp_path)).split())
 
 
@@ -160,11 +175,14 @@ def test_what_is_no_truth_is_refused_in_our_words(tmp_path: Path, refused: Calla
     """The run's own track; `tests.results.test_evaluation` tests damaged files."""
     body = human()
     write_run(tmp_path / "run", body, swing(body, 3))
+    assert "summary.json" in refused("report", tmp_path / "run")
     (tmp_path / "run" / "summary.json").write_text("{}")
     own = tmp_path / "run" / "track.npz"
     assert "is the run's own track; give the truth of its sequence" in refused(
         "evaluate", tmp_path / "run", "--truth", own
     )
+    page = tmp_path / "no" / "such" / "page.html"
+    assert "cannot write" in refused("report", tmp_path / "run", "--out", page)
 
 
 def test_bodies_list_their_degrees_of_freedom(capsys: pytest.CaptureFixture[str]) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import os
 import signal
 import time
 from collections.abc import Iterator
@@ -14,6 +13,7 @@ import pytest
 from coordinator.commands.console import describe_fault
 from tests.support.processes.place import Place, recorded
 from tests.support.processes.programs import is_alive, wait_until
+from tests.support.processes.warm_processes import end
 
 FRAMES = 120
 
@@ -42,11 +42,8 @@ def test_a_signal_ends_it_well(
     """Its worker ends with it, the frames are kept, and a line says how to continue."""
     run = place.begin(out, "--workers", "1", log=tmp_path / "log")
     wait_until(lambda: recorded(out) >= frames)
-    assert run.pid is not None
     workers = [int(pid) for pid in Path(f"/proc/{run.pid}/task/{run.pid}/children").read_text().split()]
-    os.kill(run.pid, number)
-    run.join(60.0)
-    assert run.exitcode == 130
+    assert end(run, number) == 130
     assert len(workers) == 1
     assert not any(map(is_alive, workers))
     lines = (tmp_path / "log").read_text().splitlines()

@@ -10,15 +10,13 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import pygltflib
 import pytest
 
 from common.kinematics import pose_vertices
-from coordinator.exports import export_run
 from coordinator.exports.recorded import CAMERA_TO_Y_UP
 from tests.support.bodies import person, random_body
-from tests.support.export_readers import array_of, world_matrices
-from tests.support.runs import RATE, swing, write_run
+from tests.support.export_readers import array_of, read_gltf, world_matrices
+from tests.support.runs import RATE, write_and_export
 
 MILLIMETRE = 1e-3
 BODIES = {"person": person(), "random": random_body(np.random.default_rng(5))}
@@ -40,9 +38,7 @@ def test_khronos_validator_has_nothing_to_say(tmp_path: Path, body: str, form: s
     """No error and no warning, for one frame and for several."""
     model = BODIES[body]
     for frames in (1, 5):
-        write_run(tmp_path / f"run{frames}", model, swing(model, frames))
-        file = tmp_path / f"{frames}.{form}"
-        export_run(tmp_path / f"run{frames}", form, file)
+        _, file = write_and_export(tmp_path / str(frames), form, model, frames)
         done = subprocess.run(
             ["node", "-e", VALIDATE, str(VALIDATOR), str(file)], capture_output=True, text=True, check=True
         )
@@ -54,10 +50,8 @@ def test_khronos_validator_has_nothing_to_say(tmp_path: Path, body: str, form: s
 def test_joints_and_skin_lie_where_the_track_has_them(tmp_path: Path, body: str) -> None:
     """Skinning by glTF's own rule: joints and every vertex within a tenth of a millimetre."""
     model = BODIES[body]
-    track = write_run(tmp_path / "run", model, swing(model, 4))
-    export_run(tmp_path / "run", "glb", tmp_path / "x.glb")
-    gltf = pygltflib.GLTF2.load(str(tmp_path / "x.glb"))
-    assert gltf is not None
+    track, file = write_and_export(tmp_path, "glb", model, 4)
+    gltf = read_gltf(file)
     surface = pose_vertices(model, track.pose) @ CAMERA_TO_Y_UP
     parts = gltf.meshes[0].primitives[0].attributes
     corners = array_of(gltf, gltf.meshes[0].primitives[0].indices)
@@ -76,10 +70,7 @@ def test_joints_and_skin_lie_where_the_track_has_them(tmp_path: Path, body: str)
 
 def test_times_status_and_frames_are_written(tmp_path: Path) -> None:
     """Seconds from zero at the run's rate; lost frames are listed in `extras`."""
-    write_run(tmp_path / "run", person(), swing(person(), 4), lost=(1,))
-    export_run(tmp_path / "run", "glb", tmp_path / "x.glb")
-    gltf = pygltflib.GLTF2.load(str(tmp_path / "x.glb"))
-    assert gltf is not None
+    gltf = read_gltf(write_and_export(tmp_path, "glb", person(), 4, lost=(1,))[1])
     animation = gltf.animations[0]
     np.testing.assert_allclose(
         array_of(gltf, animation.samplers[0].input).ravel(), np.arange(4) / RATE, atol=1e-6

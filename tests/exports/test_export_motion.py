@@ -20,7 +20,7 @@ from coordinator.exports.smoothing import smooth_track
 from coordinator.results.track import Track, write_track
 from tests.support.bodies import hinges, person
 from tests.support.export_readers import c3d_points
-from tests.support.runs import RATE, swing, write_run
+from tests.support.runs import RATE, swing, write_and_export, write_run
 
 
 def opensim_table(path: Path) -> tuple[list[str], Array, Array]:
@@ -35,10 +35,8 @@ def opensim_table(path: Path) -> tuple[list[str], Array, Array]:
 
 def test_opensim_reads_the_angles(tmp_path: Path) -> None:
     """Every angle in degrees under its plain name, at its frame's time; lost frames are omitted."""
-    body = person()
-    write_run(tmp_path / "run", body, swing(body, 20), lost=(3,))
-    export_run(tmp_path / "run", "mot", tmp_path / "run.mot")
-    labels, times, values = opensim_table(tmp_path / "run.mot")
+    _, file = write_and_export(tmp_path, "mot", person(), 20, lost=(3,))
+    labels, times, values = opensim_table(file)
     run, kept = read_run(tmp_path / "run"), np.arange(20) != 3
     assert labels[: len(run.track.angle_names)] == list(run.track.angle_names)
     assert np.allclose(times, run.track.time_s[kept])
@@ -48,9 +46,8 @@ def test_opensim_reads_the_angles(tmp_path: Path) -> None:
 def test_opensims_coordinates_turn_as_its_model_does(tmp_path: Path) -> None:
     """Applied about Z, X, Y along its chain, OpenSim's coordinates give the direction of both thighs."""
     body = person()
-    track = write_run(tmp_path / "run", body, swing(body, 20))
-    export_run(tmp_path / "run", "mot", tmp_path / "run.mot")
-    labels, _, values = opensim_table(tmp_path / "run.mot")
+    track, file = write_and_export(tmp_path, "mot", body, 20)
+    labels, _, values = opensim_table(file)
     joints = joint_positions(body, track.pose) @ CAMERA_TO_OPENSIM.T
 
     def turn(*names: str) -> Rotation:
@@ -70,9 +67,7 @@ def test_opensims_inverse_kinematics_takes_the_markers(tmp_path: Path) -> None:
     """Its tool, on the file as it is, puts free bodies on the joints, as far apart as in the run."""
     opensim = pytest.importorskip("opensim", reason="OpenSim's package exists for Linux on x86-64 only")
     opensim.Logger.removeFileSink()
-    body = person()
-    track = write_run(tmp_path / "run", body, swing(body, 10))
-    export_run(tmp_path / "run", "trc", tmp_path / "run.trc")
+    track, file = write_and_export(tmp_path, "trc", person(), 10)
     model = opensim.Model()
     for name in track.joint_names:
         free = opensim.Body(f"{name}_body", 1.0, opensim.Vec3(0), opensim.Inertia(1))
@@ -82,7 +77,7 @@ def test_opensims_inverse_kinematics_takes_the_markers(tmp_path: Path) -> None:
     model.finalizeConnections()
     tool = opensim.InverseKinematicsTool()
     tool.setModel(model)
-    tool.setMarkerDataFileName(str(tmp_path / "run.trc"))
+    tool.setMarkerDataFileName(str(file))
     tool.setStartTime(float(track.time_s[0]))
     tool.setEndTime(float(track.time_s[-1]))
     tool.setResultsDir(str(tmp_path))
@@ -125,10 +120,9 @@ def test_a_c3d_reader_finds_joints_and_angles(tmp_path: Path) -> None:
 def test_a_robot_has_mot_and_c3d_too(tmp_path: Path) -> None:
     """A body without anatomy has its joints' own angles in both, and no coordinates of a person's model."""
     body = hinges()
-    track = write_run(tmp_path / "run", body, swing(body, 5))
-    export_run(tmp_path / "run", "mot", tmp_path / "run.mot")
+    track, file = write_and_export(tmp_path, "mot", body, 5)
     export_run(tmp_path / "run", "c3d", tmp_path / "run.c3d")
-    labels, _, values = opensim_table(tmp_path / "run.mot")
+    labels, _, values = opensim_table(file)
     assert labels == ["upper", "lower"]
     assert np.allclose(values, np.degrees(track.pose), atol=1e-6)
     assert set(labels) < set(c3d_points(tmp_path / "run.c3d")[0])

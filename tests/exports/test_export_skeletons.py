@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from pathlib import Path
 from typing import Any
 
@@ -11,15 +10,10 @@ import pytest
 import trc
 
 from common.body import BodyModel
-from coordinator.exports import export_run
 from coordinator.exports.recorded import CAMERA_TO_OPENSIM, CAMERA_TO_Y_UP
 from tests.support.bodies import hinges, person
-from tests.support.export_readers import bvh_joints
-from tests.support.runs import RATE, swing, write_run
-
-with warnings.catch_warnings():
-    warnings.simplefilter("ignore")  # it imports a package by its old name
-    import bvhio
+from tests.support.export_readers import bvh_joints, bvhio
+from tests.support.runs import RATE, write_and_export
 
 MILLIMETRE = 1e-3
 
@@ -27,18 +21,15 @@ MILLIMETRE = 1e-3
 @pytest.mark.parametrize("model", [person(), hinges()], ids=["person", "hinges"])
 def test_a_bvh_reader_finds_every_joint_where_the_track_has_it(tmp_path: Path, model: BodyModel) -> None:
     """bvhio's own forward kinematics from the angles: within a tenth of a millimetre."""
-    track = write_run(tmp_path / "run", model, swing(model, 6))
-    export_run(tmp_path / "run", "bvh", tmp_path / "run.bvh")
-    read = bvh_joints(tmp_path / "run.bvh", model.joint_names, 6) / 100.0
+    track, file = write_and_export(tmp_path, "bvh", model, 6)
+    read = bvh_joints(file, model.joint_names, 6) / 100.0
     expected = track.joint_positions @ CAMERA_TO_Y_UP
     assert np.abs(read - expected).max() < 0.1 * MILLIMETRE
 
 
 def test_a_bvh_has_the_rate_the_names_and_the_tree_of_the_run(tmp_path: Path) -> None:
     """Frame time, one root, a limb's joints in a row, and an end for each."""
-    write_run(tmp_path / "run", person(), swing(person(), 3))
-    export_run(tmp_path / "run", "bvh", tmp_path / "run.bvh")
-    read = bvhio.readAsBvh(str(tmp_path / "run.bvh"))
+    read = bvhio.readAsBvh(str(write_and_export(tmp_path, "bvh", person(), 3)[1]))
     assert (read.FrameTime, read.FrameCount) == (pytest.approx(1.0 / RATE), 3)
     assert read.Root.Name == "pelvis"
     above = {child.Name: joint.Name for joint, _, _ in read.Root.layout() for child in joint.Children}
@@ -49,10 +40,9 @@ def test_a_bvh_has_the_rate_the_names_and_the_tree_of_the_run(tmp_path: Path) ->
 def test_a_trc_reader_finds_every_marker_where_the_track_has_it(tmp_path: Path) -> None:
     """Names, rate, times and positions; lost frames have no markers."""
     model = person()
-    track = write_run(tmp_path / "run", model, swing(model, 5), lost=(2,))
-    export_run(tmp_path / "run", "trc", tmp_path / "run.trc")
+    track, file = write_and_export(tmp_path, "trc", model, 5, lost=(2,))
     read: Any = trc.TRCData()
-    read.load(str(tmp_path / "run.trc"))
+    read.load(str(file))
     assert tuple(read["Markers"]) == model.joint_names
     assert (read["DataRate"], read["Units"], read["NumFrames"]) == (RATE, "mm", 5)
     np.testing.assert_allclose(read["Time"], track.time_s, atol=1e-6)

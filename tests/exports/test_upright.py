@@ -23,7 +23,7 @@ from coordinator.tracking.pose_library import upright_rolls
 from coordinator.tracking.segmenter import Segmenter
 from coordinator.viewing import layout
 from tests.support.bodies import person, puppet, random_body
-from tests.support.export_readers import bvh_joints, c3d_points, world_matrices
+from tests.support.export_readers import bvh_joints, c3d_points, read_gltf, world_matrices
 from tests.support.rooms import HEIGHT, Room
 from tests.support.runs import swing, write_run
 
@@ -89,9 +89,7 @@ def test_bvh_glb_trc_and_c3d_stand_upright(runs: tuple[Path, Path, BodyModel]) -
 
 def gltf_joints(path: Path, model: BodyModel) -> Array:
     """Places (F, J, 3) of the joints, by the nodes' matrices."""
-    from pygltflib import GLTF2
-
-    gltf = GLTF2().load(path)
+    gltf = read_gltf(path)
     frames = [world_matrices(gltf, f) for f in range(4)]
     return np.array([[nodes[name][:3, 3] for name in model.joint_names] for nodes in frames])
 

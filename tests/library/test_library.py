@@ -67,12 +67,17 @@ def test_a_body_may_be_given_whole() -> None:
         (lambda: gepf.Tracker(PERSON, active=("elbow",)), "unknown degree of freedom 'elbow'"),
         (lambda: gepf.Tracker(PERSON).track(np.ones((4, 4))), "camera"),
         (lambda: gepf.Tracker(PERSON, camera=MATRIX).track(np.ones((4, 4), int)), "depth_scale"),
+        (lambda: gepf.live("key"), "give listen or connect an endpoint"),
+        (lambda: gepf.live("key", listen="tcp/0.0.0.0:7447"), "listen=.* accepts anyone.*insecure=True"),
+        (lambda: gepf.live("key", connect="tls/host:7447"), r"connect=.* add tls=TlsFiles\(ca, cert, key\)"),
+        (lambda: gepf.live("key", connect="tls/host:1", tls=gepf.TlsFiles("a", "b")), "tls.key missing"),
+        (lambda: gepf.live("key", listen="tcp/127.0.0.1:1", idle_timeout=0.0), "would end at once"),
         (lambda: gepf.PeopleTracker(0), "would track no one"),
         (lambda: gepf.PeopleTracker(2).save([], "nowhere"), "no person to save"),
     ],
 )
 def test_mistakes_are_refused_in_one_line(mistake: Callable[[], object], says: str) -> None:
-    """One line says what is wrong and what to give."""
+    """One line says what is wrong and what to give, before any port is opened."""
     with refused(says):
         mistake()
 

@@ -7,13 +7,11 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 
 import msgspec
 import numpy as np
-import pytest
 
 import gepf
 from common.protocol.frames import LIVE_END, encode_live
@@ -21,7 +19,6 @@ from tests.support.live import KEY, publishing, until_released
 from tests.support.people import SETTINGS, STANDING, as_bytes, shown
 from tests.support.processes.warm_processes import gepf as gepf_command
 from tests.support.processes.warm_processes import start
-from tests.support.refusals import refused
 from tests.support.small_sequence import write_small_sequence
 
 ROOT = Path(__file__).parents[2]
@@ -83,22 +80,6 @@ def test_silence_and_close_end_the_iteration(endpoint: str) -> None:
         threading.Timer(0.2, live.close).start()
         assert list(live) == []
     assert time.monotonic() - began < 60.0
-
-
-@pytest.mark.parametrize(
-    ("mistake", "says"),
-    [
-        (lambda: gepf.live(KEY), "give listen or connect an endpoint"),
-        (lambda: gepf.live(KEY, listen="tcp/0.0.0.0:7447"), "listen=.* accepts anyone.*insecure=True"),
-        (lambda: gepf.live(KEY, connect="tls/host:7447"), r"connect=.* add tls=TlsFiles\(ca, cert, key\)"),
-        (lambda: gepf.live(KEY, connect="tls/host:1", tls=gepf.TlsFiles("a", "b")), "tls.key missing"),
-        (lambda: gepf.live(KEY, listen="tcp/127.0.0.1:1", idle_timeout=0.0), "would end at once"),
-    ],
-)
-def test_mistakes_are_refused_in_one_line(mistake: Callable[[], object], says: str) -> None:
-    """One line says what is wrong and what to give, before any port is opened."""
-    with refused(says):
-        mistake()
 
 
 def test_the_example_runs(endpoint: str, tmp_path: Path) -> None:

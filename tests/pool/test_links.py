@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import signal
 import subprocess
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -12,7 +10,7 @@ from pathlib import Path
 
 from tests.support.processes.certificates import free_port
 from tests.support.processes.programs import WORKER, wait_until
-from tests.support.processes.warm_processes import gepf, start, work
+from tests.support.processes.warm_processes import end, gepf, start, work
 from tests.support.small_sequence import OPTIONS, write_small_sequence
 
 LONG = 300.0  # seconds: the machine may be busy, and kernels may have to be compiled
@@ -74,7 +72,4 @@ def test_a_router_that_went_is_named_by_run_and_worker(tmp_path: Path) -> None:
         second.kill()
         wait_until(lambda: says("worker", f"{endpoint} is gone; trying to reach it again"), LONG)
         for process, code in ((run, 130), (worker, 0)):
-            assert process.pid is not None
-            os.kill(process.pid, signal.SIGINT)
-            process.join(LONG)
-            assert process.exitcode == code
+            assert end(process, seconds=LONG) == code

@@ -25,7 +25,7 @@ from coordinator.pool.zenoh_refiner import ZenohRefiner
 from coordinator.tracking.preparation import unmoved
 from tests.support.processes.programs import INSTANT, is_alive, started, wait_until
 from tests.support.processes.serving import MODEL, POSES, SETTINGS, expected, frame, refined_bytes
-from tests.support.processes.warm_processes import start
+from tests.support.processes.warm_processes import end, start
 from worker.cli import exit_with, serve
 from worker.connection import Identity
 from worker.service import Kernel
@@ -101,28 +101,6 @@ def test_the_only_worker_is_replaced_when_it_stays_frozen(monkeypatch: pytest.Mo
         assert not is_alive(pid)
         assert refiner.statistics.counts["local_workers_restarted"] == 1
     assert f"worker {name} was ended by SIGKILL; starting it again" in said
-
-
-@pytest.mark.usefixtures("slow")
-@pytest.mark.parametrize(("lanes", "outside"), [(1, 1), (2, 2)])
-def test_frozen_worker_is_worked_around(lanes: int, outside: int, tmp_path: Path) -> None:
-    """SIGSTOP in mid-frame changes no byte; the frame is done before the bus misses the worker."""
-    said: list[str] = []
-    with local_and_outside(lanes, outside, tmp_path, said.append) as refiner:
-        for number in range(3):
-            assert refined_bytes(refiner, number) == expected(number)
-        pid = refiner.local_pid
-        try:
-            with later(0.03, lambda: os.kill(pid, signal.SIGSTOP)):
-                assert refined_bytes(refiner, 3) == expected(3)
-            assert not any(line.endswith("left") for line in said)
-            assert refined_bytes(refiner, 4) == expected(4)
-            # of the first refinement or, frozen late, of the second
-            assert refiner.statistics.counts["batches_sent_again"] > 0
-        finally:
-            os.kill(pid, signal.SIGCONT)
-        refiner.wait_for(lanes + outside)
-        assert refined_bytes(refiner, 5) == expected(5)
 
 
 def test_frozen_worker_is_ended_with_the_run() -> None:
@@ -226,10 +204,7 @@ def test_a_worker_whose_signal_is_swallowed_ends_after_the_request(
             refiner.wait_for(1)
             pending = refiner.submit(frame(1), MODEL, POSES, SETTINGS)
             wait_until(asked.exists, 60.0)
-            assert worker.pid is not None
-            os.kill(worker.pid, number)
-            worker.join(60.0)
-            assert worker.exitcode == 0
+            assert end(worker, number) == 0
             assert np.array_equal(pending.result().poses, POSES)
         finally:
             worker.kill()

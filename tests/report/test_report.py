@@ -79,17 +79,6 @@ def test_the_page_needs_nothing_else(run: Path) -> None:
     assert any(word.strip().endswith("s (frame 103): lost") for word in page.words)
 
 
-def test_no_run_is_one_line(tmp_path: Path, run: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Without a run, without its summary, and without a place to write: exit code 2 and one line each."""
-    assert main(["report", str(tmp_path / "nowhere")]) == 2
-    assert main(["report", str(run), "--out", str(tmp_path / "no" / "such" / "page.html")]) == 2
-    (run / "summary.json").unlink()
-    assert main(["report", str(run)]) == 2
-    said = capsys.readouterr().err.splitlines()
-    assert len(said) == 3
-    assert "summary.json" in said[2]
-
-
 def track_of(status: list[str]) -> Track:
     """A track of one elbow, 30 frames a second, from frame 10 on."""
     body = activate(human(), ["r_elbow_flexion"], np.zeros(len(human().dof_names)))

@@ -11,7 +11,6 @@ from common.errors import InputError
 from common.transport.credentials import Credentials, check_holder, holder_of, read_credentials
 from common.transport.endpoints import check_listening
 from common.transport.session import Security
-from coordinator.cli import main
 from coordinator.security.access import TlsFiles, choose_names, choose_security, read_roster
 from coordinator.security.certificates import make_certificates
 from tests.support.processes.certificates import Folder, make_folder
@@ -41,16 +40,6 @@ def test_listening_beyond_this_host_needs_tls(endpoint: str) -> None:
         check_listening(endpoint, None, insecure=False)
     if fault == "accepts anyone":
         check_listening(endpoint, None, insecure=True)
-
-
-def test_commands_refuse_to_listen_openly(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """`gepf track` and `gepf router` end with 2 and one line before they open anything."""
-    for command in (["track", "nowhere", "--out", str(tmp_path / "run")], ["router"]):
-        assert main([*command, "--listen", "tcp/0.0.0.0:7447"]) == 2
-        lines = capsys.readouterr().err.splitlines()
-        (error,) = (line for line in lines if "; loading" not in line)  # where libraries load slowly
-        assert "--insecure" in error
-    assert not (tmp_path / "run").exists()
 
 
 def test_only_the_coordinators_certificate_runs(ours: Folder) -> None:

@@ -9,13 +9,19 @@ from typing import Any
 import c3d
 import numpy as np
 from numpy.typing import NDArray
+from pygltflib import GLTF2
 from scipy.spatial.transform import Rotation
 
 from common.arrays import Array
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")  # it imports a package by its old name
-    import bvhio
+    import bvhio as bvhio  # noqa: PLC0414 for tests, too
+
+
+def read_gltf(path: Path) -> Any:
+    """A glTF file."""
+    return GLTF2().load(str(path))
 
 
 def array_of(gltf: Any, number: int) -> NDArray[Any]:

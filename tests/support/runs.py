@@ -13,6 +13,7 @@ from common.arrays import Array, Indices
 from common.body import ROOT_DOFS, ROTATION, BodyModel
 from common.kinematics import joint_positions
 from coordinator.bodies.angles import angles_of
+from coordinator.exports import export_run
 from coordinator.results.angles import with_angles
 from coordinator.results.track import (
     MODEL_FILE,
@@ -93,3 +94,12 @@ def write_run(
     with (folder / MODEL_FILE).open("wb") as file:
         write_tracked_body(TrackedBody(model, held or {}), file)
     return track
+
+
+def write_and_export(
+    folder: Path, form: str, model: BodyModel, frames: int, lost: tuple[int, ...] = ()
+) -> tuple[Track, Path]:
+    """A run in a folder of a body that swings, and the file that it is exported to."""
+    track = write_run(folder / "run", model, swing(model, frames), lost)
+    export_run(folder / "run", form, folder / f"run.{form}")
+    return track, folder / f"run.{form}"

@@ -7,7 +7,6 @@ import json
 import os
 import re
 import shutil
-import signal
 import subprocess
 import threading
 from dataclasses import replace
@@ -31,7 +30,7 @@ from coordinator.results.track import read_track
 from tests.support.processes.certificates import free_port, make_folder
 from tests.support.processes.place import recorded
 from tests.support.processes.programs import INSTANT, in_thread, wait_until
-from tests.support.processes.warm_processes import Workers, gepf, start, work_instantly
+from tests.support.processes.warm_processes import Workers, end, gepf, start, work_instantly
 from tests.support.small_sequence import OPTIONS, write_small_sequences
 from tests.support.stand_ins import Direct, StillWorkers, no_traces, sequence, workers  # noqa: F401 fixtures
 
@@ -207,10 +206,7 @@ def test_an_interrupt_ends_all_and_each_can_be_gone_on_with(tmp_path: Path) -> N
     said = tmp_path / "said"
     process = start(gepf, *command, log=said)
     wait_until(lambda: recorded(tmp_path / "runs" / NAMES[0]) > 1, 120.0)
-    assert process.pid is not None
-    os.kill(process.pid, signal.SIGINT)
-    process.join(60.0)
-    assert process.exitcode == 130
+    assert end(process) == 130
     assert said.read_text().splitlines()[-1] == "gepf: stopped"
     assert 0 < len(read_track(tmp_path / "runs" / NAMES[0]).frame) < FRAMES
     some = ["--frames", f"0:{FRAMES}"]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
 import sys
@@ -19,7 +18,7 @@ from coordinator.cli import main
 from coordinator.commands.console import loading, noted_interrupts
 from coordinator.pool.options import Pool
 from tests.support.processes.programs import wait_until
-from tests.support.processes.warm_processes import start
+from tests.support.processes.warm_processes import end, start
 from tests.support.stand_ins import Desk, desk, no_traces, sequence, workers  # noqa: F401 fixtures
 
 
@@ -38,10 +37,7 @@ def test_an_interrupt_while_libraries_load_ends_the_process_at_once(tmp_path: Pa
     process = start(load_for_ever, begun, log=tmp_path / "log")
     try:
         wait_until(begun.exists, 60.0)
-        assert process.pid is not None
-        os.kill(process.pid, signal.SIGINT)
-        process.join(60.0)
-        assert process.exitcode == -signal.SIGINT
+        assert end(process) == -signal.SIGINT
     finally:
         process.kill()
 

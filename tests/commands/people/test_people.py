@@ -69,7 +69,7 @@ def test_each_person_is_a_run(calm: Path, sequence: Path, capsys: pytest.Capture
         names = list(runs[place].joint_names)
         off = np.linalg.norm(runs[place].track.joint_positions - shown.joints, axis=-1)
         assert len(names) == off.shape[1]
-        assert off.mean() < 0.04
+        assert off.mean(axis=1).max() < 0.04
         assert summary["found"][place]["stature_m"] == pytest.approx(stature, abs=0.12)
         assert summary["found"][place]["status"]["tracked"] >= FRAMES - 1
     left = calm / f"person{order[0] + 1}"
@@ -121,23 +121,6 @@ def test_more_than_there_are_leaves_no_empty_folders(sequence: Path, calm: Path,
     for person in ("person1", "person2"):
         ours, theirs = (gepf.load(folder / person).joint("pelvis") for folder in (out, calm))
         np.testing.assert_allclose(ours, theirs, atol=0.02)
-
-
-@pytest.mark.parametrize(
-    ("options", "says"),
-    [
-        (("--people", "0"), "Invalid value for '--people'"),
-        (("--init", "pose.json"), "--init is the pose of one person"),
-        (("--model", "examples/arm7.urdf"), "--people is for people whose size is measured"),
-    ],
-)
-def test_what_is_meant_for_one_is_refused(
-    sequence: Path, tmp_path: Path, options: tuple[str, ...], says: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """One line says why, and nothing is written."""
-    assert track(sequence, tmp_path / "out", *options) == 2
-    assert says in capsys.readouterr().err.replace("\n", " ")
-    assert not (tmp_path / "out").exists()
 
 
 KEY = "camera/depth"

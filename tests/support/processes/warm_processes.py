@@ -37,6 +37,14 @@ def run(do: Callable[..., None], arguments: tuple[object, ...], log: Path) -> No
     do(*arguments)
 
 
+def end(process: BaseProcess, number: signal.Signals = signal.SIGINT, seconds: float = 60.0) -> int | None:
+    """The exit code of a process after a signal; None if it goes on."""
+    assert process.pid is not None
+    os.kill(process.pid, number)
+    process.join(seconds)
+    return process.exitcode
+
+
 def coordinate(sequence: Path, out: Path, endpoint: str, *options: str) -> None:
     """`gepf track`."""
     from tests.support.processes.bare_gepf import track
