@@ -207,7 +207,9 @@ class LiveInput(Input):
             if self._attached is not None:
                 self._attach(self._attached, workers.speak(self.keys), stack)
             elif node is not None and is_topic(self.keys):
-                self._subscribe(node)
+                DepthTopic(node, self.keys, self.live)
+                if isinstance(self.job.joint_states, JointTopic):
+                    self.job.joint_states.listen(node, self.bodies.dof_names, self._show.say)
             else:
                 for place, camera in enumerate(self.live.cameras):
                     if self._recorder is not None:
@@ -228,12 +230,6 @@ class LiveInput(Input):
         thread.start()
         stack.callback(thread.join)
         stack.callback(camera.close)
-
-    def _subscribe(self, node: Node) -> None:
-        """Receive frames and joint states from ROS 2."""
-        DepthTopic(node, self.keys, self.live)
-        if isinstance(self.job.joint_states, JointTopic):
-            self.job.joint_states.listen(node, self.bodies.dof_names, self._show.say)
 
     def _take(self, frame: DepthFrame) -> DepthFrame:
         """The frame, which is recorded; InputError if the room without people has another size."""

@@ -56,18 +56,15 @@ def cloud_files(path: Path) -> list[Path]:
 def read_cloud(path: Path) -> Array:
     """Points (N, 3), or (H, W, 3) for an organised cloud; InputError if it is damaged."""
     try:
-        return read_ply(path) if path.suffix.lower() == ".ply" else read_pcd(path)
+        if path.suffix.lower() != ".ply":
+            return read_pcd(path)
+        import trimesh
+
+        loaded: Any = trimesh.load(path, process=False)  # a mesh or a cloud
+        return np.asarray(loaded.vertices, dtype=np.float64).reshape(-1, 3)
     except Exception as error:  # the readers can raise anything
         reason = " ".join(str(error).split()) or type(error).__name__
         raise InputError(f"{path} is damaged or not a point cloud ({reason}); copy it again") from error
-
-
-def read_ply(path: Path) -> Array:
-    """Vertices (N, 3) of a PLY file, ASCII or binary, of a mesh or a cloud."""
-    import trimesh
-
-    loaded: Any = trimesh.load(path, process=False)
-    return np.asarray(loaded.vertices, dtype=np.float64).reshape(-1, 3)
 
 
 def read_pcd(path: Path) -> Array:
