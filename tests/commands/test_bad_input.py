@@ -104,6 +104,11 @@ def test_a_damaged_folder_is_refused(
         (["--people", "0"], "Invalid value for '--people'"),
         (["--people", "2", "--init", "pose.json"], "--init is the pose of one person"),
         (["--people", "2", "--model", "examples/arm7.urdf"], "is for people whose size is measured"),
+        (["--near", "3", "--far", "2"], "--near 3 is not below --far 2"),
+        (["--roi", "1,2,3"], "--roi 1,2,3 is not understood; give 4 whole numbers"),
+        (["--roi", "9,2,3,8"], "--roi 9,2,3,8 contains no pixel"),
+        (["--person", "tallest"], "--person tallest is unknown; give X,Y in pixels or one of nearest"),
+        (["--person", "4,"], "--person 4, is not understood; give 2 whole numbers"),
         (["--publish-json"], "add --publish KEY"),
         (["--publish", "camera/depth"], "no subscriber could connect; add --listen"),
         (["--publish", "a/*", "--listen", "tcp/127.0.0.1:1"], "key 'a/*' cannot be used"),
@@ -183,6 +188,7 @@ def test_what_is_no_truth_is_refused_in_our_words(tmp_path: Path, refused: Calla
     )
     page = tmp_path / "no" / "such" / "page.html"
     assert "cannot write" in refused("report", tmp_path / "run", "--out", page)
+    assert "no such folder" in refused("view", tmp_path / "run", "--save", page)
 
 
 def test_bodies_list_their_degrees_of_freedom(capsys: pytest.CaptureFixture[str]) -> None:

@@ -30,6 +30,13 @@ from tests.support.kernel.plain_path import step_axes
 seeds = st.integers(0, 2**32 - 1)
 
 
+def anybody(seed: int, count: int) -> tuple[BodyModel, Array]:
+    """Any body, and any poses or steps (count, D) of it."""
+    rng = np.random.default_rng(seed)
+    model = random_body(rng)
+    return model, rng.normal(size=(count, len(model.dof_names)))
+
+
 def product_of_matrices(model: BodyModel, pose: Array) -> Array:
     """T_camera_rest (D + 1, 4, 4) after each degree of freedom, and of what nothing moves, last."""
     found = np.tile(np.eye(4), (len(pose) + 1, 1, 1))
@@ -78,29 +85,23 @@ def short(model: BodyModel, steps: Array) -> Array:
 @given(seeds)
 def test_transforms_are_products_of_homogeneous_matrices(seed: int) -> None:
     """Eq. 1: every degree of freedom turns or shifts about its axis after its parent, on any tree."""
-    rng = np.random.default_rng(seed)
-    model = random_body(rng)
-    pose = rng.normal(size=len(model.dof_names))
-    expected = product_of_matrices(model, pose)
-    np.testing.assert_allclose(dof_transforms(model, pose[None])[0], expected[:-1, :3], atol=1e-12)
-    np.testing.assert_allclose(
-        link_transforms(model, pose[None])[0], expected[model.link_dofs, :3], atol=1e-12
-    )
+    model, poses = anybody(seed, 1)
+    expected = product_of_matrices(model, poses[0])
+    np.testing.assert_allclose(dof_transforms(model, poses)[0], expected[:-1, :3], atol=1e-12)
+    np.testing.assert_allclose(link_transforms(model, poses)[0], expected[model.link_dofs, :3], atol=1e-12)
 
 
 @given(seeds)
 def test_skin_and_joints_follow_their_links(seed: int) -> None:
     """A vertex is the weighted mean of its positions on its links; a joint moves with its link."""
-    rng = np.random.default_rng(seed)
-    model = random_body(rng)
-    pose = rng.normal(size=len(model.dof_names))
-    t_links = product_of_matrices(model, pose)[model.link_dofs]
-    for v, vertex in enumerate(pose_vertices(model, pose[None])[0]):
+    model, poses = anybody(seed, 1)
+    t_links = product_of_matrices(model, poses[0])[model.link_dofs]
+    for v, vertex in enumerate(pose_vertices(model, poses)[0]):
         links = t_links[model.skin_links[v]]
         carried = links @ np.append(model.vertices[v], 1.0)
         np.testing.assert_allclose(vertex, (model.skin_weights[v] @ carried)[:3], atol=1e-12)
     for joint, link, point in zip(
-        joint_positions(model, pose[None])[0], model.joint_links, model.joint_points, strict=True
+        joint_positions(model, poses)[0], model.joint_links, model.joint_points, strict=True
     ):
         np.testing.assert_allclose(joint, (t_links[link] @ np.append(point, 1.0))[:3], atol=1e-12)
 
@@ -108,9 +109,7 @@ def test_skin_and_joints_follow_their_links(seed: int) -> None:
 @given(seeds)
 def test_axes_of_relative_motion_are_the_derivative(seed: int) -> None:
     """Eq. 2 is the derivative of every vertex under `retract`, for every degree of freedom of any tree."""
-    rng = np.random.default_rng(seed)
-    model = random_body(rng)
-    poses = rng.normal(size=(3, len(model.dof_names)))
+    model, poses = anybody(seed, 3)
     np.testing.assert_allclose(
         derivatives(model, poses), finite_differences(model, poses, 1e-5), rtol=1e-6, atol=1e-6
     )
@@ -131,10 +130,8 @@ def test_the_derivative_holds_where_euler_angles_are_singular(off: float, sign: 
 @given(seeds, st.sampled_from([1e-12, 1e-8, 1e-3, 1.0, 3.0]))
 def test_difference_takes_a_step_back(seed: int, size: float) -> None:
     """The difference between a pose and where a step leads is that step, however small."""
-    rng = np.random.default_rng(seed)
-    model = random_body(rng)
-    origins = rng.normal(size=(3, len(model.dof_names)))
-    steps = short(model, size * rng.normal(size=origins.shape))
+    model, drawn = anybody(seed, 6)
+    origins, steps = drawn[:3], short(model, size * drawn[3:])
     back = difference(model, origins, retract(model, origins, steps))
     np.testing.assert_allclose(back, steps, rtol=1e-6, atol=1e-11)
 
@@ -142,9 +139,8 @@ def test_difference_takes_a_step_back(seed: int, size: float) -> None:
 @given(seeds)
 def test_the_difference_leads_from_one_pose_to_another(seed: int) -> None:
     """A step by the difference of two poses puts the body where the second has it."""
-    rng = np.random.default_rng(seed)
-    model = random_body(rng)
-    origins, poses = 2.0 * rng.normal(size=(2, 3, len(model.dof_names)))
+    model, drawn = anybody(seed, 6)
+    origins, poses = 2.0 * drawn[:3], 2.0 * drawn[3:]
     reached = retract(model, origins, difference(model, origins, poses))
     np.testing.assert_allclose(link_transforms(model, reached), link_transforms(model, poses), atol=1e-7)
 
@@ -166,10 +162,8 @@ def test_balls_turn_by_the_shorter_way(seed: int) -> None:
 @given(seeds, st.integers(0, 5))
 def test_a_batch_is_its_poses_one_by_one(seed: int, count: int) -> None:
     """Every function gives each particle of a batch, of any size and layout, the very bytes it has alone."""
-    rng = np.random.default_rng(seed)
-    model = random_body(rng)
-    shape = (len(model.dof_names), count)
-    poses, steps = rng.normal(size=shape).T, rng.normal(size=shape).T  # column by column in memory
+    model, drawn = anybody(seed, 2 * count)
+    poses, steps = np.split(np.asfortranarray(drawn), 2)  # column by column in memory
     functions: dict[str, Callable[[Array, Array], tuple[Array, ...]]] = {
         "transforms": lambda p, _: (dof_transforms(model, p),),
         "axes": lambda p, _: step_axes(model, p),

@@ -8,8 +8,8 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
@@ -37,46 +37,22 @@ def local(lanes: int, report: Callable[[str], None] = lambda _: None, **options:
     return ZenohRefiner(Pool(workers=lanes, **options), report)
 
 
-@contextmanager
-def local_and_outside(
-    lanes: int, outside: int, folder: Path, report: Callable[[str], None] = lambda _: None
-) -> Iterator[ZenohRefiner]:
-    """The same, with another worker process if it has lanes; all have joined."""
-    endpoint = f"unixsock-stream/{folder / 'outside'}"
-    with ExitStack() as stack:
-        refiner = stack.enter_context(local(lanes, report, listen=endpoint))
+@pytest.mark.parametrize(("lanes", "outside"), [(1, 0), (2, 3)])
+def test_killed_worker_is_replaced(
+    lanes: int, outside: int, endpoint: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """SIGKILL in the middle of a frame changes no byte; the worker is started again and serves."""
+    monkeypatch.setenv("SECONDS_PER_PARTICLE", "0.01")  # so that a frame lasts long enough to be disturbed
+    said: list[str] = []
+    with local(lanes, said.append, listen=endpoint) as refiner, ExitStack() as stack:
         if outside:
             asked = ("--connect", endpoint, "--lanes", str(outside))
             stack.enter_context(started(*asked, command=INSTANT))
         refiner.wait_for(lanes + outside)
-        yield refiner
-
-
-@pytest.fixture
-def slow(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Workers that need 10 ms for a particle, so that a frame lasts long enough to be disturbed."""
-    monkeypatch.setenv("SECONDS_PER_PARTICLE", "0.01")
-
-
-@contextmanager
-def later(seconds: float, act: Callable[[], None]) -> Iterator[None]:
-    """Do something while the body runs."""
-    timer = threading.Timer(seconds, act)
-    timer.start()
-    yield
-    timer.join()
-
-
-@pytest.mark.usefixtures("slow")
-@pytest.mark.parametrize(("lanes", "outside"), [(1, 0), (2, 3)])
-def test_killed_worker_is_replaced(lanes: int, outside: int, tmp_path: Path) -> None:
-    """SIGKILL in the middle of a frame changes no byte; the worker is started again and serves."""
-    said: list[str] = []
-    with local_and_outside(lanes, outside, tmp_path, said.append) as refiner:
         assert refined_bytes(refiner, 0) == expected(0)
         name, pid = f"{refiner.run}-0", refiner.local_pid
-        with later(0.03, lambda: os.kill(pid, signal.SIGKILL)):
-            assert refined_bytes(refiner, 1) == expected(1)
+        threading.Timer(0.03, os.kill, (pid, signal.SIGKILL)).start()
+        assert refined_bytes(refiner, 1) == expected(1)
         wait_until(lambda: not is_alive(pid))
         refiner.wait_for(lanes + outside)
         for number in range(2, 5):

@@ -94,23 +94,6 @@ def test_who_is_doubtful_is_said_to_be(recording: Path) -> None:
     assert [each["may_be"] for each in people] == ["a person or furniture"]
 
 
-@pytest.mark.parametrize(
-    ("options", "says"),
-    [
-        (asked(near=3.0, far=2.0), "--near 3 is not below --far 2"),
-        (asked(roi="1,2,3"), "--roi 1,2,3 is not understood; give 4 whole numbers"),
-        (asked(roi="9,2,3,8"), "--roi 9,2,3,8 contains no pixel"),
-        (asked(person="tallest"), "--person tallest is unknown; give X,Y in pixels or one of nearest"),
-        (asked(person="4,"), "--person 4, is not understood; give 2 whole numbers"),
-    ],
-)
-def test_what_makes_no_sense_is_refused(options: TrackOptions, says: str) -> None:
-    """One line says what is wrong and what to give."""
-    with pytest.raises(InputError) as caught:
-        choose_scope(options)
-    assert says in str(caught.value)
-
-
 def test_an_empty_room_is_read_from_a_frame_a_picture_or_a_sequence(recording: Path) -> None:
     """All three give the same room; a number that is no frame is refused."""
     source = open_source(recording)

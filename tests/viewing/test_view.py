@@ -130,13 +130,3 @@ def test_a_moved_sequence_is_a_warning(
     assert rows_of(file)["/model/surface"] == FRAMES
     assert "/camera/image/depth" not in rows_of(file)
     assert "--sequence" in caplog.text
-
-
-def test_no_folder_to_save_in_is_one_line(
-    recorded: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Exit code 2 before anything is prepared."""
-    sequence, run = recorded
-    file = tmp_path / "no" / "such.rrd"
-    assert main(["view", str(run), "--sequence", str(sequence), "--save", str(file)]) == 2
-    assert capsys.readouterr().err.count("\n") == 1
