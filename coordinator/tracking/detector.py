@@ -24,6 +24,7 @@ from common.frame import SubjectFrame
 from common.settings import RefineSettings, Settings, preset
 from coordinator.bodies.human.measures import REFERENCE_STATURE
 from coordinator.bodies.tracked import Bodies, coarsen, pose_by_name
+from coordinator.filters.exploration import exchange_limbs
 from coordinator.scene.planes import Planes
 from coordinator.tracking.gating import gate_pose, reject_parts, reject_planes, reject_points, reject_position
 from coordinator.tracking.observation import camera_points, middle_of, observed_points, thin, without_flat
@@ -145,6 +146,10 @@ class Detector:
         known = np.array([values.get(name, 0.0) for name in model.dof_names])
         few, matched = thin(subject, FEW_POINTS), self._match(subject, [size], rolls, known)
         proposed = yield from self._propose(few, matched, settings, [size])
+        if len(subject.views) > 1:  # they show which limb is wrong
+            mixed = np.concatenate([proposed.poses, exchange_limbs(model, known, proposed.poses)])
+            matched = iter([(mixed, np.zeros(len(mixed), dtype=np.int64))])
+            proposed = yield from self._propose(few, matched, settings, [size])
         _, found = yield from self._select(subject, few, proposed, settings, [size])
         settled = iterations(rules, LAST_ITERATIONS)
         candidates = yield from self._refine_tracked(subject, start, found, settled)

@@ -14,7 +14,14 @@ from coordinator.bodies.angles import is_person
 from coordinator.filters.belief import Belief
 from coordinator.filters.motion import precisions
 from coordinator.stopwatch import Stopwatch
-from coordinator.tracking.certainty.certainty import FIT, OFF, SUSPECTED, Certainty, unknown_certainty
+from coordinator.tracking.certainty.certainty import (
+    FIT,
+    FLAGGED,
+    OFF,
+    SUSPECTED,
+    Certainty,
+    unknown_certainty,
+)
 from coordinator.tracking.certainty.features import FrameContext, measure_features
 from coordinator.tracking.certainty.surface import seen_shares
 from coordinator.tracking.estimate import MAX_HYPOTHESES, UNKNOWN, Estimate, Status
@@ -56,6 +63,8 @@ def report(updated: Updated) -> Tracked:
         start, management = updated.state.start, updated.state.checkpoint.management
         model, belief = start.model, updated.belief
         certainty, disputed = unknown_certainty(len(model.joint_names)), ""
+        cameras = updated.state.checkpoint.cameras
+        faulty = any(each.fault for each in cameras.values())
         pose, poses, weights = start.pose, np.empty((0, len(start.pose))), np.empty(0)
         if belief is not None:
             pose, poses = belief.reported, belief.poses[:MAX_HYPOTHESES]
@@ -70,10 +79,12 @@ def report(updated: Updated) -> Tracked:
             certainty = FIT.judge(features)
             if belief is not None and belief.posterior.size and not is_person(model.dof_names):
                 certainty = replace(certainty, deviation=known_deviations(model, pose, belief.posterior))
-            cameras = [each.frame.camera for each in context.subject.views]
-            seen = dict(zip(cameras, seen_by, strict=True))
-            disputed = updated.state.checkpoint.agreement.dispute(cameras)
-        doubt = explain_doubt(model.joint_names, certainty)
+            views = [each.frame.camera for each in context.subject.views]
+            seen = dict(zip(views, seen_by, strict=True))
+            disputed = updated.state.checkpoint.agreement.dispute(views)
+        # what no other camera sees, and everything until a search with all cameras
+        doubtful = (faulty & (certainty.seen < 0.5)) | (len(cameras) > 1 and management.is_new)
+        doubt = explain_doubt(model.joint_names, certainty, np.where(doubtful, FLAGGED, SUSPECTED))
         doubted = bool(disputed or doubt)
         status = updated.status or judge(management, weights, joints[1:], joints[0], doubted=doubted)
     estimate = Estimate(
@@ -89,7 +100,7 @@ def report(updated: Updated) -> Tracked:
         why=disputed or management.reason or doubt,
         stage_seconds=updated.clock.seconds,
         seen_by=seen,
-        faults=faults_of(updated.state.checkpoint.cameras, updated.frame.time_s),
+        faults=faults_of(cameras, updated.frame.time_s),
         certainty=unknown_certainty(len(joints[0])) if status in UNKNOWN else certainty,
     )
     subject = None if updated.context is None else updated.context.subject
@@ -115,10 +126,10 @@ def judge(
     return "ambiguous" if doubted else "tracked"
 
 
-def explain_doubt(names: tuple[str, ...], certainty: Certainty) -> str:
-    """Text that names joints (J,) that may be wrong, the most probable first; empty if there are none."""
+def explain_doubt(names: tuple[str, ...], certainty: Certainty, least: Array) -> str:
+    """Text that names joints (J,) with more than these probabilities to be wrong, the most probable first."""
     probability = certainty.off_probability
-    doubted = [j for j in np.argsort(-probability, kind="stable") if probability[j] > SUSPECTED]
+    doubted = [j for j in np.argsort(-probability, kind="stable") if probability[j] > least[j]]
     listed = ", ".join(names[j].replace("_", " ") for j in doubted)
     return f"may be more than {100 * OFF:.0f} cm off: {listed}" if doubted else ""
 

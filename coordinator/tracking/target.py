@@ -27,7 +27,7 @@ from coordinator.tracking.cameras import compare
 from coordinator.tracking.certainty.features import FrameContext
 from coordinator.tracking.detector import Detector
 from coordinator.tracking.estimate import Status
-from coordinator.tracking.faults import Agreement, CameraStates
+from coordinator.tracking.faults import Agreement, CameraStates, faults_of
 from coordinator.tracking.gating import LEAST_PIXELS, gate_pose
 from coordinator.tracking.observation import POINTS, camera_points
 from coordinator.tracking.particle_filter import Encoders, Pace, ParticleFilter, Submitted
@@ -82,6 +82,7 @@ class TargetTracker:
         self.aside: SubjectFrame | None = None  # what cameras that are left out show of the body
         self.doubted: tuple[str, ...] = ()  # cameras, when the next frame is segmented
         self._agreement = Agreement()
+        self._faulty = set[str]()  # cameras with lasting faults in the last frame
         if state is not None:
             self._resume(state)
 
@@ -90,6 +91,7 @@ class TargetTracker:
         self.start, self.scenes, self.management = state.start, past.scenes, past.management
         self._expected, self._time_s, self._size.estimate = past.expected, past.time_s, past.size
         self.cameras, self.doubted, self._agreement = past.cameras, past.doubted, past.agreement
+        self._faulty = set(faults_of(past.cameras, past.time_s or 0.0))
         self._filter.rng.bit_generator.state = json.loads(past.generator)
         if past.belief:
             self._belief = replace(self._filter.begin(self.model, self.start.pose), **past.belief)
@@ -282,6 +284,9 @@ class TargetTracker:
         if self.management.is_lost and not self._agreement.contradicting:
             self._agreement = Agreement()
         self.management = self.management.updated(gate, subject.pixels, redetected=redetected)
+        before, self._faulty = self._faulty, set(faults_of(self.cameras, submitted.frame.time_s))
+        if before - self._faulty:  # a camera is back
+            self.management = replace(self.management, tracked=SEARCH_INTERVAL_FRAMES - 1)
         views = [*subject.views, *(self.aside.views if self.aside is not None else ())]
         seen = self.model, self._belief.poses[0], submitted.frame, views, submitted.rules.noise_depth
         self._agreement = compare(*seen, self._agreement, submitted.proposal.interval)

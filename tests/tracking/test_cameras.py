@@ -163,6 +163,19 @@ def test_a_camera_at_a_wrong_place_is_left_out(
     assert max(off[since + 8 :]) < 0.07
 
 
+def test_the_body_is_searched_for_when_a_camera_is_back(
+    seen: tuple[BodyModel, Array, list[dict[str, DepthFrame]]],
+) -> None:
+    """After a fault of more than half a second; its image may show what was hidden from the other camera."""
+    _, _, frames = seen
+    tracker, since = Tracker(DirectRefiner(), SETTINGS, known(), start=STANDING), list[int]()
+    for number, images in enumerate(frames):
+        views = [view for name, view in images.items() if name == "front" or not 5 <= number < 25]
+        (tracked,) = tracker.track(together(views))
+        since.append(tracked.state.checkpoint.management.tracked)
+    assert since[24:27] == [since[0] + 24, 3, 4]
+
+
 @pytest.mark.parametrize(
     ("shows_m", "turned_deg", "against"),
     [(5.0, 0.0, ("side",)), (1.0, 0.0, ()), (5.0, 90.0, ()), (0.0, 0.0, ())],

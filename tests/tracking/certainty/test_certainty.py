@@ -142,17 +142,19 @@ def test_a_frame_without_the_body_in_it_still_says_something() -> None:
 
 
 @pytest.mark.parametrize(
-    ("off", "word", "why"),
+    ("off", "least", "word", "why"),
     [
-        ([0.0, 0.0, 0.0], "tracked", ""),
-        ([0.0, 0.35, 0.0], "ambiguous", "may be more than 15 cm off: left knee"),
-        ([0.4, 0.35, 0.0], "ambiguous", "may be more than 15 cm off: head, left knee"),
+        ([0.0, 0.0, 0.0], 0.15, "tracked", ""),
+        ([0.0, 0.35, 0.0], 0.15, "ambiguous", "may be more than 15 cm off: left knee"),
+        ([0.4, 0.35, 0.0], 0.15, "ambiguous", "may be more than 15 cm off: head, left knee"),
+        ([0.1, 0.0, 0.1], 0.15, "tracked", ""),
+        ([0.1, 0.0, 0.1], 0.04, "ambiguous", "may be more than 15 cm off: left hip"),
     ],
 )
-def test_status_follows_from_the_joints(off: list[float], word: str, why: str) -> None:
+def test_status_follows_from_the_joints(off: list[float], least: float, word: str, why: str) -> None:
     """One joint in doubt makes a frame ambiguous; joints are listed, the most likely first."""
     certainty = Certainty(np.ones(3), np.array(off), np.full(3, 0.05))
-    doubt = explain_doubt(("head", "left_knee", "left_hip"), certainty)
+    doubt = explain_doubt(("head", "left_knee", "left_hip"), certainty, np.array([0.15, 0.15, least]))
     assert doubt == why
     still = np.ones(1), np.zeros((1, 3, 3)), np.zeros((3, 3))
     assert judge(TrackManagement(), *still, doubted=bool(doubt)) == word
