@@ -82,7 +82,9 @@ class TargetTracker:
         self.aside: SubjectFrame | None = None  # what cameras that are left out show of the body
         self.doubted: tuple[str, ...] = ()  # cameras, when the next frame is segmented
         self._agreement = Agreement()
-        self._faulty = set[str]()  # cameras with lasting faults in the last frame
+        self._faulty: tuple[
+            str, ...
+        ] = ()  # cameras with lasting faults in the last frame that showed the body
         if state is not None:
             self._resume(state)
 
@@ -91,7 +93,7 @@ class TargetTracker:
         self.start, self.scenes, self.management = state.start, past.scenes, past.management
         self._expected, self._time_s, self._size.estimate = past.expected, past.time_s, past.size
         self.cameras, self.doubted, self._agreement = past.cameras, past.doubted, past.agreement
-        self._faulty = set(faults_of(past.cameras, past.time_s or 0.0))
+        self._faulty = past.faulty
         self._filter.rng.bit_generator.state = json.loads(past.generator)
         if past.belief:
             self._belief = replace(self._filter.begin(self.model, self.start.pose), **past.belief)
@@ -115,6 +117,7 @@ class TargetTracker:
             size=self._size.estimate,
             cameras=self.cameras,
             doubted=self.doubted,
+            faulty=self._faulty,
             agreement=self._agreement,
         )
         return TrackerState(self.start, checkpoint)
@@ -284,8 +287,8 @@ class TargetTracker:
         if self.management.is_lost and not self._agreement.contradicting:
             self._agreement = Agreement()
         self.management = self.management.updated(gate, subject.pixels, redetected=redetected)
-        before, self._faulty = self._faulty, set(faults_of(self.cameras, submitted.frame.time_s))
-        if before - self._faulty:  # a camera is back
+        before, self._faulty = self._faulty, tuple(faults_of(self.cameras, submitted.frame.time_s))
+        if set(before) - set(self._faulty):  # a camera is back
             self.management = replace(self.management, tracked=SEARCH_INTERVAL_FRAMES - 1)
         views = [*subject.views, *(self.aside.views if self.aside is not None else ())]
         seen = self.model, self._belief.poses[0], submitted.frame, views, submitted.rules.noise_depth
