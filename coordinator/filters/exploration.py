@@ -114,15 +114,6 @@ def propose_limbs(
     return [(layout.limbs[k // DRAWS].dofs, draws[k // DRAWS][k % DRAWS]) for k in drawn]
 
 
-def exchange_limbs(model: BodyModel, pose: Array, others: Array) -> Array:
-    """Poses (N * L, D): a pose (D,) with one of its L limbs as in each other pose (N, D)."""
-    limbs = layout_of(model).limbs
-    mixed = np.tile(pose, (len(others), len(limbs), 1))
-    for k, limb in enumerate(limbs):
-        mixed[:, k, limb.dofs] = others[:, limb.dofs]
-    return mixed.reshape(-1, len(pose))
-
-
 def mark_near(points: Array, vertices: Array) -> Mask:
     """Which points (P, 3) are near each of several surfaces (K, V, 3), (K, P)."""
     near = np.empty((len(vertices), len(points)), dtype=np.bool_)

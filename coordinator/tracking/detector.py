@@ -24,7 +24,7 @@ from common.frame import SubjectFrame
 from common.settings import RefineSettings, Settings, preset
 from coordinator.bodies.human.measures import REFERENCE_STATURE
 from coordinator.bodies.tracked import Bodies, coarsen, pose_by_name
-from coordinator.filters.exploration import exchange_limbs
+from coordinator.filters.exploration import layout_of
 from coordinator.scene.planes import Planes
 from coordinator.tracking.gating import gate_pose, reject_parts, reject_planes, reject_points, reject_position
 from coordinator.tracking.observation import camera_points, middle_of, observed_points, thin, without_flat
@@ -147,9 +147,12 @@ class Detector:
         few, matched = thin(subject, FEW_POINTS), self._match(subject, [size], rolls, known)
         proposed = yield from self._propose(few, matched, settings, [size])
         if len(subject.views) > 1:  # they show which limb is wrong
-            mixed = np.concatenate([proposed.poses, exchange_limbs(model, known, proposed.poses)])
-            matched = iter([(mixed, np.zeros(len(mixed), dtype=np.int64))])
-            proposed = yield from self._propose(few, matched, settings, [size])
+            mixed = [proposed.poses]
+            for limb in layout_of(model).limbs:
+                mixed.append(np.tile(known, (len(proposed.poses), 1)))
+                mixed[-1][:, limb.dofs] = proposed.poses[:, limb.dofs]
+            group = np.concatenate(mixed), np.zeros(len(mixed) * len(proposed.poses), dtype=np.int64)
+            proposed = yield from self._propose(few, [group], settings, [size])
         _, found = yield from self._select(subject, few, proposed, settings, [size])
         settled = iterations(rules, LAST_ITERATIONS)
         candidates = yield from self._refine_tracked(subject, start, found, settled)

@@ -27,7 +27,7 @@ from coordinator.tracking.certainty.surface import seen_shares
 from coordinator.tracking.estimate import MAX_HYPOTHESES, UNKNOWN, Estimate, Status
 from coordinator.tracking.faults import faults_of
 from coordinator.tracking.state import TrackerState
-from coordinator.tracking.track_management import TrackManagement
+from coordinator.tracking.track_management import CHECK_INTERVAL_FRAMES, TrackManagement
 
 RIVAL_WEIGHT = 0.5  # least weight of a rival, relative to the most likely hypothesis
 
@@ -83,7 +83,9 @@ def report(updated: Updated) -> Tracked:
             seen = dict(zip(views, seen_by, strict=True))
             disputed = updated.state.checkpoint.agreement.dispute(views)
         # what no other camera sees, and everything until a search with all cameras
-        doubtful = (faulty & (certainty.seen < 0.5)) | (len(cameras) > 1 and management.is_new)
+        doubtful = (faulty & (certainty.seen < 0.5)) | (
+            len(cameras) > 1 and management.tracked < CHECK_INTERVAL_FRAMES
+        )
         doubt = explain_doubt(model.joint_names, certainty, np.where(doubtful, FLAGGED, SUSPECTED))
         doubted = bool(disputed or doubt)
         status = updated.status or judge(management, weights, joints[1:], joints[0], doubted=doubted)

@@ -288,7 +288,7 @@ class TargetTracker:
             self._agreement = Agreement()
         self.management = self.management.updated(gate, subject.pixels, redetected=redetected)
         before, self._faulty = self._faulty, tuple(faults_of(self.cameras, submitted.frame.time_s))
-        if set(before) - set(self._faulty):  # a camera is back
+        if set(before) - set(self._faulty):  # a camera is back: search with it
             self.management = replace(self.management, tracked=SEARCH_INTERVAL_FRAMES - 1)
         views = [*subject.views, *(self.aside.views if self.aside is not None else ())]
         seen = self.model, self._belief.poses[0], submitted.frame, views, submitted.rules.noise_depth

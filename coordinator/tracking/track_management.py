@@ -41,16 +41,12 @@ class TrackManagement:
         return self.frames_searched % SEARCH_INTERVAL_FRAMES == 0
 
     @property
-    def is_new(self) -> bool:
-        """Whether the body was detected, or a camera came back, a few frames ago."""
-        return self.tracked < CHECK_INTERVAL_FRAMES
-
-    @property
     def check_due(self) -> bool:
         """Whether to search for the body again: lost, or in doubt."""
-        interval = SEARCH_INTERVAL_FRAMES if self.is_new else CHECK_INTERVAL_FRAMES
+        new = self.tracked < CHECK_INTERVAL_FRAMES
+        interval = SEARCH_INTERVAL_FRAMES if new else CHECK_INTERVAL_FRAMES
         due = self.tracked % interval == interval - 1
-        return self.is_lost or (due and (self.is_new or self.residual > 1.0 or self.ambiguous_facing))
+        return self.is_lost or (due and (new or self.residual > 1.0 or self.ambiguous_facing))
 
     @property
     def reason(self) -> str:
