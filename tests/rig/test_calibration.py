@@ -62,6 +62,13 @@ def test_stated_deviations_are_those_of_the_errors() -> None:
     assert np.mean(np.array(shares)[:, :6] < 2.0) > 0.85
 
 
+def test_of_opposite_cameras_the_distance_is_the_least_certain() -> None:
+    """A body that is too thin moves both towards each other, one that is too thick apart."""
+    found = align(motion(0.0, np.eye(4)), motion(0.0, around(180.0)))
+    assert found is not None
+    assert found.deviations[5] > 4.0 * found.deviations[3:5].max()
+
+
 def errors_of(found: CameraPose) -> Array:
     """Errors (7,) of the alignment: rotation, position at the person, clock."""
     turn = found.T_first_other[:3, :3] @ TRUE[:3, :3].T
