@@ -72,7 +72,7 @@ def track(
         start = found[-1].state.start
         columns = positions(start.model.joint_names, reference.names)
         joints = np.array([found[row].estimate.joint_positions[columns] for row in mine])
-        status, stature = count_status(one.estimate.status for one in found), start.stature
+        status, stature = count_status(one.estimate.status for one in found), start.size.stature
     return Outcome(
         recording, joints, reference.joints[theirs], reference.holds[theirs], seconds, status, stature
     )

@@ -161,7 +161,7 @@ class Tracker(FrameLoop):
     def size(self) -> tuple[float, float] | None:
         """Estimated stature of the person, metres, and girth; None before detection, and for other bodies."""
         start = self._tracker.states[0].start
-        return (start.stature, start.girth) if np.isfinite(start.stature) else None
+        return (start.size.stature, start.size.girth) if np.isfinite(start.size.stature) else None
 
     def track(self, depth: DepthFrame | ArrayLike, time_s: float | None = None) -> Estimate:
         """Track the body in the next frame.

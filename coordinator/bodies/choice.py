@@ -10,7 +10,7 @@ from coordinator.bodies.human.dofs import HUMAN, HUMAN_DOFS
 from coordinator.bodies.human.measures import DEVIATION, REFERENCE_STATURE, Measures
 from coordinator.bodies.human.shape_space import shape_space
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human, human_of
-from coordinator.bodies.tracked import Bodies, one_body
+from coordinator.bodies.tracked import Bodies, Size, one_body
 from coordinator.files import read_json
 
 PERSON_SUFFIX = ".json"
@@ -51,7 +51,7 @@ def person(measures: Measures, active: tuple[str, ...] | None, preset: str) -> B
     """One person with known measures, with the surface of people of unknown size."""
     usual = USUAL[preset]
     chosen = choose_active(active, usual, HUMAN_DOFS)
-    return one_body(human_of(measures), usual, chosen, (measures.stature, measures.girth))
+    return one_body(human_of(measures), usual, chosen, Size(measures.stature, measures.girth))
 
 
 def bodies_of(model: BodyModel, active: tuple[str, ...] | None) -> Bodies:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cached_property, lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,6 +16,20 @@ from coordinator.bodies.human.dofs import HUMAN_DOFS
 from coordinator.bodies.human.measures import REFERENCE_STATURE
 
 SIZES = 32  # bodies that are kept
+
+
+class Size(NamedTuple):
+    """Stature in metres, girth as a factor, and how far a small person has the proportions of an adult.
+
+    `grown` is 0 for the mean person of the stature and 1 for the proportions of an adult.
+    """
+
+    stature: float
+    girth: float
+    grown: float = 0.0
+
+
+USUAL_SIZE = Size(REFERENCE_STATURE, 1.0)  # if it is not known
 
 
 @lru_cache(SIZES)
@@ -57,13 +72,13 @@ def pose_by_name(model: BodyModel, pose: Array) -> dict[str, float]:
 
 
 class Bodies:
-    """People of any stature and girth, or one known body: a robot, an object, a person.
+    """People of any size, or one known body: a robot, an object, a person.
 
     Args:
-        build: Full model from stature and girth; all models have corresponding vertices.
+        build: Full model from a size; all models have corresponding vertices.
         start_dofs: Degrees of freedom for detection.
         active: Tracked degrees of freedom.
-        measures: Stature (m) and girth, if they are known.
+        measures: The size, if it is known.
         dof_names: All degrees of freedom.
     """
 
@@ -75,26 +90,26 @@ class Bodies:
 
     def __init__(
         self,
-        build: Callable[[float, float], BodyModel],
+        build: Callable[..., BodyModel],
         start_dofs: tuple[str, ...],
         active: tuple[str, ...],
-        measures: tuple[float, float] | None = None,
+        measures: Size | None = None,
         dof_names: tuple[str, ...] = HUMAN_DOFS,
     ) -> None:
         self.full = lru_cache(SIZES)(build)
         self.for_start = lru_cache(SIZES)(self._for_start)
         self.start_dofs, self.active, self.measures, self.dof_names = start_dofs, active, measures, dof_names
 
-    def tracked(self, stature: float, girth: float, values: Mapping[str, float]) -> tuple[BodyModel, Array]:
+    def tracked(self, size: Size, values: Mapping[str, float]) -> tuple[BodyModel, Array]:
         """The tracked body, with other degrees of freedom held at `values`, and its pose (D,) there."""
-        full = self.full(stature, girth)
+        full = self.full(*size)
         held = name_pose(full, values)
         model = activate(full, self.active, held)
         return model, held[[full.dof(name) for name in model.dof_names]]
 
-    def _for_start(self, stature: float, girth: float) -> BodyModel:
+    def _for_start(self, *size: float) -> BodyModel:
         """The body with the degrees of freedom for detection."""
-        full, start = self.full(stature, girth), self._usual
+        full, start = self.full(*size), self._usual
         moved = [full.dof(name) for name in start.dof_names]
         return replace(
             start, vertices=full.vertices, points=full.points[moved], joint_points=full.joint_points
@@ -102,17 +117,14 @@ class Bodies:
 
     @cached_property
     def _usual(self) -> BodyModel:
-        full = self.full(*(self.measures or (REFERENCE_STATURE, 1.0)))
+        full = self.full(*(self.measures or USUAL_SIZE))
         return activate(full, self.start_dofs, np.zeros(len(full.dof_names)))
 
 
 def one_body(
-    model: BodyModel,
-    start_dofs: tuple[str, ...],
-    active: tuple[str, ...],
-    measures: tuple[float, float] | None = None,
+    model: BodyModel, start_dofs: tuple[str, ...], active: tuple[str, ...], measures: Size | None = None
 ) -> Bodies:
     """A known body with all its degrees of freedom: a robot, an object, or a person with known `measures`."""
-    bodies = Bodies(lambda *_: model, start_dofs, active, measures or (np.nan, np.nan), model.dof_names)
+    bodies = Bodies(lambda *_: model, start_dofs, active, measures or Size(np.nan, np.nan), model.dof_names)
     bodies.people, bodies.content = measures is not None, model.hash
     return bodies

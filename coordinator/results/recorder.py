@@ -36,6 +36,7 @@ from coordinator.results.summary import (
     PERSON_FILE,
     SUMMARY_FILE,
     count_status,
+    describe_size,
     find_summary,
     folder_of,
     summarise,
@@ -167,8 +168,10 @@ class Recorder:
             folder = folder_of(self.run, len(recorded.people), number)
             write_files(folder, track, TrackedBody(start.model, start.held), summary)
             if start.found and configuration["model"]["name"] == HUMAN:
-                size = {"stature": start.stature, "girth": start.girth}
-                write_json(folder / PERSON_FILE, {**size, DEVIATION: person.state.stature_deviation})
+                names = ("stature", DEVIATION, "girth", "age")
+                write_json(
+                    folder / PERSON_FILE, dict(zip(names, describe_size(person.state).values(), strict=True))
+                )
         if len(recorded.people) > 1:
             write_json(self.run / SUMMARY_FILE, {**facts, **summarise_all(recorded, found)})
         self._finished = bool(facts["complete"])

@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 
 from common.errors import InputError
+from coordinator.bodies.human.shape_space import shape_space
 from coordinator.results.configuration import versions
 from coordinator.tracking.estimate import Estimate, Status
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:  # it loads the compiler, which is slow
 
 STATUSES = get_args(Status)
 SUMMARY_FILE = "summary.json"
-PERSON_FILE = "person.json"  # the estimated stature and girth, for --model
+PERSON_FILE = "person.json"  # the estimated size, for --model
 PERSON = "person"  # key in the summary: number of the person
 FOUND = "found"  # key in the summary of several people: one entry per person
 OF_ONE = ("cameras", "doubts", "rotate_deg", "noise_m")  # differs between people
@@ -91,10 +92,11 @@ def describe_person(number: int, person: RecordedPerson) -> dict[str, object]:
 
 
 def describe_size(state: TrackerState) -> dict[str, float | None]:
-    """Stature, its standard deviation, and girth; None if nobody was detected."""
-    start = state.start
-    size = (start.stature, state.stature_deviation, start.girth) if start.found else (None, None, None)
-    return dict(zip(("stature_m", "stature_deviation_m", "girth"), size, strict=True))
+    """Stature, its standard deviation, girth and age by proportions; None if nobody was detected."""
+    stature, girth, grown = state.start.size
+    size = (stature, state.stature_deviation, girth, shape_space().age(stature, grown))
+    names = ("stature_m", "stature_deviation_m", "girth", "age")
+    return dict(zip(names, size if state.start.found else (None,) * len(names), strict=True))
 
 
 def count_status(statuses: Iterable[str]) -> dict[str, int]:

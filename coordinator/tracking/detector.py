@@ -23,7 +23,8 @@ from common.body import ROOT_DOFS, BodyModel
 from common.frame import SubjectFrame
 from common.settings import RefineSettings, Settings, preset
 from coordinator.bodies.human.measures import REFERENCE_STATURE
-from coordinator.bodies.tracked import Bodies, coarsen, pose_by_name
+from coordinator.bodies.human.shape_space import shape_space
+from coordinator.bodies.tracked import Bodies, Size, coarsen, pose_by_name
 from coordinator.filters.exploration import layout_of
 from coordinator.scene.planes import Planes
 from coordinator.tracking.gating import gate_pose, reject_parts, reject_planes, reject_points, reject_position
@@ -35,8 +36,9 @@ from coordinator.tracking.sensor_noise import SensorNoise, assume_noise
 from coordinator.tracking.state import Start, roll_of, start_at
 
 STATURES_M = (0.82, 0.9, 0.98, 1.07, 1.16, 1.26, 1.38, 1.5, 1.62, 1.74, 1.86, 1.98)
-STATURE_STEPS = (0.91, 0.955, 1.0, 1.045, 1.09)  # factors of the best of these
+STATURE_STEPS = np.array([0.91, 0.955, 1.0, 1.045, 1.09])  # factors of the best of these
 GIRTHS = (0.9, 1.05, 1.2, 1.4)
+GROWN = (0.0, 0.5, 1.0)  # of a small person: proportions of the mean child, halfway, of an adult
 USUAL_GIRTH = GIRTHS[1]
 CANDIDATES, TURNED = 120, 20  # in the first orientation of the image, and in each other
 SURVIVORS, FINALISTS = 16, 4  # distinct candidates after the first stage, and after the second
@@ -69,7 +71,7 @@ class Detector:
         )
         degrees = (0, 90, 180, 270) if settings.rotate_deg is None else (settings.rotate_deg,)
         self._rolls = tuple(float(np.radians(each)) for each in degrees)
-        self._usual = bodies.measures or (REFERENCE_STATURE, USUAL_GIRTH)
+        self._usual = bodies.measures or Size(REFERENCE_STATURE, USUAL_GIRTH)
 
     @cached_property
     def _library(self) -> PoseLibrary:
@@ -114,10 +116,10 @@ class Detector:
         candidates = yield from self._refine_tracked(subject, start, found, settled)
         gate = gate_pose(candidates.log_likelihood[0], candidates.residual[0], settings)
         if self._bodies.people:
-            gate = gate.against(reject_points(subject, size[0]))
-            some, between = observed_points(subject, FEW_POINTS), VERTEX_SHARE * size[0]
+            gate = gate.against(reject_points(subject, size.stature))
+            some, between = observed_points(subject, FEW_POINTS), VERTEX_SHARE * size.stature
             gate = gate.against(reject_planes(some, candidates.residual[0], between))
-            gate = gate.against(reject_parts(start.model, candidates.poses[0], subject, size[0]))
+            gate = gate.against(reject_parts(start.model, candidates.poses[0], subject, size.stature))
             if planes.has_floor:
                 joints, names = subject.frame.to_camera(candidates.joints[0]), start.model.joint_names
                 trunk = joints[names.index("head")] - joints[names.index("pelvis")]
@@ -140,7 +142,7 @@ class Detector:
         settings = msgspec.structs.replace(
             self._refine, noise_depth=rules.noise_depth, noise_lateral=rules.noise_lateral
         )
-        size = (start.stature, start.girth)
+        size = start.size
         values = {**start.values, **pose_by_name(start.model, last)}
         model = self._bodies.for_start(*size)
         known = np.array([values.get(name, 0.0) for name in model.dof_names])
@@ -179,21 +181,21 @@ class Detector:
         return Detection(replace(detection.start, pose=candidates.poses[0]), candidates, gate)
 
     @property
-    def _sizes(self) -> list[tuple[float, float]]:
-        """The sizes, stature and girth, with which an unknown body is searched for."""
+    def _sizes(self) -> list[Size]:
+        """The sizes with which an unknown body is searched for."""
         known = self._bodies.measures
-        return [known] if known else [(stature, USUAL_GIRTH) for stature in STATURES_M]
+        return [known] if known else [Size(stature, USUAL_GIRTH) for stature in STATURES_M]
 
-    def _coarse(self, stature: float, girth: float) -> BodyModel:
+    def _coarse(self, *size: float) -> BodyModel:
         """The body of candidates of this size."""
-        return coarsen(self._bodies.for_start(stature, girth), self._library.cell_m)
+        return coarsen(self._bodies.for_start(*size), self._library.cell_m)
 
     def _propose(
         self,
         few: SubjectFrame,
         matched: Iterable[tuple[Array, Indices]],
         settings: RefineSettings,
-        sizes: Sequence[tuple[float, float]],
+        sizes: Sequence[Size],
     ) -> Generator[Stage, None, Candidates]:
         """The best distinct candidates of these sizes after the first stage, on a few points."""
         names = self._bodies.for_start(*sizes[0]).joint_names
@@ -208,8 +210,8 @@ class Detector:
         few: SubjectFrame,
         found: Candidates,
         settings: RefineSettings,
-        sizes: Sequence[tuple[float, float]],
-    ) -> Generator[Stage, None, tuple[tuple[float, float], Array]]:
+        sizes: Sequence[Size],
+    ) -> Generator[Stage, None, tuple[Size, Array]]:
         """The size and poses (N, D) that explain a frame best, of these candidates' sizes or between them."""
         names = self._bodies.for_start(*sizes[0]).joint_names
         models = [self._coarse(*size) for size in sizes]
@@ -218,20 +220,18 @@ class Detector:
         found = found.distinct(names, FINALISTS)
         size, poses = sizes[found.sizes[0]], found.poses
         if len(sizes) > 1:
-            statures = [(size[0] * step, size[1]) for step in STATURE_STEPS]
+            growns = GROWN if size.stature < shape_space().statures[-1] else GROWN[:1]
+            steps = [(stature, grown) for grown in growns for stature in size.stature * STATURE_STEPS]
+            statures = [Size(stature, size.girth, grown) for stature, grown in steps]
             size, _ = yield from self._choose_size(subject, statures, poses[0], then)
-            girths = [(size[0], girth) for girth in GIRTHS]
+            girths = [size._replace(girth=girth) for girth in GIRTHS]
             size, best = yield from self._choose_size(subject, girths, poses[0], then)
             poses = np.concatenate([best, poses])
         return size, poses
 
     def _choose_size(
-        self,
-        subject: SubjectFrame,
-        sizes: Sequence[tuple[float, float]],
-        pose: Array,
-        settings: RefineSettings,
-    ) -> Generator[Stage, None, tuple[tuple[float, float], Array]]:
+        self, subject: SubjectFrame, sizes: Sequence[Size], pose: Array, settings: RefineSettings
+    ) -> Generator[Stage, None, tuple[Size, Array]]:
         """The mean of sizes, weighted with likelihood, and the pose (D,) refined with the best: (1, D).
 
         The likelihood measures distances to the nearest vertex. Vertices of a larger body are farther apart,
@@ -244,15 +244,10 @@ class Detector:
         between = VERTEX_SHARE * measures[:, 0] / settings.likelihood_scale
         likely = found.log_likelihood + 0.5 * between**2
         weights = np.exp(likely - likely.max())
-        stature, girth = (weights @ measures / weights.sum()).round(2).tolist()
-        return (stature, girth), found.poses[[likely.argmax()]]
+        return Size(*(weights @ measures / weights.sum()).round(2).tolist()), found.poses[[likely.argmax()]]
 
     def _match(
-        self,
-        subject: SubjectFrame,
-        sizes: Sequence[tuple[float, float]],
-        rolls: Sequence[float],
-        last: Array | None = None,
+        self, subject: SubjectFrame, sizes: Sequence[Size], rolls: Sequence[float], last: Array | None = None
     ) -> Iterator[tuple[Array, Indices]]:
         """Candidates (N, D) and their sizes (N,): those of the first orientation, then all others.
 
@@ -260,7 +255,7 @@ class Detector:
         moved and rotated.
         """
         points, placed = camera_points(subject), subject.frame.T_rig_camera
-        scales = [stature / self._usual[0] if self._bodies.people else 1.0 for stature, _ in sizes]
+        scales = [size.stature / self._usual.stature if self._bodies.people else 1.0 for size in sizes]
         yield self._library.match(points, scales, rolls[0], CANDIDATES, placed)
         others = [self._library.match(points, scales, roll, TURNED, placed) for roll in rolls[1:]]
         if last is not None:
@@ -274,7 +269,7 @@ class Detector:
         self, subject: SubjectFrame, start: Start, poses: Array, settings: RefineSettings
     ) -> Generator[Stage, None, Candidates]:
         """Convert poses (N, D) of the detected body to the tracked body and refine them; held values stay."""
-        searched, model = self._bodies.for_start(start.stature, start.girth), start.model
+        searched, model = self._bodies.for_start(*start.size), start.model
         taken = np.tile(start.pose, (len(poses), 1))
         for j, name in enumerate(model.dof_names):
             if name in searched.dof_names:

@@ -38,7 +38,7 @@ class PersonSize:
         if not (self._measured and start.is_free):
             return start
         self.estimate = SizeEstimate()
-        stature = self._shown(start, start.pose, subject) or start.stature
+        stature = self._shown(start, start.pose, subject) or start.size.stature
         return self._fit_girth(start, stature, belief, subject, rules)
 
     def revise(
@@ -47,7 +47,7 @@ class PersonSize:
         """The start with the size that is known by now."""
         if self.estimate is None or belief is None:
             return start
-        return self._fit_girth(start, self.estimate.revise(start.stature), belief, subject, rules)
+        return self._fit_girth(start, self.estimate.revise(start.size.stature), belief, subject, rules)
 
     def measure(
         self, start: Start, belief: Belief, management: TrackManagement, subject: SubjectFrame
@@ -71,26 +71,27 @@ class PersonSize:
         rules: RefineSettings,
     ) -> Start:
         """The start with another stature, and the likeliest girth if several cameras show the person."""
-        if stature == start.stature or subject is None or len(subject.views) == 1:
-            return start.with_size(stature, start.girth, self._bodies)
+        size = start.size._replace(stature=stature)
+        if stature == start.size.stature or subject is None or len(subject.views) == 1:
+            return start.with_size(size, self._bodies)
         settled = iterations(rules, ITERATIONS)
         sent = [
             self._refiner.submit(
                 subject,
-                self._bodies.tracked(stature, girth, start.values)[0],
+                self._bodies.tracked(size._replace(girth=girth), start.values)[0],
                 belief.reported[None],
                 settled,
                 velocity=belief.velocity,
             )
-            for girth in start.girth * GIRTH_STEPS
+            for girth in size.girth * GIRTH_STEPS
         ]
         likely = np.array([pending.result().log_likelihood[0] for pending in sent])
         steps = np.linspace(GIRTH_STEPS[0], GIRTH_STEPS[-1], 31)
         visible = np.isfinite(likely).all()
         best = np.polyval(np.polyfit(GIRTH_STEPS, likely, 2), steps).argmax() if visible else len(steps) // 2
-        return start.with_size(stature, float(start.girth * steps[best]), self._bodies)
+        return start.with_size(size._replace(girth=float(size.girth * steps[best])), self._bodies)
 
     def _shown(self, start: Start, pose: Array, subject: SubjectFrame) -> float | None:
         """Stature in metres that a frame shows of the person in pose (D,); None if it does not show it."""
-        straight = head_to_ankle(self._bodies.full(start.stature, start.girth))
+        straight = head_to_ankle(self._bodies.full(*start.size))
         return measure_stature(start.model, pose, straight, subject)

@@ -13,8 +13,7 @@ from common.arrays import Array
 from common.body import ROOT_DOFS, BodyModel, unknown_dof
 from common.errors import InputError
 from common.kinematics import joint_positions
-from coordinator.bodies.human.measures import REFERENCE_STATURE
-from coordinator.bodies.tracked import Bodies
+from coordinator.bodies.tracked import USUAL_SIZE, Bodies, Size
 from coordinator.files import read_json
 from coordinator.scene.scene import SceneChanges
 from coordinator.tracking.faults import Agreement, CameraStates
@@ -22,22 +21,19 @@ from coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise
 from coordinator.tracking.size import SizeEstimate
 from coordinator.tracking.track_management import TrackManagement
 
-USUAL_MEASURES = (REFERENCE_STATURE, 1.0)  # stature and girth if they are not known
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Start:
     """A body and its pose (D,) in the first frame that shows it.
 
     `values` are by name, including degrees of freedom that are held. Until the body is `found`, only the
-    names of its degrees of freedom and joints are valid; pose, stature and girth are NaN. `noise` is the
+    names of its degrees of freedom and joints are valid; pose and size are NaN. `noise` is the
     camera's noise in that frame; zero if it was not measured.
     """
 
     model: BodyModel
     pose: Array
-    stature: float
-    girth: float
+    size: Size
     values: Mapping[str, float] = field(default_factory=dict)
     noise: SensorNoise = NO_NOISE
     found: bool = True
@@ -52,12 +48,11 @@ class Start:
         """Whether the body can move: its root is not held."""
         return set(ROOT_DOFS) <= set(self.model.dof_names)
 
-    def with_size(self, stature: float, girth: float, bodies: Bodies) -> Self:
-        """The same start, of a body of this stature in metres and this girth."""
-        if (stature, girth) == (self.stature, self.girth):
+    def with_size(self, size: Size, bodies: Bodies) -> Self:
+        """The same start, of a body of this size."""
+        if size == self.size:
             return self
-        model, _ = bodies.tracked(stature, girth, self.values)
-        return replace(self, model=model, stature=stature, girth=girth)
+        return replace(self, model=bodies.tracked(size, self.values)[0], size=size)
 
     @property
     def roll(self) -> float:
@@ -67,20 +62,17 @@ class Start:
 
 def no_start(bodies: Bodies) -> Start:
     """The start before a body is found."""
-    model, pose = bodies.tracked(*(bodies.measures or USUAL_MEASURES), {})
-    return Start(model, np.full_like(pose, np.nan), np.nan, np.nan, found=False)
+    model, pose = bodies.tracked(bodies.measures or USUAL_SIZE, {})
+    return Start(model, np.full_like(pose, np.nan), Size(np.nan, np.nan), found=False)
 
 
 def start_at(
-    values: Mapping[str, float],
-    bodies: Bodies,
-    size: tuple[float, float] | None = None,
-    noise: SensorNoise = NO_NOISE,
+    values: Mapping[str, float], bodies: Bodies, size: Size | None = None, noise: SensorNoise = NO_NOISE
 ) -> Start:
-    """The start at a pose given by name; `size` is stature and girth, by default the known or usual ones."""
-    size = size or bodies.measures or USUAL_MEASURES
-    model, pose = bodies.tracked(*size, values)
-    return Start(model, pose, *size, dict(values), noise)
+    """The start at a pose given by name, by default of the known or usual size."""
+    size = size or bodies.measures or USUAL_SIZE
+    model, pose = bodies.tracked(size, values)
+    return Start(model, pose, size, dict(values), noise)
 
 
 def roll_of(model: BodyModel, pose: Array, turn: Array) -> float:
@@ -134,4 +126,4 @@ class TrackerState:
     @property
     def stature_deviation(self) -> float:
         """Standard deviation of the stature, metres; 0 if it is not estimated."""
-        return self.checkpoint.size.deviation_share * self.start.stature if self.checkpoint.size else 0.0
+        return self.checkpoint.size.deviation_share * self.start.size.stature if self.checkpoint.size else 0.0

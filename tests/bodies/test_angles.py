@@ -18,7 +18,7 @@ from coordinator.bodies.choice import choose_bodies
 from coordinator.bodies.from_joints import angles_from_joints
 from coordinator.bodies.human.template import human
 from coordinator.bodies.swing_twist import isb_shoulder, nearest_swing, swing_twist
-from coordinator.bodies.tracked import name_pose
+from coordinator.bodies.tracked import Size, name_pose
 from coordinator.bodies.urdf import read_urdf
 
 DOWN, LEFT, FRONT = np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, -1.0])
@@ -30,7 +30,7 @@ turns = st.tuples(*[st.floats(-1.0, 1.0)] * 4).filter(lambda q: np.linalg.norm(q
 @pytest.fixture(scope="module")
 def person() -> BodyModel:
     """A person as the default preset tracks one."""
-    model, _ = choose_bodies(None, "default").tracked(1.75, 1.0, {})
+    model, _ = choose_bodies(None, "default").tracked(Size(1.75, 1.0), {})
     return model
 
 

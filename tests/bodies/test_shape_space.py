@@ -13,7 +13,7 @@ import trimesh
 from coordinator.bodies.choice import choose_bodies, load_body
 from coordinator.bodies.human.measures import Measures
 from coordinator.bodies.human.template import human, human_of
-from coordinator.bodies.tracked import coarsen
+from coordinator.bodies.tracked import Size, coarsen
 from tests.support.refusals import refused
 
 LENGTHS = {"trunk": 0.53, "shoulder_width": 0.31, "hip_width": 0.16, "forearm": 0.22, "upper_arm": 0.33}
@@ -81,7 +81,7 @@ def test_a_person_of_a_file_has_its_measures(tmp_path: Path) -> None:
     path.write_text(json.dumps(asdict(PERSON)))
     assert load_body(str(path)).hash == human_of(PERSON).hash
     bodies = choose_bodies(None, "default", str(path))
-    assert bodies.measures == (1.75, 1.0)
+    assert bodies.measures == Size(1.75, 1.0)
     path.write_text(json.dumps({"stature": 1.9, "girth": 0.85, "stature_deviation": 0.03}))
     assert load_body(str(path)).hash == human(1.9, 0.85).hash
 

@@ -15,6 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from common.errors import InputError
+from coordinator.bodies.tracked import Size
 from coordinator.files import write_atomically
 from coordinator.pool.options import PoolStatistics
 from coordinator.results.log import Recorded, read_log, read_records
@@ -34,7 +35,7 @@ MODEL = replace(
     joint_points=np.zeros((2, 3)),
 )
 DOFS, JOINTS = MODEL.dof_names, MODEL.joint_names
-START = Start(MODEL, np.arange(len(DOFS)) / 7.0, 1.7, 1.0)
+START = Start(MODEL, np.arange(len(DOFS)) / 7.0, Size(1.7, 1.0))
 SETTINGS = {"seed": 3, "method": "gepf", "preset": "default", "filter": {"particles": 2}}
 CONFIGURATION = {"sequence": "wall", "model": {"name": "wall"}, "settings": SETTINGS}
 

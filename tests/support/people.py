@@ -19,7 +19,7 @@ from common.kinematics import joint_positions, pose_vertices
 from common.settings import Settings, preset
 from coordinator.bodies.human.shape_space import shape_space
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
-from coordinator.bodies.tracked import Bodies, name_pose
+from coordinator.bodies.tracked import Bodies, Size, name_pose
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.tracking.certainty.certainty import Certainty
 from coordinator.tracking.estimate import Estimate
@@ -131,7 +131,7 @@ def empty(number: int) -> DepthFrame:
 @cache
 def known() -> Bodies:
     """The person who is shown, whose measures are known."""
-    return Bodies(human, DEFAULT_ACTIVE, DEFAULT_ACTIVE, measures=(1.82, 1.0))
+    return Bodies(shape_space().person, DEFAULT_ACTIVE, DEFAULT_ACTIVE, measures=Size(1.82, 1.0))
 
 
 @cache

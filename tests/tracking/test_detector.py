@@ -17,7 +17,7 @@ from common.kinematics import joint_positions, pose_vertices
 from common.refinement import Particles
 from common.settings import preset
 from coordinator.bodies.human.template import human
-from coordinator.bodies.tracked import Bodies, name_pose, one_body
+from coordinator.bodies.tracked import Bodies, Size, name_pose, one_body
 from coordinator.bodies.urdf import read_urdf
 from coordinator.scene.planes import Planes
 from coordinator.tracking.detector import Detector, Search
@@ -77,18 +77,26 @@ def detect(bodies: Bodies, model: BodyModel, pose: Array) -> tuple[Detection, Bo
 
 
 @pytest.mark.parametrize(
-    "values",
-    [KNEELING, {"root_tz": 2.6, "root_rz": np.pi, "r_shoulder_abduct": 1.0}],
-    ids=["kneels", "head down"],
+    ("values", "size"),
+    [
+        (KNEELING, Size(1.75, 1.05)),
+        ({"root_tz": 2.6, "root_rz": np.pi, "r_shoulder_abduct": 1.0}, Size(1.75, 1.05)),
+        ({"root_tz": 2.0}, Size(1.1, 1.05)),
+        ({"root_tz": 2.0}, Size(1.1, 1.05, 1.0)),
+    ],
+    ids=["kneels", "head down", "child", "small adult"],
 )
-def test_a_person_is_detected_in_an_unusual_pose(values: dict[str, float]) -> None:
-    """Kneeling with the back to the camera and an arm overhead; upside down, as the camera may be."""
-    model = people().for_start(1.75, 1.05)
+def test_a_person_is_detected_in_an_unusual_pose_and_of_any_size(
+    values: dict[str, float], size: Size
+) -> None:
+    """Kneeling with the back to the camera and an arm overhead; upside down, as the camera may be; small."""
+    model = people().for_start(*size)
     pose = name_pose(model, values)
     found, tracked = detect(people(), model, pose)
     off = found.candidates.joints[0] - joint_positions(model, pose[None])[0]
     assert np.median(np.linalg.norm(off, axis=-1)) < 0.05
-    assert found.start.stature == pytest.approx(1.75, rel=0.1)
+    assert found.start.size.stature == pytest.approx(size.stature, rel=0.1)
+    assert found.start.size.grown == pytest.approx(size.grown, abs=0.4)
     assert np.all(np.diff(found.candidates.log_likelihood) <= 0.0)
     assert tracked.joint_names == model.joint_names
 
@@ -109,7 +117,7 @@ def test_the_front_of_a_seat_is_not_taken_for_a_part_of_the_person() -> None:
     found = complete(Detector(people(), DirectRefiner(), SETTINGS).detect(subject, NO_NOISE, Planes()))
     assert found.gate.passes
     assert np.linalg.norm(found.candidates.joints[0] - truth, axis=-1).max() < 0.05
-    assert found.start.stature == pytest.approx(1.75, rel=0.03)
+    assert found.start.size.stature == pytest.approx(1.75, rel=0.03)
 
 
 def test_any_other_body_is_detected_however_it_is_turned() -> None:

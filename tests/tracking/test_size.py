@@ -13,7 +13,7 @@ from common.frame import HIDDEN, SUBJECT, SubjectFrame
 from coordinator.bodies.choice import choose_bodies
 from coordinator.bodies.human.measures import Measures
 from coordinator.bodies.human.template import human_of
-from coordinator.bodies.tracked import name_pose
+from coordinator.bodies.tracked import Size, name_pose
 from coordinator.filters.gradient_enhanced import begin
 from coordinator.synthesis.noise import as_a_kinect
 from coordinator.tracking.person_size import PersonSize
@@ -38,7 +38,7 @@ from tests.support.rooms import in_a_room
 STATURE = 1.7
 POSTURE = {**STANDING, "root_tz": 2.7}
 BODIES = choose_bodies(None, "default")
-MODEL = BODIES.tracked(STATURE, 1.0, {})[0]
+MODEL = BODIES.tracked(Size(STATURE, 1.0), {})[0]
 
 
 def subject_in(posture: dict[str, float], camera: Intrinsics = CAMERA) -> SubjectFrame:
@@ -52,7 +52,7 @@ def stature_in(
     posture: dict[str, float], scale: float = 1.0, subject: SubjectFrame | None = None
 ) -> float | None:
     """The stature that a frame shows of a person in a posture, by a scaled model in the same pose."""
-    model = BODIES.tracked(scale * STATURE, 1.0, {})[0]
+    model = BODIES.tracked(Size(scale * STATURE, 1.0), {})[0]
     pose = name_pose(model, {n: v for n, v in posture.items() if n in model.dof_names})
     return measure_stature(model, pose, scale * head_to_ankle(MODEL), subject or subject_in(posture))
 
@@ -134,7 +134,7 @@ def test_a_tracked_person_gets_the_right_stature_and_keeps_the_pose() -> None:
     tracker, statures = OnePerson(DirectRefiner(), SETTINGS, BODIES), []
     for n in range(20):
         estimate = tracker.track(replace(still, number=n, time_s=0.1 * n))
-        statures.append(tracker.start.stature)
+        statures.append(tracker.start.size.stature)
     assert abs(statures[-1] - 1.82) < 2.0 * tracker.state.stature_deviation < 0.1
     assert estimate.status == "tracked"
     assert statures[-1] == pytest.approx(1.82, abs=0.025)
@@ -144,15 +144,16 @@ def test_a_tracked_person_gets_the_right_stature_and_keeps_the_pose() -> None:
 @pytest.mark.parametrize(("yaws", "girth"), [((0.0,), 1.05), ((0.0, 180.0), 0.92)], ids=["one", "two"])
 def test_cameras_on_both_sides_show_the_girth(yaws: tuple[float, ...], girth: float) -> None:
     """Within 3 % when the stature is revised; one camera keeps the girth that was detected."""
-    body = BODIES.tracked(STATURE, 0.92, {})[0]
+    body = BODIES.tracked(Size(STATURE, 0.92), {})[0]
     pose = name_pose(body, {n: v for n, v in POSTURE.items() if n in body.dof_names})
     frame = seen_from(body, [pose] * len(yaws), {f"{yaw:.0f}": around(yaw) for yaw in yaws})
-    model = BODIES.tracked(1.55, 1.05, {})[0]
-    start, size = Start(model, pose, 1.55, 1.05), PersonSize(BODIES, DirectRefiner(), measured=True)
+    detected = Size(1.55, 1.05)
+    model = BODIES.tracked(detected, {})[0]
+    start, size = Start(model, pose, detected), PersonSize(BODIES, DirectRefiner(), measured=True)
     belief = begin(model, pose, SETTINGS.filter)
     found = size.begin(start, belief, subject_of(frame, 3000), SETTINGS.refine)
-    assert found.stature == pytest.approx(STATURE, abs=0.03)
-    assert found.girth == pytest.approx(girth, rel=0.03)
+    assert found.size.stature == pytest.approx(STATURE, abs=0.03)
+    assert found.size.girth == pytest.approx(girth, rel=0.03)
 
 
 def test_a_stature_that_is_not_wanted_is_not_measured() -> None:

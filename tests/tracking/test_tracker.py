@@ -17,7 +17,7 @@ from common.frame import SubjectFrame
 from common.kinematics import joint_positions
 from common.refinement import Particles, Refined
 from common.settings import Settings
-from coordinator.bodies.tracked import name_pose
+from coordinator.bodies.tracked import Size, name_pose
 from coordinator.scene.planes import Planes
 from coordinator.sources.live import LiveFrames
 from coordinator.sources.live_stream import LiveCamera
@@ -72,7 +72,7 @@ def test_it_starts_by_itself_and_follows(posture: str, stature: float, room: boo
         assert apart(estimate, truth)[fresh.model.joint_names.index("pelvis")] < 0.05
         assert np.median(apart(estimate, truth)) < 0.03
         assert apart(estimate, truth).max() < 0.08
-    assert fresh.start.stature == pytest.approx(stature, rel=0.05)
+    assert fresh.start.size.stature == pytest.approx(stature, rel=0.05)
 
 
 def test_legs_behind_a_table_are_not_drawn_out_of_it() -> None:
@@ -110,7 +110,7 @@ def test_an_estimate_is_whole() -> None:
     followed = tracker()
     for frame in frames[:2]:
         estimate = followed.track(frame)
-    assert (followed.start.stature, followed.start.girth) == (1.82, 1.0)
+    assert followed.start.size == Size(1.82, 1.0)
     np.testing.assert_array_equal(followed.start.pose, name_pose(followed.model, STANDING))
     assert (estimate.frame, estimate.time_s) == (1, frames[1].time_s)
     assert estimate.hypothesis_weight.sum() == pytest.approx(1.0)

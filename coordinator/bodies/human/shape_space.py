@@ -68,19 +68,28 @@ class ShapeSpace:
     longer: Array
     longer_joints: Array
 
-    def age(self, stature_m: float) -> float:
-        """The age in years of the mean person of a stature; all adults have the last of `ages`."""
-        return float(np.interp(stature_m, self.statures, self.ages))
+    def age(self, stature_m: float, grown: float = 0.0) -> float:
+        """The age in years of the mean person of a stature; all adults have the last of `ages`.
+
+        `grown` is a share of the years until then: a small person may have the proportions of an older one.
+        """
+        usual = float(np.interp(stature_m, self.statures, self.ages))
+        return usual + grown * (float(self.ages[-1]) - usual)
 
     def implied(self, stature_m: float, age: float) -> Array:
         """Lengths (M,) in metres that stature and age imply."""
         return np.asarray(stature_m * np.tensordot(self._blend(age), self.lengths, axes=1))
 
     def person(
-        self, stature_m: float, girth: float, age: float | None = None, lengths: Array | None = None
+        self,
+        stature_m: float,
+        girth: float,
+        grown: float = 0.0,
+        age: float | None = None,
+        lengths: Array | None = None,
     ) -> BodyModel:
         """A person with all degrees of freedom; years of age and metres of `lengths` (M,) may be implied."""
-        age = self.age(stature_m) if age is None else age
+        age = self.age(stature_m, grown) if age is None else age
         blend = self._blend(age)
         vertices = np.tensordot(blend, self.vertices, axes=1) + (girth - 1.0) * self.girth
         joints = np.tensordot(blend, self.joints, axes=1)

@@ -35,4 +35,6 @@ def human(stature_m: float = REFERENCE_STATURE, girth: float = 1.0, **others: fl
 @lru_cache(maxsize=4)
 def human_of(measures: Measures) -> BodyModel:
     """A person with these measures, with all degrees of freedom; the last few are cached."""
-    return shape_space().person(measures.stature, measures.girth, measures.age, np.array(measures.lengths))
+    return shape_space().person(
+        measures.stature, measures.girth, age=measures.age, lengths=np.array(measures.lengths)
+    )
