@@ -185,7 +185,7 @@ def join_parts(view: SceneView, person: Candidate, parts: Sequence[Part]) -> Can
     that may be two people are not joined.
     """
     own, mask, joined = person.part, person.mask.copy(), [person.part]
-    low, high = own.heights
+    (low, high), half = own.heights, 0.5 * PERSON_LENGTH_M[1]
     for part in parts:
         (bottom, top), across = part.heights, own.middle - part.middle
         lowest, highest = min(low, bottom), max(high, top)
@@ -194,7 +194,7 @@ def join_parts(view: SceneView, person: Candidate, parts: Sequence[Part]) -> Can
             continue
         smaller, larger = sorted((own.height, part.height))
         shared = min(high, top) - max(low, bottom)
-        adjoins = -NEAR_M < shared < 0.5 * smaller and (smaller < PERSON_LENGTH_M[0] or larger < 1.0)
+        adjoins = -NEAR_M < shared < 0.5 * smaller and (smaller < PERSON_LENGTH_M[0] or larger < half)
         if adjoins or is_behind(view, joined, part):
             part.mark(mask)
             joined, low, high = [*joined, part], lowest, highest

@@ -232,7 +232,7 @@ class Detector:
     def _choose_size(
         self, subject: SubjectFrame, sizes: Sequence[Size], pose: Array, settings: RefineSettings
     ) -> Generator[Stage, None, tuple[Size, Array]]:
-        """The mean of sizes, weighted with likelihood, and the pose (D,) refined with the best: (1, D).
+        """The mean of sizes as grown as the best, weighted with likelihood, and the best's pose: (1, D).
 
         The likelihood measures distances to the nearest vertex. Vertices of a larger body are farther apart,
         so the part of the distances that this causes is left out.
@@ -243,8 +243,9 @@ class Detector:
         measures = np.array(sizes)[found.sizes]
         between = VERTEX_SHARE * measures[:, 0] / settings.likelihood_scale
         likely = found.log_likelihood + 0.5 * between**2
-        weights = np.exp(likely - likely.max())
-        return Size(*(weights @ measures / weights.sum()).round(2).tolist()), found.poses[[likely.argmax()]]
+        best = likely.argmax()
+        weights = np.exp(likely - likely[best]) * (measures[:, 2] == measures[best, 2])
+        return Size(*(weights @ measures / weights.sum()).round(2).tolist()), found.poses[[best]]
 
     def _match(
         self, subject: SubjectFrame, sizes: Sequence[Size], rolls: Sequence[float], last: Array | None = None
