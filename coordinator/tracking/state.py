@@ -112,7 +112,7 @@ class Checkpoint:
     size: SizeEstimate | None = None  # of the person; None if it is not estimated
     cameras: CameraStates = field(default_factory=dict)
     doubted: tuple[str, ...] = ()  # cameras, when the next frame is segmented
-    faulty: tuple[str, ...] = ()  # cameras with lasting faults in the last frame that showed the body
+    faulty: tuple[str, ...] = ()  # cameras at fault in the last frame that showed the body
     agreement: Agreement = field(default_factory=Agreement)  # of the cameras, by the last pose
 
 

@@ -82,9 +82,7 @@ class TargetTracker:
         self.aside: SubjectFrame | None = None  # what cameras that are left out show of the body
         self.doubted: tuple[str, ...] = ()  # cameras, when the next frame is segmented
         self._agreement = Agreement()
-        self._faulty: tuple[
-            str, ...
-        ] = ()  # cameras with lasting faults in the last frame that showed the body
+        self._faulty = tuple[str, ...]()  # cameras at fault in the last frame that showed the body
         if state is not None:
             self._resume(state)
 
