@@ -51,7 +51,9 @@ def person(measures: Measures, active: tuple[str, ...] | None, preset: str) -> B
     """One person with known measures, with the surface of people of unknown size."""
     usual = USUAL[preset]
     chosen = choose_active(active, usual, HUMAN_DOFS)
-    return one_body(human_of(measures), usual, chosen, Size(measures.stature, measures.girth))
+    maturity = shape_space().maturity(measures.stature, measures.age)
+    size = Size(measures.stature, measures.girth, maturity)
+    return one_body(human_of(measures), usual, chosen, size)
 
 
 def bodies_of(model: BodyModel, active: tuple[str, ...] | None) -> Bodies:

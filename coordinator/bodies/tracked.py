@@ -21,12 +21,12 @@ SIZES = 32  # bodies that are kept
 class Size(NamedTuple):
     """Stature in metres, girth as a factor, and how far a small person has the proportions of an adult.
 
-    `grown` is 0 for the mean person of the stature and 1 for the proportions of an adult.
+    `maturity` is 0 for the mean person of the stature and 1 for the proportions of an adult.
     """
 
     stature: float
     girth: float
-    grown: float = 0.0
+    maturity: float = 0.0
 
 
 USUAL_SIZE = Size(REFERENCE_STATURE, 1.0)  # if it is not known

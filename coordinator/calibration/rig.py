@@ -27,7 +27,7 @@ LARGEST = np.repeat([np.radians(1.0), 0.02, 0.008], (3, 3, 1))  # deviations; wi
 STEP_S = 1.0 / 60.0  # between the offsets that are tried
 OUTLIER_M = 0.1  # scale of the robust kernel
 BLOCK_S = 0.5  # longer than pose errors are correlated
-POSITION_M = (0.0015, 0.006)  # deviations of a body's place: in any direction, along a line of sight
+POSITION_M, SIGHT_M = 0.0015, 0.006  # deviations of a body's place: in any direction, along a line of sight
 WHAT = ("rotation", "position", "clock")
 ADVICE = ("walk through the view of {}", "walk closer to {} and turn about", "wave before {}")
 
@@ -161,7 +161,7 @@ def deviations_of(first: Motion, other: Motion, found: CameraPose) -> Array:
         variance += (len(changes) - 1.0) * np.var(changes, axis=0) if len(changes) > 1 else np.inf
     sight, other_sight = person, person - found.T_first_other[:3, 3]
     apart = sight / np.linalg.norm(sight) - other_sight / np.linalg.norm(other_sight)
-    variance[3:6] += POSITION_M[0] ** 2 + (POSITION_M[1] * apart) ** 2
+    variance[3:6] += POSITION_M**2 + (SIGHT_M * apart) ** 2
     return np.sqrt(variance)
 
 

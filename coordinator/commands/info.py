@@ -70,7 +70,7 @@ def describe_tracked(run: Path, summary: Mapping[str, Any]) -> dict[str, object]
         "frames": summary.get("frames"),
         "people": [
             {
-                "size": Measures.of(one["stature_m"], one["girth"], one["age"]).in_words(
+                "size": Measures.of(one["stature_m"], one["girth"], one.get("age")).in_words(
                     one.get("stature_deviation_m", 0.0)
                 )
                 if one.get("girth")

@@ -33,7 +33,7 @@ from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.state import Checkpoint, Start, TrackerState
 
 HEAD = struct.Struct("<II")
-FORM = 15
+FORM = 16
 
 
 class Opening(msgspec.Struct, frozen=True, tag="opening"):

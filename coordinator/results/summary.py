@@ -93,8 +93,8 @@ def describe_person(number: int, person: RecordedPerson) -> dict[str, object]:
 
 def describe_size(state: TrackerState) -> dict[str, float | None]:
     """Stature, its standard deviation, girth and age by proportions; None if nobody was detected."""
-    stature, girth, grown = state.start.size
-    size = (stature, state.stature_deviation, girth, shape_space().age(stature, grown))
+    stature, girth, maturity = state.start.size
+    size = (stature, state.stature_deviation, girth, shape_space().age(stature, maturity))
     names = ("stature_m", "stature_deviation_m", "girth", "age")
     return dict(zip(names, size if state.start.found else (None,) * len(names), strict=True))
 

@@ -15,7 +15,7 @@ from coordinator.scene.segmentation import STEP_M, label_parts, measure_componen
 
 FLAT_SHARE = 0.5  # of points in one plane, above which an object is flat and not a person
 LEAST_PART_M2 = 0.008  # visible area of the smallest part of a person or of furniture
-SAMPLED = 800  # points for planes
+SAMPLED, DRAWN = 800, 400  # points for planes, and samples of RANSAC, of three points each
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,11 +56,12 @@ def find_flat(depth: NDArray[np.floating], mask: Mask, camera: Intrinsics, growt
         averaged[:, n] = uniform_filter(image, size)[mask] / weight
     averaged[:, 3] /= size * np.sqrt(weight)
     some = averaged[:: 1 + len(averaged) // SAMPLED].copy()
-    drawn = draw_planes(some, SAMPLED // 2)
+    drawn, flat, on = draw_planes(some, DRAWN), np.zeros_like(mask), np.zeros_like(mask)
+    if not len(drawn):  # the object is a line
+        return Flat(flat, 0.0, on, size, np.zeros(mask.shape))
     planes = refine_best(drawn, count_points(drawn, some)[:, 0], some)
     near = count_points(planes, some)[:, 0]
     plane = planes[near.argmax()]
-    flat, on = np.zeros_like(mask), np.zeros_like(mask)
     flat[mask], on[mask] = lie_on(plane, averaged), lie_on(plane, rays)
     labels = label_parts(depth, flat, STEP_M, growth, camera.fx)
     areas, _ = measure_components(labels, depth, camera.fx, camera.fy)

@@ -1,9 +1,10 @@
 """Detects a body in a frame, in any pose and orientation.
 
 Poses of a library that resemble the observed points are refined in stages: all of them for a few iterations,
-the best distinct ones until they converge, the best one with bodies of several statures and then of several
-girths, and the remaining ones as the tracked body. The first two stages use few points and a coarse
-surface. The others use all points and the whole surface, because a coarse surface does not show the girth.
+the best distinct ones until they converge, the best one with bodies of several statures and proportions and
+then of several girths, and the remaining ones as the tracked body. The first two stages use few points and a
+coarse surface. The others use all points and the whole surface, because a coarse surface does not show the
+girth.
 
 A search is a generator that yields the requests of each stage when they are sent, and needs their results
 when it goes on. So a caller can do other work meanwhile. A search that is dropped cancels its requests.
@@ -38,7 +39,7 @@ from coordinator.tracking.state import Start, roll_of, start_at
 STATURES_M = (0.82, 0.9, 0.98, 1.07, 1.16, 1.26, 1.38, 1.5, 1.62, 1.74, 1.86, 1.98)
 STATURE_STEPS = np.array([0.91, 0.955, 1.0, 1.045, 1.09])  # factors of the best of these
 GIRTHS = (0.9, 1.05, 1.2, 1.4)
-GROWN = (0.0, 0.5, 1.0)  # of a small person: proportions of the mean child, halfway, of an adult
+MATURITIES = (0.0, 0.5, 1.0)  # of a small person: proportions of the mean child, halfway, of an adult
 USUAL_GIRTH = GIRTHS[1]
 CANDIDATES, TURNED = 120, 20  # in the first orientation of the image, and in each other
 SURVIVORS, FINALISTS = 16, 4  # distinct candidates after the first stage, and after the second
@@ -148,9 +149,10 @@ class Detector:
         known = np.array([values.get(name, 0.0) for name in model.dof_names])
         few, matched = thin(subject, FEW_POINTS), self._match(subject, [size], rolls, known)
         proposed = yield from self._propose(few, matched, settings, [size])
-        if len(subject.views) > 1:  # they show which limb is wrong
+        limbs = layout_of(model).limbs
+        if len(subject.views) > 1 and limbs:  # they show which limb is wrong
             mixed = [proposed.poses]
-            for limb in layout_of(model).limbs:
+            for limb in limbs:
                 mixed.append(np.tile(known, (len(proposed.poses), 1)))
                 mixed[-1][:, limb.dofs] = proposed.poses[:, limb.dofs]
             group = np.concatenate(mixed), np.zeros(len(mixed) * len(proposed.poses), dtype=np.int64)
@@ -220,10 +222,10 @@ class Detector:
         found = found.distinct(names, FINALISTS)
         size, poses = sizes[found.sizes[0]], found.poses
         if len(sizes) > 1:
-            growns = GROWN if size.stature < shape_space().statures[-1] else GROWN[:1]
-            steps = [(stature, grown) for grown in growns for stature in size.stature * STATURE_STEPS]
-            statures = [Size(stature, size.girth, grown) for stature, grown in steps]
-            size, _ = yield from self._choose_size(subject, statures, poses[0], then)
+            adult, statures = shape_space().statures[-1], size.stature * STATURE_STEPS
+            pairs = [(each, m) for m in MATURITIES for each in statures if m == 0.0 or each < adult]
+            sizes = [Size(each, size.girth, maturity) for each, maturity in pairs]
+            size, _ = yield from self._choose_size(subject, sizes, poses[0], then)
             girths = [size._replace(girth=girth) for girth in GIRTHS]
             size, best = yield from self._choose_size(subject, girths, poses[0], then)
             poses = np.concatenate([best, poses])
@@ -232,7 +234,7 @@ class Detector:
     def _choose_size(
         self, subject: SubjectFrame, sizes: Sequence[Size], pose: Array, settings: RefineSettings
     ) -> Generator[Stage, None, tuple[Size, Array]]:
-        """The mean of sizes as grown as the best, weighted with likelihood, and the best's pose: (1, D).
+        """The likelihood-weighted mean of the sizes with the maturity of the best, and its pose: (1, D).
 
         The likelihood measures distances to the nearest vertex. Vertices of a larger body are farther apart,
         so the part of the distances that this causes is left out.

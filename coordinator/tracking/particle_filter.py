@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any, Union
 
 import msgspec
 import numpy as np
@@ -19,14 +19,16 @@ from coordinator.filters.exploration import FEWEST
 from coordinator.filters.gradient_enhanced import Hypotheses
 from coordinator.filters.methods import METHODS, pace_iterations
 from coordinator.sources.joint_states import JointStates
-from coordinator.sources.ros2_input import JointTopic
 from coordinator.stopwatch import Stopwatch
 from coordinator.tracking.certainty.features import FrameContext
 from coordinator.tracking.observation import filter_observation
 from coordinator.tracking.pose_candidates import Candidates, Detection
 from coordinator.tracking.refiner import Pending, Refiner
 
-Encoders = JointStates | JointTopic
+if TYPE_CHECKING:  # it loads the bus
+    from coordinator.sources.ros2_input import JointTopic
+
+Encoders = Union[JointStates, "JointTopic"]
 """Values of joints over time."""
 
 

@@ -29,6 +29,7 @@ from coordinator.tracking.faults import faults_of
 from coordinator.tracking.state import TrackerState
 from coordinator.tracking.track_management import CHECK_INTERVAL_FRAMES, TrackManagement
 
+HIDDEN_SHARE = 0.5  # a joint that is seen less than this is hidden
 RIVAL_WEIGHT = 0.5  # least weight of a rival, relative to the most likely hypothesis
 
 INFORMATION = 44.0
@@ -82,11 +83,9 @@ def report(updated: Updated) -> Tracked:
             views = [each.frame.camera for each in context.subject.views]
             seen = dict(zip(views, seen_by, strict=True))
             disputed = updated.state.checkpoint.agreement.dispute(views)
-        # what no other camera sees, and everything until a search with all cameras
-        doubtful = (faulty & (certainty.seen < 0.5)) | (
-            len(cameras) > 1 and management.tracked < CHECK_INTERVAL_FRAMES
-        )
-        doubt = explain_doubt(model.joint_names, certainty, np.where(doubtful, FLAGGED, SUSPECTED))
+        new = len(cameras) > 1 and management.tracked < CHECK_INTERVAL_FRAMES
+        least = least_probability(certainty, faulty=faulty, new=new)
+        doubt = explain_doubt(model.joint_names, certainty, least)
         doubted = bool(disputed or doubt)
         status = updated.status or judge(management, weights, joints[1:], joints[0], doubted=doubted)
     estimate = Estimate(
@@ -126,6 +125,15 @@ def judge(
     apart = np.linalg.norm(joints[weights > RIVAL_WEIGHT * weights[0]] - reported, axis=-1)
     doubted = doubted or management.ambiguous_facing or bool(np.any(apart > OFF))
     return "ambiguous" if doubted else "tracked"
+
+
+def least_probability(certainty: Certainty, *, faulty: bool, new: bool) -> Array:
+    """Probabilities (J,) of being wrong above which joints are in doubt.
+
+    While a camera is `faulty`, hidden joints are doubted sooner, as the others may not show them. All are if
+    the body of several cameras is `new`: detected a few frames before, or a camera has come back.
+    """
+    return np.where(new | (faulty & (certainty.seen < HIDDEN_SHARE)), FLAGGED, SUSPECTED)
 
 
 def explain_doubt(names: tuple[str, ...], certainty: Certainty, least: Array) -> str:

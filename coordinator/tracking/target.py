@@ -286,8 +286,8 @@ class TargetTracker:
             self._agreement = Agreement()
         self.management = self.management.updated(gate, subject.pixels, redetected=redetected)
         before, self._faulty = self._faulty, tuple(faults_of(self.cameras, submitted.frame.time_s))
-        if set(before) - set(self._faulty):  # a camera is back: search with it
-            self.management = replace(self.management, tracked=SEARCH_INTERVAL_FRAMES - 1)
+        if set(before) - set(self._faulty) and self._redetects:  # a camera is back
+            self.management = self.management.checked_next()
         views = [*subject.views, *(self.aside.views if self.aside is not None else ())]
         seen = self.model, self._belief.poses[0], submitted.frame, views, submitted.rules.noise_depth
         self._agreement = compare(*seen, self._agreement, submitted.proposal.interval)

@@ -19,7 +19,8 @@ FACING_DOUBT = "front and back look alike: it may face the other way"
 class TrackManagement:
     """The recent history of a track; counts are in frames.
 
-    is_lost: the body may be anywhere (status `searching`). tracked: frames since the last detection.
+    is_lost: the body may be anywhere (status `searching`). tracked: frames since the last detection; less if
+    the body is checked sooner.
     unexplained: successive frames that the body does not explain. frames_searched: since the first search for
     an unknown body; a live search counts as the frames of its interval. residual, why: of the last frame.
     pixels: of the body in the last explained frame. ambiguous_facing: in the last search, front and back
@@ -60,6 +61,10 @@ class TrackManagement:
     def nothing_seen(self) -> Self:
         """After a frame that does not show the body at its place."""
         return replace(self, is_lost=True, frames_searched=0, why="", ambiguous_facing=False)
+
+    def checked_next(self) -> Self:
+        """The body is searched for in the next frame, and is in doubt for a while, as after a detection."""
+        return replace(self, tracked=SEARCH_INTERVAL_FRAMES - 1)
 
     def not_found(self, why: str, frames: int = 1) -> Self:
         """After so many frames in which an unknown body was not found, or not searched for."""

@@ -12,6 +12,7 @@ import trimesh
 
 from coordinator.bodies.choice import choose_bodies, load_body
 from coordinator.bodies.human.measures import Measures
+from coordinator.bodies.human.shape_space import shape_space
 from coordinator.bodies.human.template import human, human_of
 from coordinator.bodies.tracked import Size, coarsen
 from tests.support.refusals import refused
@@ -54,6 +55,9 @@ def test_age_sets_the_proportions_of_a_child(tmp_path: Path) -> None:
         body = load_body(str(path))
         assert np.ptp(body.vertices[:, 1]) == pytest.approx(1.2, rel=0.005)
         legs.append(body.vertices[:, 1].max())
+        size = choose_bodies(None, "default", str(path)).measures
+        assert size is not None
+        assert shape_space().age(size.stature, size.maturity) == pytest.approx(age)
         assert f"child of about {age} years" in Measures.of(1.2, age=age).in_words()
     assert legs[0] < legs[1] - 0.01
 

@@ -65,6 +65,22 @@ def test_killed_worker_is_replaced(
     assert f"worker {name} was ended by SIGKILL; starting it again" in said
 
 
+def test_a_frozen_worker_is_worked_around(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """SIGSTOP in a frame changes no byte; the frame is done before the bus misses the worker."""
+    monkeypatch.setenv("SECONDS_PER_PARTICLE", "0.01")
+    said: list[str] = []
+    with local(1, said.append, listen=endpoint) as refiner, started("--connect", endpoint, command=INSTANT):
+        refiner.wait_for(2)
+        assert refined_bytes(refiner, 0) == expected(0)
+        threading.Timer(0.03, os.kill, (refiner.local_pid, signal.SIGSTOP)).start()
+        try:
+            assert [refined_bytes(refiner, n) for n in (1, 2)] == [expected(n) for n in (1, 2)]
+            assert not any(line.endswith("left") for line in said)
+            assert refiner.statistics.counts["batches_sent_again"] > 0
+        finally:
+            os.kill(refiner.local_pid, signal.SIGCONT)
+
+
 def test_the_only_worker_is_replaced_when_it_stays_frozen(monkeypatch: pytest.MonkeyPatch) -> None:
     """When the bus no longer sees it, it has some time and is then killed."""
     monkeypatch.setattr("coordinator.pool.local_worker.ABSENCE_S", 1.0)

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from common.arrays import Mask
+from common.camera import Intrinsics
 from common.frame import UNKNOWN
 from coordinator.scene.candidates import Candidate, candidates
+from coordinator.scene.flatness import find_flat
 from coordinator.scene.scene import Scene
 from coordinator.scene.scope import Scope
 from coordinator.scene.segmentation import measure_distances, segment_body
@@ -91,6 +93,16 @@ def test_nobody_is_found_in_an_empty_room() -> None:
     """Floor, wall and cabinet are no person, and a table hardly one."""
     assert all(each.score < 0.3 for each in found_in(Room((CABINET, TABLE), noise=0.002), None))
     assert found_in(Room((CABINET,), noise=0.002), None) == []
+
+
+def test_a_line_of_pixels_has_no_flat_part() -> None:
+    """No three of its points define a plane."""
+    depth = np.zeros((20, 40))
+    depth[10] = 6.0
+    flat = find_flat(depth, depth > 0.0, Intrinsics(40, 20, 65.0, 65.0, 19.5, 9.5), 0.002)
+    assert flat.share == 0.0
+    assert not flat.mask.any()
+    assert not flat.grow(flat.mask).any()
 
 
 def test_one_of_two_is_chosen_as_asked() -> None:

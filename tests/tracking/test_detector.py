@@ -83,8 +83,9 @@ def detect(bodies: Bodies, model: BodyModel, pose: Array) -> tuple[Detection, Bo
         ({"root_tz": 2.6, "root_rz": np.pi, "r_shoulder_abduct": 1.0}, Size(1.75, 1.05)),
         ({"root_tz": 2.0}, Size(1.1, 1.05)),
         ({"root_tz": 2.0}, Size(1.1, 1.05, 1.0)),
+        ({"root_tz": 2.0}, Size(1.44, 1.05, 1.0)),
     ],
-    ids=["kneels", "head down", "child", "small adult"],
+    ids=["kneels", "head down", "child", "small adult", "short adult"],
 )
 def test_a_person_is_detected_in_an_unusual_pose_and_of_any_size(
     values: dict[str, float], size: Size
@@ -96,7 +97,7 @@ def test_a_person_is_detected_in_an_unusual_pose_and_of_any_size(
     off = found.candidates.joints[0] - joint_positions(model, pose[None])[0]
     assert np.median(np.linalg.norm(off, axis=-1)) < 0.05
     assert found.start.size.stature == pytest.approx(size.stature, rel=0.1)
-    assert found.start.size.grown == pytest.approx(size.grown, abs=0.4)
+    assert found.start.size.maturity == pytest.approx(size.maturity, abs=0.4)
     assert np.all(np.diff(found.candidates.log_likelihood) <= 0.0)
     assert tracked.joint_names == model.joint_names
 

@@ -94,6 +94,7 @@ def test_a_request_does_not_wait_for_a_search_that_observes_the_same_frame(endpo
         searches = [threads.submit(memory.observation, asked(spare=True))]
         begun.wait()
         searches.append(threads.submit(memory.observation, asked(spare=True)))
+        time.sleep(0.2)  # the second one waits by then
         assert memory.observation(asked(spare=False)) is not None
         let.set()
         assert all(each.result() is not None for each in searches)

@@ -1,8 +1,8 @@
 """People of any size as one moved surface: a linear space around the mean adult, from a file.
 
 `python -m coordinator.bodies.human.build` makes the file from free data. For adults stature is an exact
-scale; smaller people have the proportions of the mean person of their stature, between a baby, a child and an
-adult. All else is linear in girth and in the lengths that differ from those that stature implies.
+scale; smaller people have the proportions of their age, between a baby, a child and an adult.
+All else is linear in girth and in the lengths that differ from those that stature implies.
 """
 
 from __future__ import annotations
@@ -68,13 +68,20 @@ class ShapeSpace:
     longer: Array
     longer_joints: Array
 
-    def age(self, stature_m: float, grown: float = 0.0) -> float:
+    def age(self, stature_m: float, maturity: float = 0.0) -> float:
         """The age in years of the mean person of a stature; all adults have the last of `ages`.
 
-        `grown` is a share of the years until then: a small person may have the proportions of an older one.
+        With `maturity`, a share of the years that are left until then is added: a small person may have the
+        proportions of an older one.
         """
         usual = float(np.interp(stature_m, self.statures, self.ages))
-        return usual + grown * (float(self.ages[-1]) - usual)
+        return usual + maturity * (float(self.ages[-1]) - usual)
+
+    def maturity(self, stature_m: float, age: float) -> float:
+        """The maturity for which `age` gives this age in years; 0 for adult statures."""
+        usual = self.age(stature_m)
+        left = float(self.ages[-1]) - usual
+        return (age - usual) / left if left > 0.0 else 0.0
 
     def implied(self, stature_m: float, age: float) -> Array:
         """Lengths (M,) in metres that stature and age imply."""
@@ -84,12 +91,12 @@ class ShapeSpace:
         self,
         stature_m: float,
         girth: float,
-        grown: float = 0.0,
+        maturity: float = 0.0,
         age: float | None = None,
         lengths: Array | None = None,
     ) -> BodyModel:
         """A person with all degrees of freedom; years of age and metres of `lengths` (M,) may be implied."""
-        age = self.age(stature_m, grown) if age is None else age
+        age = self.age(stature_m, maturity) if age is None else age
         blend = self._blend(age)
         vertices = np.tensordot(blend, self.vertices, axes=1) + (girth - 1.0) * self.girth
         joints = np.tensordot(blend, self.joints, axes=1)

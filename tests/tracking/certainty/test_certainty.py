@@ -17,7 +17,7 @@ from coordinator.bodies.tracked import name_pose
 from coordinator.tracking.certainty.certainty import FIT, FLAGGED, Certainty
 from coordinator.tracking.certainty.features import Features
 from coordinator.tracking.certainty.surface import regions_of
-from coordinator.tracking.reporting import explain_doubt, judge
+from coordinator.tracking.reporting import explain_doubt, judge, least_probability
 from coordinator.tracking.track_management import TrackManagement
 from tests.support.bodies import person
 from tests.support.features import features_in
@@ -142,19 +142,21 @@ def test_a_frame_without_the_body_in_it_still_says_something() -> None:
 
 
 @pytest.mark.parametrize(
-    ("off", "least", "word", "why"),
+    ("off", "faulty", "new", "why"),
     [
-        ([0.0, 0.0, 0.0], 0.15, "tracked", ""),
-        ([0.0, 0.35, 0.0], 0.15, "ambiguous", "may be more than 15 cm off: left knee"),
-        ([0.4, 0.35, 0.0], 0.15, "ambiguous", "may be more than 15 cm off: head, left knee"),
-        ([0.1, 0.0, 0.1], 0.15, "tracked", ""),
-        ([0.1, 0.0, 0.1], 0.04, "ambiguous", "may be more than 15 cm off: left hip"),
+        ([0.0, 0.0, 0.0], False, False, ""),
+        ([0.0, 0.35, 0.0], False, False, "left knee"),
+        ([0.4, 0.35, 0.0], False, False, "head, left knee"),
+        ([0.1, 0.0, 0.1], False, False, ""),
+        ([0.1, 0.0, 0.1], True, False, "left hip"),  # it is hidden
+        ([0.11, 0.0, 0.1], False, True, "head, left hip"),
     ],
 )
-def test_status_follows_from_the_joints(off: list[float], least: float, word: str, why: str) -> None:
+def test_status_follows_from_the_joints(off: list[float], faulty: bool, new: bool, why: str) -> None:
     """One joint in doubt makes a frame ambiguous; joints are listed, the most likely first."""
-    certainty = Certainty(np.ones(3), np.array(off), np.full(3, 0.05))
-    doubt = explain_doubt(("head", "left_knee", "left_hip"), certainty, np.array([0.15, 0.15, least]))
-    assert doubt == why
+    certainty = Certainty(np.array([1.0, 1.0, 0.2]), np.array(off), np.full(3, 0.05))
+    least = least_probability(certainty, faulty=faulty, new=new)
+    doubt = explain_doubt(("head", "left_knee", "left_hip"), certainty, least)
+    assert doubt == (f"may be more than 15 cm off: {why}" if why else "")
     still = np.ones(1), np.zeros((1, 3, 3)), np.zeros((3, 3))
-    assert judge(TrackManagement(), *still, doubted=bool(doubt)) == word
+    assert judge(TrackManagement(), *still, doubted=bool(doubt)) == ("ambiguous" if why else "tracked")
