@@ -173,7 +173,7 @@ def find_seat(view: SceneView, part: Part, flat: Flat) -> Mask:
         return np.zeros_like(patches)
     labels = label_parts(view.depth[part.window], patches, STEP_M, view.growth, view.camera.fx)
     low = labels[part.mask][floor]
-    wide = labels[minimum_filter(patches, 2 * flat.size, mode="constant")]
+    wide = labels[minimum_filter(patches, 3 * flat.size // 2, mode="constant")]
     seat: Mask = patches & np.isin(labels, np.intersect1d(low, wide))
     return seat
 
