@@ -86,9 +86,10 @@ def candidates(view: SceneView, known: Mask | None = None) -> list[Candidate]:
     if known is not None:
         free &= ~known
     parts = find_parts(view, free, STEP_M, LEAST_PART_M2)
-    found = judge_parts(view, parts)
+    found = [each for part in parts if (each := judge(view, part))]
     rest = free & ~reduce(np.logical_or, (each.mask for each in found), np.zeros_like(free))
-    found += judge_parts(view, find_parts(view, rest, REACH_M, PERSON_AREA_M2[0]))
+    others = find_parts(view, rest, REACH_M, PERSON_AREA_M2[0])
+    found += [each for part in others if (each := judge(view, part))]
     people, taken = list[Candidate](), np.zeros_like(free)
     for each in sorted(found, key=lambda each: -each.score):
         if 2 * np.count_nonzero(taken & each.mask) < np.count_nonzero(each.mask):
@@ -113,12 +114,6 @@ def find_parts(view: SceneView, free: Mask, step: float, least_m2: float) -> lis
         part = part_of(view, labels[window] == label, window)
         found += cut(view, part) if areas[label] >= PERSON_AREA_M2[0] else [part]
     return found
-
-
-def judge_parts(view: SceneView, parts: Sequence[Part]) -> list[Candidate]:
-    """The candidates among components without furniture."""
-    large = (each for each in parts if area_of(view, each.points) >= PERSON_AREA_M2[0])
-    return [found for part in large if (found := judge(view, part)) is not None]
 
 
 def part_of(view: SceneView, mask: Mask, window: tuple[slice, slice]) -> Part:
@@ -216,12 +211,13 @@ def is_behind(view: SceneView, joined: Sequence[Part], part: Part) -> bool:
 
 
 def judge(view: SceneView, part: Part) -> Candidate | None:
-    """The candidate of a part; None if it is too short or too long.
+    """The candidate of a part; None if it is too small, too short or too long.
 
     The score increases towards the middle of the image and with the height up to one metre.
     """
-    points, mask = part.points, np.zeros(view.depth.shape, dtype=np.bool_)
-    part.mark(mask)
+    points, seen = part.points, area_of(view, part.points)
+    if seen < PERSON_AREA_M2[0]:
+        return None
     some = points[:: 1 + len(points) // SAMPLED]
     across, height, away = extents(some @ view.planes.level.T).tolist()
     if not PERSON_LENGTH_M[0] <= max(across, height, away) <= PERSON_LENGTH_M[1]:
@@ -229,6 +225,7 @@ def judge(view: SceneView, part: Part) -> Candidate | None:
     x, y, z = points.mean(axis=0)
     centred = np.exp(-2.0 * (x * x + y * y) / (z * z))
     score = float(centred * min(1.0, height) ** 2)
-    seen = area_of(view, points)
     why = f"{height:.2f} m high, {across:.2f} m wide, {away:.2f} m deep, {seen:.2f} m2 seen"
+    mask = np.zeros(view.depth.shape, dtype=np.bool_)
+    part.mark(mask)
     return Candidate(mask, points, part, score, why)

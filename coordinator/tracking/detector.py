@@ -22,7 +22,7 @@ import numpy as np
 from common.arrays import Array, Indices
 from common.body import ROOT_DOFS, BodyModel
 from common.frame import SubjectFrame
-from common.settings import RefineSettings, Settings, preset
+from common.settings import SOFT_NOISE_RATIO, RefineSettings, Settings, preset
 from coordinator.bodies.human.measures import REFERENCE_STATURE
 from coordinator.bodies.human.shape_space import shape_space
 from coordinator.bodies.tracked import Bodies, Size, coarsen, pose_by_name
@@ -202,7 +202,7 @@ class Detector:
         """The best distinct candidates of these sizes after the first stage, on a few points."""
         names = self._bodies.for_start(*sizes[0]).joint_names
         models = [self._coarse(*size) for size in sizes]
-        first = iterations(settings, FIRST_ITERATIONS)
+        first = iterations(with_closest_points(settings), FIRST_ITERATIONS)
         found = yield from self._refine_candidates(few, models, matched, first)
         return found.distinct(names, SURVIVORS)
 
@@ -218,7 +218,8 @@ class Detector:
         names = self._bodies.for_start(*sizes[0]).joint_names
         models = [self._coarse(*size) for size in sizes]
         then = iterations(settings, ITERATIONS)
-        found = yield from self._refine_candidates(few, models, [(found.poses, found.sizes)], then)
+        closest = with_closest_points(then)
+        found = yield from self._refine_candidates(few, models, [(found.poses, found.sizes)], closest)
         found = found.distinct(names, FINALISTS)
         size, poses = sizes[found.sizes[0]], found.poses
         if len(sizes) > 1:
@@ -306,3 +307,9 @@ class Detector:
         finally:
             for _, pending in sent:
                 pending.cancel()
+
+
+def with_closest_points(settings: RefineSettings) -> RefineSettings:
+    """Settings with so much lateral noise that correspondences are closest points; soft ones are slow."""
+    least = settings.noise_depth / SOFT_NOISE_RATIO
+    return msgspec.structs.replace(settings, noise_lateral=max(settings.noise_lateral, least))
