@@ -224,7 +224,8 @@ class Detector:
         size, poses = sizes[found.sizes[0]], found.poses
         if len(sizes) > 1:
             adult, statures = shape_space().statures[-1], size.stature * STATURE_STEPS
-            pairs = [(each, m) for m in MATURITIES for each in statures if m == 0.0 or each < adult]
+            tried = MATURITIES if size.stature <= adult else MATURITIES[:1]
+            pairs = [(each, m) for m in tried for each in statures if m == 0.0 or each < adult]
             sizes = [Size(each, size.girth, maturity) for each, maturity in pairs]
             size, _ = yield from self._choose_size(subject, sizes, poses[0], then)
             girths = [size._replace(girth=girth) for girth in GIRTHS]
