@@ -88,8 +88,8 @@ def candidates(view: SceneView, known: Mask | None = None) -> list[Candidate]:
     parts = find_parts(view, free, STEP_M, LEAST_PART_M2)
     found = [each for part in parts if (each := judge(view, part))]
     rest = free & ~reduce(np.logical_or, (each.mask for each in found), np.zeros_like(free))
-    others = find_parts(view, rest, REACH_M, PERSON_AREA_M2[0])
-    found += [each for part in others if (each := judge(view, part))]
+    wider = find_parts(view, rest, REACH_M, PERSON_AREA_M2[0])
+    found += [each for part in wider if (each := judge(view, part))]
     people, taken = list[Candidate](), np.zeros_like(free)
     for each in sorted(found, key=lambda each: -each.score):
         if 2 * np.count_nonzero(taken & each.mask) < np.count_nonzero(each.mask):

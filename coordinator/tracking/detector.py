@@ -22,7 +22,7 @@ import numpy as np
 from common.arrays import Array, Indices
 from common.body import ROOT_DOFS, BodyModel
 from common.frame import SubjectFrame
-from common.settings import SOFT_NOISE_RATIO, RefineSettings, Settings, preset
+from common.settings import RefineSettings, Settings, preset
 from coordinator.bodies.human.measures import REFERENCE_STATURE
 from coordinator.bodies.human.shape_space import shape_space
 from coordinator.bodies.tracked import Bodies, Size, coarsen, pose_by_name
@@ -32,7 +32,7 @@ from coordinator.tracking.gating import gate_pose, reject_parts, reject_planes, 
 from coordinator.tracking.observation import camera_points, middle_of, observed_points, thin, without_flat
 from coordinator.tracking.pose_candidates import Candidates, Detection, candidates_of, ordered
 from coordinator.tracking.pose_library import PoseLibrary, displaced, library_of, upright_rolls
-from coordinator.tracking.refiner import Pending, Refiner, Stage, iterations
+from coordinator.tracking.refiner import Pending, Refiner, Stage, iterations, with_closest_points
 from coordinator.tracking.sensor_noise import SensorNoise, assume_noise
 from coordinator.tracking.state import Start, roll_of, start_at
 
@@ -308,9 +308,3 @@ class Detector:
         finally:
             for _, pending in sent:
                 pending.cancel()
-
-
-def with_closest_points(settings: RefineSettings) -> RefineSettings:
-    """Settings with so much lateral noise that correspondences are closest points; soft ones are slow."""
-    least = settings.noise_depth / SOFT_NOISE_RATIO
-    return msgspec.structs.replace(settings, noise_lateral=max(settings.noise_lateral, least))

@@ -13,7 +13,7 @@ from common.arrays import Array
 from common.body import BodyModel
 from common.frame import SubjectFrame
 from common.refinement import Particles, Refined
-from common.settings import RefineSettings
+from common.settings import SOFT_NOISE_RATIO, RefineSettings
 
 
 class Pending(Protocol):
@@ -97,3 +97,9 @@ class Stage:
 def iterations(settings: RefineSettings, count: int) -> RefineSettings:
     """Settings with this number of ICP iterations."""
     return msgspec.structs.replace(settings, icp_iterations=count)
+
+
+def with_closest_points(settings: RefineSettings) -> RefineSettings:
+    """Settings with so much lateral noise that correspondences are closest points; soft ones are slow."""
+    least = settings.noise_depth / SOFT_NOISE_RATIO
+    return msgspec.structs.replace(settings, noise_lateral=max(settings.noise_lateral, least))

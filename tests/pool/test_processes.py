@@ -79,6 +79,8 @@ def test_a_frozen_worker_is_worked_around(endpoint: str, monkeypatch: pytest.Mon
             assert refiner.statistics.counts["batches_sent_again"] > 0
         finally:
             os.kill(refiner.local_pid, signal.SIGCONT)
+        refiner.wait_for(2)
+        assert refined_bytes(refiner, 3) == expected(3)
 
 
 def test_the_only_worker_is_replaced_when_it_stays_frozen(monkeypatch: pytest.MonkeyPatch) -> None:
