@@ -31,7 +31,7 @@ class RunMemory:
 
     frames: dict[int, bytes] = field(default_factory=dict)  # by number, encoded
     observations: dict[int, Any] = field(default_factory=dict)  # by number
-    settings: RefineSettings | None = None  # of the latest request
+    settings: RefineSettings | None = None  # of the latest request that is not spare
 
 
 class Memory:
@@ -70,10 +70,11 @@ class Memory:
 
         Raises ProtocolError for an invalid frame, BusError if it is not found.
         """
+        particles = request.particles
         with self._changed:
             memory = self._of(request.run)
-            memory.settings = request.particles.settings
-        particles = request.particles
+            if not particles.spare:
+                memory.settings = particles.settings
         return self._observed(memory, request.run, request.frame, particles.settings, waits=particles.spare)
 
     def observe_ahead(self, run: str) -> None:
