@@ -82,6 +82,6 @@ class DirectRefiner(Refiner):
     def publish(self, subject: SubjectFrame) -> None:
         """Nothing to do without workers."""
 
-    def refine(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Pending:
+    def submit(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Pending:
         """Keep particles, to be refined on a frame."""
         return LocalRequest(partial(refine, model, self._observe(subject), particles))

@@ -112,7 +112,7 @@ def pretending_lanes(model: BodyModel, lanes: int, seconds: float) -> Iterator[F
         coming = [subject_of(np.zeros(SHAPE, np.uint16) + 1, next(numbers))]
 
         def frame(depth: NDArray[np.uint16], poses: Array) -> Array:
-            pending = refiner.submit(coming.pop(), model, poses, settings)
+            pending = refiner.submit(coming.pop(), model, Particles(poses, settings))
             coming.append(subject_of(depth, next(numbers)))
             refiner.publish(coming[0])
             return pending.result().poses
@@ -130,7 +130,7 @@ def subject_of(depth: NDArray[np.uint16], number: int) -> SubjectFrame:
 
 def refine_now(refiner: ZenohRefiner, case: Case, poses: Array, settings: RefineSettings) -> Refined:
     """Poses (N, D) after their refinement."""
-    return refiner.submit(case.subject, case.model, poses, settings).result()
+    return refiner.submit(case.subject, case.model, Particles(poses, settings)).result()
 
 
 def two_lanes(rounds: int) -> dict[str, Any]:

@@ -161,7 +161,7 @@ class ZenohRefiner(Refiner, Closing):
         """Send a frame to all workers, so that they have it when its particles are submitted."""
         self._publication.put(subject, self._client.frames)
 
-    def refine(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Refinement:
+    def submit(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Refinement:
         """Send particles to the workers, to be refined on a frame."""
         if len(particles.poses) == 0:
             raise ValueError("there is nothing to refine")

@@ -22,6 +22,7 @@ import numpy as np
 from common.arrays import Array, Indices
 from common.body import ROOT_DOFS, BodyModel
 from common.frame import SubjectFrame
+from common.refinement import Particles
 from common.settings import RefineSettings, Settings, preset
 from coordinator.bodies.human.measures import REFERENCE_STATURE
 from coordinator.bodies.human.shape_space import shape_space
@@ -175,7 +176,7 @@ class Detector:
         for name, step in zip(ROOT_DOFS[:3], middle_of(now) - middle_of(before), strict=True):
             if name in model.dof_names:
                 poses[:, model.dof(name)] += step
-        pending = self._refiner.submit(now, model, poses, iterations(rules, ITERATIONS))
+        pending = self._refiner.submit(now, model, Particles(poses, iterations(rules, ITERATIONS)))
         candidates = ordered([candidates_of(model, pending.result(), 0)])
         if not len(candidates.poses):  # none of them is visible
             return detection
@@ -298,10 +299,8 @@ class Detector:
             for size in np.unique(of).tolist():
                 mine = poses[of == size]
                 for first in range(0, len(mine), most):
-                    some = mine[first : first + most]
-                    sent.append(
-                        (size, self._refiner.submit(subject, models[size], some, settings, spare=True))
-                    )
+                    some = Particles(mine[first : first + most], settings, spare=True)
+                    sent.append((size, self._refiner.submit(subject, models[size], some)))
         try:
             yield Stage(tuple(pending for _, pending in sent))
             return ordered([candidates_of(models[size], pending.result(), size) for size, pending in sent])

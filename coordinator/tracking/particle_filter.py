@@ -13,6 +13,7 @@ from common.body import BodyModel
 from common.bounds import MAX_ITERATIONS
 from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import difference, natural_angles
+from common.refinement import Particles
 from common.settings import RefineSettings, Settings
 from coordinator.filters.belief import Belief, Proposal
 from coordinator.filters.exploration import FEWEST
@@ -105,8 +106,8 @@ class ParticleFilter:
     ) -> Pending:
         """Send particles to the workers."""
         covariance, velocity = proposal.asks_covariance(rules), proposal.past.velocity
-        poses = proposal.poses
-        return self._refiner.submit(subject, model, poses, rules, covariance=covariance, velocity=velocity)
+        particles = Particles(proposal.poses, rules, covariance, velocity=velocity)
+        return self._refiner.submit(subject, model, particles)
 
     def update(self, model: BodyModel, submitted: Submitted) -> tuple[Belief, int]:
         """The belief after refinement, and its number of particles; `annealed` sends several layers."""

@@ -11,6 +11,7 @@ import numpy as np
 from common.arrays import Array
 from common.frame import SubjectFrame
 from common.kinematics import joint_positions
+from common.refinement import Particles
 from common.settings import RefineSettings
 from coordinator.bodies.tracked import Bodies
 from coordinator.filters.belief import Belief
@@ -79,9 +80,7 @@ class PersonSize:
             self._refiner.submit(
                 subject,
                 self._bodies.tracked(size._replace(girth=girth), start.values)[0],
-                belief.reported[None],
-                settled,
-                velocity=belief.velocity,
+                Particles(belief.reported[None], settled, velocity=belief.velocity),
             )
             for girth in size.girth * GIRTH_STEPS
         ]

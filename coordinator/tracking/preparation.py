@@ -31,7 +31,7 @@ class NoRefiner(Refiner):
         """There are no workers."""
         del subject
 
-    def refine(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> LocalRequest:
+    def submit(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> LocalRequest:
         """The same poses (N, D), with a covariance of 1 cm and 0.01 rad."""
         del subject, model
         return LocalRequest(partial(unmoved, particles))

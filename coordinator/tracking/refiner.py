@@ -9,7 +9,6 @@ from typing import Protocol
 
 import msgspec
 
-from common.arrays import Array
 from common.body import BodyModel
 from common.frame import SubjectFrame
 from common.refinement import Particles, Refined
@@ -64,22 +63,8 @@ class Refiner(ABC):
         """Send a frame to the workers, so that they have it when its particles are submitted."""
 
     @abstractmethod
-    def refine(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Pending:
+    def submit(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Pending:
         """Start to refine particles on a frame."""
-
-    def submit(
-        self,
-        subject: SubjectFrame,
-        model: BodyModel,
-        poses: Array,
-        settings: RefineSettings,
-        *,
-        covariance: bool = False,
-        spare: bool = False,
-        velocity: Array | None = None,
-    ) -> Pending:
-        """Start to refine poses (N, D) on a frame; the other arguments are those of `Particles`."""
-        return self.refine(subject, model, Particles(poses, settings, covariance, spare, velocity))
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,7 +29,7 @@ from coordinator.results.live_results import END, KIND
 from coordinator.results.track import read_track
 from tests.support.live import listening
 from tests.support.processes.programs import INSTANT, wait_until
-from tests.support.processes.serving import MODEL, POSES, SETTINGS, frame
+from tests.support.processes.serving import MODEL, PARTICLES, frame
 from tests.support.stand_ins import sequence  # noqa: F401 fixture
 
 
@@ -40,12 +40,12 @@ class FallsSilent(ZenohRefiner):
         super().__init__(pool, report)
         self._left = requests
 
-    def refine(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Refinement:
+    def submit(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Refinement:
         """Send requests, until the connection fails."""
         self._left -= 1
         if self._left < 0:
             raise SilentWorkers("silence")
-        return super().refine(subject, model, particles)
+        return super().submit(subject, model, particles)
 
 
 def job(sequence: Path, out: Path) -> Job:
@@ -103,7 +103,7 @@ def test_a_worker_that_takes_requests_and_never_answers_is_named(endpoint: str) 
         bus.announce(keys.of_worker("mute", "lanes/1"))
         bus.announce(keys.of_worker("mute", "alive"))
         refiner.wait_for(1)
-        pending = refiner.submit(frame(1), MODEL, POSES, SETTINGS)
+        pending = refiner.submit(frame(1), MODEL, PARTICLES)
         with pytest.raises(SilentWorkers, match=r"none answers within 30 s \(last mute\)"):
             pending.result()
         assert len(kept) == 1

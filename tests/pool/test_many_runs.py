@@ -16,7 +16,7 @@ import pytest
 from common.protocol import keys
 from common.protocol.frames import encode_frame
 from common.protocol.messages import encode_request
-from common.refinement import Refined
+from common.refinement import Particles, Refined
 from common.transport.bus import Bus
 from common.transport.opening import open_router, open_worker
 from coordinator.pool.options import Pool
@@ -26,6 +26,7 @@ from tests.support.processes.instant_worker import observe, refine
 from tests.support.processes.programs import wait_until
 from tests.support.processes.serving import (
     MODEL,
+    PARTICLES,
     POSES,
     REQUEST,
     SETTINGS,
@@ -108,15 +109,17 @@ def test_one_worker_serves_two_runs_and_forgets_who_is_gone(endpoint: str, throu
             shown = frame(10 + number)
             again = replace(shown, frame=replace(shown.frame, number=number))
             assert refined_bytes(one, number) == expected(number)
-            assert as_bytes(two.submit(again, MODEL, POSES, SETTINGS).result()) == expected(10 + number)
+            assert as_bytes(two.submit(again, MODEL, PARTICLES).result()) == expected(10 + number)
         assert len(service._memory) == 2
         released.clear()
-        held = two.submit(frame(98), MODEL, POSES, SETTINGS)
+        held = two.submit(frame(98), MODEL, PARTICLES)
         sender = one._bus.request_sender(keys.of_worker("w", "refine"), 60.0)
         for _ in range(100):
             spare = replace(REQUEST, run=one.run, particles=replace(REQUEST.particles, spare=True))
             sender.send(encode_request(spare), lambda *_: None)
-        waits = [two.submit(frame(99), MODEL, POSES, SETTINGS, spare=last) for last in (False, True)]
+        waits = [
+            two.submit(frame(99), MODEL, Particles(POSES, SETTINGS, spare=last)) for last in (False, True)
+        ]
         one.__exit__(None, None, None)
         wait_until(lambda: len(service._memory) == 1)
         released.set()

@@ -29,6 +29,7 @@ from tests.support.answers import as_bytes
 from tests.support.processes.instant_worker import observe, refine
 from tests.support.processes.serving import (
     MODEL,
+    PARTICLES,
     POSES,
     REQUEST,
     SETTINGS,
@@ -58,10 +59,10 @@ def test_frame_may_be_refined_more_than_once(endpoint: str) -> None:
     other = replace(MODEL, vertices=MODEL.vertices * 2)
     with pool(endpoint) as refiner, serving(endpoint, "w"):
         subject = frame(3)
-        one = refiner.submit(subject, MODEL, POSES[:1], SETTINGS)
-        two = refiner.submit(subject, other, POSES, SETTINGS).result()
+        one = refiner.submit(subject, MODEL, Particles(POSES[:1], SETTINGS))
+        two = refiner.submit(subject, other, PARTICLES).result()
         assert as_bytes(one.result()) == expected(3, POSES[:1])
-    assert as_bytes(two) == as_bytes(refine(other, observe(frame(3)), Particles(POSES, SETTINGS)))
+    assert as_bytes(two) == as_bytes(refine(other, observe(frame(3)), PARTICLES))
 
 
 class WatchedBus:
@@ -92,7 +93,7 @@ def test_frames_of_one_number_are_not_mixed_up(endpoint: str) -> None:
         refiner.wait_for(1)
         for depth in (1, 2, 3):
             again = replace(frame(depth), frame=replace(frame(depth).frame, number=7))
-            assert as_bytes(refiner.submit(again, MODEL, POSES, SETTINGS).result()) == expected(depth)
+            assert as_bytes(refiner.submit(again, MODEL, PARTICLES).result()) == expected(depth)
     assert "model" in fetched.get()
     assert fetched.empty()
 
@@ -115,13 +116,13 @@ def test_a_frame_sent_ahead_is_ready_when_its_turn_comes(endpoint: str) -> None:
     with pool(endpoint) as refiner, serving(endpoint, "w", kernel):
         refiner.wait_for(1)
         present = frame(1)
-        pending = refiner.submit(present, MODEL, POSES, SETTINGS)
+        pending = refiner.submit(present, MODEL, PARTICLES)
         refiner.publish(coming)
         one = pending.result()
         assert [observed.get(timeout=60.0) for _ in range(2)] == [1, 2]
         assert prepared.get(timeout=60.0) == SETTINGS
-        again = refiner.submit(present, MODEL, POSES, SETTINGS).result()
-        two = refiner.submit(coming, MODEL, POSES, SETTINGS).result()
+        again = refiner.submit(present, MODEL, PARTICLES).result()
+        two = refiner.submit(coming, MODEL, PARTICLES).result()
     assert as_bytes(one) == as_bytes(again) == expected(1)
     assert as_bytes(two) == expected(2)
     assert observed.empty()
@@ -133,20 +134,20 @@ def test_a_frame_that_comes_again_is_not_sent_again(endpoint: str) -> None:
     observed = SimpleQueue[int]()
 
     with pool(endpoint) as refiner:
-        pending = [refiner.submit(frame(number), MODEL, POSES, SETTINGS) for number in range(2, 11)]
+        pending = [refiner.submit(frame(number), MODEL, PARTICLES) for number in range(2, 11)]
         for subject in (first, coming):
             refiner.publish(subject)
-        pending.append(refiner.submit(first, MODEL, POSES, SETTINGS))
+        pending.append(refiner.submit(first, MODEL, PARTICLES))
         with serving(endpoint, "early", Kernel(telling(observed), refine)):
             for each in pending:
                 each.result()
-            refiner.submit(first, MODEL, POSES, SETTINGS).result()
+            refiner.submit(first, MODEL, PARTICLES).result()
             assert {observed.get(timeout=60.0) for _ in range(10)} == {*range(2, 12)}
             assert observed.empty()
         with serving(endpoint, "late", Kernel(telling(observed), refine)):
-            assert as_bytes(refiner.submit(first, MODEL, POSES, SETTINGS).result()) == expected(1)
+            assert as_bytes(refiner.submit(first, MODEL, PARTICLES).result()) == expected(1)
         with serving(endpoint, "later"):
-            assert as_bytes(refiner.submit(coming, MODEL, POSES, SETTINGS).result()) == expected(99)
+            assert as_bytes(refiner.submit(coming, MODEL, PARTICLES).result()) == expected(99)
 
 
 def test_the_lanes_of_a_worker_get_the_frame_and_body_of_a_search_once(endpoint: str) -> None:
@@ -163,7 +164,7 @@ def test_the_lanes_of_a_worker_get_the_frame_and_body_of_a_search_once(endpoint:
     ):
         refiner.wait_for(1)
         subject = frame(1)
-        pending = [refiner.submit(subject, MODEL, POSES, SETTINGS, spare=True) for _ in range(4)]
+        pending = [refiner.submit(subject, MODEL, replace(PARTICLES, spare=True)) for _ in range(4)]
         assert all(as_bytes(each.result()) == expected(1) for each in pending)
     assert "model" in fetched.get()
     assert fetched.empty()
@@ -183,12 +184,12 @@ def test_a_frame_sent_ahead_that_makes_no_sense_harms_its_own_turn_alone(endpoin
 
     with pool(endpoint) as refiner, serving(endpoint, "w", Kernel(refuse_the_second, refine)):
         refiner.wait_for(1)
-        pending = refiner.submit(frame(1), MODEL, POSES, SETTINGS)
+        pending = refiner.submit(frame(1), MODEL, PARTICLES)
         refiner.publish(coming)
         one = pending.result()
         assert [tried.get(timeout=60.0) for _ in range(2)] == [1, 2]
         with pytest.raises(ProtocolError, match="it hurts"):
-            refiner.submit(coming, MODEL, POSES, SETTINGS).result()
+            refiner.submit(coming, MODEL, PARTICLES).result()
         three = refined_bytes(refiner, 3)
     assert (as_bytes(one), three) == (expected(1), expected(3))
 
@@ -203,7 +204,7 @@ def test_run_outlasts_a_time_in_which_it_is_not_found(endpoint: str) -> None:
         serving(endpoint, "two", through=lambda bus: WatchedBus(bus, in_vain, SimpleQueue())),
     ):
         refiner.wait_for(2)
-        pending = refiner.submit(frame(1), MODEL, POSES, SETTINGS)
+        pending = refiner.submit(frame(1), MODEL, PARTICLES)
         while not pending.is_ready:  # it goes on without being waited for
             time.sleep(0.001)
         assert as_bytes(pending.result()) == expected(1)
@@ -216,7 +217,7 @@ def test_work_goes_on_after_nobody_came(endpoint: str) -> None:
     with ZenohRefiner(Pool(workers=0, listen=endpoint, worker_timeout=0.2)) as refiner:
         with pytest.raises(NoWorkers, match="gepf-worker --connect unixsock"):
             refined_bytes(refiner, 1)
-        refiner.submit(frame(1), MODEL, POSES, SETTINGS).cancel()
+        refiner.submit(frame(1), MODEL, PARTICLES).cancel()
         with serving(endpoint, "w"):
             time.sleep(0.2)  # for its coming to be waiting to be handled
             assert refined_bytes(refiner, 2, POSES[:7]) == expected(2, POSES[:7])
@@ -228,10 +229,10 @@ def test_a_search_goes_on_while_others_always_wait(endpoint: str, monkeypatch: p
     monkeypatch.setenv("SECONDS_PER_PARTICLE", "0.001")
     with pool(endpoint) as refiner, serving(endpoint, "w"):
         refiner.wait_for(1)
-        before = refiner.submit(frame(1), MODEL, POSES, SETTINGS)
-        spare = refiner.submit(frame(1), MODEL, POSES, SETTINGS, spare=True)
+        before = refiner.submit(frame(1), MODEL, PARTICLES)
+        spare = refiner.submit(frame(1), MODEL, replace(PARTICLES, spare=True))
         for number in range(2, 300):
-            after = refiner.submit(frame(number), MODEL, POSES, SETTINGS)
+            after = refiner.submit(frame(number), MODEL, PARTICLES)
             before.result()
             before = after
             if spare.is_ready:
@@ -300,7 +301,7 @@ def test_a_worker_of_another_version_is_named(endpoint: str) -> None:
     with pool(endpoint) as refiner, answering(endpoint, "old", lambda request: request.refuse(other)):
         refiner.wait_for(1)
         with pytest.raises(ProtocolError, match=r"version 2, expected .*install the same version of gepf"):
-            refiner.submit(frame(1), MODEL, POSES, SETTINGS).result()
+            refiner.submit(frame(1), MODEL, PARTICLES).result()
         with serving(endpoint, "good"):
             refiner.wait_for(2)
             assert refined_bytes(refiner, 2) == expected(2)

@@ -24,7 +24,7 @@ from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
 from coordinator.tracking.preparation import unmoved
 from tests.support.processes.programs import INSTANT, is_alive, started, wait_until
-from tests.support.processes.serving import MODEL, POSES, SETTINGS, expected, frame, refined_bytes
+from tests.support.processes.serving import MODEL, PARTICLES, expected, frame, refined_bytes
 from tests.support.processes.warm_processes import end, start
 from worker.cli import exit_with, serve
 from worker.connection import Identity
@@ -149,8 +149,8 @@ def test_outside_worker_serves_until_a_signal(tmp_path: Path) -> None:
     with started("--connect", endpoint, "--name", "outside", "--lanes", "2") as process:
         with ZenohRefiner(Pool(workers=0, listen=endpoint, worker_timeout=60.0)) as refiner:
             refiner.wait_for(1)
-            refined = refiner.submit(frame(1), MODEL, POSES, SETTINGS).result()
-            assert refined.poses.shape == POSES.shape
+            refined = refiner.submit(frame(1), MODEL, PARTICLES).result()
+            assert refined.poses.shape == PARTICLES.poses.shape
             assert refiner.statistics.workers_seen == ("outside",)
             process.terminate()
             assert process.wait(60.0) == 0
@@ -196,10 +196,10 @@ def test_a_worker_whose_signal_is_swallowed_ends_after_the_request(
         worker = start(serve_without_hearing, endpoint, asked, log=tmp_path / "log")
         try:
             refiner.wait_for(1)
-            pending = refiner.submit(frame(1), MODEL, POSES, SETTINGS)
+            pending = refiner.submit(frame(1), MODEL, PARTICLES)
             wait_until(asked.exists, 60.0)
             assert end(worker, number) == 0
-            assert np.array_equal(pending.result().poses, POSES)
+            assert np.array_equal(pending.result().poses, PARTICLES.poses)
         finally:
             worker.kill()
 

@@ -9,6 +9,7 @@ from common.arrays import Array
 from common.body import BodyModel
 from common.frame import SubjectFrame
 from common.kinematics import joint_positions
+from common.refinement import Particles
 from common.settings import RefineSettings
 from coordinator.tracking.certainty.features import Features, FrameContext, measure_features
 from coordinator.tracking.certainty.surface import seen_shares
@@ -21,7 +22,7 @@ def features_in(
 ) -> Features:
     """Features (J,) of the first of hypotheses (N, D) that are equally likely, held for a while."""
     still, pose = msgspec.structs.replace(settings, icp_iterations=0), poses[0]
-    found = DirectRefiner().submit(subject, model, poses[:1], still).result()
+    found = DirectRefiner().submit(subject, model, Particles(poses[:1], still)).result()
     residual = gate_pose(found.log_likelihood[0], found.residual[0], still).residual
     context = FrameContext(subject, pose, 1.0 / 30.0, stretch)
     joints = joint_positions(model, poses[[0, *range(len(poses))]])

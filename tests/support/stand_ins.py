@@ -84,7 +84,7 @@ class StillWorkers(StandIn):
         self.asked = Pool()
         self.before: Callable[[int], object] = lambda _: None  # a frame
 
-    def refine(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Pending:
+    def submit(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Pending:
         """The same poses, all equally likely; or the failure, if it is time."""
         number = subject.frame.number
         self.before(number)

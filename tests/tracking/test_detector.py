@@ -63,10 +63,10 @@ def complete(search: Search) -> Detection:
 class Plain(DirectRefiner):
     """Is never asked for a covariance."""
 
-    def refine(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Pending:
+    def submit(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Pending:
         """As in the base class."""
         assert not particles.covariance
-        return super().refine(subject, model, particles)
+        return super().submit(subject, model, particles)
 
 
 def detect(bodies: Bodies, model: BodyModel, pose: Array) -> tuple[Detection, BodyModel]:

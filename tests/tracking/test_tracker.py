@@ -154,12 +154,12 @@ class Watched(Direct):
         """The workers get a frame."""
         self.events.append(f"sent {subject.frame.number}")
 
-    def refine(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> WatchedRequest:
+    def submit(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> WatchedRequest:
         """The workers get busy."""
         if subject.frame.number == self._fails_at:
             raise RuntimeError("the workers are gone")
         self.events.append("busy")
-        return WatchedRequest(super().refine(subject, model, particles), self.events)
+        return WatchedRequest(super().submit(subject, model, particles), self.events)
 
 
 def test_a_frame_is_told_while_the_workers_are_busy_with_the_next() -> None:

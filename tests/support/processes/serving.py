@@ -27,6 +27,7 @@ from worker.warm_up import tiny_frame, tiny_model
 MODEL = tiny_model()
 SETTINGS = RefineSettings(damping=0.7)
 POSES = np.random.default_rng(0).normal(size=(20, 6)) * 0.01 + [0, 0, 2, 0, 0, 0]
+PARTICLES = Particles(POSES, SETTINGS)
 
 
 def frame(number: int) -> SubjectFrame:
@@ -70,7 +71,7 @@ def pool(endpoint: str, **options: Any) -> ZenohRefiner:
 
 def refined_bytes(refiner: ZenohRefiner, number: int, poses: Array = POSES) -> list[bytes]:
     """Have poses refined on a frame."""
-    return as_bytes(refiner.submit(frame(number), MODEL, poses, SETTINGS).result())
+    return as_bytes(refiner.submit(frame(number), MODEL, Particles(poses, SETTINGS)).result())
 
 
-REQUEST = RefineRequest("ghost", 1, MODEL.hash, Particles(POSES, SETTINGS))
+REQUEST = RefineRequest("ghost", 1, MODEL.hash, PARTICLES)
