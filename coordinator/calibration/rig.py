@@ -1,6 +1,9 @@
 """Calibrates a rig by a person who moves: each camera tracks the person alone, and the joints are aligned.
 
-The clock offset is the one with the smallest residual of the rigid fit. Joints are weighted with their
+A body that is too thin is fitted too near to each camera. The trunk is shifted by more than head and feet, so
+the alignment also shows the girth: the fit has it as another unknown.
+
+The clock offset is the one with the smallest residual of the fit. Joints are weighted with their
 variances and a robust kernel, as a limb that a camera does not see may be wrong by much.
 """
 
@@ -15,11 +18,17 @@ from scipy.spatial.transform import Rotation
 from common.arrays import Array
 from common.camera import inverse, moved
 from common.errors import InputError
+from common.frame import SubjectFrame
+from common.kinematics import joint_positions
 from common.settings import Settings
 from coordinator.bodies.tracked import Bodies
 from coordinator.sources.source import Source
-from coordinator.tracking.estimate import UNKNOWN, Estimate
-from coordinator.tracking.refiner import Refiner
+from coordinator.tracking.detector import ITERATIONS
+from coordinator.tracking.estimate import UNKNOWN
+from coordinator.tracking.person_size import GIRTH_STEPS
+from coordinator.tracking.refiner import Refiner, iterations
+from coordinator.tracking.reporting import Tracked
+from coordinator.tracking.sensor_noise import assume_noise
 from coordinator.tracking.tracker import Tracker
 
 MISFIT_M = 0.09  # largest mean residual of joints of the same person
@@ -27,7 +36,7 @@ LARGEST = np.repeat([np.radians(1.0), 0.02, 0.008], (3, 3, 1))  # deviations; wi
 STEP_S = 1.0 / 60.0  # between the offsets that are tried
 OUTLIER_M = 0.1  # scale of the robust kernel
 BLOCK_S = 0.5  # longer than pose errors are correlated
-POSITION_M, SIGHT_M = 0.0015, 0.006  # deviations of a body's place: in any direction, along a line of sight
+POSITION_M, SIGHT_M = 0.0015, 0.004  # deviations of a body's place: in any direction, along a line of sight
 WHAT = ("rotation", "position", "clock")
 ADVICE = ("walk through the view of {}", "walk closer to {} and turn about", "wave before {}")
 
@@ -46,8 +55,7 @@ def calibrate(
     names, motions = list(sources), []
     for name, source in sources.items():
         report(f"tracking {name} alone")
-        followed = Tracker(refiner, settings, bodies).follow(source)
-        motions.append(motion_of([tracked.estimate for (tracked,) in followed]))
+        motions.append(track_alone(source, refiner, settings, bodies))
     first, poses = names[0], {names[0]: CameraPose(np.eye(4), 0.0, 0.0, np.zeros(7))}
     for name, motion in zip(names[1:], motions[1:], strict=True):
         found = align(motions[0], motion)
@@ -77,23 +85,26 @@ def judge(name: str, found: CameraPose) -> CameraPose:
 class Motion:
     """The joints of a person over time, as one camera sees them.
 
-    time_s: (F,) ascending. joints: (F, J, 3) metres, camera frame. variance: (F, J) m^2; infinite if unknown.
+    time_s: (F,) ascending. joints: (F, J, 3) metres, camera frame, of a body of girth 1. variance: (F, J)
+    m^2; infinite if unknown. by_girth: (F, J, 3) derivatives of the joints.
     """
 
     time_s: Array
     joints: Array
     variance: Array
+    by_girth: Array
 
-    def at(self, times: Array) -> tuple[Array, Array]:
-        """Joints (T, J, 3) and variances (T, J) at other times, by linear interpolation."""
+    def at(self, times: Array) -> Motion:
+        """The motion at other times, by linear interpolation."""
         after = np.clip(np.searchsorted(self.time_s, times, side="right"), 1, len(self.time_s) - 1)
         share = (times - self.time_s[after - 1]) / (self.time_s[after] - self.time_s[after - 1])
         inside = (share >= 0.0) & (share <= 1.0)
-        between = (1.0 - share)[:, None, None] * self.joints[after - 1] + share[:, None, None] * self.joints[
-            after
-        ]
-        variance = np.maximum(self.variance[after - 1], self.variance[after])
-        return between, np.where(inside[:, None], variance, np.inf)
+        before, share = after - 1, share[:, None, None]
+        variance = np.maximum(self.variance[before], self.variance[after])
+        joints, by_girth = (
+            (1.0 - share) * values[before] + share * values[after] for values in (self.joints, self.by_girth)
+        )
+        return Motion(times, joints, np.where(inside[:, None], variance, np.inf), by_girth)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -112,14 +123,38 @@ class CameraPose:
     advice: str = ""
 
 
-def motion_of(estimates: list[Estimate]) -> Motion:
-    """The motion of a tracked person."""
-    joints = np.array([each.joint_positions for each in estimates])
-    variance = np.full(joints.shape[:2], np.inf)
-    for f, each in enumerate(estimates):
-        if each.status not in UNKNOWN and each.certainty is not None:
-            variance[f] = each.certainty.deviation**2
-    return Motion(np.array([each.time_s for each in estimates]), np.nan_to_num(joints), variance)
+def track_alone(source: Source, refiner: Refiner, settings: Settings, bodies: Bodies) -> Motion:
+    """The motion of a person whom one camera shows; the derivatives are measured once in a block of time."""
+    times, joints, variance, by_girth = list[float](), list[Array](), list[Array](), list[Array]()
+    next_s, change = -np.inf, np.zeros(3)
+    for (tracked,) in Tracker(refiner, settings, bodies).follow(source):
+        estimate, certainty = tracked.estimate, tracked.estimate.certainty
+        deviation = np.full(len(estimate.joint_positions), np.inf)
+        if certainty is not None and estimate.status not in UNKNOWN:
+            deviation = certainty.deviation
+            if tracked.subject is not None and estimate.time_s >= next_s:
+                next_s = estimate.time_s + BLOCK_S
+                change = derivative_by_girth(tracked, tracked.subject, refiner, settings, bodies)
+        thicker = (1.0 - tracked.state.start.size.girth) * change
+        times.append(estimate.time_s)
+        joints.append(np.nan_to_num(estimate.joint_positions + thicker))
+        variance.append(deviation**2)
+        by_girth.append(np.broadcast_to(change, joints[-1].shape))
+    return Motion(*map(np.array, (times, joints, variance, by_girth)))
+
+
+def derivative_by_girth(
+    tracked: Tracked, subject: SubjectFrame, refiner: Refiner, settings: Settings, bodies: Bodies
+) -> Array:
+    """Derivatives (J, 3) of the joints of the body that is fitted to a frame."""
+    start, poses = tracked.state.start, tracked.estimate.pose[None]
+    rules = iterations(assume_noise(settings.refine, start.noise), ITERATIONS)
+    girths = start.size.girth * GIRTH_STEPS[[0, -1]]
+    models = [bodies.tracked(start.size._replace(girth=girth), start.values)[0] for girth in girths.tolist()]
+    sent = [refiner.submit(subject, model, poses, rules) for model in models]
+    thin, thick = (joint_positions(m, p.result().poses)[0] for m, p in zip(models, sent, strict=True))
+    change: Array = (thick - thin) / np.ptp(girths)
+    return change
 
 
 def align(first: Motion, other: Motion) -> CameraPose | None:
@@ -141,8 +176,8 @@ def align(first: Motion, other: Motion) -> CameraPose | None:
 def deviations_of(first: Motion, other: Motion, found: CameraPose) -> Array:
     """Deviations (7,) of an alignment, from the jackknife by blocks of time and by joints.
 
-    Pose errors correlate within a block, those of a joint's position at all times. A body that is
-    too thick or too thin is displaced along the line of sight of each camera.
+    Pose errors correlate within a block, those of a joint's position at all times. What is left of a wrong
+    size displaces the body along the line of sight of each camera.
     """
     known = np.isfinite(first.variance)
     person = first.joints[known].mean(axis=0)
@@ -176,16 +211,25 @@ def fit_near(first: Motion, other: Motion, offset_s: float) -> CameraPose | None
 
 
 def fit_at(first: Motion, other: Motion, offset_s: float) -> CameraPose | None:
-    """The rigid fit with a clock offset; None if nothing is known at the same time."""
-    joints, variance = other.at(first.time_s - offset_s)
-    weights = (1.0 / (first.variance + variance)).ravel()
-    if np.count_nonzero(weights) < joints.shape[1]:
+    """The fit of pose and girth with a clock offset; None if nothing is known at the same time."""
+    other = other.at(first.time_s - offset_s)
+    weights = (1.0 / (first.variance + other.variance)).ravel()
+    if np.count_nonzero(weights) < first.joints.shape[1]:
         return None
-    here, there, robust = first.joints.reshape(-1, 3), joints.reshape(-1, 3), np.ones_like(weights)
-    for _ in range(4):
-        transform = rigid_fit(there, here, weights * robust)
-        squares = np.sum((moved(there, transform) - here) ** 2, axis=1)
+    here, there, by_here, by_there = (
+        each.reshape(-1, 3) for each in (first.joints, other.joints, first.by_girth, other.by_girth)
+    )
+    robust = np.ones_like(weights)
+    for _ in range(5):
+        total = weights * robust
+        transform = rigid_fit(there, here, total)
+        apart = moved(there, transform) - here
+        squares = np.sum(apart**2, axis=1)
         robust = (OUTLIER_M**2 / (OUTLIER_M**2 + squares)) ** 2
+        change = by_there @ transform[:3, :3].T - by_here
+        change -= np.average(change, axis=0, weights=total)  # their mean is a translation
+        girth = -np.sum(total @ (change * apart)) / np.sum(total @ change**2)
+        here, there = here + girth * by_here, there + girth * by_there
     cost = OUTLIER_M**2 * squares / (OUTLIER_M**2 + squares)
     return CameraPose(transform, offset_s, float(np.sqrt(np.average(cost, weights=weights))))
 

@@ -19,7 +19,7 @@ from coordinator.tracking.detector import ITERATIONS
 from coordinator.tracking.estimate import MAX_HYPOTHESES
 from coordinator.tracking.refiner import Refiner, iterations
 from coordinator.tracking.reporting import judge
-from coordinator.tracking.size import SizeEstimate, head_to_ankle, measure_stature
+from coordinator.tracking.size import INTERVAL_S, SizeEstimate, head_to_ankle, measure_stature
 from coordinator.tracking.state import Start
 from coordinator.tracking.track_management import TrackManagement
 
@@ -55,7 +55,7 @@ class PersonSize:
     ) -> None:
         """Measure the stature in a frame, if one is due and the pose is settled."""
         time_s, poses, weights = subject.frame.time_s, belief.poses[:MAX_HYPOTHESES], belief.weights
-        if self.estimate is None or not self.estimate.is_due(time_s):
+        if self.estimate is None or 0.0 <= time_s - self.estimate.time_s < INTERVAL_S:
             return
         joints = joint_positions(start.model, poses)
         if judge(management, weights[:MAX_HYPOTHESES], joints, joints[0], doubted=False) == "tracked":

@@ -42,10 +42,6 @@ class SizeEstimate:
         """Standard deviation of the stature, as a share of it; large until a frame shows it."""
         return DEVIATION_SHARES[bool(self.statures)]
 
-    def is_due(self, time_s: float) -> bool:
-        """Whether a frame at this time should be measured."""
-        return not 0.0 <= time_s - self.time_s < INTERVAL_S
-
     def add(self, stature: float, time_s: float) -> Self:
         """Add the stature (m) of another frame; a full window is followed by a new one."""
         if len(self.statures) < WINDOW_FRAMES:
