@@ -20,6 +20,7 @@ from common.camera import inverse, moved
 from common.errors import InputError
 from common.frame import SubjectFrame
 from common.kinematics import joint_positions
+from common.refinement import Particles
 from common.settings import Settings
 from coordinator.bodies.tracked import Bodies
 from coordinator.sources.source import Source
@@ -147,11 +148,11 @@ def derivative_by_girth(
     tracked: Tracked, subject: SubjectFrame, refiner: Refiner, settings: Settings, bodies: Bodies
 ) -> Array:
     """Derivatives (J, 3) of the joints of the body that is fitted to a frame."""
-    start, poses = tracked.state.start, tracked.estimate.pose[None]
-    rules = iterations(assume_noise(settings.refine, start.noise), ITERATIONS)
+    start, rules = tracked.state.start, assume_noise(settings.refine, tracked.state.start.noise)
+    particles = Particles(tracked.estimate.pose[None], iterations(rules, ITERATIONS))
     girths = start.size.girth * GIRTH_STEPS[[0, -1]]
     models = [bodies.tracked(start.size._replace(girth=girth), start.values)[0] for girth in girths.tolist()]
-    sent = [refiner.submit(subject, model, poses, rules) for model in models]
+    sent = [refiner.submit(subject, model, particles) for model in models]
     thin, thick = (joint_positions(m, p.result().poses)[0] for m, p in zip(models, sent, strict=True))
     change: Array = (thick - thin) / np.ptp(girths)
     return change
