@@ -269,15 +269,21 @@ def track(
         quiet: Show no progress.
         options: Arguments of `Tracker`; `workers` is one lane per core by default.
 
-    Raises InputError for a recording or options that are wrong, before anything is tracked.
+    Raises InputError for a recording or options that are wrong, before anything is tracked. An error or an
+    interrupt later leaves the run of the frames before it in the folder.
     """
     source = open_source(recording)
     folder = Path(tempfile.mkdtemp(prefix="gepf-")) / "run" if out is None else Path(out)
     with_parent(folder)
     with Tracker(**{"workers": usable_cores(), "start": source.init} | options) as tracker:
         frames = tracker.follow(source)
-        estimates = list(progress(frames, "tracking", len(source), transient=True, disable=quiet))
-        return load(tracker.save(estimates, folder))
+        estimates = list[Estimate]()
+        try:
+            estimates.extend(progress(frames, "tracking", len(source), transient=True, disable=quiet))
+        finally:
+            if estimates:
+                tracker.save(estimates, folder)
+        return load(folder)
 
 
 def bodies_to_track(model: Body, active: tuple[str, ...] | None, preset_name: str) -> Bodies:

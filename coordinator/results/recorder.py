@@ -256,7 +256,6 @@ def save_run(folder: Path, track: Track, body: TrackedBody, settings: Settings) 
         "versions": versions(),
         "frames": len(track.frame),
         "status": count_status(track.status.tolist()),
-        "complete": True,
     }
     try:
         write_files(folder, track, body, summary)

@@ -32,7 +32,7 @@ def test_the_example_runs_and_shows_its_results(monkeypatch: pytest.MonkeyPatch)
 
 
 def test_one_line_tracks_a_recording(tmp_path: Path) -> None:
-    """Into the given folder, which is new; the run shows itself."""
+    """Into the given folder, which is new; the run shows itself. A damaged frame leaves those before it."""
     write_small_sequence(tmp_path / "arm", 3)
     run = gepf.track(tmp_path / "arm", tmp_path / "run", quiet=True, workers=None)
     assert np.array_equal(gepf.load(tmp_path / "run").track.pose, run.track.pose)
@@ -41,3 +41,7 @@ def test_one_line_tracks_a_recording(tmp_path: Path) -> None:
     with pytest.raises(gepf.InputError, match="in use"):
         gepf.track(tmp_path / "arm", tmp_path / "run", quiet=True)
     assert "3 in" in run._repr_html_()
+    (tmp_path / "arm" / "depth" / "000002.png").write_text("x")
+    with pytest.raises(gepf.InputError, match="damaged"):
+        gepf.track(tmp_path / "arm", tmp_path / "cut", quiet=True, workers=None)
+    assert np.array_equal(gepf.load(tmp_path / "cut").track.pose, run.track.pose[:2])
