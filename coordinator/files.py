@@ -120,6 +120,7 @@ def check_array(array: NDArray[Any], form: str, lengths: dict[str, int], what: s
             for axis, length in zip(axes, array.shape, strict=True)
         )
     if array.ndim != len(axes) or array.shape != wanted:
+        shape = ", ".join(str(lengths.get(axis, axis)) for axis in axes)
         raise InputError(f"{what} has shape {array.shape}, not ({shape}); write the file again")
     if kind == "names" and len(set(array.tolist())) < len(array):
         raise InputError(f"{what} must be distinct names; write the file again")

@@ -17,7 +17,7 @@ from coordinator.results.configuration import digest_frame
 from coordinator.results.evaluation import Evaluation, evaluate, read_truth
 from coordinator.results.summary import read_summary
 from coordinator.results.track import TRACK_FILE, read_track
-from coordinator.sources import find_format, open_source
+from coordinator.sources import open_source
 
 logger = logging.getLogger(__name__)
 
@@ -62,10 +62,9 @@ def check_truth(run: Path, truth: Path) -> None:
     if "first_frame" not in summary:
         return
     try:
-        find_format(folder)
+        source = open_source(folder, camera_in(summary))
     except InputError:
-        return  # it is not in the folder of a recording
-    source = open_source(folder, camera_in(summary))
+        return  # it is not in the folder of a recording, but perhaps beside pictures
     first = int(summary["frame_range"].partition(":")[0])
     if first not in source.numbers or digest_frame(source.frame(first)) != summary["first_frame"]:
         raise InputError(
