@@ -35,7 +35,17 @@ log = logging.getLogger("gepf-worker")
 
 def main() -> None:
     """Entry point."""
-    typer.run(work)
+    app = typer.Typer(add_completion=False)
+    app.command()(work)
+
+    def job() -> None:
+        try:
+            app(standalone_mode=False)
+        except typer.TyperException as error:
+            said = error.format_message().rstrip(".")
+            raise InputError(f"{said}; gepf-worker --help lists all options") from error
+
+    exit_with(job)
 
 
 def work(  # noqa: PLR0913 one parameter an option
@@ -54,20 +64,15 @@ def work(  # noqa: PLR0913 one parameter an option
     tied: Annotated[bool, Option("--tied", hidden=True, help="End when standard input ends.")] = False,
 ) -> None:
     """Refine particles for all connected coordinators until stopped. A host needs one worker."""
-
-    def job() -> None:
-        credentials = read_credentials(tls_ca, tls_cert, tls_key)
-        identity = choose_identity(connect, name, credentials, connect_timeout)
-        if lanes is not None and not 1 <= lanes <= MAX_PARTICLES:
-            raise InputError(
-                f"--lanes {lanes} is not valid; give 1 to {MAX_PARTICLES}, or none for all cores"
-            )
-        if check:
-            check_alive(identity)
-        else:
-            serve(identity, partial(load_kernel, lanes or usable_cores()), quiet=quiet, tied=tied)
-
-    exit_with(job)
+    credentials = read_credentials(tls_ca, tls_cert, tls_key)
+    identity = choose_identity(connect, name, credentials, connect_timeout)
+    if lanes is not None and not 1 <= lanes <= MAX_PARTICLES:
+        raise InputError(f"--lanes {lanes} is not valid; give 1 to {MAX_PARTICLES}, or none for all cores")
+    if check:
+        logging.getLogger().setLevel(logging.WARNING)
+        check_alive(identity)
+    else:
+        serve(identity, partial(load_kernel, lanes or usable_cores()), quiet=quiet, tied=tied)
 
 
 def choose_identity(

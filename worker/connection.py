@@ -6,7 +6,7 @@ import logging
 import math
 import threading
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import count
 
 from common.errors import BusError, InputError
@@ -78,7 +78,9 @@ def check_admission(bus: Bus, identity: Identity) -> None:
 
 
 def check_alive(identity: Identity) -> None:
-    """Health check of a container: look for the worker's liveliness token; BusError without it."""
+    """Health check of a container: look for the worker's liveliness token; BusError without it or a host."""
+    with connect_to(replace(identity, timeout=min(identity.timeout, SEEN_WITHIN_S))):
+        pass  # something answers
     if not is_seen(keys.of_worker(identity.name, "alive"), identity):
         raise BusError(f"worker '{identity.name}' is not seen at {identity.place}")
 

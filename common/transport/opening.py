@@ -11,7 +11,7 @@ import zenoh
 from common.errors import BusError, InputError
 from common.transport.bus import Bus
 from common.transport.channels import ANSWER_S, bus_error
-from common.transport.endpoints import why_refused
+from common.transport.endpoints import LOCAL, protocol_of, why_refused
 from common.transport.session import Security, session_settings
 
 UNREACHABLE = "Unable to connect"  # start of Zenoh's message if no endpoint answers
@@ -92,4 +92,8 @@ def open_session(settings: dict[str, Any]) -> Bus:
             taken = [endpoint for endpoint in listen if f"{endpoint}:" in str(error)] or listen
             message = f"{taken[0]} is in use by another program; end it, or choose another port"
             raise InputError(message) from error
-        raise bus_error("opening " + ", ".join([*listen, *connect]), error) from error
+        given = [each for each in (*listen, *connect) if protocol_of(each) != LOCAL]
+        failed = bus_error(f"cannot open {', '.join(given)}", error)
+        if not given or UNREACHABLE in str(error):
+            raise failed from error
+        raise InputError(f"{failed}; give another endpoint") from error
