@@ -14,7 +14,9 @@ import numpy as np
 from coordinator.bodies.human.measures import Measures
 from coordinator.commands.console import loading
 from coordinator.commands.options import CameraOptions, InfoOptions
+from coordinator.files import LOG_FILE
 from coordinator.results.summary import FOUND, PERSON_FILE, find_summary
+from coordinator.results.track import read_track
 from coordinator.sources import Format, Source, find_format
 from coordinator.sources.camera import doubts, parse_camera_options
 
@@ -38,6 +40,8 @@ def run_info(options: InfoOptions, camera: CameraOptions) -> None:
         facts = describe_tracked(sequence, run)
         print_json(facts) if as_json else print_facts(facts)
         return
+    if (sequence / LOG_FILE).exists():
+        read_track(sequence)  # of a run that was interrupted
     form = find_format(sequence)
     source = form.open(sequence, parse_camera_options(camera.intrinsics, camera.depth_scale))
     cameras = []

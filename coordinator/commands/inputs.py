@@ -19,6 +19,7 @@ from common.frame import DepthFrame
 from common.protocol.keys import check_stream
 from common.transport.channels import Publisher
 from coordinator.bodies.choice import choose_bodies
+from coordinator.bodies.tracked import Bodies
 from coordinator.commands.job import Job
 from coordinator.commands.progress import FrameRate, Show, counted, describe
 from coordinator.commands.publish import play
@@ -49,7 +50,7 @@ from coordinator.sources.ros2 import Node
 from coordinator.sources.ros2_input import DepthTopic, JointTopic
 from coordinator.sources.source import select_frames
 from coordinator.tracking.reporting import Tracked
-from coordinator.tracking.state import read_start
+from coordinator.tracking.state import read_start, start_at
 
 Streams = Generator[Iterator[DepthFrame], None, None]
 
@@ -70,7 +71,7 @@ class Input:
     def __init__(self, job: Job, source: Source | None, first: Source | LiveCamera) -> None:
         self.job = job
         self.bodies = choose_bodies(job.active, job.settings.preset, job.model)
-        self.start = choose_start(job.init, source, self.bodies.dof_names) if job.people == 1 else None
+        self.start = choose_start(job.init, source, self.bodies) if job.people == 1 else None
         up = None
         if job.settings.rotate_deg is not None:
             turn = np.radians(job.settings.rotate_deg)
@@ -127,6 +128,13 @@ class RecordedInput(Input):
         self.source = source = open_source(job.sequence, job.given)
         self.numbers = numbers = select_frames(source.numbers, job.frames)
         self.total = len(numbers)
+        width, height = source.intrinsics.width, source.intrinsics.height
+        region, person = job.scope.region, job.scope.person
+        for pixel in (None if region is None else region[:2], None if isinstance(person, str) else person):
+            if pixel is not None and not (0 <= pixel[0] < width and 0 <= pixel[1] < height):
+                raise InputError(
+                    f"pixel {pixel[0]},{pixel[1]} is outside the {width}x{height} images; give another"
+                )
         super().__init__(job, source, source)
         if isinstance(job.joint_states, JointStates):
             job.joint_states.check_names(self.bodies.dof_names)
@@ -258,16 +266,18 @@ class LiveInput(Input):
             facts["frames_dropped"] = self._attached.dropped
         if self._recorder is not None:
             facts["frames_unwritten"] = unwritten = self._recorder.close()
-            folders = " and ".join(map(str, self._recorder.folders))
+            folders = " and ".join(map(str, self._recorder.folders)) or "no folder"
             missing = f"; {unwritten} could not be written in time" if unwritten else ""
             self._show.say(f"{counted(self._recorder.written, 'frame')} are in {folders}{missing}")
         return facts
 
 
-def choose_start(
-    init: str | None, source: Source | None, dof_names: tuple[str, ...]
-) -> Mapping[str, float] | None:
+def choose_start(init: str | None, source: Source | None, bodies: Bodies) -> Mapping[str, float] | None:
     """The start pose of a file, else of the sequence's own file; None to detect it."""
-    if init is None and source is not None and source.init is not None:
-        return read_start(source.init, dof_names, "; is --model right? --init auto leaves this file out")
-    return None if init in (None, AUTOMATIC) else read_start(Path(init), dof_names)
+    own = source.init if source is not None and init is None else None
+    if own is None and init in (None, AUTOMATIC):
+        return None
+    remedy = "; is --model right? --init auto leaves this file out" if own else ""
+    values = read_start(own or Path(str(init)), bodies.dof_names, remedy)
+    start_at(values, bodies)  # checked before any worker starts
+    return values

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from common.bounds import LARGEST, MAX_PARTICLES, SMALLEST
+
 if TYPE_CHECKING:
     from common.transport.session import Security
 
@@ -114,11 +116,13 @@ class TrackOptions:
     preset: str = method_option("NAME", "default, or paper (as published).", default="default")
     particles: int | None = method_option("N", "Particles per frame; with annealed, per layer.", min=1)
     points: int | None = method_option("N", "Largest number of observed points.", min=1)
-    noise_depth: float | None = method_option("M", "Noise in depth (default: measured in the first frame).")
-    noise_lateral: float | None = method_option("M", "Lateral noise.")
+    noise_depth: float | None = method_option(
+        "M", "Noise in depth (default: measured in the first frame).", min=SMALLEST, max=LARGEST
+    )
+    noise_lateral: float | None = method_option("M", "Lateral noise.", min=SMALLEST, max=LARGEST)
     seed: int = method_option("N", "The same seed gives the same bytes.", default=0, min=0, max=2**32 - 1)
     workers: int | None = worker_option(
-        "N", "Threads of the local worker (default: all cores; 0: none).", min=0
+        "N", "Threads of the local worker (default: all cores; 0: none).", min=0, max=MAX_PARTICLES
     )
     listen: str | None = worker_option("ENDPOINT", "Let other workers join, e.g. at tls/0.0.0.0:7447.")
     connect: str | None = worker_option("ENDPOINT", "Use the workers at a router.")

@@ -11,6 +11,7 @@ import numpy as np
 
 from common.arrays import Array
 from common.body import ROOT_DOFS, BodyModel, unknown_dof
+from common.bounds import LARGEST
 from common.errors import InputError
 from common.kinematics import joint_positions
 from coordinator.bodies.tracked import USUAL_SIZE, Bodies, Size
@@ -69,8 +70,15 @@ def no_start(bodies: Bodies) -> Start:
 def start_at(
     values: Mapping[str, float], bodies: Bodies, size: Size | None = None, noise: SensorNoise = NO_NOISE
 ) -> Start:
-    """The start at a pose given by name, by default of the known or usual size."""
+    """The start at a pose given by name, by default of the known or usual size.
+
+    Raises InputError for values far beyond the limits, such as degrees for radians.
+    """
     size = size or bodies.measures or USUAL_SIZE
+    full = bodies.full(*size)
+    for name, value in values.items():
+        if not abs(value) <= min(np.abs(full.limits[full.dof(name)]).max() + 2.0 * np.pi, LARGEST):
+            raise InputError(f"the start has {name} {value:g}, beyond its limits; give radians and metres")
     model, pose = bodies.tracked(size, values)
     return Start(model, pose, size, dict(values), noise)
 
