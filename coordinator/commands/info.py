@@ -79,7 +79,7 @@ def describe_tracked(run: Path, summary: Mapping[str, Any]) -> dict[str, object]
                 )
                 if one.get("girth")
                 else None,
-                "file": str(run / one.get("folder", "") / PERSON_FILE),
+                "file": str(file) if (file := run / one.get("folder", "") / PERSON_FILE).exists() else None,
                 "status": one["status"],
             }
             for one in people

@@ -121,10 +121,11 @@ def read_rig(path: Path, options: CameraOptions) -> Source:
         raise InputError(f"the cameras of {path} are live; gepf track and gepf.live read them")
     cameras = []
     for camera in read_rig_file(path).cameras:
-        source, pose = open_source(sequence_of(path, camera)), camera.pose
-        gravity = None if source.gravity is None else pose[:3, :3] @ source.gravity
-        if source.others:
+        recording, pose = sequence_of(path, camera), camera.pose
+        if recording.suffix.lower() == ".json":
             raise InputError(f"{path}: '{camera.name}' is a rig itself; list its cameras instead")
+        source = open_source(recording)
+        gravity = None if source.gravity is None else pose[:3, :3] @ source.gravity
         named = source.changed(camera=camera.name, T_rig_camera=pose, gravity=gravity)
         cameras.append(named.changed(offset_s=camera.time_offset_s))
         first, last = (each.times_s for each in (cameras[0], cameras[-1]))

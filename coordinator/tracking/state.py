@@ -72,13 +72,12 @@ def start_at(
 ) -> Start:
     """The start at a pose given by name, by default of the known or usual size.
 
-    Raises InputError for values far beyond the limits, such as degrees for radians.
+    Raises InputError for values that no message may hold.
     """
     size = size or bodies.measures or USUAL_SIZE
-    full = bodies.full(*size)
     for name, value in values.items():
-        if not abs(value) <= min(np.abs(full.limits[full.dof(name)]).max() + 2.0 * np.pi, LARGEST):
-            raise InputError(f"the start has {name} {value:g}, beyond its limits; give radians and metres")
+        if not abs(value) <= LARGEST:
+            raise InputError(f"the start has {name} {value:g}; give radians and metres")
     model, pose = bodies.tracked(size, values)
     return Start(model, pose, size, dict(values), noise)
 
