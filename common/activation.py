@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 
 import numpy as np
 
@@ -28,8 +28,8 @@ def activate(model: BodyModel, active: Iterable[str], held: Array) -> BodyModel:
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)
 
     place = {-1: -1} | {j: n for n, j in enumerate(wanted)}
-    parents = np.array([place[nearest_in(model, wanted, int(model.parents[j]))] for j in wanted], np.int64)
-    link_dofs = np.array([place[nearest_in(model, wanted, int(d))] for d in model.link_dofs], np.int64)
+    parents = np.array([place[nearest_in(model, place, int(model.parents[j]))] for j in wanted], np.int64)
+    link_dofs = np.array([place[nearest_in(model, place, int(d))] for d in model.link_dofs], np.int64)
     moved, merged = np.unique(link_dofs, return_inverse=True)  # merged (L,): old link -> new link
     skin_links, skin_weights = merge_weights(merged[model.skin_links], model.skin_weights)
     kinds = model.kinds[wanted]
@@ -55,7 +55,7 @@ def activate(model: BodyModel, active: Iterable[str], held: Array) -> BodyModel:
     )
 
 
-def nearest_in(model: BodyModel, wanted: list[int], dof: int) -> int:
+def nearest_in(model: BodyModel, wanted: Container[int], dof: int) -> int:
     """The degree of freedom, or its nearest ancestor, that is one of the wanted; -1 if there is none."""
     while dof >= 0 and dof not in wanted:
         dof = int(model.parents[dof])

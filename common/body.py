@@ -144,12 +144,12 @@ def find_balls(kinds: Indices, parents: Indices, axes: Array, points: Array, car
     `surface_carriers`) and no other degree of freedom.
     """
     children = np.bincount(parents[parents >= 0], minlength=len(kinds))
+    bare = (children == 1) & ~np.isin(np.arange(len(kinds)), carriers)
     balls, j = [], 0
     while j + 2 < len(kinds):
         triple = slice(j, j + 3)
         chained = parents[j + 1] == j and parents[j + 2] == j + 1
-        bare = np.all(children[j : j + 2] == 1) and not np.isin([j, j + 1], carriers).any()
-        if chained and bare and np.all(kinds[triple] == ROTATION):
+        if chained and bare[j : j + 2].all() and np.all(kinds[triple] == ROTATION):
             orthonormal = np.allclose(axes[triple] @ axes[triple].T, np.eye(3), atol=1e-9)
             if orthonormal and np.allclose(points[triple], points[j], atol=1e-9):
                 balls.append(j)
