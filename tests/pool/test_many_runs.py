@@ -16,7 +16,7 @@ import pytest
 from common.protocol import keys
 from common.protocol.frames import encode_frame
 from common.protocol.messages import encode_request
-from common.refinement import Particles, Refined
+from common.refinement import Refined
 from common.transport.bus import Bus
 from common.transport.opening import open_router, open_worker
 from coordinator.pool.options import Pool
@@ -24,17 +24,7 @@ from coordinator.pool.zenoh_refiner import ZenohRefiner
 from tests.support.answers import as_bytes
 from tests.support.processes.instant_worker import observe, refine
 from tests.support.processes.programs import wait_until
-from tests.support.processes.serving import (
-    MODEL,
-    PARTICLES,
-    POSES,
-    REQUEST,
-    SETTINGS,
-    expected,
-    frame,
-    refined_bytes,
-    running,
-)
+from tests.support.processes.serving import MODEL, PARTICLES, REQUEST, expected, frame, refined_bytes, running
 from worker.memory import Memory
 from worker.service import Kernel, Service
 
@@ -117,9 +107,7 @@ def test_one_worker_serves_two_runs_and_forgets_who_is_gone(endpoint: str, throu
         for _ in range(100):
             spare = replace(REQUEST, run=one.run, particles=replace(REQUEST.particles, spare=True))
             sender.send(encode_request(spare), lambda *_: None)
-        waits = [
-            two.submit(frame(99), MODEL, Particles(POSES, SETTINGS, spare=last)) for last in (False, True)
-        ]
+        waits = [two.submit(frame(99), MODEL, replace(PARTICLES, spare=last)) for last in (False, True)]
         one.__exit__(None, None, None)
         wait_until(lambda: len(service._memory) == 1)
         released.set()
