@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from common.errors import BusError, InputError, NoWorkers, ProtocolError
+from common.errors import InputError, NoWorkers, ProtocolError
 from common.frame import SubjectFrame
 from common.protocol import keys
 from common.protocol.messages import decode_refusal, encode_refusal, encode_request
