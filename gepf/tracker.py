@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from functools import partial
 from itertools import groupby
@@ -39,7 +39,7 @@ from coordinator.tracking import tracker as tracking
 from coordinator.tracking.state import read_start, start_at
 from gepf.live_source import LiveSource
 from gepf.named import Estimate, named
-from gepf.refiners import Workers, open_refiner
+from gepf.refiners import Workers, log, open_refiner
 from gepf.run import Run, load
 
 Body = str | Path | Measures | BodyModel
@@ -269,8 +269,8 @@ def track(
         quiet: Show no progress.
         options: Arguments of `Tracker`; `workers` is one lane per core by default.
 
-    Raises InputError for a recording or options that are wrong, before anything is tracked. An error or an
-    interrupt later leaves the run of the frames before it in the folder.
+    Raises InputError for a recording or options that are wrong, before anything is tracked. After a
+    later error or interrupt, the folder holds the run of the frames before it.
     """
     source = open_source(recording)
     folder = Path(tempfile.mkdtemp(prefix="gepf-")) / "run" if out is None else Path(out)
@@ -280,10 +280,12 @@ def track(
         estimates = list[Estimate]()
         try:
             estimates.extend(progress(frames, "tracking", len(source), transient=True, disable=quiet))
-        finally:
+        except BaseException:
             if estimates:
-                tracker.save(estimates, folder)
-        return load(folder)
+                with suppress(InputError):
+                    log.warning("%d frames are in %s", len(estimates), tracker.save(estimates, folder))
+            raise
+        return load(tracker.save(estimates, folder))
 
 
 def bodies_to_track(model: Body, active: tuple[str, ...] | None, preset_name: str) -> Bodies:

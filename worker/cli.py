@@ -59,7 +59,7 @@ def work(  # noqa: PLR0913 one parameter an option
     tls_ca: Annotated[Path | None, Option(metavar="FILE", help="Certificate of the authority.")] = None,
     tls_cert: Annotated[Path | None, Option(metavar="FILE", help="This worker's certificate.")] = None,
     tls_key: Annotated[Path | None, Option(metavar="FILE", help="Key of the certificate.")] = None,
-    check: Annotated[bool, Option("--check", help="Is it connected? Exit code 0 or 1.")] = False,
+    check: Annotated[bool, Option("--check", help="Is it connected? Exit code 0 if so.")] = False,
     quiet: Annotated[bool, Option("--quiet", "-q", help="Log warnings and errors only.")] = False,
     tied: Annotated[bool, Option("--tied", hidden=True, help="End when standard input ends.")] = False,
 ) -> None:

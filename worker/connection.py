@@ -78,9 +78,7 @@ def check_admission(bus: Bus, identity: Identity) -> None:
 
 
 def check_alive(identity: Identity) -> None:
-    """Health check of a container: look for the worker's liveliness token; BusError without it or a host."""
-    with connect_to(replace(identity, timeout=min(identity.timeout, SEEN_WITHIN_S))):
-        pass  # something answers
+    """Health check of a container: BusError if the worker is not seen, or nothing answers."""
     if not is_seen(keys.of_worker(identity.name, "alive"), identity):
         raise BusError(f"worker '{identity.name}' is not seen at {identity.place}")
 
@@ -88,6 +86,6 @@ def check_alive(identity: Identity) -> None:
 def is_seen(key: str, identity: Identity) -> bool:
     """Whether a separate session sees a liveliness token within a short time."""
     seen = threading.Event()
-    with open_worker(identity.connect, identity.security) as mirror:
+    with connect_to(replace(identity, timeout=min(identity.timeout, SEEN_WITHIN_S))) as mirror:
         mirror.watch(key, lambda _, alive: seen.set() if alive else None)
         return seen.wait(SEEN_WITHIN_S)

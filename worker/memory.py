@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -31,7 +31,7 @@ class RunMemory:
 
     frames: dict[int, bytes] = field(default_factory=dict)  # by number, encoded
     observations: dict[int, Any] = field(default_factory=dict)  # by number
-    settings: RefineSettings | None = None  # of the latest request that is not spare
+    settings: RefineSettings | None = None  # of the latest request
 
 
 class Memory:
@@ -70,21 +70,25 @@ class Memory:
 
         Raises ProtocolError for an invalid frame, BusError if it is not found.
         """
-        particles = request.particles
+        run, number, particles = request.run, request.frame, request.particles
         with self._changed:
-            memory = self._of(request.run)
-            if not particles.spare:
-                memory.settings = particles.settings
-        return self._observed(memory, request.run, request.frame, particles.settings, waits=particles.spare)
+            memory = self._of(run)
+            memory.settings = particles.settings
+        with self._getting((run, number), waits=particles.spare):
+            return self._observed(memory, run, number, particles.settings)
 
     def observe_ahead(self, run: str) -> None:
         """Observe a run's newest frame, for the settings of its probable request, if there was one before."""
-        with self._changed:
-            memory = self._runs.get(run)
-            if memory is None or memory.settings is None or not memory.frames:
-                return
-            number = list(memory.frames)[-1]
-        self._observed(memory, run, number, memory.settings, waits=False)
+        with ExitStack() as claim:
+            with self._changed:
+                memory = self._runs.get(run)
+                if memory is None or memory.settings is None or not memory.frames:
+                    return
+                number, settings = list(memory.frames)[-1], memory.settings
+                if (run, number) in self._busy:
+                    return
+                claim.enter_context(self._getting((run, number), waits=False))
+            self._observed(memory, run, number, settings)
 
     def model(self, request: RefineRequest) -> BodyModel:
         """A request's model.
@@ -119,21 +123,18 @@ class Memory:
                 self._busy.remove(what)
                 self._changed.notify_all()
 
-    def _observed(
-        self, memory: RunMemory, run: str, number: int, settings: RefineSettings, *, waits: bool
-    ) -> Any:
-        with self._getting((run, number), waits=waits):
-            with self._changed:
-                if number in memory.observations:
-                    return put_recent(memory.observations, number, memory.observations[number], FRAMES_KEPT)
-                frames = memory.frames  # numbers ascend, so an older one does not come any more
-                self._changed.wait_for(lambda: number <= max(frames, default=-1), FRAME_DELAY_S)
-                payload = frames.get(number)
-            if payload is None:
-                payload = self._fetch(keys.of_run(run, f"frame/{number}"), f"frame {number} of run {run}")
-            observation = self._observe(decode_frame(payload), settings)
-            with self._changed:
-                return put_recent(memory.observations, number, observation, FRAMES_KEPT)
+    def _observed(self, memory: RunMemory, run: str, number: int, settings: RefineSettings) -> Any:
+        with self._changed:
+            if number in memory.observations:
+                return put_recent(memory.observations, number, memory.observations[number], FRAMES_KEPT)
+            frames = memory.frames  # numbers ascend, so an older one does not come any more
+            self._changed.wait_for(lambda: number <= max(frames, default=-1), FRAME_DELAY_S)
+            payload = frames.get(number)
+        if payload is None:
+            payload = self._fetch(keys.of_run(run, f"frame/{number}"), f"frame {number} of run {run}")
+        observation = self._observe(decode_frame(payload), settings)
+        with self._changed:
+            return put_recent(memory.observations, number, observation, FRAMES_KEPT)
 
     def _of(self, run: str) -> RunMemory:
         return put_recent(self._runs, run, self._runs.get(run) or RunMemory(), 16)

@@ -22,7 +22,9 @@ TLS_OPTIONS = "--tls-ca, --tls-cert and --tls-key"
 
 def check_endpoint(option: str, endpoint: str, credentials: Credentials | None) -> None:
     """InputError for an invalid endpoint, or one that does not fit the certificate."""
-    if not ENDPOINT.fullmatch(endpoint) or host_and_port(endpoint)[1] >= 2**16:
+    if not ENDPOINT.fullmatch(endpoint) or (
+        protocol_of(endpoint) != LOCAL and host_and_port(endpoint)[1] >= 2**16
+    ):
         raise InputError(f"{option} '{endpoint}' is not an endpoint; give one such as tcp/127.0.0.1:7447")
     encrypted = protocol_of(endpoint) == ENCRYPTED
     if encrypted and credentials is None:

@@ -11,7 +11,7 @@ import zenoh
 from common.errors import BusError, InputError
 from common.transport.bus import Bus
 from common.transport.channels import ANSWER_S, bus_error
-from common.transport.endpoints import LOCAL, protocol_of, why_refused
+from common.transport.endpoints import why_refused
 from common.transport.session import Security, session_settings
 
 UNREACHABLE = "Unable to connect"  # start of Zenoh's message if no endpoint answers
@@ -22,7 +22,8 @@ def open_coordinator(
 ) -> Bus:
     """A session to which workers connect, and which connects to routers.
 
-    InputError if a router refuses the connection; a router that does not answer is tried in the background.
+    InputError if an endpoint cannot be opened, or a router refuses the connection; a router that does not
+    answer is tried in the background.
     """
     return open_linked("peer", listen, connect, security)
 
@@ -92,8 +93,7 @@ def open_session(settings: dict[str, Any]) -> Bus:
             taken = [endpoint for endpoint in listen if f"{endpoint}:" in str(error)] or listen
             message = f"{taken[0]} is in use by another program; end it, or choose another port"
             raise InputError(message) from error
-        given = [each for each in (*listen, *connect) if protocol_of(each) != LOCAL]
-        failed = bus_error(f"cannot open {', '.join(given)}", error)
-        if not given or UNREACHABLE in str(error):
+        failed = bus_error(f"cannot open {', '.join([*listen, *connect])}", error)
+        if UNREACHABLE in str(error):
             raise failed from error
-        raise InputError(f"{failed}; give another endpoint") from error
+        raise InputError(f"{failed}; check the endpoint") from error

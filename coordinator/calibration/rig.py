@@ -1,7 +1,7 @@
 """Calibrates a rig by a person who moves: each camera tracks the person alone, and the joints are aligned.
 
-A body that is too thin is fitted too near to each camera. The trunk is shifted by more than head and feet, so
-the alignment also shows the girth: the fit has it as another unknown.
+A template that is too thin is placed too near to each camera, its trunk by more than its head and feet. So
+the fit also estimates the girth.
 
 The clock offset is the one with the smallest residual of the fit. Joints are weighted with their
 variances and a robust kernel, as a limb that a camera does not see may be wrong by much.
@@ -87,7 +87,7 @@ class Motion:
     """The joints of a person over time, as one camera sees them.
 
     time_s: (F,) ascending. joints: (F, J, 3) metres, camera frame, of a body of girth 1. variance: (F, J)
-    m^2; infinite if unknown. by_girth: (F, J, 3) derivatives of the joints.
+    m^2; infinite if unknown. by_girth: (F, J, 3) derivatives with respect to it.
     """
 
     time_s: Array
@@ -125,7 +125,7 @@ class CameraPose:
 
 
 def track_alone(source: Source, refiner: Refiner, settings: Settings, bodies: Bodies) -> Motion:
-    """The motion of a person whom one camera shows; the derivatives are measured once in a block of time."""
+    """The motion of a person whom one camera shows; derivatives are measured once in BLOCK_S."""
     times, joints, variance, by_girth = list[float](), list[Array](), list[Array](), list[Array]()
     next_s, change = -np.inf, np.zeros(3)
     for (tracked,) in Tracker(refiner, settings, bodies).follow(source):
@@ -147,9 +147,9 @@ def track_alone(source: Source, refiner: Refiner, settings: Settings, bodies: Bo
 def derivative_by_girth(
     tracked: Tracked, subject: SubjectFrame, refiner: Refiner, settings: Settings, bodies: Bodies
 ) -> Array:
-    """Derivatives (J, 3) of the joints of the body that is fitted to a frame."""
+    """Derivatives (J, 3) of the joints with respect to the girth, by fits of a thinner and a thicker body."""
     start, rules = tracked.state.start, assume_noise(settings.refine, tracked.state.start.noise)
-    particles = Particles(tracked.estimate.pose[None], iterations(rules, ITERATIONS))
+    particles = Particles(tracked.estimate.pose[None], iterations(rules, ITERATIONS), spare=True)
     girths = start.size.girth * GIRTH_STEPS[[0, -1]]
     models = [bodies.tracked(start.size._replace(girth=girth), start.values)[0] for girth in girths.tolist()]
     sent = [refiner.submit(subject, model, particles) for model in models]
@@ -220,7 +220,9 @@ def fit_at(first: Motion, other: Motion, offset_s: float) -> CameraPose | None:
     here, there, by_here, by_there = (
         each.reshape(-1, 3) for each in (first.joints, other.joints, first.by_girth, other.by_girth)
     )
-    robust = np.ones_like(weights)
+    robust, girth = np.ones_like(weights), 0.0
+    # errors of the joints are correlated, so a block of frames counts as one
+    prior = BLOCK_S * (len(first.time_s) - 1) / np.ptp(first.time_s) / (0.5 * np.ptp(GIRTH_STEPS)) ** 2
     for _ in range(5):
         total = weights * robust
         transform = rigid_fit(there, here, total)
@@ -229,8 +231,8 @@ def fit_at(first: Motion, other: Motion, offset_s: float) -> CameraPose | None:
         robust = (OUTLIER_M**2 / (OUTLIER_M**2 + squares)) ** 2
         change = by_there @ transform[:3, :3].T - by_here
         change -= np.average(change, axis=0, weights=total)  # their mean is a translation
-        girth = -np.sum(total @ (change * apart)) / np.sum(total @ change**2)
-        here, there = here + girth * by_here, there + girth * by_there
+        step = -(np.sum(total @ (change * apart)) + prior * girth) / (np.sum(total @ change**2) + prior)
+        here, there, girth = here + step * by_here, there + step * by_there, girth + step
     cost = OUTLIER_M**2 * squares / (OUTLIER_M**2 + squares)
     return CameraPose(transform, offset_s, float(np.sqrt(np.average(cost, weights=weights))))
 

@@ -18,6 +18,7 @@ from coordinator.results.evaluation import Evaluation, evaluate, read_truth
 from coordinator.results.summary import read_summary
 from coordinator.results.track import TRACK_FILE, read_track
 from coordinator.sources import open_source
+from coordinator.sources.picture_folders import is_tum
 
 logger = logging.getLogger(__name__)
 
@@ -64,7 +65,9 @@ def check_truth(run: Path, truth: Path) -> None:
     try:
         source = open_source(folder, camera_in(summary))
     except InputError:
-        return  # it is not in the folder of a recording, but perhaps beside pictures
+        if (folder / "depth").is_dir() or is_tum(folder):
+            raise
+        return  # it is not in the folder of a recording
     first = int(summary["frame_range"].partition(":")[0])
     if first not in source.numbers or digest_frame(source.frame(first)) != summary["first_frame"]:
         raise InputError(

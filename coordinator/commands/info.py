@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
+from common.errors import InputError
 from coordinator.bodies.human.measures import Measures
 from coordinator.commands.console import loading
 from coordinator.commands.options import CameraOptions, InfoOptions
@@ -40,9 +41,12 @@ def run_info(options: InfoOptions, camera: CameraOptions) -> None:
         facts = describe_tracked(sequence, run)
         print_json(facts) if as_json else print_facts(facts)
         return
-    if (sequence / LOG_FILE).exists():
-        read_track(sequence)  # of a run that was interrupted
-    form = find_format(sequence)
+    try:
+        form = find_format(sequence)
+    except InputError:
+        if (sequence / LOG_FILE).exists():
+            read_track(sequence)  # raises InputError, as the run was interrupted
+        raise
     source = form.open(sequence, parse_camera_options(camera.intrinsics, camera.depth_scale))
     cameras = []
     for each in source.views:

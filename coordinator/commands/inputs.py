@@ -130,11 +130,13 @@ class RecordedInput(Input):
         self.total = len(numbers)
         width, height = source.intrinsics.width, source.intrinsics.height
         region, person = job.scope.region, job.scope.person
-        for pixel in (None if region is None else region[:2], None if isinstance(person, str) else person):
-            if pixel is not None and not (0 <= pixel[0] < width and 0 <= pixel[1] < height):
-                raise InputError(
-                    f"pixel {pixel[0]},{pixel[1]} is outside the {width}x{height} images; give another"
-                )
+        if region is not None and (region[0] >= width or region[1] >= height or min(region[2:]) <= 0):
+            raise InputError(f"--roi has no pixel of the {width}x{height} images; give another")
+        if not isinstance(person, str):
+            column, row = person
+            if not (0 <= column < width and 0 <= row < height):
+                outside = f"--person {column},{row} is outside the {width}x{height} images"
+                raise InputError(f"{outside}; give a pixel inside")
         super().__init__(job, source, source)
         if isinstance(job.joint_states, JointStates):
             job.joint_states.check_names(self.bodies.dof_names)

@@ -122,7 +122,7 @@ def read_rig(path: Path, options: CameraOptions) -> Source:
     cameras = []
     for camera in read_rig_file(path).cameras:
         recording, pose = sequence_of(path, camera), camera.pose
-        if recording.suffix.lower() == ".json":
+        if recording.suffix.lower() == ".json" and recording.is_file():
             raise InputError(f"{path}: '{camera.name}' is a rig itself; list its cameras instead")
         source = open_source(recording)
         gravity = None if source.gravity is None else pose[:3, :3] @ source.gravity

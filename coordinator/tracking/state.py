@@ -72,12 +72,12 @@ def start_at(
 ) -> Start:
     """The start at a pose given by name, by default of the known or usual size.
 
-    Raises InputError for values that no message may hold.
+    Raises InputError for values that are not finite, or above LARGEST.
     """
     size = size or bodies.measures or USUAL_SIZE
     for name, value in values.items():
         if not abs(value) <= LARGEST:
-            raise InputError(f"the start has {name} {value:g}; give radians and metres")
+            raise InputError(f"the start has {name} {value:g}, above {LARGEST:g}; give radians and metres")
     model, pose = bodies.tracked(size, values)
     return Start(model, pose, size, dict(values), noise)
 

@@ -69,7 +69,10 @@ def with_file(name: str, content: str) -> Damage:
             "init.json: unknown degree of freedom 'elbow'; gepf model dofs lists all; is --model right?",
         ),
         (with_file("init.json", '{"root_tz": NaN}'), "init.json: JSON is malformed"),
-        (with_file("init.json", '{"root_tz": 1e300}'), "the start has root_tz 1e+300; give radians"),
+        (
+            with_file("init.json", '{"root_tz": 1e300}'),
+            "the start has root_tz 1e+300, above 100000; give radians",
+        ),
         (with_file("truth.npz", "truth"), "truth.npz is damaged"),
     ],
 )
@@ -110,7 +113,7 @@ def test_a_damaged_folder_is_refused(
         (["--roi", "9,2,3,8"], "--roi 9,2,3,8 contains no pixel"),
         (["--person", "tallest"], "--person tallest is unknown; give X,Y in pixels or one of nearest"),
         (["--person", "4,"], "--person 4, is not understood; give 2 whole numbers"),
-        (["--person", "8,2"], "pixel 8,2 is outside the 8x6 images"),
+        (["--person", "8,2"], "--person 8,2 is outside the 8x6 images; give a pixel"),
         (["--publish-json"], "add --publish KEY"),
         (["--publish", "camera/depth"], "no subscriber could connect; add --listen"),
         (["--publish", "a/*", "--listen", "tcp/127.0.0.1:1"], "key 'a/*' cannot be used"),
