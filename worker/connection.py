@@ -6,7 +6,8 @@ import logging
 import math
 import threading
 import time
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
 from itertools import count
 
 from common.errors import BusError, InputError
@@ -79,13 +80,17 @@ def check_admission(bus: Bus, identity: Identity) -> None:
 
 def check_alive(identity: Identity) -> None:
     """Health check of a container: BusError if the worker is not seen, or nothing answers."""
-    if not is_seen(keys.of_worker(identity.name, "alive"), identity):
+
+    def give_up() -> None:
+        raise BusError(f"no answer at {identity.place}")
+
+    if not is_seen(keys.of_worker(identity.name, "alive"), identity, give_up):
         raise BusError(f"worker '{identity.name}' is not seen at {identity.place}")
 
 
-def is_seen(key: str, identity: Identity) -> bool:
-    """Whether a separate session sees a liveliness token within a short time."""
+def is_seen(key: str, identity: Identity, on_silence: Callable[[], None] = lambda: None) -> bool:
+    """Whether a separate session sees a liveliness token soon; `on_silence` is that of `open_worker`."""
     seen = threading.Event()
-    with connect_to(replace(identity, timeout=min(identity.timeout, SEEN_WITHIN_S))) as mirror:
+    with open_worker(identity.connect, identity.security, on_silence) as mirror:
         mirror.watch(key, lambda _, alive: seen.set() if alive else None)
         return seen.wait(SEEN_WITHIN_S)

@@ -19,7 +19,6 @@ from common.frame import DepthFrame
 from common.protocol.keys import check_stream
 from common.transport.channels import Publisher
 from coordinator.bodies.choice import choose_bodies
-from coordinator.bodies.tracked import Bodies
 from coordinator.commands.job import Job
 from coordinator.commands.progress import FrameRate, Show, counted, describe
 from coordinator.commands.publish import play
@@ -50,7 +49,7 @@ from coordinator.sources.ros2 import Node
 from coordinator.sources.ros2_input import DepthTopic, JointTopic
 from coordinator.sources.source import select_frames
 from coordinator.tracking.reporting import Tracked
-from coordinator.tracking.state import read_start, start_at
+from coordinator.tracking.state import read_start
 
 Streams = Generator[Iterator[DepthFrame], None, None]
 
@@ -71,7 +70,7 @@ class Input:
     def __init__(self, job: Job, source: Source | None, first: Source | LiveCamera) -> None:
         self.job = job
         self.bodies = choose_bodies(job.active, job.settings.preset, job.model)
-        self.start = choose_start(job.init, source, self.bodies) if job.people == 1 else None
+        self.start = choose_start(job.init, source, self.bodies.dof_names) if job.people == 1 else None
         up = None
         if job.settings.rotate_deg is not None:
             turn = np.radians(job.settings.rotate_deg)
@@ -274,12 +273,12 @@ class LiveInput(Input):
         return facts
 
 
-def choose_start(init: str | None, source: Source | None, bodies: Bodies) -> Mapping[str, float] | None:
+def choose_start(
+    init: str | None, source: Source | None, dof_names: tuple[str, ...]
+) -> Mapping[str, float] | None:
     """The start pose of a file, else of the sequence's own file; None to detect it."""
     own = source.init if source is not None and init is None else None
     if own is None and init in (None, AUTOMATIC):
         return None
     remedy = "; is --model right? --init auto leaves this file out" if own else ""
-    values = read_start(own or Path(str(init)), bodies.dof_names, remedy)
-    start_at(values, bodies)  # checked before any worker starts
-    return values
+    return read_start(own or Path(str(init)), dof_names, remedy)

@@ -70,14 +70,8 @@ def no_start(bodies: Bodies) -> Start:
 def start_at(
     values: Mapping[str, float], bodies: Bodies, size: Size | None = None, noise: SensorNoise = NO_NOISE
 ) -> Start:
-    """The start at a pose given by name, by default of the known or usual size.
-
-    Raises InputError for values that are not finite, or above LARGEST.
-    """
+    """The start at a pose given by name, by default of the known or usual size."""
     size = size or bodies.measures or USUAL_SIZE
-    for name, value in values.items():
-        if not abs(value) <= LARGEST:
-            raise InputError(f"the start has {name} {value:g}, above {LARGEST:g}; give radians and metres")
     model, pose = bodies.tracked(size, values)
     return Start(model, pose, size, dict(values), noise)
 
@@ -97,12 +91,14 @@ def roll_of(model: BodyModel, pose: Array, turn: Array) -> float:
 
 
 def read_start(path: Path, dof_names: Collection[str], remedy: str = "") -> dict[str, float]:
-    """Values by name; missing values are zero. InputError for a name that the model does not have."""
+    """Values by name; missing values are zero. InputError for an unknown name, or a value above LARGEST."""
     mend, missing = "write {degree of freedom: number}", "give --init a file, or auto"
     values = read_json(path, dict[str, float], mend, missing)
-    for name in values:
+    for name, value in values.items():
         if name not in dof_names:
             raise InputError(f"{path}: {unknown_dof(name, dof_names)}{remedy}")
+        if abs(value) > LARGEST:
+            raise InputError(f"{path}: {name} is {value:g}, above {LARGEST:g}; give radians and metres")
     return values
 
 
