@@ -87,13 +87,13 @@ class Motion:
     """The joints of a person over time, as one camera sees them.
 
     time_s: (F,) ascending. joints: (F, J, 3) metres, camera frame, of a body of girth 1. variance: (F, J)
-    m^2; infinite if unknown. by_girth: (F, J, 3) derivatives with respect to it.
+    m^2; infinite if unknown. jacobian: (F, J, 3) with respect to the girth.
     """
 
     time_s: Array
     joints: Array
     variance: Array
-    by_girth: Array
+    jacobian: Array
 
     def at(self, times: Array) -> Motion:
         """The motion at other times, by linear interpolation."""
@@ -102,10 +102,10 @@ class Motion:
         inside = (share >= 0.0) & (share <= 1.0)
         before, share = after - 1, share[:, None, None]
         variance = np.maximum(self.variance[before], self.variance[after])
-        joints, by_girth = (
-            (1.0 - share) * values[before] + share * values[after] for values in (self.joints, self.by_girth)
+        joints, jacobian = (
+            (1.0 - share) * values[before] + share * values[after] for values in (self.joints, self.jacobian)
         )
-        return Motion(times, joints, np.where(inside[:, None], variance, np.inf), by_girth)
+        return Motion(times, joints, np.where(inside[:, None], variance, np.inf), jacobian)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -125,9 +125,9 @@ class CameraPose:
 
 
 def track_alone(source: Source, refiner: Refiner, settings: Settings, bodies: Bodies) -> Motion:
-    """The motion of a person whom one camera shows; derivatives are measured once in BLOCK_S."""
-    times, joints, variance, by_girth = list[float](), list[Array](), list[Array](), list[Array]()
-    next_s, change = -np.inf, np.zeros(3)
+    """The motion of a person whom one camera shows; its Jacobian is measured once in BLOCK_S."""
+    times, joints, variance, jacobians = list[float](), list[Array](), list[Array](), list[Array]()
+    next_s, jacobian = -np.inf, np.zeros(3)
     for (tracked,) in Tracker(refiner, settings, bodies).follow(source):
         estimate, certainty = tracked.estimate, tracked.estimate.certainty
         deviation = np.full(len(estimate.joint_positions), np.inf)
@@ -135,16 +135,16 @@ def track_alone(source: Source, refiner: Refiner, settings: Settings, bodies: Bo
             deviation = certainty.deviation
             if tracked.subject is not None and estimate.time_s >= next_s:
                 next_s = estimate.time_s + BLOCK_S
-                change = derivative_by_girth(tracked, tracked.subject, refiner, settings, bodies)
-        thicker = (1.0 - tracked.state.start.size.girth) * change
+                jacobian = measure_jacobian(tracked, tracked.subject, refiner, settings, bodies)
+        to_girth_1 = (1.0 - tracked.state.start.size.girth) * jacobian
         times.append(estimate.time_s)
-        joints.append(np.nan_to_num(estimate.joint_positions + thicker))
+        joints.append(np.nan_to_num(estimate.joint_positions + to_girth_1))
         variance.append(deviation**2)
-        by_girth.append(np.broadcast_to(change, joints[-1].shape))
-    return Motion(*map(np.array, (times, joints, variance, by_girth)))
+        jacobians.append(np.broadcast_to(jacobian, joints[-1].shape))
+    return Motion(*map(np.array, (times, joints, variance, jacobians)))
 
 
-def derivative_by_girth(
+def measure_jacobian(
     tracked: Tracked, subject: SubjectFrame, refiner: Refiner, settings: Settings, bodies: Bodies
 ) -> Array:
     """Derivatives (J, 3) of the joints with respect to the girth, by fits of a thinner and a thicker body."""
@@ -154,8 +154,8 @@ def derivative_by_girth(
     models = [bodies.tracked(start.size._replace(girth=girth), start.values)[0] for girth in girths.tolist()]
     sent = [refiner.submit(subject, model, particles) for model in models]
     thin, thick = (joint_positions(m, p.result().poses)[0] for m, p in zip(models, sent, strict=True))
-    change: Array = (thick - thin) / np.ptp(girths)
-    return change
+    jacobian: Array = (thick - thin) / np.ptp(girths)
+    return jacobian
 
 
 def align(first: Motion, other: Motion) -> CameraPose | None:
@@ -217,22 +217,23 @@ def fit_at(first: Motion, other: Motion, offset_s: float) -> CameraPose | None:
     weights = (1.0 / (first.variance + other.variance)).ravel()
     if np.count_nonzero(weights) < first.joints.shape[1]:
         return None
-    here, there, by_here, by_there = (
-        each.reshape(-1, 3) for each in (first.joints, other.joints, first.by_girth, other.by_girth)
+    here, there, jacobian_here, jacobian_there = (
+        each.reshape(-1, 3) for each in (first.joints, other.joints, first.jacobian, other.jacobian)
     )
     robust, girth = np.ones_like(weights), 0.0
-    # errors of the joints are correlated, so a block of frames counts as one
+    # of the girth, in units of the weights: errors of joints are correlated, so a block counts as one frame
     prior = BLOCK_S * (len(first.time_s) - 1) / np.ptp(first.time_s) / (0.5 * np.ptp(GIRTH_STEPS)) ** 2
     for _ in range(5):
-        total = weights * robust
-        transform = rigid_fit(there, here, total)
+        robust_weights = weights * robust
+        transform = rigid_fit(there, here, robust_weights)
         apart = moved(there, transform) - here
         squares = np.sum(apart**2, axis=1)
         robust = (OUTLIER_M**2 / (OUTLIER_M**2 + squares)) ** 2
-        change = by_there @ transform[:3, :3].T - by_here
-        change -= np.average(change, axis=0, weights=total)  # their mean is a translation
-        step = -(np.sum(total @ (change * apart)) + prior * girth) / (np.sum(total @ change**2) + prior)
-        here, there, girth = here + step * by_here, there + step * by_there, girth + step
+        jacobian = jacobian_there @ transform[:3, :3].T - jacobian_here
+        jacobian -= np.average(jacobian, axis=0, weights=robust_weights)  # their mean is a translation
+        gradient = np.sum(robust_weights @ (jacobian * apart)) + prior * girth
+        step = -gradient / (np.sum(robust_weights @ jacobian**2) + prior)
+        here, there, girth = here + step * jacobian_here, there + step * jacobian_there, girth + step
     cost = OUTLIER_M**2 * squares / (OUTLIER_M**2 + squares)
     return CameraPose(transform, offset_s, float(np.sqrt(np.average(cost, weights=weights))))
 

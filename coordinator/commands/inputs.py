@@ -277,8 +277,6 @@ def choose_start(
     init: str | None, source: Source | None, dof_names: tuple[str, ...]
 ) -> Mapping[str, float] | None:
     """The start pose of a file, else of the sequence's own file; None to detect it."""
-    own = source.init if source is not None and init is None else None
-    if own is None and init in (None, AUTOMATIC):
-        return None
-    remedy = "; is --model right? --init auto leaves this file out" if own else ""
-    return read_start(own or Path(str(init)), dof_names, remedy)
+    if init is None and source is not None and source.init is not None:
+        return read_start(source.init, dof_names, "; is --model right? --init auto leaves this file out")
+    return None if init in (None, AUTOMATIC) else read_start(Path(init), dof_names)
