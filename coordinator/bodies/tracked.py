@@ -15,7 +15,7 @@ from common.body import BodyModel
 from coordinator.bodies.human.dofs import HUMAN_DOFS
 from coordinator.bodies.human.measures import REFERENCE_STATURE
 
-SIZES = 32  # bodies that are kept
+SIZES = 64  # bodies that are kept
 
 
 class Size(NamedTuple):

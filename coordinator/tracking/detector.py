@@ -77,7 +77,7 @@ class Detector:
 
     @cached_property
     def _library(self) -> PoseLibrary:
-        return library_of(self._bodies.for_start(*self._usual), person=self._bodies.people)
+        return library_of(self._bodies, self._usual)
 
     def prepare(self) -> None:
         """Build the pose library and the bodies of candidates."""

@@ -19,6 +19,7 @@ from common.camera import NOT_MOVED, moved
 from common.compiling import numba
 from common.kinematics import link_transforms, pose_vertices
 from common.kinematics.rotations import euler_angles, euler_matrix
+from coordinator.bodies.tracked import Bodies, Size
 from coordinator.scene.planes import Planes
 from coordinator.tracking.descriptor import BOUND_CELLS, COLUMNS, ROWS, compare, describe
 
@@ -115,14 +116,14 @@ class PoseLibrary:
 
 
 @lru_cache(maxsize=4)
-def library_of(model: BodyModel, *, person: bool) -> PoseLibrary:
-    """The poses in which a body is searched for; built once per process.
+def library_of(bodies: Bodies, size: Size) -> PoseLibrary:
+    """The poses in which a body of this size is searched for; built once per process.
 
     A person's degrees of freedom have their MPEG-4 names. Any other body can have any orientation, and its
     joints any values within their ranges.
     """
-    rng = np.random.default_rng(20)  # independent of the run's seed
-    if person:
+    model, rng = bodies.for_start(*size), np.random.default_rng(20)  # independent of the run's seed
+    if bodies.people:
         return describe_poses(model, draw_people(model, POSES, rng), PERSON_CELL_M)
     poses = draw_any(model, POSES, rng)
     extent = float(np.max(np.ptp(pose_vertices(model, poses[:: POSES // 100]), axis=1)))
