@@ -171,6 +171,8 @@ class Detector:
 
         They are moved with the body and refined and gated there.
         """
+        if before is now:
+            return detection
         model = detection.start.model
         poses = detection.candidates.distinct(model.joint_names, 1).poses
         for name, step in zip(ROOT_DOFS[:3], middle_of(now) - middle_of(before), strict=True):

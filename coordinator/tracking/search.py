@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from common.frame import SubjectFrame
-from common.settings import RefineSettings
-from coordinator.tracking.detector import Detector, Search
+from coordinator.tracking.detector import Search
 from coordinator.tracking.pose_candidates import Detection
 from coordinator.tracking.refiner import Stage
-from coordinator.tracking.sensor_noise import assume_noise
 
 
 class BodySearch:
     """At most one search for a body: running, or ended with a result that is not yet taken."""
 
-    def __init__(self, detector: Detector, settings: RefineSettings) -> None:
-        self._detector, self._settings = detector, settings
+    def __init__(self) -> None:
         self.subject: SubjectFrame | None = None  # in which the body is searched for
         self._search: Search | None = None  # None also when done
         self._sent: Stage | None = None  # to the workers
@@ -44,18 +39,13 @@ class BodySearch:
             self._search, self._found = None, end.value
         return True
 
-    def take(self, now: SubjectFrame, distance: float, *, first: bool) -> Detection | None:
-        """What was detected, as a frame shows it at this distance; None if no search has ended."""
-        found, before = self._found, self.subject
-        if found is None or before is None:
+    def take(self) -> tuple[Detection, SubjectFrame] | None:
+        """What was detected, and the frame in which it was; None if no search has ended."""
+        if self.subject is None or self._found is None:
             return None
+        taken = self._found, self.subject
         self.end()
-        if before is now:
-            return found
-        rules = assume_noise(self._settings, found.start.noise.at(distance))
-        moved = self._detector.transfer(found, before, now, rules)
-        # keep the old gate: the body may only have moved far since
-        return replace(moved, gate=found.gate) if first else moved
+        return taken
 
     def end(self) -> None:
         """Give up the search, if there is one."""

@@ -76,7 +76,7 @@ class TargetTracker:
         self._time_s: float | None = None  # of the last frame that showed the body
         self._distance = 0.0  # of the subject in the present frame, metres
         self._size = PersonSize(bodies, refiner, measured=settings.measure_person)
-        self.searching = BodySearch(self._detector, settings.refine)
+        self.searching = BodySearch()
         self.scenes = SceneChanges()  # what the last submitted frame changed in the scenes
         self.cameras = CameraStates()  # after the last submitted frame
         self.aside: SubjectFrame | None = None  # what cameras that are left out show of the body
@@ -192,6 +192,8 @@ class TargetTracker:
         if self._belief is None or subject is None:
             status = self._lose(shows=shows)
             return Updated(frame, self.state, self._belief, status, 0, None, clock)
+        if first:  # the pose may be that of an earlier frame
+            pace = None
         with clock.stage("draw"):
             proposal = self._filter.propose(self.model, self._belief, subject, self._time_s, pace)
         with clock.stage("refine"):
@@ -234,10 +236,11 @@ class TargetTracker:
                 self._begin_search(subject, planes)
             while not live and self.searching.advance():
                 pass
-            detection = self.searching.take(subject, self._distance, first=self._belief is None)
-            if detection is not None and self._belief is None:
-                self._begin_at(detection, subject, SEARCH_INTERVAL_FRAMES if live else 1)
-                detection = None
+            detection, taken = None, self.searching.take()
+            if taken is not None and self._belief is None:
+                self._begin_at(*taken, SEARCH_INTERVAL_FRAMES if live else 1)
+            elif taken is not None:
+                detection = self._detector.transfer(*taken, subject, self._refine_settings)
         with clock.stage("publish"):
             self._refiner.publish(subject)
         return detection
@@ -261,12 +264,13 @@ class TargetTracker:
             self.searching.begin(search, subject)
 
     def _begin_at(self, detection: Detection, subject: SubjectFrame, frames: int) -> None:
-        """Begin at a detection if it passes gating; else the search counts as so many frames."""
+        """Begin at a detection in a frame if it passes gating; else the search counts as so many frames."""
         if not detection.gate.passes:
             self.management = self.management.not_found(detection.gate.why, frames)
             return
         self.start, self.management = detection.start, TrackManagement(why=detection.gate.why)
         self._belief = self._filter.believe(self.model, detection.candidates)
+        self._time_s = subject.frame.time_s
         self.start = self._size.begin(self.start, self._belief, subject, self._refine_settings)
 
     def _accept(self, belief: Belief, submitted: Submitted) -> None:

@@ -137,11 +137,11 @@ class Tracker:
         `look_ahead`, each frame is reported at once. So is each `live` frame, after the next one is segmented
         if it waits and a body is tracked. Bodies are searched for during live tracking.
         """
-        look_ahead = look_ahead and live is None
+        look_ahead, waited = look_ahead and live is None, False
         upcoming, previous = Lookahead(map(self._segment, frames)), list[Updated]()
         try:
             for segmented, cameras, clocks in upcoming:
-                late = live is not None and (upcoming.was_ahead or live.is_ready)
+                late = live is not None and (upcoming.was_ahead or waited or live.is_ready)
                 pace = None if live is None else Pace(live.period_s, late)
                 submitted = self._submit(segmented, cameras, clocks, pace)
                 # the workers are busy from here until the update
@@ -158,6 +158,7 @@ class Tracker:
                     done, previous = [report(each) for each in previous], []
                     yield done
                 if live is not None and not upcoming.is_ahead:
+                    waited = live.is_ready
                     self._search_until_ready(live)
         except (Exception, KeyboardInterrupt):
             if previous:
