@@ -17,6 +17,7 @@ from common.frame import SubjectFrame
 from common.kinematics import joint_positions
 from common.refinement import Particles, Refined
 from common.settings import Settings
+from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import Size, name_pose
 from coordinator.scene.planes import Planes
 from coordinator.sources.live import LiveFrames
@@ -24,9 +25,9 @@ from coordinator.sources.live_stream import LiveCamera
 from coordinator.stopwatch import Stopwatch
 from coordinator.tracking.detector import Detector
 from coordinator.tracking.estimate import UNKNOWN, Estimate
-from coordinator.tracking.particle_filter import Pace
+from coordinator.tracking.particle_filter import Pace, Submitted
 from coordinator.tracking.refiner import Pending
-from coordinator.tracking.reporting import judge
+from coordinator.tracking.reporting import judge, report
 from coordinator.tracking.sensor_noise import NO_NOISE
 from coordinator.tracking.state import TrackerState
 from coordinator.tracking.target import TargetTracker
@@ -42,6 +43,8 @@ from tests.support.people import (
     frame_of,
     known,
     people,
+    raised,
+    show,
     shown,
     subject_of,
     tracker,
@@ -221,6 +224,18 @@ def test_a_live_frame_does_not_wait_for_a_search(monkeypatch: pytest.MonkeyPatch
         assert each.status == "tracked"
         assert apart(each, posture.joints[place]).mean() < 0.04
     assert max(np.diff([done for _, done in others])) == 2
+
+
+def test_a_person_who_moves_during_a_live_search_is_followed_from_its_frame() -> None:
+    """When the search ends, the arm is elsewhere: it is found as after as many frames that were left out."""
+    poses = np.array([name_pose(human(1.82), raised(STANDING, n)) for n in (0, 4)])
+    (before, after), joints = show(human(1.82), poses)
+    target, pace = TargetTracker(DirectRefiner(), SETTINGS, known()), Pace(1 / 30, is_late=True)
+    for frame in (before, replace(after, number=4, time_s=4 / 30)):
+        found = target.submit(frame, subject_of(frame, 2000), Planes(), Stopwatch(), pace)
+        assert all(iter(target.searching.advance, False))
+    assert isinstance(found, Submitted)
+    assert apart(report(target.update(found)).estimate, joints[1]).max() < 0.05
 
 
 def test_a_live_search_that_fails_counts_as_in_a_recording() -> None:
