@@ -135,7 +135,7 @@ class Tracker:
 
         The results are those of `track`. If a frame fails, the frame before is still reported. Without
         `look_ahead`, each frame is reported at once. So is each `live` frame, after the next one is segmented
-        if it waits and a body is tracked. Bodies are searched for during live tracking.
+        if it waits and a body was tracked before. Bodies are searched for during live tracking.
         """
         look_ahead, waited = look_ahead and live is None, False
         upcoming, previous = Lookahead(map(self._segment, frames)), list[Updated]()
@@ -143,13 +143,13 @@ class Tracker:
             for segmented, cameras, clocks in upcoming:
                 late = live is not None and (upcoming.was_ahead or waited or live.is_ready)
                 pace = None if live is None else Pace(live.period_s, late)
+                followed = any(target.is_tracked for target in self._targets)
                 submitted = self._submit(segmented, cameras, clocks, pace)
                 # the workers are busy from here until the update
                 if previous:
                     done, previous = [report(each) for each in previous], []
                     yield done
-                waits = live is not None and live.is_ready and any(each.is_tracked for each in self._targets)
-                if look_ahead or waits:
+                if look_ahead or (live is not None and live.is_ready and followed):
                     self._send_ahead(upcoming)
                     self._search(wait=False)
                 pairs = zip(self._targets, submitted, strict=True)
