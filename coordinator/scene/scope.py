@@ -62,12 +62,9 @@ class Scope:
         def moved(candidate: Candidate) -> float:
             return float(np.mean(view.background[candidate.mask] > 0.0))
 
-        def pixels_off(candidate: Candidate) -> float:
-            at = np.array(self.person)[::-1]
-            return float(np.linalg.norm(np.argwhere(candidate.mask) - at, axis=1).min())
-
         if not isinstance(self.person, str):
-            return sorted(found, key=pixels_off)
+            at = np.array(self.person)[::-1]
+            return sorted(found, key=lambda each: np.linalg.norm(np.argwhere(each.mask) - at, axis=1).min())
         order: dict[str, Callable[[Candidate], float]] = {
             "best": lambda each: -each.score,
             "nearest": lambda each: float(np.median(each.points[:, 2])),

@@ -174,10 +174,8 @@ class Detector:
         if before is now:
             return detection
         model = detection.start.model
-        poses = detection.candidates.distinct(model.joint_names, 1).poses
-        for name, step in zip(ROOT_DOFS[:3], middle_of(now) - middle_of(before), strict=True):
-            if name in model.dof_names:
-                poses[:, model.dof(name)] += step
+        best = detection.candidates.distinct(model.joint_names, 1)
+        poses = move_with_points(model, best.poses, before, now)
         pending = self._refiner.submit(now, model, Particles(poses, iterations(rules, ITERATIONS)))
         candidates = ordered([candidates_of(model, pending.result(), 0)])
         if not len(candidates.poses):  # none of them is visible
@@ -309,3 +307,12 @@ class Detector:
         finally:
             for _, pending in sent:
                 pending.cancel()
+
+
+def move_with_points(model: BodyModel, poses: Array, before: SubjectFrame, now: SubjectFrame) -> Array:
+    """Poses (N, D), with the root moved as the middle of the observed points moves between two frames."""
+    after = poses.copy()
+    for name, step in zip(ROOT_DOFS[:3], middle_of(now) - middle_of(before), strict=True):
+        if name in model.dof_names:
+            after[:, model.dof(name)] += step
+    return after

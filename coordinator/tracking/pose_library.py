@@ -117,7 +117,7 @@ class PoseLibrary:
 
 @lru_cache(maxsize=4)
 def library_of(bodies: Bodies, size: Size) -> PoseLibrary:
-    """The poses in which a body of this size is searched for; built once per process.
+    """The poses in which a body of this size is searched for; built once.
 
     A person's degrees of freedom have their MPEG-4 names. Any other body can have any orientation, and its
     joints any values within their ranges.

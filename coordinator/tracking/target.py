@@ -18,14 +18,14 @@ from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import joint_positions
 from common.settings import RefineSettings, Settings
 from coordinator.bodies.tracked import Bodies
-from coordinator.filters.belief import Belief
+from coordinator.filters.belief import USUAL_INTERVAL, Belief
 from coordinator.filters.methods import apply_method
 from coordinator.scene.planes import Planes
 from coordinator.scene.scene import SceneChanges
 from coordinator.stopwatch import Stopwatch
 from coordinator.tracking.cameras import compare
 from coordinator.tracking.certainty.features import FrameContext
-from coordinator.tracking.detector import Detector
+from coordinator.tracking.detector import Detector, move_with_points
 from coordinator.tracking.estimate import Status
 from coordinator.tracking.faults import Agreement, CameraStates, faults_of
 from coordinator.tracking.gating import LEAST_PIXELS, gate_pose
@@ -192,7 +192,7 @@ class TargetTracker:
         if self._belief is None or subject is None:
             status = self._lose(shows=shows)
             return Updated(frame, self.state, self._belief, status, 0, None, clock)
-        if first:  # the pose may be that of an earlier frame
+        if first:  # all particles and iterations: live, the pose is that of an earlier frame
             pace = None
         with clock.stage("draw"):
             proposal = self._filter.propose(self.model, self._belief, subject, self._time_s, pace)
@@ -238,7 +238,7 @@ class TargetTracker:
                 pass
             detection, taken = None, self.searching.take()
             if taken is not None and self._belief is None:
-                self._begin_at(*taken, SEARCH_INTERVAL_FRAMES if live else 1)
+                self._begin_at(*taken, subject, SEARCH_INTERVAL_FRAMES if live else 1)
             elif taken is not None:
                 detection = self._detector.transfer(*taken, subject, self._refine_settings)
         with clock.stage("publish"):
@@ -263,15 +263,20 @@ class TargetTracker:
             search = self._detector.detect(subject, self._measure_noise(subject), planes)
             self.searching.begin(search, subject)
 
-    def _begin_at(self, detection: Detection, subject: SubjectFrame, frames: int) -> None:
-        """Begin at a detection in a frame if it passes gating; else the search counts as so many frames."""
+    def _begin_at(self, detection: Detection, searched: SubjectFrame, now: SubjectFrame, frames: int) -> None:
+        """Begin at a detection in a searched frame if it passes gating, with the root where it is now.
+
+        Else the search counts as so many frames.
+        """
         if not detection.gate.passes:
             self.management = self.management.not_found(detection.gate.why, frames)
             return
         self.start, self.management = detection.start, TrackManagement(why=detection.gate.why)
-        self._belief = self._filter.believe(self.model, detection.candidates)
-        self._time_s = subject.frame.time_s
-        self.start = self._size.begin(self.start, self._belief, subject, self._refine_settings)
+        belief = self._filter.believe(self.model, detection.candidates)
+        self.start = self._size.begin(self.start, belief, searched, self._refine_settings)
+        self._time_s = searched.frame.time_s
+        poses = move_with_points(self.model, np.vstack([belief.reported, belief.poses]), searched, now)
+        self._belief = replace(belief, reported=poses[0], poses=poses[1:])
 
     def _accept(self, belief: Belief, submitted: Submitted) -> None:
         """Gate the tracked hypotheses; replace them by a detection that explains the frame better."""
@@ -294,7 +299,8 @@ class TargetTracker:
             self.management = self.management.checked_next()
         views = [*subject.views, *(self.aside.views if self.aside is not None else ())]
         seen = self.model, self._belief.poses[0], submitted.frame, views, submitted.rules.noise_depth
-        self._agreement = compare(*seen, self._agreement, submitted.proposal.interval)
+        interval = USUAL_INTERVAL if submitted.context.first else submitted.proposal.interval
+        self._agreement = compare(*seen, self._agreement, interval)
         if self._belief is belief:
             self._size.measure(self.start, belief, self.management, subject)
 

@@ -135,7 +135,7 @@ class Tracker:
 
         The results are those of `track`. If a frame fails, the frame before is still reported. Without
         `look_ahead`, each frame is reported at once. So is each `live` frame, after the next one is segmented
-        if it waits and a body was tracked before. Bodies are searched for during live tracking.
+        if it waits and a body was tracked before this frame. Bodies are searched for during live tracking.
         """
         look_ahead, waited = look_ahead and live is None, False
         upcoming, previous = Lookahead(map(self._segment, frames)), list[Updated]()

@@ -109,9 +109,8 @@ def test_left_and_right_are_mirror_images(model: BodyModel) -> None:
     assert place == {tuple(v) for v in np.round(model.vertices * (-1.0, 1.0, 1.0), 9) + 0.0}
     joints = joints_at(model, {})
     for name in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle"):
-        np.testing.assert_allclose(
-            joints[f"left_{name}"], joints[f"right_{name}"] * (-1.0, 1.0, 1.0), atol=1e-12
-        )
+        mirrored = joints[f"right_{name}"] * (-1.0, 1.0, 1.0)
+        np.testing.assert_allclose(joints[f"left_{name}"], mirrored, atol=1e-12)
 
 
 @pytest.mark.parametrize("word", SIDES)
@@ -181,9 +180,8 @@ def test_single_measures_can_be_set() -> None:
     usual, long, stout = human(1.75), human(1.75, thigh=0.47), human(1.75, girth=1.2)
     joints, longer = joints_at(usual, {}), joints_at(long, {})
     assert np.linalg.norm(longer["left_knee"] - longer["left_hip"]) == pytest.approx(0.47, abs=0.001)
-    np.testing.assert_allclose(
-        longer["left_ankle"] - longer["left_knee"], joints["left_ankle"] - joints["left_knee"], atol=1e-9
-    )
+    shanks = [each["left_ankle"] - each["left_knee"] for each in (longer, joints)]
+    np.testing.assert_allclose(shanks[0], shanks[1], atol=1e-9)
     np.testing.assert_allclose(stout.joint_points, usual.joint_points)
     assert volume(stout.vertices, stout.triangles) > 1.2 * volume(usual.vertices, usual.triangles)
 

@@ -100,9 +100,8 @@ def test_skin_and_joints_follow_their_links(seed: int) -> None:
         links = t_links[model.skin_links[v]]
         carried = links @ np.append(model.vertices[v], 1.0)
         np.testing.assert_allclose(vertex, (model.skin_weights[v] @ carried)[:3], atol=1e-12)
-    for joint, link, point in zip(
-        joint_positions(model, poses)[0], model.joint_links, model.joint_points, strict=True
-    ):
+    joints = joint_positions(model, poses)[0]
+    for joint, link, point in zip(joints, model.joint_links, model.joint_points, strict=True):
         np.testing.assert_allclose(joint, (t_links[link] @ np.append(point, 1.0))[:3], atol=1e-12)
 
 
@@ -110,9 +109,8 @@ def test_skin_and_joints_follow_their_links(seed: int) -> None:
 def test_axes_of_relative_motion_are_the_derivative(seed: int) -> None:
     """Eq. 2 is the derivative of every vertex under `retract`, for every degree of freedom of any tree."""
     model, poses = anybody(seed, 3)
-    np.testing.assert_allclose(
-        derivatives(model, poses), finite_differences(model, poses, 1e-5), rtol=1e-6, atol=1e-6
-    )
+    expected = finite_differences(model, poses, 1e-5)
+    np.testing.assert_allclose(derivatives(model, poses), expected, rtol=1e-6, atol=1e-6)
 
 
 @pytest.mark.parametrize("off", [0.0, 1e-9, 1e-6, 1e-3], ids="{:g} rad off".format)

@@ -220,9 +220,8 @@ def test_it_begins_as_wide_as_the_merging_distance() -> None:
     first = begin(model, pose, PAPER)
     np.testing.assert_array_equal(first.poses, pose[None])
     np.testing.assert_array_equal(first.velocities, np.zeros((1, 19)))
-    np.testing.assert_allclose(
-        np.sqrt(np.diagonal(first.covariances[0])), np.where(model.kinds == ROTATION, D, 0.02)
-    )
+    deviations = np.sqrt(np.diagonal(first.covariances[0]))
+    np.testing.assert_allclose(deviations, np.where(model.kinds == ROTATION, D, 0.02))
     assert first.weights.tolist() == [1.0]
 
 

@@ -86,9 +86,8 @@ def test_the_log_likelihood_is_the_mean_over_the_points_of_all_cameras() -> None
     alone = [replace(view, others=()) for view in whole.views]
     assert len(alone) == 2
     weights = np.array([len(view.picked) for view in alone]) / sum(len(view.picked) for view in alone)
-    each = np.array(
-        [refine(body(), observe(view), Particles(near(), still)).log_likelihood for view in alone]
-    )
+    particles = Particles(near(), still)
+    each = np.array([refine(body(), observe(view), particles).log_likelihood for view in alone])
     found = refine(body(), observe(whole), Particles(near(), still)).log_likelihood
     np.testing.assert_allclose(found, weights @ each, rtol=1e-9)
 

@@ -153,9 +153,8 @@ def test_a_known_person_is_detected_elsewhere_in_slices_between_other_work() -> 
     whole, found = map(complete, searches)
     np.testing.assert_array_equal(found.candidates.poses, whole.candidates.poses)
     assert found.is_elsewhere(joint_positions(start.model, start.pose[None])[0])
-    for each, joints in zip(
-        (found, detector.transfer(found, before, now, SETTINGS.refine)), truth, strict=True
-    ):
+    later = detector.transfer(found, before, now, SETTINGS.refine)
+    for each, joints in zip((found, later), truth, strict=True):
         assert each.gate.passes
         assert np.linalg.norm(each.candidates.joints[0] - joints, axis=-1).max() < 0.1
 

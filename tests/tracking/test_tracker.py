@@ -36,6 +36,7 @@ from coordinator.tracking.tracker import Tracker
 from gepf.refiners import DirectRefiner
 from tests.support.people import (
     FRAMES,
+    RAISING,
     SETTINGS,
     STANDING,
     OnePerson,
@@ -119,9 +120,8 @@ def test_an_estimate_is_whole() -> None:
     assert estimate.hypothesis_weight.sum() == pytest.approx(1.0)
     assert np.all(np.diff(estimate.hypothesis_weight) <= 0.0)
     np.testing.assert_array_equal(estimate.pose, estimate.hypothesis_pose[0])
-    np.testing.assert_array_equal(
-        estimate.joint_positions, joint_positions(followed.model, estimate.pose[None])[0]
-    )
+    joints = joint_positions(followed.model, estimate.pose[None])[0]
+    np.testing.assert_array_equal(estimate.joint_positions, joints)
     assert 0.0 < estimate.residual < 0.03
     assert {"segment", "publish", "draw", "refine", "merge"} <= estimate.stage_seconds.keys()
 
@@ -226,10 +226,11 @@ def test_a_live_frame_does_not_wait_for_a_search(monkeypatch: pytest.MonkeyPatch
     assert max(np.diff([done for _, done in others])) == 2
 
 
-def test_a_person_who_moves_during_a_live_search_is_followed_from_its_frame() -> None:
-    """When the search ends, the arm is elsewhere: it is found as after as many frames that were left out."""
-    poses = np.array([name_pose(human(1.82), raised(STANDING, n)) for n in (0, 4)])
-    (before, after), joints = show(human(1.82), poses)
+@pytest.mark.parametrize("rates", [RAISING, {"root_tx": 0.2}])
+def test_a_person_who_moves_during_a_live_search_is_tracked_from_its_frame(rates: dict[str, float]) -> None:
+    """When the search ends, the arm, or the person, is elsewhere: as after frames that were left out."""
+    poses = [name_pose(human(1.82), raised(STANDING, n, rates)) for n in (0, 4)]
+    (before, after), joints = show(human(1.82), np.array(poses))
     target, pace = TargetTracker(DirectRefiner(), SETTINGS, known()), Pace(1 / 30, is_late=True)
     for frame in (before, replace(after, number=4, time_s=4 / 30)):
         found = target.submit(frame, subject_of(frame, 2000), Planes(), Stopwatch(), pace)

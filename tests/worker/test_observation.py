@@ -42,9 +42,8 @@ def test_every_picked_pixel_becomes_one_point(seed: int) -> None:
     columns, rows = np.rint(project(points, CAMERA)).astype(int).T
     np.testing.assert_array_equal(np.sort(rows * 40 + columns), picked)
     np.testing.assert_allclose(points[:, 2], depth[rows, columns] / 1000.0, rtol=1e-6)
-    np.testing.assert_allclose(
-        points, back_project(depth / 1000.0, CAMERA)[rows, columns], rtol=1e-5, atol=1e-6
-    )
+    expected = back_project(depth / 1000.0, CAMERA)[rows, columns]
+    np.testing.assert_allclose(points, expected, rtol=1e-5, atol=1e-6)
     assert np.all(observation.points[observation.count :] == points[-1])
 
 
