@@ -299,6 +299,7 @@ class TargetTracker:
             self.management = self.management.checked_next()
         views = [*subject.views, *(self.aside.views if self.aside is not None else ())]
         seen = self.model, self._belief.poses[0], submitted.frame, views, submitted.rules.noise_depth
+        # the interval of the first frame includes the search, in which no cameras were compared
         interval = USUAL_INTERVAL if submitted.context.first else submitted.proposal.interval
         self._agreement = compare(*seen, self._agreement, interval)
         if self._belief is belief:

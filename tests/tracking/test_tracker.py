@@ -228,7 +228,7 @@ def test_a_live_frame_does_not_wait_for_a_search(monkeypatch: pytest.MonkeyPatch
 
 @pytest.mark.parametrize("rates", [RAISING, {"root_tx": 0.2}])
 def test_a_person_who_moves_during_a_live_search_is_tracked_from_its_frame(rates: dict[str, float]) -> None:
-    """When the search ends, the arm, or the person, is elsewhere: as after frames that were left out."""
+    """When the search ends, the arm or the whole person is elsewhere; both are found there."""
     poses = [name_pose(human(1.82), raised(STANDING, n, rates)) for n in (0, 4)]
     (before, after), joints = show(human(1.82), np.array(poses))
     target, pace = TargetTracker(DirectRefiner(), SETTINGS, known()), Pace(1 / 30, is_late=True)
