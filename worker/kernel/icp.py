@@ -2,7 +2,7 @@
 
 ICP converges slowly: successive steps have the same direction and become shorter. So preset `default`
 over-relaxes every iteration but the last: the pose moves twice as far. It tests visibility in every third
-iteration only.
+iteration only, and ends when a step is small.
 
 Any number of lanes refine the particles of one batch together. Each lane takes the next particle from a
 common queue. The result of a particle depends only on its pose, the model, the observation and the settings,
@@ -117,6 +117,8 @@ def refine_particle(pose: Array, problem: Problem, workspaces: Workspaces) -> tu
             break
         before[:] = pose
         minimise(skeleton, pose, of_rig, views.total, parameters, equations)  # 4d
+        if np.max(np.abs(pose - before)) < steps.settled:
+            break
         if steps.over_relaxed and k < parameters.icp_iterations - 1:
             over_relax(skeleton, before, pose)
         if not is_valid(pose):

@@ -16,9 +16,13 @@ class Steps(NamedTuple):
     over_relaxed: bool  # whether every iteration but the last moves twice as far
     visibility_interval: int  # iterations between visibility tests
     damping_share: float  # of lambda of Eq. 4, per observed point
+    settled: float  # radians and metres; a smaller step, before it is doubled, is the last
 
 
-STEPS: dict[Descent, Steps] = {"plain": Steps(5, False, 1, 0.0), "accelerated": Steps(2, True, 3, 0.0003)}
+STEPS: dict[Descent, Steps] = {
+    "plain": Steps(5, False, 1, 0.0, 0.0),
+    "accelerated": Steps(2, True, 3, 0.0003, 0.01),
+}
 
 
 class KernelParameters(NamedTuple):

@@ -362,7 +362,11 @@ def refine(
             break
         factors = weigh_correspondences(model, pose, posed, visible, subject, settings)
         moved = minimise(model, factors, len(subject.picked), settings)
-        pose = moved if k == settings.icp_iterations - 1 else over_relax(model, pose, moved, settings)
+        settled = np.abs(moved - pose).max() < STEPS[settings.descent].settled
+        if settled or k == settings.icp_iterations - 1:
+            pose = moved
+            break
+        pose = over_relax(model, pose, moved, settings)
     return pose, *evaluate(model, pose, subject, settings)
 
 
