@@ -205,7 +205,7 @@ class Tracker:
     def _search(self, *, wait: bool) -> bool:
         """Do the next stage of one search, of a person who is not tracked if there is any; False if none."""
         ordered = sorted(self._targets, key=lambda target: target.is_tracked)
-        return any(target.searching.advance(wait=wait) for target in ordered)
+        return any(target.search(wait=wait) for target in ordered)
 
     def _segment(self, frame: DepthFrame) -> Ready:
         """A segmented frame, the state of each camera, and a stopwatch for each person in it."""

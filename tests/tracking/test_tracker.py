@@ -234,7 +234,7 @@ def test_a_person_who_moves_during_a_live_search_is_tracked_from_its_frame(rates
     target, pace = TargetTracker(DirectRefiner(), SETTINGS, known()), Pace(1 / 30, is_late=True)
     for frame in (before, replace(after, number=4, time_s=4 / 30)):
         found = target.submit(frame, subject_of(frame, 2000), Planes(), Stopwatch(), pace)
-        assert all(iter(target.searching.advance, False))
+        assert all(iter(target.search, False))
     assert isinstance(found, Submitted)
     assert apart(report(target.update(found)).estimate, joints[1]).max() < 0.05
 
@@ -243,14 +243,13 @@ def test_a_live_search_that_fails_counts_as_in_a_recording() -> None:
     """What is no person is given up after as many searches, also if frames meanwhile show nobody else."""
     frame = frame_of(0, np.pad(np.full((40, 40), 2.5), ((100, 100), (150, 130))))
     recorded, live = (TargetTracker(StillWorkers(), SETTINGS, people()) for _ in range(2))
-    before, *later = subject_of(frame, 2000), None, subject_of(frame, 2000)
+    before = subject_of(frame, 2000)
     for _ in range(3):
         for _ in range(4):
             recorded.submit(frame, before, Planes(), Stopwatch())
-        live.submit(frame, before, Planes(), Stopwatch(), Pace(1 / 30, is_late=True))
-        assert all(iter(live.searching.advance, False))  # to its end
-        for subject in later:
+        for subject in (before, None):
             live.submit(frame, subject, Planes(), Stopwatch(), Pace(1 / 30, is_late=True))
+        assert all(iter(live.search, False))  # to its end
         assert live.management == recorded.management
 
 
