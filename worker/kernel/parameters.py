@@ -21,7 +21,7 @@ class Steps(NamedTuple):
 
 STEPS: dict[Descent, Steps] = {
     "plain": Steps(5, False, 1, 0.0, 0.0),
-    "accelerated": Steps(2, True, 3, 0.0003, 0.01),
+    "accelerated": Steps(2, True, 3, 0.0003, 0.005),
 }
 
 
