@@ -15,15 +15,8 @@ from numpy.typing import NDArray
 
 from common.errors import ProtocolError
 from common.frame import EMPTY, SUBJECT, UNMEASURED, SubjectFrame
+from common.protocol import messages
 from common.protocol.frames import decode_frame, decode_live, encode_frame
-from common.protocol.messages import (
-    decode_refined,
-    decode_refusal,
-    decode_request,
-    encode_refined,
-    encode_refusal,
-    encode_request,
-)
 from common.protocol.models import decode_model, encode_model
 from examples import live_publisher
 from tests.support.answers import sure
@@ -112,10 +105,10 @@ BESIDE_ALL = SubjectFrame(  # a crop that lies outside of the image and has no p
         (BESIDE_ALL, encode_frame, decode_frame),
         (replace(FRAME, others=(replace(BESIDE_ALL, delay_s=-0.01),)), encode_frame, decode_frame),
         (tiny_model(), encode_model, decode_model),
-        (tiny_request(), encode_request, decode_request),
-        (replace(tiny_request(), particles=COVARIANCES), encode_request, decode_request),
-        (tiny_refined(), encode_refined, KINDS["reply"].decode),
-        (tiny_sure(), encode_refined, KINDS["sure-reply"].decode),
+        (tiny_request(), messages.encode_request, messages.decode_request),
+        (replace(tiny_request(), particles=COVARIANCES), messages.encode_request, messages.decode_request),
+        (tiny_refined(), messages.encode_refined, KINDS["reply"].decode),
+        (tiny_sure(), messages.encode_refined, KINDS["sure-reply"].decode),
     ],
 )
 def test_what_goes_in_comes_out(
@@ -135,15 +128,19 @@ def test_reply_may_be_infinite_but_for_its_poses() -> None:
     """A particle that nothing was observed of has no likelihood; a pose that is no pose is refused."""
     refined = tiny_refined()
     refined.log_likelihood[0] = -np.inf
-    assert decode_refined(encode_refined(refined), (COUNT, DOFS)).log_likelihood[0] == -np.inf
+    assert (
+        messages.decode_refined(messages.encode_refined(refined), (COUNT, DOFS)).log_likelihood[0] == -np.inf
+    )
     refined.poses[0, 0] = np.inf
-    refuse("reply", encode_refined(refined), "poses must be -100000 to 100000, not ")
+    refuse("reply", messages.encode_refined(refined), "poses must be -100000 to 100000, not ")
 
 
 def test_refusal_holds_nothing_that_a_terminal_acts_on() -> None:
     """The reason of an unknown peer is shown as plain text, shortened if it is too long."""
-    assert len(encode_refusal("x" * 5000)) < 2000
-    assert decode_refusal(encode_refusal("no\x1b[2J\r\nmore\u202e")).reason == "no [2J  more "
+    assert len(messages.encode_refusal("x" * 5000)) < 2000
+    assert (
+        messages.decode_refusal(messages.encode_refusal("no\x1b[2J\r\nmore\u202e")).reason == "no [2J  more "
+    )
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -21,17 +21,8 @@ import psutil  # type: ignore[import-untyped]
 import pytest
 
 from common.errors import ProtocolError
-from common.protocol import keys
+from common.protocol import keys, messages
 from common.protocol.frames import encode_frame
-from common.protocol.messages import (
-    RefineRequest,
-    decode_refined,
-    decode_refusal,
-    decode_request,
-    encode_refined,
-    encode_refusal,
-    encode_request,
-)
 from common.protocol.models import decode_model, encode_model
 from common.settings import preset
 from common.transport.bus import Bus
@@ -83,7 +74,9 @@ def to_kernel(endpoint: str) -> Messages:
     while True:
         case = extremes.accepted(1)[0]
         refined = refine(case.model, observe(case.frame), replace(case.request.particles, covariance=True))
-        decode_refined(encode_refined(refined), case.request.particles.poses.shape, covariance=True)
+        messages.decode_refined(
+            messages.encode_refined(refined), case.request.particles.poses.shape, covariance=True
+        )
         yield "served" if np.isfinite(refined.log_likelihood).all() else "served without a likelihood"
 
 
@@ -124,10 +117,10 @@ class Villain:
         self.honest = replace(self.honest, particles=replace(self.honest.particles, settings=settings))
         match k % 3:
             case 0:
-                return self.ask(self._mutator.mutate(encode_request(self.honest)))
+                return self.ask(self._mutator.mutate(messages.encode_request(self.honest)))
             case 1:
                 self._publish(self._mutator.mutate(encode_frame(tiny_frame())))
-                answer = self.ask(encode_request(self.honest))
+                answer = self.ask(messages.encode_request(self.honest))
                 self._publish(encode_frame(tiny_frame()))
                 return answer
             case _:
@@ -135,7 +128,7 @@ class Villain:
                 with suppress(ProtocolError):
                     name = decode_model(payload).hash
                 self._models = {MODEL.hash: encode_model(MODEL), name: payload}
-                return self.ask(encode_request(replace(self.honest, model=name)))
+                return self.ask(messages.encode_request(replace(self.honest, model=name)))
 
     def ask(self, payload: bytes) -> tuple[str, bytes]:
         """Send a request and wait for its answer; ProtocolError if no coordinator would take it."""
@@ -143,8 +136,8 @@ class Villain:
             self._sender.send(payload, lambda ending, answer: self._answers.put((ending, answer)))
             outcome, answer = self._answers.get(timeout=2 * LONGEST)
             if outcome == "reply":
-                asked = decode_request(payload).particles
-                decode_refined(answer, asked.poses.shape, covariance=asked.covariance)
+                asked = messages.decode_request(payload).particles
+                messages.decode_refined(answer, asked.poses.shape, covariance=asked.covariance)
             if outcome != "nothing":
                 return outcome, answer
             time.sleep(1.0)
@@ -164,9 +157,9 @@ def to_worker(endpoint: str) -> Messages:
         villain = Villain(bus, "victim")
         for k in itertools.count():
             outcome, answer = villain.attack(k)
-            assert outcome == "reply" or not decode_refusal(answer).reason.startswith(NOT_OURS)
+            assert outcome == "reply" or not messages.decode_refusal(answer).reason.startswith(NOT_OURS)
             if k % 10 == 0:
-                assert villain.ask(encode_request(villain.honest))[0] == "reply"
+                assert villain.ask(messages.encode_request(villain.honest))[0] == "reply"
             yield outcome
 
 
@@ -178,20 +171,20 @@ class Liar(Service):
         self._mutator = Mutator(seed, HONEST)
         self._heard = heard
 
-    def serve(self, request: IncomingRequest, asked: RefineRequest) -> None:
+    def serve(self, request: IncomingRequest, asked: messages.RefineRequest) -> None:
         """Answer one request."""
         turn = self._heard.total() if self._heard["honest answers"] else 0
         try:
             honest = self.answer(asked)
         except ProtocolError as error:  # the frame is over, and others refined it
-            request.refuse(encode_refusal(str(error)))
+            request.refuse(messages.encode_refusal(str(error)))
             return
         if turn % 3 == 0:
             self._heard["honest answers"] += 1
             request.reply(honest)
         elif turn % 30 == 1:
             self._heard["false refusals"] += 1
-            request.refuse(self._mutator.mutate(encode_refusal("no")))
+            request.refuse(self._mutator.mutate(messages.encode_refusal("no")))
         else:
             self._heard["lies"] += 1
             request.reply(self._nonsense(honest, asked.particles.poses.shape))
@@ -201,7 +194,7 @@ class Liar(Service):
         while True:
             answer = self._mutator.mutate(honest)
             try:
-                decode_refined(answer, asked)
+                messages.decode_refined(answer, asked)
             except ProtocolError:
                 return answer
 
@@ -265,10 +258,10 @@ def test_hostile_messages_do_no_harm(
     memory = list[int]()
     caplog.set_level(logging.CRITICAL)  # each refusal is a warning, and would be kept
     gc.freeze()  # what was loaded stays; no need to look through it each time
-    with closing(part(endpoint)) as messages:
+    with closing(part(endpoint)) as hostile:
         for k in range(times * count):
             began = time.monotonic()
-            outcomes[next(messages)] += 1
+            outcomes[next(hostile)] += 1
             assert time.monotonic() - began < LONGEST
             if k % (times * count // LOOKS) == 0:
                 gc.collect()

@@ -68,6 +68,15 @@ def test_without_iterations_poses_are_only_evaluated() -> None:
     np.testing.assert_array_equal(assessed.residual, refined.residual)
 
 
+def test_a_descent_ends_when_a_step_is_small() -> None:
+    """Any number of further iterations gives the same bytes."""
+    some, more = (
+        icp.refine(puppet(), observe(subject()), Particles(starts(3), settings)).poses
+        for settings in (msgspec.structs.replace(DEFAULT, icp_iterations=n) for n in (60, 120))
+    )
+    np.testing.assert_array_equal(some, more)
+
+
 def test_what_is_asked_for_is_not_changed() -> None:
     """The poses of a request stay as they were, and need not be writable."""
     poses = starts(2)
