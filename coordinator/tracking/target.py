@@ -41,6 +41,8 @@ from coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise, assume_nois
 from coordinator.tracking.state import Checkpoint, Start, TrackerState, no_start, start_at
 from coordinator.tracking.track_management import GIVEN, SEARCH_INTERVAL_FRAMES, TrackManagement
 
+WHOLE_SHARE = 0.85  # of the pixels in which the body was detected; with fewer, a part of it is missing
+
 
 class TargetTracker:
     """Tracks one body from frame to frame.
@@ -77,7 +79,7 @@ class TargetTracker:
         self._distance = 0.0  # of the subject in the present frame, metres
         self._size = PersonSize(bodies, refiner, measured=settings.measure_person)
         self.searching = BodySearch()
-        self._begun: SubjectFrame | None = None  # in which the body was detected; no frame was tracked since
+        self.begun: SubjectFrame | None = None  # in which the body was detected, until the next frame
         self.scenes = SceneChanges()  # what the last submitted frame changed in the scenes
         self.cameras = CameraStates()  # after the last submitted frame
         self.aside: SubjectFrame | None = None  # what cameras that are left out show of the body
@@ -143,6 +145,8 @@ class TargetTracker:
     def misses(self, pixels: int) -> bool:
         """Whether so few pixels of the body are visible that it is searched for elsewhere."""
         few = pixels < self.management.least_pixels(self._settings.points)
+        if self.begun is not None:
+            few = pixels < WHOLE_SHARE * self.begun.pixels
         return self._belief is not None and few and self._redetects
 
     def nothing_seen(self) -> None:
@@ -180,18 +184,18 @@ class TargetTracker:
         """Predict particles for the next frame and send them to the workers.
 
         `update` must follow. If there is nothing to refine, the frame is updated at once. A live frame has
-        a pace and does not wait for a search for the body: it begins one, or takes the result of one.
+        a pace and does not wait for a search for the body: it begins one, or takes the result of a later one.
         """
-        first = self._belief is None or self._begun is not None
+        first = self._belief is None or self.begun is not None
         expected = self._expected is not None or (first and self.searching.subject is not None)
         shows = subject is not None or (expected and bool(frame.depth.any()))
         self.start = self._size.revise(self.start, self._belief, subject, self._refine_settings)
         detection = None if subject is None else self._detect(subject, planes, clock, live=pace is not None)
-        if subject is not None and self._belief is not None and self._begun is not None:
+        if subject is not None and self._belief is not None and self.begun is not None:
             poses = np.vstack([self._belief.reported, self._belief.poses])
-            poses = move_with_points(self.model, poses, self._begun, subject)
+            poses = move_with_points(self.model, poses, self.begun, subject)
             self._belief = replace(self._belief, reported=poses[0], poses=poses[1:])
-        self._begun = None
+        self.begun = None
         anywhere = self.management.is_lost and self._redetects
         self._expected = None if self._belief is None or anywhere else self._belief.reported
         self.doubted = self._agreement.contradicting
@@ -208,12 +212,6 @@ class TargetTracker:
             context = FrameContext(subject, past, proposal.interval, stretch, first)
             pending = self._filter.send(self.model, subject, proposal, rules)
         return Submitted(frame, rules, proposal, pending, context, detection, clock)
-
-    def search(self, *, wait: bool = True) -> bool:
-        """Do the next stage of a live search, as `BodySearch.advance`; begin at what a first one found."""
-        advanced = self.searching.advance(wait=wait)
-        self._begin_if_found(SEARCH_INTERVAL_FRAMES)
-        return advanced
 
     def update(self, submitted: Submitted) -> Updated:
         """Wait for the refined particles of the last submitted frame, and update the belief."""
@@ -248,8 +246,7 @@ class TargetTracker:
                 self._begin_search(subject, planes)
             while not live and self.searching.advance():
                 pass
-            if not live:
-                self._begin_if_found(1)
+            self.begin_if_found(SEARCH_INTERVAL_FRAMES if live else 1)
             detection, taken = None, self.searching.take()
             if taken is not None:
                 detection = self._detector.transfer(*taken, subject, self._refine_settings)
@@ -275,7 +272,7 @@ class TargetTracker:
             search = self._detector.detect(subject, self._measure_noise(subject), planes)
             self.searching.begin(search, subject)
 
-    def _begin_if_found(self, frames: int) -> None:
+    def begin_if_found(self, frames: int = SEARCH_INTERVAL_FRAMES) -> None:
         """Begin at the result of a first search, in its frame, if it passes gating.
 
         Else the search counts as so many frames.
@@ -289,7 +286,7 @@ class TargetTracker:
         self.start, self.management = detection.start, TrackManagement(why=detection.gate.why)
         self._belief = self._filter.believe(self.model, detection.candidates)
         self.start = self._size.begin(self.start, self._belief, searched, self._refine_settings)
-        self._begun, self._time_s, self._expected = searched, searched.frame.time_s, self._belief.reported
+        self.begun, self._time_s, self._expected = searched, searched.frame.time_s, self._belief.reported
 
     def _accept(self, belief: Belief, submitted: Submitted) -> None:
         """Gate the tracked hypotheses; replace them by a detection that explains the frame better."""

@@ -135,7 +135,7 @@ class Tracker:
 
         The results are those of `track`. If a frame fails, the frame before is still reported. Without
         `look_ahead`, each frame is reported at once. So is each `live` frame, after the next one is segmented
-        if it waits and a body was tracked before this frame. Bodies are searched for during live tracking.
+        if it waits and a body was known before this frame. Bodies are searched for during live tracking.
         """
         look_ahead, waited = look_ahead and live is None, False
         upcoming, previous = Lookahead(map(self._segment, frames)), list[Updated]()
@@ -174,7 +174,8 @@ class Tracker:
         self, segmented: Segmented, cameras: CameraStates, clocks: list[Stopwatch], pace: Pace | None
     ) -> list[Submitted | Updated]:
         """Predict the particles of each person, and send them to the workers."""
-        free, submitted = list(segmented.candidates), list[Submitted | Updated]()
+        begin = any(target.begun is not None for target in self._targets)  # it may be one of the candidates
+        free, submitted = [] if begin else list(segmented.candidates), list[Submitted | Updated]()
         for n, target in enumerate(self._targets):
             subject = self._assign(n, segmented, free)
             target.scenes, target.cameras = segmented.changes, cameras
@@ -205,11 +206,13 @@ class Tracker:
     def _search(self, *, wait: bool) -> bool:
         """Do the next stage of one search, of a person who is not tracked if there is any; False if none."""
         ordered = sorted(self._targets, key=lambda target: target.is_tracked)
-        return any(target.search(wait=wait) for target in ordered)
+        return any(target.searching.advance(wait=wait) for target in ordered)
 
     def _segment(self, frame: DepthFrame) -> Ready:
         """A segmented frame, the state of each camera, and a stopwatch for each person in it."""
         clocks = [Stopwatch() for _ in self._targets]
+        for target in self._targets:
+            target.begin_if_found()
         with clocks[0].stage("segment"):
             bodies = [target.expected for target in self._targets]
             rejected = any(target.management.frames_searched > SETTLED_FRAMES for target in self._targets)
@@ -256,10 +259,13 @@ class Tracker:
         target, pixels = self._targets[place], segmented.pixels(place)
         others = [each.expected for n, each in enumerate(self._targets) if n != place]
         found = self._segmenter.find_candidates(segmented, [each for each in others if each is not None])
+        if (begun := target.begun) is not None:  # the person in whom the search ended
+            found = tuple(sorted(found, key=lambda each: distance(each, middle_of(begun))))
         for each in found[:1]:
-            near = distance(each, target.last_seen) < STEP_M
+            near = begun is not None or distance(each, target.last_seen) < STEP_M
             if each.pixels > pixels and (near or pixels < target.least_pixels):
-                target.nothing_seen()
+                if begun is None:
+                    target.nothing_seen()
                 return each
         return segmented.subjects[place]
 

@@ -17,17 +17,7 @@ from common.protocol.frames import LIVE_END, encode_live
 from coordinator.cli import main
 from coordinator.results.track import read_track
 from coordinator.sources import open_source
-from tests.support.live import (
-    Rest,
-    at_work,
-    listening,
-    plate_image,
-    publishing,
-    summary_of,
-    tracking,
-    until_recorded,
-    until_released,
-)
+from tests.support import live
 
 KEYS = {"front": "rig/front", "back": "rig/back"}
 OFFSET_S = 0.5
@@ -36,7 +26,7 @@ OFFSET_S = 0.5
 def image(name: str, number: int) -> bytes:
     """A plate at two metres whose depth differs from frame to frame, now by the camera's clock."""
     time_s = time.monotonic() - (OFFSET_S if name == "back" else 0.0)
-    return encode_live(plate_image(number, 2000 + number % 3, time_s))
+    return encode_live(live.plate_image(number, 2000 + number % 3, time_s))
 
 
 def write_rig(folder: Path) -> Path:
@@ -55,7 +45,7 @@ def write_rig(folder: Path) -> Path:
 
 
 @contextmanager
-def staged(where: str, shown: Iterable[Mapping[str, int]], rest: Rest) -> Iterator[None]:
+def staged(where: str, shown: Iterable[Mapping[str, int]], rest: live.Rest) -> Iterator[None]:
     """Publishers that show images of these numbers by camera, with rests between, and end."""
 
     def pause(stop: threading.Event) -> None:
@@ -67,22 +57,22 @@ def staged(where: str, shown: Iterable[Mapping[str, int]], rest: Rest) -> Iterat
             yield {KEYS[name]: image(name, number) for name, number in numbers.items()}
         yield dict.fromkeys(KEYS.values(), LIVE_END)
 
-    with publishing(where, KEYS.values(), steps(), pause), at_work(where):
+    with live.publishing(where, KEYS.values(), steps(), pause), live.at_work(where):
         yield
 
 
 def test_a_camera_that_leaves_and_comes_back_is_used_again(endpoint: str, tmp_path: Path) -> None:
-    """It starts again with number 0; tracking goes on, and the recorded rig has what was used."""
+    """It starts again with number 0; live.tracking goes on, and the recorded rig has what was used."""
     numbers = {n: n if n < 8 else n - 14 for n in range(24) if not 8 <= n < 14}
     shown = [({"back": numbers[n]} if n in numbers else {}) | {"front": n} for n in range(24)]
     options = {"listen": endpoint, "particles": 20, "record": tmp_path / "kept", "publish": "rig/person"}
-    command = tracking(str(write_rig(tmp_path)), tmp_path / "run", "--no-pictures", **options)
+    command = live.tracking(str(write_rig(tmp_path)), tmp_path / "run", "--no-pictures", **options)
     with (
-        staged(endpoint, shown, until_recorded(tmp_path / "run")),
-        listening(endpoint, "rig/person") as listener,
+        staged(endpoint, shown, live.until_recorded(tmp_path / "run")),
+        live.listening(endpoint, "rig/person") as listener,
     ):
         assert main(command) == 0
-    track, summary = read_track(tmp_path / "run"), summary_of(tmp_path / "run")
+    track, summary = read_track(tmp_path / "run"), live.summary_of(tmp_path / "run")
     assert np.all(np.diff(track.frame) > 0)
     assert np.all(np.diff(track.time_s) > 0.0)
     results = [msgspec.msgpack.decode(payload) for _, _, payload in listener.heard]
@@ -99,7 +89,7 @@ def test_the_library_follows_a_live_rig(endpoint: str, tmp_path: Path) -> None:
     """`gepf.live` of a rig file gives the frames of both cameras together."""
     arrived, frames = threading.Semaphore(0), []
     shown = ({"back": n, "front": n} for n in range(9))
-    with staged(endpoint, shown, until_released(arrived)):
+    with staged(endpoint, shown, live.until_released(arrived)):
         for frame in gepf.live(write_rig(tmp_path), listen=endpoint, idle_timeout=60.0):
             frames.append(frame)
             arrived.release()

@@ -11,16 +11,8 @@ from typing import Any, TypeVar
 import msgpack  # type: ignore[import-untyped]
 import numpy as np
 
+from common.protocol import messages
 from common.protocol.frames import LIVE_END, decode_frame, decode_live, encode_frame, encode_live
-from common.protocol.messages import (
-    RefineRequest,
-    decode_refined,
-    decode_refusal,
-    decode_request,
-    encode_refined,
-    encode_refusal,
-    encode_request,
-)
 from common.protocol.models import decode_model, encode_model
 from common.refinement import Particles, Refined
 from common.settings import RefineSettings
@@ -31,9 +23,11 @@ COUNT, DOFS = 3, 6
 POSES = np.linspace(-1.0, 1.0, COUNT * DOFS).reshape(COUNT, DOFS)
 
 
-def tiny_request() -> RefineRequest:
+def tiny_request() -> messages.RefineRequest:
     """A request as a coordinator sends it."""
-    return RefineRequest("run-1", 7, tiny_model().hash, Particles(POSES, RefineSettings(damping=0.25)))
+    return messages.RefineRequest(
+        "run-1", 7, tiny_model().hash, Particles(POSES, RefineSettings(damping=0.25))
+    )
 
 
 def tiny_refined() -> Refined:
@@ -60,12 +54,16 @@ KINDS = {
     "live-frame": Kind(encode_live(tiny_frame().frame), decode_live),
     "live-end": Kind(LIVE_END, decode_live),
     "model": Kind(encode_model(tiny_model()), decode_model),
-    "request": Kind(encode_request(tiny_request()), decode_request),
-    "reply": Kind(encode_refined(tiny_refined()), lambda payload: decode_refined(payload, (COUNT, DOFS))),
-    "sure-reply": Kind(
-        encode_refined(tiny_sure()), lambda payload: decode_refined(payload, (COUNT, DOFS), covariance=True)
+    "request": Kind(messages.encode_request(tiny_request()), messages.decode_request),
+    "reply": Kind(
+        messages.encode_refined(tiny_refined()),
+        lambda payload: messages.decode_refined(payload, (COUNT, DOFS)),
     ),
-    "refusal": Kind(encode_refusal("no"), decode_refusal),
+    "sure-reply": Kind(
+        messages.encode_refined(tiny_sure()),
+        lambda payload: messages.decode_refined(payload, (COUNT, DOFS), covariance=True),
+    ),
+    "refusal": Kind(messages.encode_refusal("no"), messages.decode_refusal),
 }
 
 

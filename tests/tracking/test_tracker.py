@@ -192,6 +192,12 @@ class Waiting(LiveFrames):
     is_ready, period_s = True, 1 / 30
 
 
+class Idle(Waiting):
+    """Live frames of which none waits, so that searches end first."""
+
+    is_ready = False
+
+
 def test_a_live_frame_is_told_before_the_workers_get_busy_with_the_next() -> None:
     """Also if that one waits already."""
     refiner = Watched()
@@ -234,22 +240,33 @@ def test_a_person_who_moves_during_a_live_search_is_tracked_from_its_frame(rates
     target, pace = TargetTracker(DirectRefiner(), SETTINGS, known()), Pace(1 / 30, is_late=True)
     for frame in (before, replace(after, number=4, time_s=4 / 30)):
         found = target.submit(frame, subject_of(frame, 2000), Planes(), Stopwatch(), pace)
-        assert all(iter(target.search, False))
+        assert all(iter(target.searching.advance, False))
     assert isinstance(found, Submitted)
     assert apart(report(target.update(found)).estimate, joints[1]).max() < 0.05
+
+
+def test_a_person_who_walks_during_a_live_search_is_tracked_whole() -> None:
+    """In a room, so far that the detected pose is no longer near most of the person."""
+    poses = [name_pose(human(1.82), {**STANDING, "root_tx": x}) for x in (0.0, 0.6, 0.6)]
+    images, joints = show(human(1.82), np.array(poses))
+    frames = [replace(in_a_room(f), number=n, time_s=n / 30) for f, n in zip(images, (0, 6, 7), strict=True)]
+    follow = Tracker(DirectRefiner(), SETTINGS, people()).follow
+    _, (first,), _ = follow(frames, live=Idle([LiveCamera("depth")], print))
+    assert apart(first.estimate, joints[1]).mean() < 0.05
 
 
 def test_a_live_search_that_fails_counts_as_in_a_recording() -> None:
     """What is no person is given up after as many searches, also if frames meanwhile show nobody else."""
     frame = frame_of(0, np.pad(np.full((40, 40), 2.5), ((100, 100), (150, 130))))
     recorded, live = (TargetTracker(StillWorkers(), SETTINGS, people()) for _ in range(2))
-    before = subject_of(frame, 2000)
+    before, *later = subject_of(frame, 2000), None, subject_of(frame, 2000)
     for _ in range(3):
         for _ in range(4):
             recorded.submit(frame, before, Planes(), Stopwatch())
-        for subject in (before, None):
+        live.submit(frame, before, Planes(), Stopwatch(), Pace(1 / 30, is_late=True))
+        assert all(iter(live.searching.advance, False))  # to its end
+        for subject in later:
             live.submit(frame, subject, Planes(), Stopwatch(), Pace(1 / 30, is_late=True))
-        assert all(iter(live.search, False))  # to its end
         assert live.management == recorded.management
 
 

@@ -16,7 +16,7 @@ class Steps(NamedTuple):
     over_relaxed: bool  # whether every iteration but the last moves twice as far
     visibility_interval: int  # iterations between visibility tests
     damping_share: float  # of lambda of Eq. 4, per observed point
-    settled: float  # radians and metres; a smaller step, before it is doubled, is the last
+    settled: float  # radians and metres; ICP ends after an iteration that moves less, before doubling
 
 
 STEPS: dict[Descent, Steps] = {
