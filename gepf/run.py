@@ -61,7 +61,7 @@ class Run:
         """
         track = self.track
         if name in track.dof_names:
-            slides = name in {*ROOT_DOFS[:3], *sliding_joints(self.folder)}
+            slides = name in self._sliding
             if slides and degrees:
                 raise refuse_degrees(name)
             column = track.pose[:, track.dof_names.index(name)]
@@ -73,6 +73,10 @@ class Run:
             known = tuple(dict.fromkeys((*self.angle_names, *self.isb_angle_names, *track.dof_names)))
             values = self.track.angle[:, index_of(name, known, "angle")]
         return np.degrees(values) if degrees else values.copy()
+
+    @cached_property
+    def _sliding(self) -> frozenset[str]:
+        return frozenset(ROOT_DOFS[:3]) | set(sliding_joints(self.folder))
 
     def angle_deviation(self, name: str, *, degrees: bool = False) -> Array:
         """Standard deviations (F,) of the error of an angle of `angle_names`, radians; NaN if it is lost."""

@@ -62,7 +62,7 @@ def staged(where: str, shown: Iterable[Mapping[str, int]], rest: live.Rest) -> I
 
 
 def test_a_camera_that_leaves_and_comes_back_is_used_again(endpoint: str, tmp_path: Path) -> None:
-    """It starts again with number 0; live.tracking goes on, and the recorded rig has what was used."""
+    """It starts again with number 0; tracking goes on, and the recorded rig has what was used."""
     numbers = {n: n if n < 8 else n - 14 for n in range(24) if not 8 <= n < 14}
     shown = [({"back": numbers[n]} if n in numbers else {}) | {"front": n} for n in range(24)]
     options = {"listen": endpoint, "particles": 20, "record": tmp_path / "kept", "publish": "rig/person"}
