@@ -9,8 +9,8 @@ from coordinator.tracking.gating import LEAST_PIXELS, Gate
 
 LOST_RESIDUAL = 1.3  # normalised; above it a frame is badly explained. Usual frames are below 1.2
 PATIENCE_FRAMES = 2  # after more successive badly explained frames the body is searched for
-SEARCH_INTERVAL_FRAMES = 4  # between searches for an unknown body, and between checks of a new one
-CHECK_INTERVAL_FRAMES = 10  # between later checks, while the pose is doubtful
+SEARCH_INTERVAL_FRAMES = 4  # between searches for an unknown body, and from detection to the first check
+CHECK_INTERVAL_FRAMES = 10  # between checks while the pose is doubtful
 GONE_SHARE = 0.35  # of the body's pixels in the last good frame; with fewer it may have left
 FACING_DOUBT = "front and back look alike: it may face the other way"
 
@@ -44,10 +44,9 @@ class TrackManagement:
     @property
     def check_due(self) -> bool:
         """Whether to search for the body again: lost, or in doubt."""
-        new = self.tracked < CHECK_INTERVAL_FRAMES
-        interval = SEARCH_INTERVAL_FRAMES if new else CHECK_INTERVAL_FRAMES
-        due = self.tracked % interval == interval - 1
-        return self.is_lost or (due and (new or self.residual > 1.0 or self.ambiguous_facing))
+        new = self.tracked == SEARCH_INTERVAL_FRAMES - 1
+        due = self.tracked % CHECK_INTERVAL_FRAMES == CHECK_INTERVAL_FRAMES - 1
+        return self.is_lost or new or (due and (self.residual > 1.0 or self.ambiguous_facing))
 
     @property
     def reason(self) -> str:
