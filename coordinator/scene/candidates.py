@@ -31,6 +31,7 @@ from coordinator.scene.segmentation import (
 )
 
 PERSON_AREA_M2 = LEAST_AREA_M2, 1.6  # least and most visible area of a person
+SAME_SPOT_M = 0.35  # horizontal distance of a further part of a person, with an occluder between
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -155,22 +156,19 @@ def cut(view: SceneView, part: Part) -> list[Part]:
     others = part.mask & ~flat.grow(find_seat(view, part, flat))
     if 0 < np.count_nonzero(others) < len(part.points):
         rest = part_of(view, others, part.window)
-        if rest.height >= part.height - CELL_M:
+        if rest.height >= part.height:
             return cut(view, rest)
     return [] if flat.share > FLAT_SHARE else [part]
 
 
 def find_seat(view: SceneView, part: Part, flat: Flat) -> Mask:
-    """The flat patches (H, W) of a component that reach down to the floor and are wider than a leg.
-
-    A leg has 9 cm for each metre of the component's height.
-    """
+    """The flat patches (H, W) of a component that reach down to the floor and are wider than a leg."""
     patches, floor = flat.patches >= LEAST_PART_M2, view.planes.above(part.points) < CELL_M
     if not view.planes.has_floor or not floor.any():
         return np.zeros_like(patches)
     labels = label_parts(view.depth[part.window], patches, STEP_M, view.growth, view.camera.fx)
     low = labels[part.mask][floor]
-    wide = labels[minimum_filter(patches, max(1, int(flat.size * part.height)), mode="constant")]
+    wide = labels[minimum_filter(patches, 3 * flat.size // 2, mode="constant")]
     seat: Mask = patches & np.isin(labels, np.intersect1d(low, wide))
     return seat
 
@@ -184,10 +182,9 @@ def join_parts(view: SceneView, person: Candidate, parts: Sequence[Part]) -> Can
     own, mask, joined = person.part, person.mask.copy(), [person.part]
     (low, high), half = own.heights, 0.5 * PERSON_LENGTH_M[1]
     for part in parts:
-        bottom, top = part.heights
+        (bottom, top), across = part.heights, own.middle - part.middle
         lowest, highest = min(low, bottom), max(high, top)
-        across = ((own.points[::4] @ view.planes.level.T)[:, ::2] - part.middle[::2]) ** 2
-        far = across.sum(axis=1).min() >= REACH_M**2 or highest - lowest >= PERSON_LENGTH_M[1]
+        far = np.linalg.norm(across[[0, 2]]) >= SAME_SPOT_M or highest - lowest >= PERSON_LENGTH_M[1]
         if far or (mask[part.window] & part.mask).any():
             continue
         smaller, larger = sorted((own.height, part.height))

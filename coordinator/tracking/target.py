@@ -306,6 +306,7 @@ class TargetTracker:
         self.management = self.management.updated(gate, subject.pixels, redetected=redetected)
         before, self._faulty = self._faulty, tuple(faults_of(self.cameras, submitted.frame.time_s))
         if set(before) - set(self._faulty) and self._redetects:  # a camera is back
+            self.searching.end()  # it began without this camera
             self.management = self.management.checked_next()
         views = [*subject.views, *(self.aside.views if self.aside is not None else ())]
         seen = self.model, self._belief.poses[0], submitted.frame, views, submitted.rules.noise_depth

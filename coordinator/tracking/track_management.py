@@ -43,7 +43,7 @@ class TrackManagement:
 
     @property
     def check_due(self) -> bool:
-        """Whether to search for the body again: lost, or in doubt."""
+        """Whether to search for the body again: lost, new, or in doubt."""
         new = self.tracked == SEARCH_INTERVAL_FRAMES - 1
         due = self.tracked % CHECK_INTERVAL_FRAMES == CHECK_INTERVAL_FRAMES - 1
         return self.is_lost or new or (due and (self.residual > 1.0 or self.ambiguous_facing))
