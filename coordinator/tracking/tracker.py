@@ -174,8 +174,9 @@ class Tracker:
         self, segmented: Segmented, cameras: CameraStates, clocks: list[Stopwatch], pace: Pace | None
     ) -> list[Submitted | Updated]:
         """Predict the particles of each person, and send them to the workers."""
-        begin = any(target.begun is not None for target in self._targets)  # it may be one of the candidates
-        free, submitted = [] if begin else list(segmented.candidates), list[Submitted | Updated]()
+        # a person in whom a search has just ended may still be among the candidates
+        ended = any(target.begun is not None for target in self._targets)
+        free, submitted = [] if ended else list(segmented.candidates), list[Submitted | Updated]()
         for n, target in enumerate(self._targets):
             subject = self._assign(n, segmented, free)
             target.scenes, target.cameras = segmented.changes, cameras
