@@ -71,7 +71,8 @@ class SubjectFrame:
     are unknown; pixels inside it but outside the crop are empty. kinds: labels (H, W) of the crop, uint8;
     None if all pixels but the subject's are empty. delay_s: from the time of the frame until the time of this
     image, seconds. others: the crops of the rig's other cameras; this one is that of the camera with the
-    largest part of the subject.
+    largest part of the subject. wider: of a person who is not tracked yet, the same frame with more and more
+    of what may be the person's.
     """
 
     frame: DepthFrame
@@ -80,6 +81,7 @@ class SubjectFrame:
     kinds: NDArray[np.uint8] | None = None  # (H, W)
     delay_s: float = 0.0
     others: tuple[SubjectFrame, ...] = ()
+    wider: tuple[SubjectFrame, ...] = ()
 
     @property
     def views(self) -> tuple[SubjectFrame, ...]:

@@ -4,16 +4,18 @@ A candidate is a connected component of the foreground that has the extent and a
 furniture, is not flat. Flat furniture that a person touches is cut off. A limb may hide where the parts of a
 body are connected. So a candidate is joined with parts above or below it, and the remaining foreground is
 divided again, only at steps that are larger than those between parts of one body.
+
+A limb may also be separated by a large step, and a flat chest may be taken for furniture. Only a fitted body
+can tell. So a candidate also has wider masks.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
 
 import numpy as np
-from scipy.ndimage import minimum_filter
+from scipy.ndimage import binary_dilation, minimum_filter
 
 from common.arrays import Array, Mask
 from common.camera import Intrinsics, points_of
@@ -31,6 +33,7 @@ from coordinator.scene.segmentation import (
 )
 
 PERSON_AREA_M2 = LEAST_AREA_M2, 1.6  # least and most visible area of a person
+LIMB_STEP_M = 0.8  # largest step in depth from the outline of a body to its own limb
 SAME_SPOT_M = 0.35  # horizontal distance of a further part of a person, with an occluder between
 
 
@@ -40,10 +43,12 @@ class Part:
 
     mask: (H, W) its pixels in a window of the frame. points: (P, 3) their points in the camera frame, metres.
     middle, heights: their median (3,), and the ends of their vertical range, in the level camera frame.
+    uncut: (H, W) the pixels of the component before flat parts were cut off.
     """
 
     window: tuple[slice, slice]
     mask: Mask
+    uncut: Mask
     points: Array
     middle: Array
     heights: tuple[float, float]
@@ -70,7 +75,8 @@ class Candidate:
     """A candidate for a person.
 
     mask: (H, W) its pixels. points: (P, 3) their points in the camera frame, metres. score: from 0 to 1.
-    why: its measures as text. part: the component with the trunk, without furniture.
+    why: its measures as text. part: the component with the trunk, without furniture. wider: masks (H, W) with
+    more of what may be the person's: the parts that touch the outline, then also the flat parts.
     """
 
     mask: Mask
@@ -78,6 +84,12 @@ class Candidate:
     part: Part
     score: float
     why: str
+    wider: tuple[Mask, ...] = ()
+
+    @property
+    def widest(self) -> Mask:
+        """All pixels (H, W) that may be the person's."""
+        return self.wider[-1] if self.wider else self.mask
 
 
 def candidates(view: SceneView, known: Mask | None = None) -> list[Candidate]:
@@ -87,14 +99,16 @@ def candidates(view: SceneView, known: Mask | None = None) -> list[Candidate]:
         free &= ~known
     parts = find_parts(view, free, STEP_M, LEAST_PART_M2)
     found = [each for part in parts if (each := judge(view, part))]
-    rest = free & ~reduce(np.logical_or, (each.mask for each in found), np.zeros_like(free))
+    rest = free.copy()
+    for each in found:
+        rest[each.part.window] &= ~each.part.uncut
     wider = find_parts(view, rest, REACH_M, PERSON_AREA_M2[0])
     found += [each for part in wider if (each := judge(view, part))]
     people, taken = list[Candidate](), np.zeros_like(free)
     for each in sorted(found, key=lambda each: -each.score):
         if 2 * np.count_nonzero(taken & each.mask) < np.count_nonzero(each.mask):
             others = [part for part in parts if not (taken[part.window] & part.mask).any()]
-            people.append(join_parts(view, each, others))
+            people.append(widen(view, join_parts(view, each, others), others))
             taken |= people[-1].mask
     return people
 
@@ -111,17 +125,18 @@ def find_parts(view: SceneView, free: Mask, step: float, least_m2: float) -> lis
     for label in np.flatnonzero((areas >= least_m2) & (areas <= PERSON_AREA_M2[1])).tolist():
         left, top, right, bottom = windows[label].tolist()
         window = slice(top, bottom), slice(left, right)
-        part = part_of(view, labels[window] == label, window)
+        mask = labels[window] == label
+        part = part_of(view, mask, window, mask)
         found += cut(view, part) if areas[label] >= PERSON_AREA_M2[0] else [part]
     return found
 
 
-def part_of(view: SceneView, mask: Mask, window: tuple[slice, slice]) -> Part:
+def part_of(view: SceneView, mask: Mask, window: tuple[slice, slice], uncut: Mask) -> Part:
     """The component with these pixels (H, W) of a window."""
     points = points_of(view.depth[window], camera_of(view, window), mask)
     level = points @ view.planes.level.T
     heights = float(level[:, 1].min()), float(level[:, 1].max())
-    return Part(window, mask, points, np.median(level, axis=0), heights)
+    return Part(window, mask, uncut, points, np.median(level, axis=0), heights)
 
 
 def camera_of(view: SceneView, window: tuple[slice, slice]) -> Intrinsics:
@@ -150,14 +165,16 @@ def cut(view: SceneView, part: Part) -> list[Part]:
         labels = label_parts(depth, others, STEP_M, view.growth, view.camera.fx)
         areas, _ = measure_components(labels, depth, view.camera.fx, view.camera.fy)
         large = np.flatnonzero(areas >= LEAST_AREA_M2).tolist()
-        rests = [part_of(view, labels == label, part.window) for label in large]
+        rests = [part_of(view, labels == label, part.window, part.uncut) for label in large]
     if max((rest.height for rest in rests), default=0.0) >= min(1.0, part.height):
         return [one for rest in rests for one in cut(view, rest)]
     others = part.mask & ~flat.grow(find_seat(view, part, flat))
     if 0 < np.count_nonzero(others) < len(part.points):
-        rest = part_of(view, others, part.window)
-        if rest.height >= part.height:
-            return cut(view, rest)
+        rest = part_of(view, others, part.window, part.uncut)
+        if rest.height >= part.height - CELL_M:
+            kept = cut(view, rest)
+            if any(judge(view, one) for one in kept):
+                return kept
     return [] if flat.share > FLAT_SHARE else [part]
 
 
@@ -168,7 +185,7 @@ def find_seat(view: SceneView, part: Part, flat: Flat) -> Mask:
         return np.zeros_like(patches)
     labels = label_parts(view.depth[part.window], patches, STEP_M, view.growth, view.camera.fx)
     low = labels[part.mask][floor]
-    wide = labels[minimum_filter(patches, 3 * flat.size // 2, mode="constant")]
+    wide = labels[minimum_filter(patches, max(1, int(flat.size * part.height)), mode="constant")]
     seat: Mask = patches & np.isin(labels, np.intersect1d(low, wide))
     return seat
 
@@ -194,6 +211,30 @@ def join_parts(view: SceneView, person: Candidate, parts: Sequence[Part]) -> Can
             part.mark(mask)
             joined, low, high = [*joined, part], lowest, highest
     return replace(person, mask=mask, points=np.concatenate([each.points for each in joined]))
+
+
+def widen(view: SceneView, person: Candidate, parts: Sequence[Part]) -> Candidate:
+    """The candidate with its wider masks."""
+    touched = person.mask.copy()
+    for part in parts:
+        if touches(view, person.mask, part):
+            part.mark(touched)
+    whole = touched.copy()
+    whole[person.part.window] |= person.part.uncut
+    pairs = (person.mask, touched), (touched, whole)
+    return replace(person, wider=tuple(more for less, more in pairs if not np.array_equal(less, more)))
+
+
+def touches(view: SceneView, mask: Mask, part: Part) -> bool:
+    """Whether a part touches a person with these pixels (H, W) in the image, at the depth of a limb."""
+    own = np.zeros_like(mask)
+    part.mark(own)
+    edge = own & binary_dilation(mask, iterations=2)
+    if not edge.any():
+        return False
+    near = mask & binary_dilation(edge, iterations=2)
+    step = np.median(view.depth[edge]) - np.median(view.depth[near])
+    return bool(abs(step) < LIMB_STEP_M)
 
 
 def is_behind(view: SceneView, joined: Sequence[Part], part: Part) -> bool:

@@ -159,12 +159,13 @@ class Scene:
             excluded=excluded,
         )
 
-    def learn(self, view: SceneView, people: Mask | None = None) -> SceneChange:
+    def learn(self, view: SceneView, people: Mask | None = None, learned: Learned = NOTHING) -> SceneChange:
         """Learn from the last frame given to `see`, and return the change.
 
         Args:
             view: The frame, as returned by `see`.
             people: Pixels (H, W) of people or possible people; they are not learned.
+            learned: What was learned from this frame before; a part of the change.
         """
         if not self._furnished:
             return self._change(NOTHING.pixels)
@@ -177,7 +178,7 @@ class Scene:
             learn_pixels(view.depth, growth, outside, self._background, self._nearer)
         if moved or self._seen <= 1:
             return self.all()
-        return self._change(pixels)
+        return self._change(np.union1d(learned.pixels, pixels))
 
     def recall(self, change: SceneChange) -> None:
         """Restore the scene after a frame from its change; the changes of the frames before come first."""

@@ -64,7 +64,7 @@ class Scope:
 
         if not isinstance(self.person, str):
             at = np.array(self.person)[::-1]
-            return sorted(found, key=lambda each: np.linalg.norm(np.argwhere(each.mask) - at, axis=1).min())
+            return sorted(found, key=lambda each: np.linalg.norm(np.argwhere(each.widest) - at, axis=1).min())
         order: dict[str, Callable[[Candidate], float]] = {
             "best": lambda each: -each.score,
             "nearest": lambda each: float(np.median(each.points[:, 2])),

@@ -88,17 +88,20 @@ class Detector:
     def detect(self, subject: SubjectFrame, noise: SensorNoise, planes: Planes) -> Search:
         """Detect an unknown body in a frame, given the camera's noise and the planes of the room.
 
-        If no body explains the frame, its largest flat part may be a seat. So the body is searched for again
-        without the points of that part.
+        More of what may be the person's is used if a body explains it about as well as less. If no body
+        explains the frame, its largest flat part may be a seat. So the body is searched for again without the
+        points of that part.
         """
         settings = assume_noise(self._refine, noise)
-        found = yield from self._detect(subject, settings, noise, planes)
-        if found.gate.passes or not self._bodies.people:
-            return found
-        if (clear := without_flat(subject)) is subject:
-            return found
-        other = yield from self._detect(clear, settings, noise, planes)
-        return other if other.gate.passes else found
+        best = yield from self._detect(subject, settings, noise, planes)
+        for wider in subject.wider:
+            found = yield from self._detect(wider, settings, noise, planes)
+            if found.explains_more(best):
+                best = found
+        if not best.gate.passes and self._bodies.people and (clear := without_flat(subject)) is not subject:
+            found = yield from self._detect(clear, settings, noise, planes)
+            best = found if found.gate.passes else best
+        return best
 
     def _detect(
         self, subject: SubjectFrame, settings: RefineSettings, noise: SensorNoise, planes: Planes
@@ -127,7 +130,7 @@ class Detector:
                 trunk = joints[names.index("head")] - joints[names.index("pelvis")]
                 lowest = float(planes.above(joints).min())
                 gate = gate.against(reject_position(float(trunk @ planes.up), lowest))
-        return Detection(start, candidates, gate)
+        return Detection(subject, start, candidates, gate)
 
     def redetect(
         self, subject: SubjectFrame, start: Start, rules: RefineSettings, last: Array, *, lost: bool
@@ -162,26 +165,24 @@ class Detector:
         settled = iterations(rules, LAST_ITERATIONS)
         candidates = yield from self._refine_tracked(subject, start, found, settled)
         gate = gate_pose(candidates.log_likelihood[0], candidates.residual[0], rules)
-        return Detection(start, candidates, gate)
+        return Detection(subject, start, candidates, gate)
 
-    def transfer(
-        self, detection: Detection, before: SubjectFrame, now: SubjectFrame, rules: RefineSettings
-    ) -> Detection:
-        """The best of a detection in the frame `before`, and the best that faces the other way, in `now`.
+    def transfer(self, detection: Detection, now: SubjectFrame, rules: RefineSettings) -> Detection:
+        """The best of a detection, and the best that faces the other way, in the frame `now`.
 
         They are moved with the body and refined and gated there.
         """
-        if before is now:
+        if detection.subject is now:
             return detection
         model = detection.start.model
         best = detection.candidates.distinct(model.joint_names, 1)
-        poses = move_with_points(model, best.poses, before, now)
+        poses = move_with_points(model, best.poses, detection.subject, now)
         pending = self._refiner.submit(now, model, Particles(poses, iterations(rules, ITERATIONS)))
         candidates = ordered([candidates_of(model, pending.result(), 0)])
         if not len(candidates.poses):  # none of them is visible
             return detection
         gate = gate_pose(candidates.log_likelihood[0], candidates.residual[0], rules)
-        return Detection(replace(detection.start, pose=candidates.poses[0]), candidates, gate)
+        return Detection(now, replace(detection.start, pose=candidates.poses[0]), candidates, gate)
 
     @property
     def _sizes(self) -> list[Size]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.arrays import Array
-from common.frame import SUBJECT, DepthFrame, SubjectFrame
+from common.frame import SUBJECT, UNKNOWN, DepthFrame, SubjectFrame
 from coordinator.filters.belief import USUAL_INTERVAL, Observation
 from coordinator.scene.flatness import FLAT_SHARE, LEAST_PART_M2, find_flat
 from coordinator.scene.noise import fit_noise
@@ -136,11 +136,29 @@ def thin(subject: SubjectFrame, points: int) -> SubjectFrame:
 
 
 def without_flat(subject: SubjectFrame) -> SubjectFrame:
-    """The frame without the observed points of the largest flat part that the main camera sees.
+    """The frame without the largest flat part that the main camera sees; its pixels are unknown.
 
     Returns the same frame if no flat part is large enough, or if it is most of the frame.
     """
     depth = subject.frame.metres()
     flat = find_flat(depth, depth > 0.0, subject.frame.intrinsics, fit_noise(depth))
-    on = flat.grow(flat.patches >= LEAST_PART_M2).ravel()[subject.picked]
-    return replace(subject, picked=subject.picked[~on].copy()) if 0.0 < on.mean() <= FLAT_SHARE else subject
+    on = flat.grow(flat.patches >= LEAST_PART_M2)
+    picked = on.ravel()[subject.picked]
+    if not 0.0 < picked.mean() <= FLAT_SHARE:
+        return subject
+    frame, kinds = subject.frame, subject.kinds
+    if kinds is not None:
+        frame = replace(frame, depth=np.where(on, np.uint16(0), frame.depth))
+        kinds = np.where(on, np.uint8(UNKNOWN), kinds)
+    return replace(subject, frame=frame, kinds=kinds, picked=subject.picked[~picked].copy())
+
+
+def depth_of(subject: SubjectFrame, camera: str, shape: tuple[int, ...]) -> NDArray[np.float32]:
+    """A camera's whole image (H, W) of a subject, metres, 0 elsewhere; without it if the size is another."""
+    whole = np.zeros(shape, dtype=np.float32)
+    for each in subject.views:
+        left, top, right, bottom = each.view
+        if each.frame.camera == camera and shape == (bottom - top, right - left):
+            rows, columns = np.nonzero(each.frame.depth)
+            whole[rows - top, columns - left] = each.frame.metres()[rows, columns]
+    return whole

@@ -9,6 +9,7 @@ import numpy as np
 
 from common.arrays import Array, Indices, Mask
 from common.body import BodyModel
+from common.frame import SubjectFrame
 from common.kinematics import joint_positions, natural_angles
 from common.refinement import Refined
 from coordinator.tracking.certainty.certainty import OFF
@@ -17,7 +18,7 @@ from coordinator.tracking.state import Start
 
 DISTINCT_M = 0.05  # mean distance of the joints; nearer candidates are the same
 SURER_LOG_LIKELIHOOD = 1.0  # by which a detection must explain a frame better than the track does
-FACING_LOG_LIKELIHOOD = 2.0  # least difference that distinguishes front from back
+ALIKE_LOG_LIKELIHOOD = 2.0  # least difference that distinguishes two poses
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,11 +46,19 @@ class Candidates:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Detection:
-    """A detection: refined candidates of the tracked body, and whether they pass gating."""
+    """A detection: the frame, refined candidates of the tracked body in it, and whether they pass gating."""
 
+    subject: SubjectFrame
     start: Start
     candidates: Candidates
     gate: Gate
+
+    def explains_more(self, other: Detection) -> bool:
+        """Whether this detection, of more points, is preferred: it is about as likely, or only it passes."""
+        if self.gate.passes != other.gate.passes:
+            return self.gate.passes
+        likely, before = self.candidates.log_likelihood[0], other.candidates.log_likelihood[0]
+        return bool(likely > before - ALIKE_LOG_LIKELIHOOD)
 
     def is_elsewhere(self, joints: Array) -> bool:
         """Whether a joint is more than 15 cm (OFF) from its position in joints (J, 3)."""
@@ -58,7 +67,7 @@ class Detection:
     def looks_alike(self, names: tuple[str, ...], joints: Array, log_likelihood: float) -> bool:
         """Whether a candidate that faces opposite to joints (J, 3) explains the frame about equally well."""
         turned = faces_away(names, self.candidates.joints, joints)
-        return bool(np.any(self.candidates.log_likelihood[turned] > log_likelihood - FACING_LOG_LIKELIHOOD))
+        return bool(np.any(self.candidates.log_likelihood[turned] > log_likelihood - ALIKE_LOG_LIKELIHOOD))
 
 
 def candidates_of(model: BodyModel, refined: Refined, size: int) -> Candidates:

@@ -39,13 +39,11 @@ class BodySearch:
             self._search, self._found = None, end.value
         return True
 
-    def take(self) -> tuple[Detection, SubjectFrame] | None:
-        """What was detected, and the frame in which it was; None if no search has ended."""
-        if self.subject is None or self._found is None:
-            return None
-        taken = self._found, self.subject
-        self.end()
-        return taken
+    def take(self) -> Detection | None:
+        """What was detected; None if no search has ended."""
+        if (found := self._found) is not None:
+            self.end()
+        return found
 
     def end(self) -> None:
         """Give up the search, if there is one."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 
 import numpy as np
@@ -13,12 +13,13 @@ from common.body import BodyModel
 from common.camera import points_of
 from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import pose_vertices
-from coordinator.scene.candidates import candidates
+from coordinator.scene.candidates import Candidate, candidates
 from coordinator.scene.planes import Planes
 from coordinator.scene.scene import Scene, SceneChange, SceneChanges, SceneView
 from coordinator.scene.scope import Scope
 from coordinator.scene.segmentation import (
     NEAR_M,
+    STEP_M,
     is_missing,
     mark_apart,
     measure_distances,
@@ -26,7 +27,10 @@ from coordinator.scene.segmentation import (
     segment_body,
     segment_mask,
 )
-from coordinator.tracking.observation import Cut, depth_in, outline, subject_of
+from coordinator.tracking.observation import Cut, depth_in, depth_of, outline, subject_of
+
+Shown = tuple[Cut, ...]
+"""What shows a person who is not tracked in an image: with more and more of what may be the person's."""
 
 SAME_PERSON_M = 0.5  # between the middles of one person in two images, which show different sides
 
@@ -57,7 +61,7 @@ class SegmentedView:
     view: SceneView
     change: SceneChange
     bodies: tuple[Cut | None, ...]
-    people: tuple[Cut, ...]
+    people: tuple[Shown, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -144,18 +148,48 @@ class Segmenter:
 
     def find_candidates(self, segmented: Segmented, tracked: Sequence[PosedBody]) -> tuple[SubjectFrame, ...]:
         """People in a segmented frame, apart from those who are tracked; the most likely first."""
-        found, surfaces = list[Sequence[Cut]](), [body.surface for body in tracked]
+        found, surfaces = list[Sequence[Shown]](), [body.surface for body in tracked]
         for each in segmented.views:
             frame, view = each.frame, each.view
             if not view.furnished and len(segmented.subjects) == 1:
-                found.append(outline(frame))
+                found.append([(cut,) for cut in outline(frame)])
                 continue
             distances = [measure_distances(view, frame.to_camera(one)) for one in surfaces]
             known = nearest_of(view, distances) <= NEAR_M
             scope = self._scope.of(frame.camera)
-            masks = [one.mask for one in scope.choose(view, candidates(view, known))]
-            found.append(cut_masks(frame, view, masks, known))
+            people = scope.choose(view, candidates(view, known))
+            found.append([cut_candidate(frame, view, one, known) for one in people])
         return self._join_people(segmented.frame, found)
+
+    def learn_things(
+        self,
+        segmented: Segmented,
+        changes: SceneChanges,
+        searched: SubjectFrame,
+        person: SubjectFrame,
+        others: Sequence[SubjectFrame],
+    ) -> SceneChanges:
+        """Learn as the room what a search took for a part of the person, and what is none.
+
+        Args:
+            segmented: The last segmented frame.
+            changes: Everything that it changed in the scenes so far.
+            searched: The frame of the search, the same or an earlier one.
+            person: The person in it.
+            others: Other people in the last frame.
+
+        Returns:
+            Everything that the last frame changed.
+        """
+        after, widest = dict(changes), searched.wider[-1] if searched.wider else searched
+        for each in segmented.views:
+            name, depth = each.frame.camera, each.view.depth
+            shown = depth_of(widest, name, depth.shape)
+            things = (shown > 0.0) & (abs(depth - shown) < STEP_M)
+            for one in (person, *others):
+                things &= depth_of(one, name, depth.shape) == 0.0
+            after[name] = self._scenes[name].learn(each.view, ~things, changes[name].learned)
+        return after
 
     def _segment_view(
         self, frame: DepthFrame, bodies: Sequence[Array | None], *, rejected: bool, find: bool
@@ -173,7 +207,7 @@ class Segmenter:
         if not view.furnished and len(bodies) == 1:
             found, change = tuple(outline(frame)), scene.learn(view)
             if bodies[0] is None:
-                return SegmentedView(frame, view, change, (None,), found)
+                return SegmentedView(frame, view, change, (None,), tuple((cut,) for cut in found))
             return SegmentedView(frame, view, change, (found[0] if found else None,), ())
         surfaces = [frame.to_camera(body) for body in bodies if body is not None]
         distances = [measure_distances(view, surface) for surface in surfaces]
@@ -182,12 +216,12 @@ class Segmenter:
         others = [(each > nearest) | apart for each in distances]
         segmented = [segment_body(view, *each) for each in zip(surfaces, distances, others, strict=True)]
         complete = len(surfaces) == len(bodies)
-        strangers, people = tuple[Cut, ...](), known
+        strangers, people = tuple[Shown, ...](), known
         if find and not complete:
             possible = candidates(view, known)
-            masks = [each.mask for each in scope.choose(view, possible)]
-            strangers = cut_masks(frame, view, masks[:1] if len(bodies) == 1 else masks, known)
-            people = known if rejected else reduce(np.logical_or, (each.mask for each in possible), known)
+            chosen = scope.choose(view, possible)[: 1 if len(bodies) == 1 else None]
+            strangers = tuple(cut_candidate(frame, view, each, known) for each in chosen)
+            people = known if rejected else reduce(np.logical_or, (each.widest for each in possible), known)
         missing = any(is_missing(view, *each) for each in zip(surfaces, segmented, strict=True))
         if missing or not (find or complete):  # a body may be anywhere, so no pixel is learned as the room
             people = np.ones_like(known)
@@ -196,25 +230,32 @@ class Segmenter:
         own = tuple(None if body is None else next(cuts) for body in bodies)
         return SegmentedView(frame, view, change, own, strangers)
 
-    def _join_people(self, frame: DepthFrame, seen: Sequence[Sequence[Cut]]) -> tuple[SubjectFrame, ...]:
+    def _join_people(self, frame: DepthFrame, seen: Sequence[Sequence[Shown]]) -> tuple[SubjectFrame, ...]:
         """People by what shows them in each image; those at the same place are one person."""
-        people = list[list[Cut]]()
-        for cuts in seen:
-            for cut in cuts:
-                alone = [each for each in people if all(view is not cut[0] for view, _, _ in each)]
-                near = (each for each in alone if apart_m(each[0], cut) < SAME_PERSON_M)
-                joined = min(near, key=lambda each: apart_m(each[0], cut), default=None)
+        people = list[list[Shown]]()
+        for shown in seen:
+            for one in shown:
+                alone = [each for each in people if all(view is not one[0][0] for (view, _, _), *_ in each)]
+                near = (each for each in alone if apart_m(each[0][0], one[0]) < SAME_PERSON_M)
+                joined = min(near, key=lambda each: apart_m(each[0][0], one[0]), default=None)
                 if joined is None:
-                    people.append([cut])
+                    people.append([one])
                 else:
-                    joined.append(cut)
-        found = (subject_of(frame, cuts, self._points) for cuts in people)
-        return tuple(subject for subject in found if subject is not None)
+                    joined.append(one)
+        found = (self._person_of(frame, each) for each in people)
+        return tuple(person for person in found if person is not None)
+
+    def _person_of(self, frame: DepthFrame, shown: Sequence[Shown]) -> SubjectFrame | None:
+        """The person whom some images show, with the wider ones; None if there are none."""
+        levels = range(max(map(len, shown)))
+        cuts = [[each[min(n, len(each) - 1)] for each in shown] for n in levels]
+        first, *wider = [subject_of(frame, each, self._points) for each in cuts]
+        return first and replace(first, wider=tuple(each for each in wider if each))
 
 
-def cut_masks(frame: DepthFrame, view: SceneView, masks: Sequence[Mask], known: Mask) -> tuple[Cut, ...]:
-    """What shows people, by masks (H, W) of their pixels; `known` are the pixels of those who are tracked."""
-    found = (segment_mask(view, mask, known) for mask in masks)
+def cut_candidate(frame: DepthFrame, view: SceneView, one: Candidate, known: Mask) -> Shown:
+    """What shows a candidate in an image; `known` are the pixels (H, W) of those who are tracked."""
+    found = (segment_mask(view, mask, known) for mask in (one.mask, *one.wider))
     return tuple((frame, each.window, each.labels) for each in found)
 
 

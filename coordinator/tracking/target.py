@@ -80,6 +80,8 @@ class TargetTracker:
         self._size = PersonSize(bodies, refiner, measured=settings.measure_person)
         self.searching = BodySearch()
         self.begun: SubjectFrame | None = None  # in which the body was detected, until the next frame
+        # the frame of a search that has just ended, and the body in it
+        self.found_in: tuple[SubjectFrame, SubjectFrame] | None = None
         self.scenes = SceneChanges()  # what the last submitted frame changed in the scenes
         self.cameras = CameraStates()  # after the last submitted frame
         self.aside: SubjectFrame | None = None  # what cameras that are left out show of the body
@@ -190,7 +192,9 @@ class TargetTracker:
         expected = self._expected is not None or (first and self.searching.subject is not None)
         shows = subject is not None or (expected and bool(frame.depth.any()))
         self.start = self._size.revise(self.start, self._belief, subject, self._refine_settings)
-        detection = None if subject is None else self._detect(subject, planes, clock, live=pace is not None)
+        detection = None
+        if subject is not None:
+            detection, subject = self._detect(subject, planes, clock, live=pace is not None)
         if subject is not None and self._belief is not None and self.begun is not None:
             poses = np.vstack([self._belief.reported, self._belief.poses])
             poses = move_with_points(self.model, poses, self.begun, subject)
@@ -234,8 +238,11 @@ class TargetTracker:
 
     def _detect(
         self, subject: SubjectFrame, planes: Planes, clock: Stopwatch, *, live: bool
-    ) -> Detection | None:
-        """Detect the body if there is none yet; redetect it if its place is in doubt."""
+    ) -> tuple[Detection | None, SubjectFrame]:
+        """Detect the body if there is none yet; redetect it if its place is in doubt.
+
+        Returns a redetection, and the subject. After a detection in this frame, it is what showed the body.
+        """
         with clock.stage("search"):
             points = camera_points(subject, max(1, len(subject.picked) // POINTS))
             self._distance = float(np.median(points[:, 2])) if len(points) else 0.0
@@ -247,12 +254,14 @@ class TargetTracker:
             while not live and self.searching.advance():
                 pass
             self.begin_if_found(SEARCH_INTERVAL_FRAMES if live else 1)
-            detection, taken = None, self.searching.take()
-            if taken is not None:
-                detection = self._detector.transfer(*taken, subject, self._refine_settings)
+            detection = self.searching.take()
+            if detection is not None:
+                detection = self._detector.transfer(detection, subject, self._refine_settings)
+            if self.begun is not None and not live:
+                subject = self.begun
         with clock.stage("publish"):
             self._refiner.publish(subject)
-        return detection
+        return detection, subject
 
     def _measure_noise(self, subject: SubjectFrame) -> SensorNoise:
         return measure_noise(subject.frame) if self._settings.measure_noise else NO_NOISE
@@ -277,16 +286,18 @@ class TargetTracker:
 
         Else the search counts as so many frames.
         """
-        if self._belief is not None or (taken := self.searching.take()) is None:
+        searched = self.searching.subject
+        if self._belief is not None or searched is None or (detection := self.searching.take()) is None:
             return
-        detection, searched = taken
         if not detection.gate.passes:
             self.management = self.management.not_found(detection.gate.why, frames)
             return
         self.start, self.management = detection.start, TrackManagement(why=detection.gate.why)
         self._belief = self._filter.believe(self.model, detection.candidates)
-        self.start = self._size.begin(self.start, self._belief, searched, self._refine_settings)
-        self.begun, self._time_s, self._expected = searched, searched.frame.time_s, self._belief.reported
+        self.begun = subject = detection.subject
+        self.found_in = searched, subject
+        self.start = self._size.begin(self.start, self._belief, subject, self._refine_settings)
+        self._time_s, self._expected = subject.frame.time_s, self._belief.reported
 
     def _accept(self, belief: Belief, submitted: Submitted) -> None:
         """Gate the tracked hypotheses; replace them by a detection that explains the frame better."""

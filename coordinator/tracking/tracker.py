@@ -185,6 +185,13 @@ class Tracker:
                 target.scenes = {name: replace(s, learned=NOTHING) for name, s in target.scenes.items()}
             planes = segmented.planes(subject)
             submitted.append(target.submit(segmented.frame, subject, planes, clocks[n], pace))
+            if target.found_in and isinstance(submitted[0], Submitted):  # else the first state is complete
+                searched, person = target.found_in
+                others = [each for each in segmented.candidates if each is not searched]
+                others += [each for k, each in enumerate(segmented.subjects) if each and k != n]
+                first = self._targets[0]
+                first.scenes = self._segmenter.learn_things(segmented, first.scenes, searched, person, others)
+            target.found_in = None
         return submitted
 
     def _send_ahead(self, upcoming: Lookahead[Ready]) -> None:
@@ -252,7 +259,8 @@ class Tracker:
         if (searched := target.searching.subject) is not None:
             chosen = min(free, key=lambda each: distance(each, middle_of(searched)))
         free[:] = [each for each in free if each is not chosen]
-        options = [chosen, *(replace(view, others=()) for view in chosen.views)]
+        alone = [replace(view, others=(), wider=()) for view in chosen.views]
+        options = [chosen, *alone] if chosen.others else [chosen]
         return options[rounds % len(options)]
 
     def _find_elsewhere(self, place: int, segmented: Segmented) -> SubjectFrame | None:

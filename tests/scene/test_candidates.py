@@ -47,7 +47,20 @@ def test_a_small_box_at_the_legs_is_cut_off() -> None:
     """Its front is smaller than a person's visible area, and it touches a leg."""
     room = Room((((-0.5, 0.8, 2.5), (-0.22, HEIGHT, 2.7)),), noise=0.001)
     (found,) = found_in(room, (-0.15, 2.6))
-    assert min(overlap(found.mask, room.see((-0.15, 2.6)).mask)) > 0.95
+    assert min(overlap(found.mask, truth := room.see((-0.15, 2.6)).mask)) > 0.95
+    assert np.sum(found.wider[-1] & ~truth) > 0.2 * np.sum(truth)  # it may also be a part of the person
+
+
+def test_a_leg_that_is_separated_in_depth_is_in_a_wider_mask() -> None:
+    """A body must tell whether it is the person's."""
+    frame, truth = Room(noise=0.001).see(PERSON)
+    rows, columns = np.nonzero(truth)
+    leg = truth.copy()
+    leg[: int(np.median(rows)) + 15] = leg[:, : int(np.median(columns))] = False
+    depth = np.where(leg, frame.depth - 600, frame.depth).astype(np.uint16)
+    (found,) = candidates(Scene().see(replace(frame, depth=depth)))
+    assert overlap(found.mask, leg)[1] < 0.1
+    assert overlap(found.wider[0], truth)[1] > 0.95
 
 
 @pytest.mark.parametrize(

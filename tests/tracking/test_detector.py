@@ -153,10 +153,31 @@ def test_a_known_person_is_detected_elsewhere_in_slices_between_other_work() -> 
     whole, found = map(complete, searches)
     np.testing.assert_array_equal(found.candidates.poses, whole.candidates.poses)
     assert found.is_elsewhere(joint_positions(start.model, start.pose[None])[0])
-    later = detector.transfer(found, before, now, SETTINGS.refine)
+    later = detector.transfer(found, now, SETTINGS.refine)
     for each, joints in zip((found, later), truth, strict=True):
         assert each.gate.passes
         assert np.linalg.norm(each.candidates.joints[0] - joints, axis=-1).max() < 0.1
+
+
+@pytest.mark.parametrize("extra", ["arm", "board"])
+def test_what_may_be_the_persons_is_used_if_a_body_explains_it(extra: str) -> None:
+    """A raised arm that was left out belongs to the person, and a board that hangs beside them does not."""
+    pose = name_pose(MODEL, {**STANDING, "l_shoulder_abduct": 1.5})
+    (whole,) = show(MODEL, pose[None]).frames
+    depth = whole.depth.copy()
+    columns = np.flatnonzero(depth.any(axis=0))
+    first = columns[-1] - len(columns) // 3
+    if extra == "arm":
+        depth[:, first:] = 0
+    else:
+        whole = replace(whole, depth=whole.depth.copy())
+        whole.depth[40:160, columns[-1] + 1 : columns[-1] + 60] = 2600
+    wider = subject_of(whole, 2_000)
+    subject = replace(subject_of(replace(whole, depth=depth), 2_000), wider=(wider,))
+    found = complete(Detector(people(), DirectRefiner(), SETTINGS).detect(subject, NO_NOISE, Planes()))
+    assert (found.subject is wider) is (extra == "arm")
+    off = found.candidates.joints[0] - joint_positions(MODEL, pose[None])[0]
+    assert np.linalg.norm(off, axis=-1).max() < 0.12
 
 
 def candidates(log_likelihood: list[float], *turns: float) -> Candidates:
@@ -180,7 +201,8 @@ def test_front_and_back_are_ambiguous_where_the_frame_does_not_tell_them_apart(
 ) -> None:
     """A candidate that faces away counts only if it explains the frame about as well."""
     found = candidates([-5.0, -5.0 - behind], FRONT, BACK)
-    detection = Detection(start_at(STANDING, known()), found, Gate(0.5))
+    subject = subject_of(show(MODEL, found.poses[:1]).frames[0], 300)
+    detection = Detection(subject, start_at(STANDING, known()), found, Gate(0.5))
     assert detection.looks_alike(NAMES, found.joints[0], -5.0) is ambiguous
 
 

@@ -8,9 +8,10 @@ import pytest
 from common.frame import HIDDEN, SUBJECT
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
+from coordinator.scene.scene import BACKGROUND
 from coordinator.tracking.segmenter import PosedBody, Segmenter
 from tests.support.people import CAMERA, STANDING, frame_of, rendered
-from tests.support.rooms import TABLE, Room, along
+from tests.support.rooms import HEIGHT, TABLE, Room, along
 
 PERSON = (-0.4, 2.6)
 
@@ -27,6 +28,21 @@ def test_a_person_is_found_whose_body_is_not_known() -> None:
     assert np.any(subject.kinds == HIDDEN)
     assert np.sum(subject.kinds == SUBJECT) / truth.sum() > 0.9
     assert segmented.changes[""].furnished
+
+
+def test_what_is_no_person_is_learned_as_room_at_once() -> None:
+    """A box that touches a leg was searched too; the changes of the frame contain it."""
+    room = Room((((-0.5, 0.8, 2.5), (-0.22, HEIGHT, 2.7)),), noise=0.001)
+    seen = room.see((-0.15, 2.6))
+    segmenter, again = Segmenter(300), Segmenter(300)
+    segmented = segmenter.segment(seen.frame, [None])
+    (subject,) = segmented.candidates
+    again.recall(segmenter.learn_things(segmented, segmented.changes, subject, subject, ()))
+    following = room.see((-0.15, 2.6), 1).frame
+    views = [each.segment(following, [None]).views[0].view for each in (segmenter, again)]
+    box = (Room().see(None).frame.depth > room.see(None).frame.depth + 60) & ~seen.mask
+    assert np.mean(views[0].marks[box] == BACKGROUND) > 0.85
+    np.testing.assert_array_equal(views[0].marks, views[1].marks)
 
 
 @pytest.mark.parametrize("measured", ["head alone", "one frame of holes"])
