@@ -31,7 +31,13 @@ from coordinator.filters.exploration import layout_of
 from coordinator.scene.planes import Planes
 from coordinator.tracking.gating import gate_pose, reject_parts, reject_planes, reject_points, reject_position
 from coordinator.tracking.observation import camera_points, middle_of, observed_points, thin, without_flat
-from coordinator.tracking.pose_candidates import Candidates, Detection, candidates_of, ordered
+from coordinator.tracking.pose_candidates import (
+    ALIKE_LOG_LIKELIHOOD,
+    Candidates,
+    Detection,
+    candidates_of,
+    ordered,
+)
 from coordinator.tracking.pose_library import PoseLibrary, displaced, library_of, upright_rolls
 from coordinator.tracking.refiner import Pending, Refiner, Stage, iterations, with_closest_points
 from coordinator.tracking.sensor_noise import SensorNoise, assume_noise
@@ -92,29 +98,35 @@ class Detector:
         explains the frame, its largest flat part may be a seat. So the body is searched for again without the
         points of that part.
         """
-        settings = assume_noise(self._refine, noise)
-        best = yield from self._detect(subject, settings, noise, planes)
+        settings, rolls = assume_noise(self._refine, noise), upright_rolls(planes, self._rolls)
+        shown, best = subject, (yield from self._shortlist(subject, self._sizes, rolls, settings))
         for wider in subject.wider:
-            found = yield from self._detect(wider, settings, noise, planes)
-            if found.explains_more(best):
-                best = found
-        if not best.gate.passes and self._bodies.people and (clear := without_flat(subject)) is not subject:
-            found = yield from self._detect(clear, settings, noise, planes)
-            best = found if found.gate.passes else best
-        return best
+            other = yield from self._shortlist(wider, self._sizes, rolls, settings)
+            if other.log_likelihood[0] > best.log_likelihood[0] - ALIKE_LOG_LIKELIHOOD:
+                shown, best = wider, other
+        found = yield from self._detect(shown, best, settings, noise, planes)
+        if found.gate.passes or not self._bodies.people:
+            return found
+        if (clear := without_flat(subject)) is subject:
+            return found
+        best = yield from self._shortlist(clear, self._sizes, rolls, settings)
+        without = yield from self._detect(clear, best, settings, noise, planes)
+        return without if without.gate.passes else found
 
     def _detect(
-        self, subject: SubjectFrame, settings: RefineSettings, noise: SensorNoise, planes: Planes
+        self,
+        subject: SubjectFrame,
+        best: Candidates,
+        settings: RefineSettings,
+        noise: SensorNoise,
+        planes: Planes,
     ) -> Search:
-        """Detect an unknown body that explains all points of a frame."""
-        rolls, few = upright_rolls(planes, self._rolls), thin(subject, FEW_POINTS)
-        matched = self._match(subject, self._sizes, rolls)
-        proposed = yield from self._propose(few, matched, settings, self._sizes)
-        size, found = yield from self._select(subject, few, proposed, settings, self._sizes)
+        """Detect an unknown body that explains all points of a frame, from its shortlist."""
+        size, found = yield from self._select(subject, best, settings, self._sizes)
         if len(subject.views) > 1 and len(self._sizes) > 1:  # few of the candidates had this size
-            matched = self._match(subject, [size], rolls, found[0])
-            proposed = yield from self._propose(few, matched, settings, [size])
-            _, found = yield from self._select(subject, few, proposed, settings, [size])
+            rolls = upright_rolls(planes, self._rolls)
+            best = yield from self._shortlist(subject, [size], rolls, settings, found[0])
+            _, found = yield from self._select(subject, best, settings, [size])
         model = self._bodies.for_start(*size)
         start = start_at(pose_by_name(model, found[0]), self._bodies, size, noise)
         settled = iterations(settings, LAST_ITERATIONS)
@@ -161,7 +173,8 @@ class Detector:
                 mixed[-1][:, limb.dofs] = proposed.poses[:, limb.dofs]
             group = np.concatenate(mixed), np.zeros(len(mixed) * len(proposed.poses), dtype=np.int64)
             proposed = yield from self._propose(few, [group], settings, [size])
-        _, found = yield from self._select(subject, few, proposed, settings, [size])
+        best = yield from self._refine_few(few, proposed, settings, [size])
+        _, found = yield from self._select(subject, best, settings, [size])
         settled = iterations(rules, LAST_ITERATIONS)
         candidates = yield from self._refine_tracked(subject, start, found, settled)
         gate = gate_pose(candidates.log_likelihood[0], candidates.residual[0], rules)
@@ -208,21 +221,35 @@ class Detector:
         found = yield from self._refine_candidates(few, models, matched, first)
         return found.distinct(names, SURVIVORS)
 
-    def _select(
+    def _shortlist(
         self,
         subject: SubjectFrame,
-        few: SubjectFrame,
-        found: Candidates,
-        settings: RefineSettings,
         sizes: Sequence[Size],
+        rolls: Sequence[float],
+        settings: RefineSettings,
+        last: Array | None = None,
+    ) -> Generator[Stage, None, Candidates]:
+        """The best distinct candidates after the second stage; see `_match` for the arguments."""
+        few, matched = thin(subject, FEW_POINTS), self._match(subject, sizes, rolls, last)
+        proposed = yield from self._propose(few, matched, settings, sizes)
+        return (yield from self._refine_few(few, proposed, settings, sizes))
+
+    def _refine_few(
+        self, few: SubjectFrame, found: Candidates, settings: RefineSettings, sizes: Sequence[Size]
+    ) -> Generator[Stage, None, Candidates]:
+        """The second stage: the best distinct ones of these candidates, on a few points."""
+        models, closest = (
+            [self._coarse(*size) for size in sizes],
+            with_closest_points(iterations(settings, ITERATIONS)),
+        )
+        found = yield from self._refine_candidates(few, models, [(found.poses, found.sizes)], closest)
+        return found.distinct(self._bodies.for_start(*sizes[0]).joint_names, FINALISTS)
+
+    def _select(
+        self, subject: SubjectFrame, found: Candidates, settings: RefineSettings, sizes: Sequence[Size]
     ) -> Generator[Stage, None, tuple[Size, Array]]:
         """The size and poses (N, D) that explain a frame best, of these candidates' sizes or between them."""
-        names = self._bodies.for_start(*sizes[0]).joint_names
-        models = [self._coarse(*size) for size in sizes]
         then = iterations(settings, ITERATIONS)
-        closest = with_closest_points(then)
-        found = yield from self._refine_candidates(few, models, [(found.poses, found.sizes)], closest)
-        found = found.distinct(names, FINALISTS)
         size, poses = sizes[found.sizes[0]], found.poses
         if len(sizes) > 1:
             adult, statures = shape_space().statures[-1], size.stature * STATURE_STEPS

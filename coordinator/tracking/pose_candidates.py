@@ -53,13 +53,6 @@ class Detection:
     candidates: Candidates
     gate: Gate
 
-    def explains_more(self, other: Detection) -> bool:
-        """Whether this detection, of more points, is preferred: it is about as likely, or only it passes."""
-        if self.gate.passes != other.gate.passes:
-            return self.gate.passes
-        likely, before = self.candidates.log_likelihood[0], other.candidates.log_likelihood[0]
-        return bool(likely > before - ALIKE_LOG_LIKELIHOOD)
-
     def is_elsewhere(self, joints: Array) -> bool:
         """Whether a joint is more than 15 cm (OFF) from its position in joints (J, 3)."""
         return bool(np.linalg.norm(self.candidates.joints[0] - joints, axis=-1).max() > OFF)
