@@ -179,7 +179,10 @@ def cut(view: SceneView, part: Part) -> list[Part]:
 
 
 def find_seat(view: SceneView, part: Part, flat: Flat) -> Mask:
-    """The flat patches (H, W) of a component that reach down to the floor and are wider than a leg."""
+    """The flat patches (H, W) of a component that reach down to the floor and are wider than a leg.
+
+    A leg has 9 cm for each metre of the component's height.
+    """
     patches, floor = flat.patches >= LEAST_PART_M2, view.planes.above(part.points) < CELL_M
     if not view.planes.has_floor or not floor.any():
         return np.zeros_like(patches)
