@@ -218,9 +218,9 @@ def join_parts(view: SceneView, person: Candidate, parts: Sequence[Part]) -> Can
 
 def widen(view: SceneView, person: Candidate, parts: Sequence[Part]) -> Candidate:
     """The candidate with its wider masks."""
-    touched = person.mask.copy()
+    touched, around = person.mask.copy(), binary_dilation(person.mask, iterations=2)
     for part in parts:
-        if touches(view, person.mask, part):
+        if touches(view, person.mask, around, part):
             part.mark(touched)
     whole = touched.copy()
     whole[person.part.window] |= person.part.uncut
@@ -228,11 +228,13 @@ def widen(view: SceneView, person: Candidate, parts: Sequence[Part]) -> Candidat
     return replace(person, wider=tuple(more for less, more in pairs if not np.array_equal(less, more)))
 
 
-def touches(view: SceneView, mask: Mask, part: Part) -> bool:
-    """Whether a part touches a person with these pixels (H, W) in the image, at the depth of a limb."""
-    own = np.zeros_like(mask)
-    part.mark(own)
-    edge = own & binary_dilation(mask, iterations=2)
+def touches(view: SceneView, mask: Mask, around: Mask, part: Part) -> bool:
+    """Whether a part touches a person in the image, at the depth of a limb.
+
+    The masks (H, W) are the person's pixels, and these with the ones around them.
+    """
+    edge = np.zeros_like(mask)
+    edge[part.window] = part.mask & around[part.window]
     if not edge.any():
         return False
     near = mask & binary_dilation(edge, iterations=2)

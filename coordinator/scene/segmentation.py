@@ -173,15 +173,20 @@ def label_pixels(
     return labels
 
 
-def segment_mask(view: SceneView, mask: Mask, others: Mask | None = None) -> Segmentation:
-    """Label the pixels for a person with known pixels (H, W), but without a posed body."""
-    points = points_of(view.depth, view.camera, mask)
+def segment_masks(
+    view: SceneView, masks: Sequence[Mask], others: Mask | None = None
+) -> tuple[Segmentation, ...]:
+    """Label the pixels for a person without a posed body, whose pixels (H, W) one of the masks may be.
+
+    Each mask contains the one before it. What only a later one contains is unknown.
+    """
+    points = points_of(view.depth, view.camera, masks[-1])
     behind = points * (1.0 + REACH_M / points[:, 2:])  # about the thickness of a person
     surface = np.concatenate([points, behind])
     found = segment_body(view, surface, measure_distances(view, surface), others)
-    labels = np.where(found.labels == SUBJECT, np.uint8(UNKNOWN), found.labels)
-    labels[mask[slices(found.window)]] = SUBJECT
-    return replace(found, labels=labels)
+    around = np.where(found.labels == SUBJECT, np.uint8(UNKNOWN), found.labels)
+    inside = [mask[slices(found.window)] for mask in masks]
+    return tuple(replace(found, labels=np.where(mask, np.uint8(SUBJECT), around)) for mask in inside)
 
 
 def window_of(view: SceneView, surface: Array) -> Window:

@@ -99,9 +99,11 @@ class Detector:
         points of that part.
         """
         settings, rolls = assume_noise(self._refine, noise), upright_rolls(planes, self._rolls)
-        shown, best = subject, (yield from self._shortlist(subject, self._sizes, rolls, settings))
+        matched = self._match(subject, self._sizes, rolls)
+        shown, best = subject, (yield from self._shortlist(subject, matched, settings, self._sizes))
         for wider in subject.wider:
-            other = yield from self._shortlist(wider, self._sizes, rolls, settings)
+            again = (best.poses, best.sizes), self._similar(wider, self._sizes, rolls[0], TURNED)
+            other = yield from self._shortlist(wider, again, settings, self._sizes)
             if other.log_likelihood[0] > best.log_likelihood[0] - ALIKE_LOG_LIKELIHOOD:
                 shown, best = wider, other
         found = yield from self._detect(shown, best, settings, noise, planes)
@@ -109,7 +111,8 @@ class Detector:
             return found
         if (clear := without_flat(subject)) is subject:
             return found
-        best = yield from self._shortlist(clear, self._sizes, rolls, settings)
+        matched = self._match(clear, self._sizes, rolls)
+        best = yield from self._shortlist(clear, matched, settings, self._sizes)
         without = yield from self._detect(clear, best, settings, noise, planes)
         return without if without.gate.passes else found
 
@@ -124,8 +127,8 @@ class Detector:
         """Detect an unknown body that explains all points of a frame, from its shortlist."""
         size, found = yield from self._select(subject, best, settings, self._sizes)
         if len(subject.views) > 1 and len(self._sizes) > 1:  # few of the candidates had this size
-            rolls = upright_rolls(planes, self._rolls)
-            best = yield from self._shortlist(subject, [size], rolls, settings, found[0])
+            matched = self._match(subject, [size], upright_rolls(planes, self._rolls), found[0])
+            best = yield from self._shortlist(subject, matched, settings, [size])
             _, found = yield from self._select(subject, best, settings, [size])
         model = self._bodies.for_start(*size)
         start = start_at(pose_by_name(model, found[0]), self._bodies, size, noise)
@@ -224,13 +227,12 @@ class Detector:
     def _shortlist(
         self,
         subject: SubjectFrame,
-        sizes: Sequence[Size],
-        rolls: Sequence[float],
+        matched: Iterable[tuple[Array, Indices]],
         settings: RefineSettings,
-        last: Array | None = None,
+        sizes: Sequence[Size],
     ) -> Generator[Stage, None, Candidates]:
-        """The best distinct candidates after the second stage; see `_match` for the arguments."""
-        few, matched = thin(subject, FEW_POINTS), self._match(subject, sizes, rolls, last)
+        """The best distinct candidates of these sizes after the second stage, on a few points."""
+        few = thin(subject, FEW_POINTS)
         proposed = yield from self._propose(few, matched, settings, sizes)
         return (yield from self._refine_few(few, proposed, settings, sizes))
 
@@ -288,16 +290,23 @@ class Detector:
         They are poses of the library that are similar to the observed points, and the last pose `last` (D,),
         moved and rotated.
         """
-        points, placed = camera_points(subject), subject.frame.T_rig_camera
-        scales = [size.stature / self._usual.stature if self._bodies.people else 1.0 for size in sizes]
-        yield self._library.match(points, scales, rolls[0], CANDIDATES, placed)
-        others = [self._library.match(points, scales, roll, TURNED, placed) for roll in rolls[1:]]
+        yield self._similar(subject, sizes, rolls[0], CANDIDATES)
+        others = [self._similar(subject, sizes, roll, TURNED) for roll in rolls[1:]]
         if last is not None:
-            poses = displaced(self._bodies.for_start(*sizes[0]), last, points, self._library.cell_m, placed)
+            model, placed = self._bodies.for_start(*sizes[0]), subject.frame.T_rig_camera
+            poses = displaced(model, last, camera_points(subject), self._library.cell_m, placed)
             others.append((poses, np.zeros(len(poses), dtype=np.int64)))
         if others:
             poses, of = map(np.concatenate, zip(*others, strict=True))
             yield poses, of
+
+    def _similar(
+        self, subject: SubjectFrame, sizes: Sequence[Size], roll: float, count: int
+    ) -> tuple[Array, Indices]:
+        """Poses (N, D) of the library that are similar to the observed points, and their sizes (N,)."""
+        scales = [size.stature / self._usual.stature if self._bodies.people else 1.0 for size in sizes]
+        placed = subject.frame.T_rig_camera
+        return self._library.match(camera_points(subject), scales, roll, count, placed)
 
     def _refine_tracked(
         self, subject: SubjectFrame, start: Start, poses: Array, settings: RefineSettings

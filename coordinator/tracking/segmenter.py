@@ -25,7 +25,7 @@ from coordinator.scene.segmentation import (
     measure_distances,
     nearest_of,
     segment_body,
-    segment_mask,
+    segment_masks,
 )
 from coordinator.tracking.observation import Cut, depth_in, depth_of, outline, subject_of
 
@@ -255,7 +255,7 @@ class Segmenter:
 
 def cut_candidate(frame: DepthFrame, view: SceneView, one: Candidate, known: Mask) -> Shown:
     """What shows a candidate in an image; `known` are the pixels (H, W) of those who are tracked."""
-    found = (segment_mask(view, mask, known) for mask in (one.mask, *one.wider))
+    found = segment_masks(view, (one.mask, *one.wider), known)
     return tuple((frame, each.window, each.labels) for each in found)
 
 

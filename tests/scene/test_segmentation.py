@@ -19,7 +19,7 @@ from coordinator.scene.segmentation import (
     measure_distances,
     nearest_of,
     segment_body,
-    segment_mask,
+    segment_masks,
 )
 from tests.support.rooms import CABINET, TABLE, Box, Room
 
@@ -87,7 +87,7 @@ def test_pixels_that_are_known_are_the_subject() -> None:
     """If a person's pixels are given, exactly these are the subject."""
     room = Room((TABLE,), noise=0.001)
     frame, truth = room.see(PERSON)
-    kinds = whole(segment_mask(Scene().see(frame), truth), truth.shape)
+    kinds = whole(*segment_masks(Scene().see(frame), [truth]), truth.shape)
     np.testing.assert_array_equal(kinds == SUBJECT, truth)
     assert np.any(kinds == HIDDEN)
     assert np.any(kinds == EMPTY)
