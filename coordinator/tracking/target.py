@@ -206,8 +206,6 @@ class TargetTracker:
         if self._belief is None or subject is None:
             status = self._lose(shows=shows)
             return Updated(frame, self.state, self._belief, status, 0, None, clock)
-        if first:  # all particles and iterations: live, the pose is that of an earlier frame
-            pace = None
         with clock.stage("draw"):
             proposal = self._filter.propose(self.model, self._belief, subject, self._time_s, pace)
         with clock.stage("refine"):
