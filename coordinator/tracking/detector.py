@@ -48,7 +48,7 @@ STATURE_STEPS = np.array([0.91, 0.955, 1.0, 1.045, 1.09])  # factors of the best
 GIRTHS = (0.9, 1.05, 1.2, 1.4)
 MATURITIES = (0.0, 0.5, 1.0)  # of a small person: proportions of the mean child, halfway, of an adult
 USUAL_GIRTH = GIRTHS[1]
-CANDIDATES, TURNED = 80, 15  # in the first orientation of the image, and in each other
+CANDIDATES, TURNED = 100, 15
 SURVIVORS, FINALISTS = 16, 4  # distinct candidates after the first stage, and after the second
 FIRST_ITERATIONS, ITERATIONS, LAST_ITERATIONS = 3, 12, 6  # of the first stage, the next ones, and the last
 FEW_POINTS = 1_000  # on which candidates are refined
@@ -94,9 +94,9 @@ class Detector:
     def detect(self, subject: SubjectFrame, noise: SensorNoise, planes: Planes) -> Search:
         """Detect an unknown body in a frame, given the camera's noise and the planes of the room.
 
-        More of what may be the person's is used if a body explains it about as well as less. If no body
-        explains the frame, its largest flat part may be a seat. So the body is searched for again without the
-        points of that part.
+        More of what may be the person's is used if a body explains it about as well as less: the best poses
+        so far, and a few more of the library. If no body explains the frame, its largest flat part may be a
+        seat. So the body is searched for again without the points of that part.
         """
         settings, rolls = assume_noise(self._refine, noise), upright_rolls(planes, self._rolls)
         matched = self._match(subject, self._sizes, rolls)

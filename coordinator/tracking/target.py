@@ -206,6 +206,8 @@ class TargetTracker:
         if self._belief is None or subject is None:
             status = self._lose(shows=shows)
             return Updated(frame, self.state, self._belief, status, 0, None, clock)
+        if first and pace is not None:  # with few particles, hypotheses of the detection would be lost
+            pace = replace(pace, is_late=False)
         with clock.stage("draw"):
             proposal = self._filter.propose(self.model, self._belief, subject, self._time_s, pace)
         with clock.stage("refine"):

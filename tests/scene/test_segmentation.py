@@ -87,7 +87,8 @@ def test_pixels_that_are_known_are_the_subject() -> None:
     """If a person's pixels are given, exactly these are the subject."""
     room = Room((TABLE,), noise=0.001)
     frame, truth = room.see(PERSON)
-    kinds = whole(*segment_masks(Scene().see(frame), [truth]), truth.shape)
+    (segmentation,) = segment_masks(Scene().see(frame), [truth])
+    kinds = whole(segmentation, truth.shape)
     np.testing.assert_array_equal(kinds == SUBJECT, truth)
     assert np.any(kinds == HIDDEN)
     assert np.any(kinds == EMPTY)
