@@ -231,7 +231,7 @@ def widen(view: SceneView, person: Candidate, parts: Sequence[Part]) -> Candidat
 def touches(view: SceneView, mask: Mask, around: Mask, part: Part) -> bool:
     """Whether a part touches a person in the image, at the depth of a limb.
 
-    The masks (H, W) are the person's pixels, and these with the ones around them.
+    mask: (H, W) the person's pixels. around: the same, dilated.
     """
     edge = np.zeros_like(mask)
     edge[part.window] = part.mask & around[part.window]

@@ -176,17 +176,17 @@ def label_pixels(
 def segment_masks(
     view: SceneView, masks: Sequence[Mask], others: Mask | None = None
 ) -> tuple[Segmentation, ...]:
-    """Label the pixels for a person without a posed body, whose pixels (H, W) one of the masks may be.
+    """Label the pixels for a person without a posed body, once for each mask (H, W) of the person's pixels.
 
-    Each mask contains the one before it. What only a later one contains is unknown.
+    Each mask contains the one before it. All are labelled as near the last one: the rest of it is unknown.
     """
     points = points_of(view.depth, view.camera, masks[-1])
     behind = points * (1.0 + REACH_M / points[:, 2:])  # about the thickness of a person
     surface = np.concatenate([points, behind])
     found = segment_body(view, surface, measure_distances(view, surface), others)
     around = np.where(found.labels == SUBJECT, np.uint8(UNKNOWN), found.labels)
-    inside = [mask[slices(found.window)] for mask in masks]
-    return tuple(replace(found, labels=np.where(mask, np.uint8(SUBJECT), around)) for mask in inside)
+    inside = slices(found.window)
+    return tuple(replace(found, labels=np.where(mask[inside], np.uint8(SUBJECT), around)) for mask in masks)
 
 
 def window_of(view: SceneView, surface: Array) -> Window:

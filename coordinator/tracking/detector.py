@@ -48,7 +48,7 @@ STATURE_STEPS = np.array([0.91, 0.955, 1.0, 1.045, 1.09])  # factors of the best
 GIRTHS = (0.9, 1.05, 1.2, 1.4)
 MATURITIES = (0.0, 0.5, 1.0)  # of a small person: proportions of the mean child, halfway, of an adult
 USUAL_GIRTH = GIRTHS[1]
-CANDIDATES, TURNED = 100, 15
+CANDIDATES, FURTHER = 100, 15  # in the first orientation; in each other one, and for each wider mask
 SURVIVORS, FINALISTS = 16, 4  # distinct candidates after the first stage, and after the second
 FIRST_ITERATIONS, ITERATIONS, LAST_ITERATIONS = 3, 12, 6  # of the first stage, the next ones, and the last
 FEW_POINTS = 1_000  # on which candidates are refined
@@ -94,15 +94,15 @@ class Detector:
     def detect(self, subject: SubjectFrame, noise: SensorNoise, planes: Planes) -> Search:
         """Detect an unknown body in a frame, given the camera's noise and the planes of the room.
 
-        More of what may be the person's is used if a body explains it about as well as less: the best poses
-        so far, and a few more of the library. If no body explains the frame, its largest flat part may be a
-        seat. So the body is searched for again without the points of that part.
+        More of what may be the person's is used if a body explains it about as well as less. There, only the
+        best poses so far and a few of the library, in the first orientation, are refined. If no body explains
+        the frame, its largest flat part may be a seat. So the body is searched for again without its points.
         """
         settings, rolls = assume_noise(self._refine, noise), upright_rolls(planes, self._rolls)
         matched = self._match(subject, self._sizes, rolls)
         shown, best = subject, (yield from self._shortlist(subject, matched, settings, self._sizes))
         for wider in subject.wider:
-            again = (best.poses, best.sizes), self._similar(wider, self._sizes, rolls[0], TURNED)
+            again = (best.poses, best.sizes), self._similar(wider, self._sizes, rolls[0], FURTHER)
             other = yield from self._shortlist(wider, again, settings, self._sizes)
             if other.log_likelihood[0] > best.log_likelihood[0] - ALIKE_LOG_LIKELIHOOD:
                 shown, best = wider, other
@@ -291,7 +291,7 @@ class Detector:
         moved and rotated.
         """
         yield self._similar(subject, sizes, rolls[0], CANDIDATES)
-        others = [self._similar(subject, sizes, roll, TURNED) for roll in rolls[1:]]
+        others = [self._similar(subject, sizes, roll, FURTHER) for roll in rolls[1:]]
         if last is not None:
             model, placed = self._bodies.for_start(*sizes[0]), subject.frame.T_rig_camera
             poses = displaced(model, last, camera_points(subject), self._library.cell_m, placed)

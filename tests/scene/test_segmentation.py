@@ -84,14 +84,18 @@ def test_what_is_not_measured_is_told_apart_in_a_room_and_empty_where_nothing_el
 
 
 def test_pixels_that_are_known_are_the_subject() -> None:
-    """If a person's pixels are given, exactly these are the subject."""
+    """If a person's pixels are given, exactly these are the subject; the rest of a wider mask is unknown."""
     room = Room((TABLE,), noise=0.001)
     frame, truth = room.see(PERSON)
-    (segmentation,) = segment_masks(Scene().see(frame), [truth])
-    kinds = whole(segmentation, truth.shape)
-    np.testing.assert_array_equal(kinds == SUBJECT, truth)
-    assert np.any(kinds == HIDDEN)
-    assert np.any(kinds == EMPTY)
+    part = truth & (np.arange(truth.shape[1]) < np.argwhere(truth)[:, 1].mean())
+    for mask, segmentation in zip(
+        (part, truth), segment_masks(Scene().see(frame), [part, truth]), strict=True
+    ):
+        kinds = whole(segmentation, truth.shape)
+        np.testing.assert_array_equal(kinds == SUBJECT, mask)
+        assert set(kinds[truth & ~mask]) <= {UNKNOWN}
+        assert np.any(kinds == HIDDEN)
+        assert np.any(kinds == EMPTY)
 
 
 def test_of_two_people_each_has_the_nearest_pixels() -> None:
