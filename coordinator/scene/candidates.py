@@ -218,7 +218,7 @@ def join_parts(view: SceneView, person: Candidate, parts: Sequence[Part]) -> Can
 
 def widen(view: SceneView, person: Candidate, parts: Sequence[Part]) -> Candidate:
     """The candidate with its wider masks."""
-    touched, around = person.mask.copy(), binary_dilation(person.mask, iterations=2)
+    touched, around = person.mask.copy(), dilated(person.mask)
     for part in parts:
         if touches(view, person.mask, around, part):
             part.mark(touched)
@@ -233,13 +233,22 @@ def touches(view: SceneView, mask: Mask, around: Mask, part: Part) -> bool:
 
     mask: (H, W) the person's pixels. around: the same, dilated.
     """
-    edge = np.zeros_like(mask)
-    edge[part.window] = part.mask & around[part.window]
-    if not edge.any():
+    outline = part.mask & around[part.window]
+    if not outline.any():
         return False
-    near = mask & binary_dilation(edge, iterations=2)
-    step = np.median(view.depth[edge]) - np.median(view.depth[near])
+    edge = np.zeros_like(mask)
+    edge[part.window] = outline
+    step = np.median(view.depth[edge]) - np.median(view.depth[mask & dilated(edge)])
     return bool(abs(step) < LIMB_STEP_M)
+
+
+def dilated(mask: Mask) -> Mask:
+    """The pixels (H, W), at least one, with those up to two pixels away."""
+    (top, bottom), (left, right) = (np.flatnonzero(mask.any(axis=a))[[0, -1]].tolist() for a in (1, 0))
+    box = slice(max(top - 2, 0), bottom + 3), slice(max(left - 2, 0), right + 3)
+    wide = np.zeros_like(mask)
+    wide[box] = binary_dilation(mask[box], iterations=2)
+    return wide
 
 
 def is_behind(view: SceneView, joined: Sequence[Part], part: Part) -> bool:
