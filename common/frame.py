@@ -89,6 +89,11 @@ class SubjectFrame:
         return (self, *self.others)
 
     @property
+    def widest(self) -> SubjectFrame:
+        """The frame with all that may be the person's."""
+        return self.wider[-1] if self.wider else self
+
+    @property
     def pixels(self) -> int:
         """Number of pixels of the subject in all images."""
         return sum(int(np.count_nonzero(each.frame.depth)) for each in self.views)

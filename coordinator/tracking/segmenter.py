@@ -181,10 +181,10 @@ class Segmenter:
         Returns:
             Everything that the last frame changed.
         """
-        after, widest = dict(changes), searched.wider[-1] if searched.wider else searched
+        after = dict(changes)
         for each in segmented.views:
             name, depth = each.frame.camera, each.view.depth
-            shown = depth_of(widest, name, depth.shape)
+            shown = depth_of(searched.widest, name, depth.shape)
             things = (shown > 0.0) & (abs(depth - shown) < STEP_M)
             for one in (person, *others):
                 things &= depth_of(one, name, depth.shape) == 0.0

@@ -185,7 +185,8 @@ class Tracker:
                 target.scenes = {name: replace(s, learned=NOTHING) for name, s in target.scenes.items()}
             planes = segmented.planes(subject)
             submitted.append(target.submit(segmented.frame, subject, planes, clocks[n], pace))
-            if target.found_in and isinstance(submitted[0], Submitted):  # else the first state is complete
+            # the state of a first person who is already updated cannot change any more
+            if target.found_in and isinstance(submitted[0], Submitted):
                 searched, person = target.found_in
                 others = [each for each in segmented.candidates if each is not searched]
                 others += [each for k, each in enumerate(segmented.subjects) if each and k != n]

@@ -240,7 +240,7 @@ def test_a_person_who_moves_during_a_live_search_is_tracked_soon_after(rates: di
     images, joints = show(human(1.82), np.array(poses))
     frames = [replace(f, number=n, time_s=n / 30) for f, n in zip(images, numbers, strict=True)]
     target = TargetTracker(DirectRefiner(), SETTINGS, known())
-    found, pace, estimates = None, Pace(1 / 30, is_late=True), list[Estimate]()
+    pace, estimates = Pace(1 / 30, is_late=True), list[Estimate]()
     for frame in frames:
         found = target.submit(frame, subject_of(frame, 2000), Planes(), Stopwatch(), pace)
         assert all(iter(target.searching.advance, False))
