@@ -75,7 +75,12 @@ class Memory:
             memory = self._of(run)
             memory.settings = particles.settings
         with self._getting((run, number), waits=particles.spare):
-            return self._observed(memory, run, number, particles.settings)
+            try:
+                return self._observed(memory, run, number, particles.settings)
+            except BusError:
+                if not (memory.frames or memory.observations):
+                    self.forget(run)  # which has ended before its last requests came
+                raise
 
     def observe_ahead(self, run: str) -> None:
         """Observe a run's newest frame, for the settings of its probable request, if there was one before."""

@@ -9,10 +9,12 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from itertools import count
+from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
 
+from common.errors import BusError
 from common.protocol import keys
 from common.protocol.frames import encode_frame
 from common.protocol.messages import encode_request
@@ -43,6 +45,14 @@ def test_memory_is_bounded_and_freed() -> None:
     memory.forget("99")
     memory.observe_ahead("99")
     assert "99" not in memory._runs
+
+
+def test_a_request_of_a_run_that_has_ended_leaves_nothing() -> None:
+    """The news of the end may overtake it."""
+    memory = Memory(cast("Bus", SimpleNamespace(fetch=lambda *_: None)), lambda *_: None)
+    with pytest.raises(BusError, match="not available"):
+        memory.observation(REQUEST)
+    assert len(memory) == 0
 
 
 def test_threads_that_wait_for_one_that_fails_go_on() -> None:
@@ -113,5 +123,5 @@ def test_one_worker_serves_two_runs_and_forgets_who_is_gone(endpoint: str, throu
         released.set()
         results = [as_bytes(each.result()) for each in (held, *waits)]
         assert results == [expected(98), expected(99), expected(99)]
-        assert len(service._memory) == 1
+        wait_until(lambda: len(service._memory) == 1)  # late requests of the other have been refused
         assert two.statistics.counts["batches_sent_again"] == 0
