@@ -86,6 +86,11 @@ class Camera:
     frames: Sequence[DepthFrame]
     log: Log
     number: int = 0
+    time_s: float = 0.0
+
+    def restart(self) -> None:
+        """Begin a new stream: number and time start from zero."""
+        self.number, self.time_s = 0, 0.0
 
     def show(self, count: int, fps: float, shown: Iterator[DepthFrame] | None = None) -> None:
         """Publish so many frames; each is dropped if the link is busy."""
@@ -94,8 +99,8 @@ class Camera:
         for k in range(count):
             time.sleep(max(0.0, began + k / fps - time.monotonic()))
             self.log.sent.append((time.monotonic(), self.number))
-            publisher.put(encode_live(replace(next(of), number=self.number, time_s=self.number / fps)))
-            self.number += 1
+            publisher.put(encode_live(replace(next(of), number=self.number, time_s=self.time_s)))
+            self.number, self.time_s = self.number + 1, self.time_s + 1.0 / fps
 
     def end(self) -> None:
         """End the stream."""
@@ -210,7 +215,7 @@ def enter(data: Path, name: str, entries: int) -> dict[str, Any]:
             rooms = [noisy(empty, rng) for _ in people]
             seen = [(p > 0) & (p < 1e3 * empty) for p in people]  # with the noise of their camera
             inside = [np.where(s, p, r) for s, p, r in zip(seen, people, rooms, strict=True)]
-            camera.number = 0  # a stream begins, so nothing is known of the person before
+            camera.restart()  # so that nothing is known of the person before
             camera.show(SETTLED, FPS)
             began = time.monotonic()
             camera.show(INSIDE, FPS, (replace(room, depth=each) for each in inside))
@@ -280,6 +285,7 @@ def endure(chosen: argparse.Namespace) -> int:
         )
         processes["coordinator"] = run
         bus = open_worker([endpoint])
+        stack.callback(bus.close)
         bus.subscribe(RESULTS, log.receive)
         stack.callback(done.set)
         threading.Thread(target=watch_memory, args=(run.pid, memory, done), daemon=True).start()
@@ -322,7 +328,7 @@ def disturb(
         case "the camera stalls":
             time.sleep(5.0)
         case "the camera restarts":
-            camera.number = 0
+            camera.restart()
             camera.show(5, 30.0, shown)  # that fit each other begin a stream
         case "15 frames a second":
             camera.show(150, 15.0, shown)
@@ -332,9 +338,8 @@ def disturb(
             odd = DepthFrame(0, 0.0, np.full((48, 64), 2000, np.uint16), 1000.0, SMALL)
             camera.show(1, 30.0, iter([odd]))
         case "a frame from the past":
-            camera.number -= 100
-            camera.show(1, 30.0, shown)
-            camera.number += 99
+            past = replace(camera, number=camera.number - 100, time_s=camera.time_s - 3.0)
+            past.show(1, 30.0, shown)
         case "the router restarts":
             processes["router"].kill()
             time.sleep(1.0)
