@@ -19,6 +19,7 @@ import pytest
 from hypothesis import settings
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is loaded
+os.environ.pop("GEPF_DEBUG", None)  # errors are one line, whatever the developer's own settings
 
 settings.register_profile("gepf", deadline=None, derandomize=True, print_blob=True)
 settings.load_profile("gepf")

@@ -95,6 +95,8 @@ def test_a_person_of_a_file_has_its_measures(tmp_path: Path) -> None:
     [
         ({"stature": 1.8, "shoulder_below": 0.02}, "unknown measure 'shoulder_below'; leave it out"),
         ({"stature": 180.0}, "is implausible; give metres"),
+        ({"stature": 1.8, "girth": 0.0}, "give a factor"),
+        ({"stature": 1.8, "thigh": 4.0}, "give metres, about"),
         ({"thigh": "long"}, "Expected `float`, got `str`"),
         ([1.8], "Expected `object`, got `array`; write {measure: metres}"),
     ],

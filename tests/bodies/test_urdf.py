@@ -10,8 +10,7 @@ import trimesh
 import yourdfpy
 from scipy.spatial import cKDTree
 
-from common.arrays import Array
-from common.body import REST_FROM_URDF, ROOT_DOFS, ROTATION, TRANSLATION, BodyModel
+from common.body import REST_FROM_URDF, ROOT_DOFS, ROTATION, TRANSLATION
 from common.kinematics import joint_positions, link_transforms
 from coordinator.bodies.urdf import read_urdf
 from tests.support.refusals import refused
@@ -53,30 +52,19 @@ def crane(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def random_poses(model: BodyModel, count: int = 5) -> Array:
-    """Poses (count, D), root included."""
-    return np.random.default_rng(3).uniform(-0.8, 0.8, (count, len(model.dof_names)))
-
-
-def in_rest_frame(urdf: yourdfpy.URDF, link: str) -> Array:
-    """T_rest_link (3, 4) by the library's own kinematics."""
-    turned: Array = REST_FROM_URDF @ urdf.get_transform(link)[:3]
-    return turned
-
-
 @pytest.mark.parametrize("name", ["arm", "crane"])
 def test_links_go_where_the_library_puts_them(name: str, crane: Path) -> None:
     """Joint origins in any pose are those of yourdfpy's own forward kinematics."""
     path = ARM if name == "arm" else crane
     model = read_urdf(path)
     urdf = yourdfpy.URDF.load(str(path), load_meshes=False)
-    poses = random_poses(model)
+    poses = np.random.default_rng(3).uniform(-0.8, 0.8, (5, len(model.dof_names)))
     poses[:, :6] = 0.0
     for pose, joints in zip(poses, joint_positions(model, poses), strict=True):
         urdf.update_cfg({n: v for n, v in zip(model.dof_names, pose, strict=True) if n not in ROOT_DOFS})
         for joint, at in zip(urdf.robot.joints, joints[1:], strict=True):
             assert model.joint_names[1 + urdf.robot.joints.index(joint)] == joint.name
-            np.testing.assert_allclose(at, in_rest_frame(urdf, joint.child)[:, 3], atol=1e-9)
+            np.testing.assert_allclose(at, REST_FROM_URDF @ urdf.get_transform(joint.child)[:3, 3], atol=1e-9)
 
 
 def test_a_crane_has_its_joints_links_and_limits(crane: Path) -> None:

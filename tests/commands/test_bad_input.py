@@ -15,13 +15,10 @@ from coordinator.bodies.human.template import human
 from coordinator.cli import main
 from tests.support.recordings import write_open3d
 from tests.support.runs import swing, write_run
-from tests.support.stand_ins import no_traces, no_workers  # noqa: F401 a fixture
+from tests.support.stand_ins import no_workers
 
 CAMERA = Intrinsics(8, 6, 10.0, 10.0, 4.0, 3.0)
 Damage = Callable[[Path], object]
-
-
-pytestmark = pytest.mark.usefixtures("no_traces")
 
 
 @pytest.fixture

@@ -14,10 +14,7 @@ from common.errors import BusError
 from coordinator.cli import main
 from coordinator.pool.options import Pool
 from coordinator.results.track import Track, read_track
-from tests.support.stand_ins import Desk, desk, no_traces, sequence, workers  # noqa: F401 fixtures
-
-pytestmark = pytest.mark.usefixtures("no_traces")
-
+from tests.support.stand_ins import Desk, desk, sequence, workers  # noqa: F401 fixtures
 
 Tracked = Callable[..., tuple[Track, dict[str, Any]]]
 

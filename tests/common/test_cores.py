@@ -12,12 +12,6 @@ from common.cores import usable_cores
 ALLOWED = len(os.sched_getaffinity(0))
 
 
-def write(file: Path, text: str) -> None:
-    """Write a file and the folders above it."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    file.write_text(text, encoding="utf-8")
-
-
 @pytest.mark.parametrize(
     ("files", "cores"),
     [
@@ -41,5 +35,6 @@ def test_quotas_of_control_groups_limit_the_affinity(
 ) -> None:
     """Quotas of all groups of the process; unreadable ones set no limit."""
     for name, text in files.items():
-        write(tmp_path / name, text)
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text, encoding="utf-8")
     assert usable_cores(tmp_path / "groups", tmp_path / "membership") == cores

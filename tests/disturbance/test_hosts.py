@@ -16,7 +16,7 @@ import pytest
 
 from tests.support.processes.network import Network, NotAllowed
 from tests.support.processes.place import Place, recorded
-from tests.support.processes.warm_processes import coordinate
+from tests.support.processes.warm_processes import coordinate, gepf
 
 pytestmark = pytest.mark.slow
 
@@ -26,13 +26,6 @@ WORKERS = ("w0", "w1", "w2")
 PATIENCE = 180.0  # seconds for whatever must happen, on a busy machine, too
 PORT = 7447
 DONE = "a batch is done"
-
-
-def route(address: str) -> None:
-    """`gepf router`."""
-    from coordinator.cli import main
-
-    main(["router", "--listen", f"tcp/{address}:{PORT}", "--insecure"])
 
 
 def work_slowly(endpoint: str, name: str) -> None:
@@ -65,7 +58,7 @@ class Site:
 
     def start_router(self) -> None:
         """Let all meet."""
-        self._start("router", route, self.hosts["router"].address)
+        self._start("router", gepf, "router", "--listen", self.endpoint, "--insecure")
 
     def start_all(self) -> None:
         """The router, the workers and the run; returns when frames are recorded and all workers take part."""

@@ -13,7 +13,6 @@ import signal
 import socket
 import subprocess
 import sys
-import time
 import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -26,6 +25,7 @@ from typer.main import get_command
 
 from coordinator.cli import app
 from tests.support.processes.certificates import free_port
+from tests.support.processes.programs import wait_until
 from worker.cli import work
 
 ROOT = Path(__file__).parents[2]
@@ -218,7 +218,7 @@ def test_the_readme_runs_as_printed(folder: Path) -> None:
                 type_in(folder, line)
         elif line.startswith("gepf view"):
             with running(folder, line):
-                wait_for(9090)
+                wait_until(lambda: answers(9090), PATIENCE)
         else:
             type_in(folder, line)
     assert {"run", "shared", "live", "walk.bvh"} <= {path.name for path in folder.iterdir()}
@@ -236,15 +236,10 @@ def running(folder: Path, line: str, *, ends: bool = False) -> Iterator[None]:
             process.send_signal(signal.SIGINT)
 
 
-def wait_for(port: int) -> None:
-    """Until something answers at a port of this host."""
-    end = time.monotonic() + PATIENCE
-    while time.monotonic() < end:
-        with socket.socket() as link:
-            if link.connect_ex(("127.0.0.1", port)) == 0:
-                return
-        time.sleep(0.2)
-    pytest.fail(f"nothing answers at port {port}")
+def answers(port: int) -> bool:
+    """Whether something answers at a port of this host."""
+    with socket.socket() as link:
+        return link.connect_ex(("127.0.0.1", port)) == 0
 
 
 BEHIND = {"scipy"}  # numba calls its LAPACK where a kernel has np.linalg

@@ -64,11 +64,6 @@ def heading(level: Array, turned: Array) -> Array:
     return found
 
 
-def assert_same_but_heading(level: Array, turned: Array, within: float) -> None:
-    """Places (..., 3) with y up are the same after a turn about the vertical."""
-    assert np.abs(level @ heading(level, turned).T - turned).max() < within
-
-
 def test_bvh_glb_trc_and_c3d_stand_upright(runs: tuple[Path, Path, BodyModel]) -> None:
     """Independent readers find every joint as with the level camera, except for the heading."""
     *folders, model = runs
@@ -84,7 +79,7 @@ def test_bvh_glb_trc_and_c3d_stand_upright(runs: tuple[Path, Path, BodyModel]) -
         found["glb"].append(gltf_joints(folder.with_suffix(".glb"), model))
     for level, turned in found.values():
         assert level.shape == turned.shape == (4, len(model.joint_names), 3)
-        assert_same_but_heading(level, turned, 2e-4)
+        assert np.abs(level @ heading(level, turned).T - turned).max() < 2e-4
 
 
 def gltf_joints(path: Path, model: BodyModel) -> Array:

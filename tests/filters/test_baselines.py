@@ -21,7 +21,7 @@ from coordinator.bodies.choice import choose_bodies
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import pose_by_name
 from coordinator.filters.baselines import Annealed, Condensation, find_power, survival
-from coordinator.filters.belief import Belief, mean_pose
+from coordinator.filters.belief import mean_pose
 from coordinator.filters.methods import METHODS, Method, baseline, settings_for
 from coordinator.synthesis.scenes import ARM_DOFS, arm
 from coordinator.tracking.estimate import MAX_HYPOTHESES
@@ -43,17 +43,6 @@ def peak(centre: Array, deviation: float) -> Callable[[Array], Refined]:
         return Refined(poses, -0.5 * (apart / deviation) ** 2, apart)
 
     return assess
-
-
-def follow(
-    method: str | Method, path: Array, deviation: float, settings: FilterSettings, seed: int = 0
-) -> list[Belief]:
-    """A method after each frame of a path (F, 2) of the likelihood's peak."""
-    begin = (METHODS[method] if isinstance(method, str) else method).begin
-    rng, found = np.random.default_rng(seed), [begin(hinges(), path[0], settings)]
-    for centre in path:
-        found.append(advance(method, hinges(), found[-1], peak(centre, deviation), settings, rng))
-    return found[1:]
 
 
 # The annealing schedule
@@ -95,8 +84,10 @@ def test_layers_diffuse_less_and_less() -> None:
 def test_a_moving_peak_is_followed(method: str) -> None:
     """At a steady 3 degrees a frame, with noise of 2, a sharp likelihood is followed without lagging."""
     path = np.deg2rad(3.0) * np.arange(30)[:, None] * np.array([1.0, -1.0])
-    found = follow(method, path, np.deg2rad(1.0), SETTINGS)
-    errors = np.rad2deg([np.abs(belief.reported - p) for belief, p in zip(found, path, strict=True)])
+    rng, found = np.random.default_rng(0), [METHODS[method].begin(hinges(), path[0], SETTINGS)]
+    for centre in path:
+        found.append(advance(method, hinges(), found[-1], peak(centre, np.deg2rad(1.0)), SETTINGS, rng))
+    errors = np.rad2deg([np.abs(belief.reported - p) for belief, p in zip(found[1:], path, strict=True)])
     assert errors[5:].mean() < 0.5
 
 

@@ -11,7 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from common.arrays import Array
 from common.body import ROTATION
 from common.kinematics import difference, retract
 from common.refinement import Refined, lower_triangular
@@ -59,12 +58,6 @@ def test_groups_are_those_of_the_mahalanobis_distance(seed: int, count: int) -> 
     assert chosen.tolist() == expected
 
 
-def refined(poses: Array, roots: Triangles | None) -> Refined:
-    """Particles that stay where they are, the first the likeliest."""
-    count = len(poses)
-    return Refined(poses, -np.arange(count, dtype=np.float64), np.full(count, 0.01), roots)
-
-
 @pytest.mark.parametrize(
     ("name", "particles", "refine", "asks"),
     [
@@ -93,7 +86,7 @@ def test_an_update_merges_by_it() -> None:
     proposal = propose(model, past, NOTHING_SEEN, DEFAULT, rng)
     wide = np.where(model.kinds == ROTATION, 0.5, 0.05).astype(np.float32)
     roots = np.tile(np.diag(wide)[np.tri(19, dtype=bool)], (20, 1))
-    after = refined(1e-3 * proposal.poses, roots)
+    after = Refined(1e-3 * proposal.poses, -np.arange(20.0), np.full(20, 0.01), roots)
     found = update(model, proposal, after, DEFAULT, rng)
     assert len(found.poses) == 1
     group = np.zeros(20, dtype=np.int64)

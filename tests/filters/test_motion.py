@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from common.arrays import Array
 from common.body import ROOT_DOFS, ROTATION, BodyModel
@@ -28,19 +27,6 @@ BASE = np.isin(MODEL.dof_names, ROOT_DOFS)
 def deviations(model: BodyModel, turn: float, slide: float) -> Array:
     """Of each degree of freedom (D,)."""
     return np.where(model.kinds == ROTATION, turn, slide)
-
-
-def packed(covariance: Array) -> NDArray[np.float32]:
-    """Its Cholesky factor as it travels, (1, D (D + 1) / 2)."""
-    root = np.linalg.cholesky(covariance)
-    triangle: NDArray[np.float32] = root[np.tri(len(root), dtype=bool)][None].astype(np.float32)
-    return triangle
-
-
-def covariances_of(roots: NDArray[np.float32]) -> Array:
-    """As they were before they were packed."""
-    lower = lower_triangular(roots, DOFS)
-    return lower @ lower.transpose(0, 2, 1)
 
 
 def some_poses(rng: np.random.Generator) -> tuple[Array, Array]:
@@ -94,9 +80,7 @@ def test_a_held_pose_is_the_likeliest_given_frame_and_motion(seed: int, interval
 def test_nothing_is_held_beyond_its_limits() -> None:
     """An elbow predicted beyond its limit is straight."""
     refined, _ = some_poses(np.random.default_rng(0))
-    single = np.ones(DOFS, dtype=bool)
-    single[[b + k for b in MODEL.balls for k in range(3)]] = False
-    bounded = single & ~BASE & np.isfinite(MODEL.limits).all(axis=1)
+    bounded = MODEL.single & ~BASE & np.isfinite(MODEL.limits).all(axis=1)
     assert bounded.any()
     expected = np.where(bounded, MODEL.limits[:, 1] + 0.3, refined)
     found = np.diag(deviations(MODEL, *WEAK) ** 2)[None]
@@ -111,10 +95,12 @@ def test_each_particle_is_held_about_its_own_way_on() -> None:
     expected, poses = 0.1 * rng.standard_normal((2, *drawn.poses.shape))
     proposal = replace(drawn, expected=expected)
     likelihood = np.arange(len(poses), dtype=np.float64)
-    roots = np.tile(packed(np.diag(deviations(MODEL, 0.01, 0.001) ** 2)), (len(poses), 1))
+    root = np.diag(deviations(MODEL, 0.01, 0.001))[np.tri(DOFS, dtype=bool)].astype(np.float32)
+    roots = np.tile(root, (len(poses), 1))
     after = Refined(poses, likelihood, np.full(len(poses), 0.01), roots)
     found = update(MODEL, proposal, after, settings, rng)
     order = np.arange(len(poses))[::-1]
-    held = fuse_with_prediction(MODEL, poses[order], covariances_of(roots[order]), expected[order], INTERVAL)
+    covariances = lower_triangular(roots, DOFS) ** 2  # diagonal
+    held = fuse_with_prediction(MODEL, poses[order], covariances, expected[order], INTERVAL)
     np.testing.assert_allclose(found.poses, held, atol=1e-12)
     np.testing.assert_allclose(found.velocities, difference(MODEL, np.zeros_like(held), held) / INTERVAL)

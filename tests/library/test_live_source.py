@@ -7,7 +7,6 @@ import subprocess
 import sys
 import threading
 import time
-from multiprocessing.process import BaseProcess
 from pathlib import Path
 
 import msgspec
@@ -87,17 +86,12 @@ def test_the_example_runs(endpoint: str, tmp_path: Path) -> None:
     write_small_sequence(tmp_path / "seq", 6)
     example = (sys.executable, "-m", "examples.live_tracking")
     tracking = [*example, KEY, endpoint, str(tmp_path / "seq" / "init.json")]
+    play = ("publish", str(tmp_path / "seq"), "--key", KEY, "--connect", endpoint, "--rate", "30")
     with subprocess.Popen(tracking, cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
-        publisher = publish(tmp_path, endpoint, "--rate", "30")
+        publisher = start(gepf_command, *play, log=tmp_path / "publisher.log")
         lines = process.communicate(timeout=120.0)[0].splitlines()
         publisher.join(60.0)
     assert publisher.exitcode == 0
     assert re.match(r"frame \d tracked: ", lines[0])  # the newest that came; on a busy machine not frame 0
     assert lines[-2].startswith("frame 5 ")
     assert lines[-1].endswith(" of 6 frames were skipped")
-
-
-def publish(folder: Path, endpoint: str, *options: str) -> BaseProcess:
-    """`gepf publish` of the sequence in a folder."""
-    played = ("publish", str(folder / "seq"), "--key", KEY, "--connect", endpoint, *options)
-    return start(gepf_command, *played, log=folder / "publisher.log")

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from dataclasses import replace
 from itertools import count
 from types import SimpleNamespace
@@ -72,13 +71,6 @@ def test_threads_that_wait_for_one_that_fails_go_on() -> None:
     assert next(tries) == 2
 
 
-@contextmanager
-def worker(connect: list[str], kernel: Kernel) -> Iterator[Service]:
-    """A worker in a thread."""
-    with open_worker(connect) as bus, running(Service(bus, "w", kernel)) as service:
-        yield service
-
-
 @pytest.mark.parametrize("through", ["a router", "links of its own"])
 def test_one_worker_serves_two_runs_and_forgets_who_is_gone(endpoint: str, through: str) -> None:
     """Each has its own frames of one number, and its own bytes; when one ends, the other goes on.
@@ -104,7 +96,8 @@ def test_one_worker_serves_two_runs_and_forgets_who_is_gone(endpoint: str, throu
         if through == "a router":
             stack.enter_context(open_router([endpoint]))
         one, two = (stack.enter_context(ZenohRefiner(each)) for each in options)
-        service = stack.enter_context(worker(connect, Kernel(observe, hold)))
+        bus = stack.enter_context(open_worker(connect))
+        service = stack.enter_context(running(Service(bus, "w", Kernel(observe, hold))))
         for number in range(4):
             shown = frame(10 + number)
             again = replace(shown, frame=replace(shown.frame, number=number))

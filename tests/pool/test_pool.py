@@ -327,24 +327,12 @@ def test_of_many_answers_the_first_counts(endpoint: str) -> None:
     assert answers.empty()
 
 
-class Client:
-    """Asks a worker directly."""
-
-    def __init__(self, bus: Bus, worker: str) -> None:
-        self.sender = bus.request_sender(keys.of_worker(worker, "refine"), 10.0)
-
-    def ask(self, payload: bytes) -> tuple[str, bytes]:
-        """How it ended, and with which payload."""
-        came: SimpleQueue[tuple[str, bytes]] = SimpleQueue()
-        self.sender.send(payload, lambda ending, answer: came.put((ending, answer)))
-        return came.get(timeout=60.0)
-
-
 def test_a_request_that_cannot_be_served_gets_a_reason(endpoint: str) -> None:
     """Rubbish, a run or a frame that is not there, and poses of another model; the next one is served."""
     with pool(endpoint) as refiner, serving(endpoint, "w"), open_worker([endpoint]) as bus:
         refined_bytes(refiner, 1)
-        client, request = Client(bus, "w"), replace(REQUEST, run=refiner.run)
+        sender = bus.request_sender(keys.of_worker("w", "refine"), 10.0)
+        came, request = SimpleQueue[tuple[str, bytes]](), replace(REQUEST, run=refiner.run)
         for payload, reason in (
             (b"\xc1nonsense", "not a request message"),
             (encode_request(REQUEST), "frame 1 of run ghost is not available"),
@@ -355,7 +343,8 @@ def test_a_request_that_cannot_be_served_gets_a_reason(endpoint: str) -> None:
                 "poses of 5 values for a model of 6",
             ),
         ):
-            kind, answer = client.ask(payload)
+            sender.send(payload, lambda *how: came.put(how))
+            kind, answer = came.get(timeout=60.0)
             assert kind == "refusal"
             assert re.match(reason, decode_refusal(answer).reason)
         assert refined_bytes(refiner, 2) == expected(2)

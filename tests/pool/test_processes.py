@@ -24,7 +24,7 @@ from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
 from coordinator.tracking.preparation import unmoved
 from tests.support.processes.programs import INSTANT, is_alive, started, wait_until
-from tests.support.processes.serving import MODEL, PARTICLES, expected, frame, refined_bytes
+from tests.support.processes.serving import MODEL, PARTICLES, expected, frame, pool, refined_bytes
 from tests.support.processes.warm_processes import end, start
 from worker.cli import exit_with, serve
 from worker.connection import Identity
@@ -143,11 +143,10 @@ def test_workers_end_with_their_coordinator(number: signal.Signals, tmp_path: Pa
     wait_until(lambda: not any(is_alive(pid) for pid in pids))
 
 
-def test_outside_worker_serves_until_a_signal(tmp_path: Path) -> None:
+def test_outside_worker_serves_until_a_signal(endpoint: str) -> None:
     """A `gepf-worker` started before its coordinator connects, serves, reports it, and ends with 0."""
-    endpoint = f"unixsock-stream/{tmp_path / 'bus'}"
     with started("--connect", endpoint, "--name", "outside", "--lanes", "2") as process:
-        with ZenohRefiner(Pool(workers=0, listen=endpoint, worker_timeout=60.0)) as refiner:
+        with pool(endpoint) as refiner:
             refiner.wait_for(1)
             refined = refiner.submit(frame(1), MODEL, PARTICLES).result()
             assert refined.poses.shape == PARTICLES.poses.shape
@@ -160,13 +159,9 @@ def test_outside_worker_serves_until_a_signal(tmp_path: Path) -> None:
         assert f"gepf-worker: outside serves {endpoint} with 2 lanes" in lines
 
 
-def test_idle_worker_is_idle(tmp_path: Path) -> None:
+def test_idle_worker_is_idle(endpoint: str) -> None:
     """A worker without requests uses almost no processor time."""
-    endpoint = f"unixsock-stream/{tmp_path / 'bus'}"
-    with (
-        ZenohRefiner(Pool(workers=0, listen=endpoint, worker_timeout=60.0)) as refiner,
-        started("--connect", endpoint, command=INSTANT) as process,
-    ):
+    with pool(endpoint) as refiner, started("--connect", endpoint, command=INSTANT) as process:
         refiner.wait_for(1)
         wait_until(
             lambda: psutil.Process(process.pid).cpu_percent(1.0) < 10.0

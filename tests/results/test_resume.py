@@ -25,9 +25,7 @@ from coordinator.tracking.target import TargetTracker
 from gepf.refiners import DirectRefiner
 from tests.support.people import STANDING, OnePerson, as_bytes, empty, known, shown
 from tests.support.rooms import in_a_room
-from tests.support.stand_ins import Desk, desk, no_traces, sequence, workers  # noqa: F401 fixtures
-
-pytestmark = pytest.mark.usefixtures("no_traces")
+from tests.support.stand_ins import Desk, desk, sequence, workers  # noqa: F401 fixtures
 
 
 def recorded_state(file: BinaryIO, state: TrackerState, estimate: Estimate) -> TrackerState:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import socket
 from collections.abc import Iterator
 from dataclasses import fields, replace
 from pathlib import Path
@@ -24,6 +23,7 @@ from coordinator.sources.ros2 import Node
 from tests.results.test_live_results import estimate, nobody
 from tests.support.bodies import person
 from tests.support.live import AT_TWO_METRES, at_work, plate_image, tracking
+from tests.support.processes.certificates import free_port
 from tests.support.processes.programs import in_thread, wait_until
 from tests.support.ros import CAMERA, IMAGE, camera_of, header_of, image_of
 
@@ -70,8 +70,7 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Peer]:
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(types.generate_msgdef(kind, ros_version=2)[0].split("=" * 80)[0])
     peer.get_registry().messages_dir = folder
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        port = free.getsockname()[1]
+    port = free_port()
     with open_router([f"tcp/127.0.0.1:{port}"]):
         robot = Peer(port)
         yield robot

@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 
 import gepf
-from common.arrays import Array
 from common.body import BodyModel
-from common.kinematics import joint_positions
 from coordinator.bodies.urdf import read_urdf
 from coordinator.pictures.plots import curves_of
 from coordinator.results.evaluation import Truth
@@ -45,7 +43,9 @@ def test_the_library_gives_metres_and_never_degrees(gantry: BodyModel, tmp_path:
     poses[:, gantry.dof("root_tx")] = np.linspace(0.0, 8.0, FRAMES)  # which no turn may be taken off
     track = write_run(tmp_path / "run", gantry, poses)
     run = gepf.load(tmp_path / "run")
-    estimate = estimate_of(gantry, poses[0])
+    joints = track.joint_positions[0]
+    plain = Estimate(0, 0.0, "tracked", poses[0], joints, poses[:1], np.ones(1), 0.01)
+    estimate = named(plain, gantry, {})
     for name in ("main_lift", "root_tx"):
         at = gantry.dof(name)
         assert np.array_equal(run.angle(name), track.pose[:, at])
@@ -60,13 +60,6 @@ def test_the_library_gives_metres_and_never_degrees(gantry: BodyModel, tmp_path:
     table = run.to_dataframe()
     assert np.array_equal(table["main_lift"], run.angle("main_lift"))
     assert not {"main_lift_deg", "root_tx_deg"} & set(table.columns)
-
-
-def estimate_of(model: BodyModel, pose: Array) -> gepf.Estimate:
-    """One frame of it."""
-    joints = joint_positions(model, pose[None])[0]
-    plain = Estimate(0, 0.0, "tracked", pose, joints, pose[None], np.ones(1), 0.01)
-    return named(plain, model, {})
 
 
 def test_opensims_file_has_what_slides_in_metres(gantry: BodyModel, tmp_path: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import threading
 import time
 from collections.abc import Iterable, Iterator, Mapping
@@ -17,6 +16,7 @@ from common.protocol.frames import LIVE_END, encode_live
 from coordinator.cli import main
 from coordinator.results.track import read_track
 from coordinator.sources import open_source
+from coordinator.sources.rig import RigCamera, write_rig
 from tests.support import live
 
 KEYS = {"front": "rig/front", "back": "rig/back"}
@@ -29,18 +29,11 @@ def image(name: str, number: int) -> bytes:
     return encode_live(live.plate_image(number, 2000 + number % 3, time_s))
 
 
-def write_rig(folder: Path) -> Path:
+def rig_of(folder: Path) -> Path:
     """The rig file of both cameras at one place."""
-    listed = [
-        {
-            "name": name,
-            "sequence": f"zenoh:{key}",
-            "T_rig_camera": np.eye(4).tolist(),
-            "time_offset_s": offset,
-        }
-        for (name, key), offset in zip(KEYS.items(), (0.0, OFFSET_S), strict=True)
-    ]
-    (folder / "rig.json").write_text(json.dumps({"cameras": listed}))
+    late = {"front": 0.0, "back": OFFSET_S}
+    cameras = [RigCamera(name, f"zenoh:{key}", np.eye(4).tolist(), late[name]) for name, key in KEYS.items()]
+    write_rig(folder / "rig.json", cameras)
     return folder / "rig.json"
 
 
@@ -66,7 +59,7 @@ def test_a_camera_that_leaves_and_comes_back_is_used_again(endpoint: str, tmp_pa
     numbers = {n: n if n < 8 else n - 14 for n in range(24) if not 8 <= n < 14}
     shown = [({"back": numbers[n]} if n in numbers else {}) | {"front": n} for n in range(24)]
     options = {"listen": endpoint, "particles": 20, "record": tmp_path / "kept", "publish": "rig/person"}
-    command = live.tracking(str(write_rig(tmp_path)), tmp_path / "run", "--no-pictures", **options)
+    command = live.tracking(str(rig_of(tmp_path)), tmp_path / "run", "--no-pictures", **options)
     with (
         staged(endpoint, shown, live.until_recorded(tmp_path / "run")),
         live.listening(endpoint, "rig/person") as listener,
@@ -90,7 +83,7 @@ def test_the_library_follows_a_live_rig(endpoint: str, tmp_path: Path) -> None:
     arrived, frames = threading.Semaphore(0), []
     shown = ({"back": n, "front": n} for n in range(9))
     with staged(endpoint, shown, live.until_released(arrived)):
-        for frame in gepf.live(write_rig(tmp_path), listen=endpoint, idle_timeout=60.0):
+        for frame in gepf.live(rig_of(tmp_path), listen=endpoint, idle_timeout=60.0):
             frames.append(frame)
             arrived.release()
     assert frames[-1].number >= 8

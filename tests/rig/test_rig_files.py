@@ -13,6 +13,7 @@ import pytest
 from common.camera import Intrinsics
 from common.errors import InputError
 from coordinator.sources import open_source
+from coordinator.sources.rig import RigCamera, write_rig
 from tests.support.recordings import write_open3d
 
 IDENTITY = np.eye(4).tolist()
@@ -23,11 +24,8 @@ def write(folder: Path, offsets: dict[str, float], frames: int = 5) -> Path:
     for name in offsets:
         depth = np.full((frames, 6, 8), 1000, np.uint16) + np.arange(frames, dtype=np.uint16)[:, None, None]
         write_open3d(folder / name, depth, Intrinsics(8, 6, 10.0, 10.0, 3.5, 2.5))
-    cameras = [
-        {"name": name, "sequence": name, "T_rig_camera": IDENTITY, "time_offset_s": offset}
-        for name, offset in offsets.items()
-    ]
-    (folder / "rig.json").write_text(json.dumps({"cameras": cameras}))
+    cameras = [RigCamera(name, name, IDENTITY, offset) for name, offset in offsets.items()]
+    write_rig(folder / "rig.json", cameras)
     return folder / "rig.json"
 
 

@@ -12,9 +12,8 @@ from common.arrays import Mask
 from coordinator.scene.candidates import candidates
 from coordinator.scene.scene import Scene, SceneView
 from coordinator.scene.segmentation import measure_distances, segment_body
-from tests.support.rooms import CABINET, Room
+from tests.support.rooms import CABINET, PERSON, Room
 
-PERSON = (-0.4, 2.6)
 CHAIR = ((0.5, 0.4, 2.3), (0.9, 1.1, 2.7))
 
 

@@ -16,9 +16,7 @@ from coordinator.scene.scene import Scene
 from coordinator.scene.scope import Scope
 from coordinator.scene.segmentation import measure_distances, segment_body
 from tests.support import rooms
-from tests.support.rooms import CABINET, HEIGHT, TABLE, Room
-
-PERSON = (-0.4, 2.6)
+from tests.support.rooms import CABINET, HEIGHT, PERSON, TABLE, Room
 
 
 def found_in(room: Room, person: tuple[float, float] | None) -> list[Candidate]:

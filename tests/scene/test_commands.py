@@ -26,10 +26,7 @@ from coordinator.sources.background import read_background
 from coordinator.tracking.segmenter import PosedBody, Segmenter
 from tests.support.people import STANDING, shown
 from tests.support.recordings import write_open3d
-from tests.support.rooms import CABINET, CAMERA, HEIGHT, Room, in_a_room
-
-PERSON = (-0.4, 2.6)
-
+from tests.support.rooms import CABINET, CAMERA, HEIGHT, PERSON, Room, in_a_room
 
 asked = partial(TrackOptions, sequences=[Path("recording")], out=Path("run"))
 

@@ -9,9 +9,7 @@ from numpy.typing import NDArray
 from common.arrays import Array
 from coordinator.scene.noise import fit_noise
 from coordinator.scene.planes import Planes, find_planes, follow_planes, refit, sample_rays
-from tests.support.rooms import CABINET, CAMERA, HEIGHT, TABLE, WALL, Box, Room
-
-PERSON = (-0.4, 2.6)
+from tests.support.rooms import CABINET, CAMERA, HEIGHT, PERSON, TABLE, WALL, Box, Room
 
 
 def planes_of(room: Room) -> Planes:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import subprocess
 import sys
@@ -21,9 +22,7 @@ from coordinator.scene.segmentation import (
     segment_body,
     segment_masks,
 )
-from tests.support.rooms import CABINET, TABLE, Box, Room
-
-PERSON = (-0.4, 2.6)
+from tests.support.rooms import CABINET, PERSON, TABLE, Box, Room
 
 
 def whole(cut: Segmentation, shape: tuple[int, int]) -> NDArray[np.uint8]:
@@ -123,16 +122,15 @@ def test_no_place_of_a_body_reads_beyond_the_picture() -> None:
 
 
 def segment_everywhere() -> None:
-    """Segment bodies beside small frames, behind them, at the camera, far away and at the border."""
-    for x, z in ((9.0, 2.0), (0.0, -1.0), (0.0, 0.05), (0.0, 60.0), (-1.15, 2.0)):
-        segment_at(x, z)
+    """Segment bodies beside small frames, behind them, at the camera, far away and at the border.
 
-
-def segment_at(x: float, z: float) -> None:
-    """Segment bodies in small frames, one of them empty, which raises where an index is out of bounds."""
-    surface = np.random.default_rng(0).uniform(-0.01, 0.01, (20, 3)) + np.array([x, 0.0, z])
+    One of the frames is empty. Where an index is out of bounds, this raises.
+    """
+    cloud = np.random.default_rng(0).uniform(-0.01, 0.01, (20, 3))
     camera = Intrinsics(16, 12, 14.0, 14.0, 7.5, 5.5)
-    for units in (0, 1, 2000, 60_000):
+    places = (9.0, 2.0), (0.0, -1.0), (0.0, 0.05), (0.0, 60.0), (-1.15, 2.0)
+    for (x, z), units in itertools.product(places, (0, 1, 2000, 60_000)):
+        surface = cloud + np.array([x, 0.0, z])
         frame = DepthFrame(0, 0.0, np.full((12, 16), units, np.uint16), 1000.0, camera)
         scene = Scene(np.full((12, 16), 3.0, np.float32))
         view = scene.see(frame)

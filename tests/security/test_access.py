@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from pathlib import Path
 from queue import SimpleQueue
@@ -26,7 +25,7 @@ from tests.support.processes.certificates import (
     listening,
     secure_worker,
 )
-from tests.support.processes.programs import INSTANT, started, wait_until
+from tests.support.processes.programs import GEPF, INSTANT, started, wait_until
 from tests.support.processes.serving import REQUEST, expected, refined_bytes
 from worker.connection import Identity, check_admission
 
@@ -140,8 +139,7 @@ def test_router_file_is_what_a_router_takes(tmp_path: Path, ours: Folder) -> Non
 @pytest.mark.slow
 def test_router_process_routes_until_a_signal(place: str, ours: Folder) -> None:
     """`gepf router` lets a run and a worker meet, and ends with 0."""
-    command = (sys.executable, "-m", "coordinator.cli", "router")
-    with started("--listen", place, *ours.options("router"), command=command) as process:
+    with started("router", "--listen", place, *ours.options("router"), command=GEPF) as process:
         security = Security(ours.of("coordinator"))
         with secure_worker(place, ours, "w0"):
             options = Pool(workers=0, connect=place, security=security, worker_timeout=60.0)

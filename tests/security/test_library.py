@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from contextlib import ExitStack, nullcontext
 from pathlib import Path
@@ -14,12 +13,11 @@ import gepf
 from common.transport.opening import open_coordinator, open_router
 from tests.support.people import SETTINGS, STANDING, shown
 from tests.support.processes.certificates import Folder, secure_worker
-from tests.support.processes.programs import started
+from tests.support.processes.programs import GEPF, started
 from tests.support.refusals import refused
 from tests.support.small_sequence import write_small_sequence
 
 KEY = "gepf/live/depth"
-GEPF = (sys.executable, "-m", "coordinator.cli")
 
 
 def files_of(folder: Folder, name: str) -> gepf.TlsFiles:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Generator, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -90,35 +90,12 @@ def test_a_published_camera_is_tracked_and_kept(endpoint: str, tmp_path: Path) -
     assert len(arrived) >= len(came) - 1
 
 
-class Silent:
-    """An outlet to which nobody listens."""
-
-    has_subscriber = False
-
-    def put(self, payload: bytes) -> None:
-        """Send nothing."""
-
-    def put_blocking(self, payload: bytes) -> None:
-        """Send nothing."""
-
-
-class Off(StillWorkers):
-    """Workers on a bus without others."""
-
-    def speak(self, key: str) -> Silent:
-        """To no one."""
-        del key
-        return Silent()
-
-
 def test_a_camera_is_tracked_in_one_command(tmp_path: Path) -> None:
     """The kept frames are recorded ones, and each is in the results."""
     spec, out, kept = film(tmp_path, acceleration=TILTED, pause_s=0.3), tmp_path / "run", tmp_path / "kept"
     (tmp_path / "init.json").write_text('{"root_tz": 2.0, "r_elbow_flexion": 0.5}')
-    assert Off().track(Path(spec), out, "--init", str(tmp_path / "init.json"), "--record", str(kept)) in (
-        0,
-        3,
-    )
+    options = ("--init", str(tmp_path / "init.json"), "--record", str(kept))
+    assert StillWorkers().track(Path(spec), out, *options) in (0, 3)
     track, frames = read_track(out), [*open_source(kept)]
     assert track.frame.tolist() == [frame.number for frame in frames]
     assert len(frames) > 1
@@ -165,17 +142,10 @@ def test_a_camera_that_comes_back_is_picked_up(monkeypatch: pytest.MonkeyPatch) 
     assert camera.dropped == 0
 
 
-@contextmanager
-def no_package(name: str) -> Iterator[None]:
-    """Without a package."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(__import__("sys").modules, name, None)
-        yield
-
-
-def test_each_problem_has_one_line_with_its_remedy(tmp_path: Path) -> None:
+def test_each_problem_has_one_line_with_its_remedy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """No package, no device, a device without permission, and one that is in use."""
-    with no_package("pyk4a"), pytest.raises(InputError, match=r"pip install 'gepf\[azure-kinect\]'"):
+    monkeypatch.setitem(sys.modules, "pyk4a", None)
+    with pytest.raises(InputError, match=r"pip install 'gepf\[azure-kinect\]'"):
         AttachedCamera("azure-kinect:", print)
     with pytest.raises(InputError, match="no RealSense camera is connected to this host"):
         AttachedCamera("realsense:", print)

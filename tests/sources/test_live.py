@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import signal
 import socket
-import sys
 import threading
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -32,13 +31,12 @@ from tests.support.live import (
     tracking,
     until_recorded,
 )
-from tests.support.processes.programs import started, wait_until
+from tests.support.processes.programs import GEPF, started, wait_until
 from tests.support.processes.warm_processes import gepf, start
 from tests.support.recordings import write_open3d
 
 TRIES = 5  # at being on time, which a machine that is busy may miss
 PATIENT = 0.5  # seconds, on a machine that is busy; alone, 394 messages took 7 to 24 ms
-GEPF = (sys.executable, "-m", "coordinator.cli")
 
 
 @contextmanager

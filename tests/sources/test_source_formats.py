@@ -144,11 +144,6 @@ def cut(path: Path, share: float = 0.5) -> None:
     path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
 
 
-def remove(path: Path) -> None:
-    """Delete a file."""
-    path.unlink()
-
-
 def text(content: str) -> Callable[[Path], object]:
     """Write a text."""
     return lambda path: path.write_text(content)
@@ -167,7 +162,7 @@ def arrays(**values: object) -> Callable[[Path], None]:
 DAMAGES: list[tuple[str, str, Callable[[Path], object], str]] = [
     ("tum", "depth.txt", text("# nothing\n"), "depth.txt has 0 times for 3 pictures"),
     ("tum", "depth.txt", lambda path: path.write_bytes(b"\xff\xfe\x00"), "is not a readable text"),
-    ("tum", "camera_intrinsic.json", remove, "frame 0 is 320x240, but its camera 640x480"),
+    ("tum", "camera_intrinsic.json", Path.unlink, "frame 0 is 320x240, but its camera 640x480"),
     ("tum", "camera_intrinsic.json", text("{"), "camera_intrinsic.json"),
     ("ply", "cloud_1.ply", cut, "cloud_1.ply is damaged"),
     ("ply", "x.pcd", text(""), "holds both .ply and .pcd"),

@@ -26,6 +26,7 @@ PARTS = (
 )
 TABLE: Box = ((-0.7, 0.55, 1.7), (0.7, 0.75, 2.0))
 CABINET: Box = ((0.5, 0.0, 2.4), (1.1, HEIGHT, 2.9))
+PERSON = (-0.4, 2.6)  # where somebody stands: x and z
 
 
 class Seen(NamedTuple):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -27,10 +26,3 @@ def write_small_sequence(folder: Path, frames: int) -> None:
     list(write_depth(scene, SensorNoise(0.0, 0.0), 0, folder / "depth"))
     write_camera(folder / "camera_intrinsic.json", scene.camera, DEPTH_SCALE, scene.fps)
     write_start(scene.model, poses[0], folder / "init.json")
-
-
-def write_small_sequences(folders: list[Path], frames: int) -> None:
-    """The same in each of several folders."""
-    write_small_sequence(folders[0], frames)
-    for folder in folders[1:]:
-        shutil.copytree(folders[0], folder)

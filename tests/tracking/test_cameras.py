@@ -100,20 +100,14 @@ def test_only_new_images_reach_the_tracker() -> None:
     assert [bool(view.depth.any()) for view in frame.views] == [True, False]
 
 
-def moving(count: int) -> tuple[BodyModel, Array]:
-    """A person who moves the arms and sways: poses (F, D)."""
-    model = human(1.82)
-    poses = np.tile(name_pose(model, STANDING), (count, 1))
-    phase = 2.0 * np.pi * np.arange(count) / FPS
-    for name, swing in (("l_shoulder_flexion", 0.4), ("r_elbow_flexion", 0.3), ("root_tx", 0.05)):
-        poses[:, model.dof(name)] += swing * np.sin(phase)
-    return model, poses
-
-
 @pytest.fixture(scope="module")
 def seen() -> tuple[BodyModel, Array, list[dict[str, DepthFrame]]]:
-    """The person in the images of two cameras, by name, in each frame."""
-    model, poses = moving(40)
+    """A person who moves the arms and sways, poses (F, D), and each frame's images by name of two cameras."""
+    model = human(1.82)
+    poses = np.tile(name_pose(model, STANDING), (40, 1))
+    phase = 2.0 * np.pi * np.arange(40) / FPS
+    for name, swing in (("l_shoulder_flexion", 0.4), ("r_elbow_flexion", 0.3), ("root_tx", 0.05)):
+        poses[:, model.dof(name)] += swing * np.sin(phase)
     frames: list[dict[str, DepthFrame]] = [{} for _ in poses]
     for name, placed in {"front": around(0.0), "side": around(80.0)}.items():
         for number, depth in enumerate(rendered(model, poses, placed=placed)):

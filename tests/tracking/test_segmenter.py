@@ -11,9 +11,7 @@ from coordinator.bodies.tracked import name_pose
 from coordinator.scene.scene import BACKGROUND
 from coordinator.tracking.segmenter import PosedBody, Segmenter
 from tests.support.people import CAMERA, STANDING, frame_of, rendered
-from tests.support.rooms import HEIGHT, TABLE, Room, along
-
-PERSON = (-0.4, 2.6)
+from tests.support.rooms import HEIGHT, PERSON, TABLE, Room, along
 
 
 def test_a_person_is_found_whose_body_is_not_known() -> None:

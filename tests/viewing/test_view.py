@@ -13,8 +13,6 @@ import pytest
 from rerun.chunk import RrdReader
 
 from common.activation import activate
-from common.camera import Intrinsics
-from common.frame import DepthFrame
 from common.protocol.frames import encode_live
 from common.protocol.models import encode_model
 from common.transport.opening import open_worker
@@ -27,13 +25,11 @@ from coordinator.sources import open_source
 from coordinator.synthesis.scenes import ARM_DOFS, SCENES
 from coordinator.synthesis.sequence import synthesise
 from coordinator.tracking.estimate import Estimate
+from tests.support.live import KEY, plate_image
 from tests.support.processes.programs import in_thread
 from tests.support.runs import write_run
 
 FRAMES = 3
-KEY = "camera/depth"
-CAMERA = Intrinsics(4, 3, 10.0, 10.0, 2.0, 1.5)
-PLAIN = np.ones((3, 4), dtype=np.uint16)
 
 
 @pytest.fixture
@@ -44,7 +40,7 @@ def recorded(tmp_path: Path) -> tuple[Path, Path]:
     scene = SCENES["arm"]()
     body = activate(scene.model, ARM_DOFS, scene.poses[0])
     moving = [scene.model.dof(name) for name in ARM_DOFS]
-    write_run(run, body, scene.poses[:FRAMES, moving])
+    write_run(run, body, scene.poses[:FRAMES, moving], frames=np.arange(FRAMES) - 100)
     return sequence, run
 
 
@@ -61,10 +57,6 @@ def test_every_frame_is_in_the_recording(recorded: tuple[Path, Path], tmp_path: 
     """Model, hypotheses, depth and angles have a row a frame."""
     sequence, run = recorded
     file = tmp_path / "run.rrd"
-    with np.load(run / "track.npz") as saved:
-        arrays = dict(saved)
-    arrays["frame"] = np.arange(FRAMES)
-    np.savez(run / "track.npz", **arrays)
     assert main(["view", str(run), "--sequence", str(sequence), "--save", str(file)]) == 0
     rows = rows_of(file)
     places = ["/model/surface", "/model/skeleton", "/hypotheses", "/camera/image/depth", "/angles"]
@@ -113,7 +105,7 @@ def test_what_a_live_view_lacks_is_said_once() -> None:
     said, shown = list[str](), list[tuple[str, bytes]]()
     scene = LiveScene(lambda: shown, list, said.append, notice=0.3)
     for number in range(8):
-        shown[:] = [(KEY, encode_live(DepthFrame(number, 0.0, PLAIN, 1000.0, CAMERA)))] * (number > 3)
+        shown[:] = [(KEY, encode_live(plate_image(number)))] * (number > 3)
         assert scene.take_results() == {}
     assert [line.split(";")[0] for line in said] == ["no frame comes", "frames come, but no results"]
     assert scene.frame(7) is not None

@@ -12,13 +12,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from common.camera import Intrinsics
 from common.frame import EMPTY, SUBJECT, UNMEASURED, DepthFrame, SubjectFrame
 from common.refinement import Particles
 from common.settings import RefineSettings, preset
 from tests.support.bodies import puppet
 from tests.support.kernel import plain_path
-from tests.support.kernel.kernel_cases import TRUTH, near
+from tests.support.kernel.kernel_cases import CAMERA, TRUTH, near
 from worker.kernel.gauss_newton import fill_covariance_root
 from worker.kernel.icp import refine, refine_particle
 from worker.kernel.observation import observe, pack_views
@@ -28,7 +27,6 @@ from worker.kernel.workspace import Problem, Workspaces, make_workspaces
 
 ROOT = Path(__file__).parents[2]
 GUARD = 64  # entries on each side of an array
-WHOLE = Intrinsics(200, 160, 200.0, 210.0, 98.7, 81.2)
 SETTINGS = {
     "default": preset("default").refine,
     "paper": preset("paper").refine,
@@ -57,14 +55,14 @@ FAR_OFF = {  # what is added to the pose before refinement
 def cropped(name: str, *, kinds: bool) -> SubjectFrame:
     """The puppet in a part of the camera's image, of which every second pixel is picked."""
     left, top, width, height = FRAMES[name]
-    depth = plain_path.render(puppet(), TRUTH, WHOLE).depth[top : top + height, left : left + width].copy()
+    depth = plain_path.render(puppet(), TRUTH, CAMERA).depth[top : top + height, left : left + width].copy()
     if not depth.any():
         depth[:] = 2000
-    frame = DepthFrame(0, 0.0, depth, 1000.0, WHOLE.crop(left, top, width, height))
+    frame = DepthFrame(0, 0.0, depth, 1000.0, CAMERA.crop(left, top, width, height))
     marks = np.where(depth > 0, SUBJECT, EMPTY).astype(np.uint8)
     marks[::3][depth[::3] == 0] = UNMEASURED
     picked = np.flatnonzero(depth)[::2].astype(np.uint32)
-    view = (-left, -top, WHOLE.width - left, WHOLE.height - top)
+    view = (-left, -top, CAMERA.width - left, CAMERA.height - top)
     return SubjectFrame(frame, picked, view, marks if kinds else None)
 
 

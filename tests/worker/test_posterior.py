@@ -58,30 +58,24 @@ def kernel_slope(of: PosteriorCase, pose: Array) -> tuple[Array, Held]:
     return -parameters.posterior_scale / packed.count * equations.gradient, held
 
 
-HOW_MANY = pytest.mark.parametrize("count", [FEW, pytest.param(MANY, marks=pytest.mark.slow)])
-
-
-@HOW_MANY
+@pytest.mark.parametrize("count", [FEW, pytest.param(MANY, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", SETTINGS)
 @pytest.mark.parametrize("body", BODIES)
-def test_the_descent_climbs_the_log_posterior(body: str, name: str, count: int) -> None:
-    """Its right side is the log posterior's slope by finite differences, to 1e-4, at poses near and far."""
+def test_the_descent_climbs_the_log_posterior_and_weights_are_its_values(
+    body: str, name: str, count: int
+) -> None:
+    """Its right side is the log posterior's slope by finite differences, to 1e-4, at poses near and far.
+
+    The weight of each refined particle is the log posterior of the pose that comes with it: by what is
+    visible in the pose itself, and belongs together there.
+    """
     of = posterior_case(body, name)
-    for pose in random_poses(of, count):
+    poses = random_poses(of, count)
+    for pose in poses:
         mine, held = kernel_slope(of, pose.copy())
         exact = slope(held, pose)
         assert np.linalg.norm(mine - exact) < 1e-4 * np.linalg.norm(exact)
-
-
-@HOW_MANY
-@pytest.mark.parametrize("name", SETTINGS)
-@pytest.mark.parametrize("body", BODIES)
-def test_every_weight_is_the_log_posterior_of_the_pose_that_comes_with_it(
-    body: str, name: str, count: int
-) -> None:
-    """Of refined particles: by what is visible in the pose itself, and belongs together there."""
-    of = posterior_case(body, name)
-    refined = refine(of.model, observe(of.subject), Particles(random_poses(of, count), of.settings))
+    refined = refine(of.model, observe(of.subject), Particles(poses, of.settings))
     for pose, weight in zip(refined.poses, refined.log_likelihood, strict=True):
         held = kernel_slope(of, pose.copy())[1]
         assert weight == pytest.approx(log_posterior(held, pose[None])[0], rel=1e-3)

@@ -77,15 +77,6 @@ def test_a_descent_ends_when_a_step_is_small() -> None:
     np.testing.assert_array_equal(some, more)
 
 
-def test_what_is_asked_for_is_not_changed() -> None:
-    """The poses of a request stay as they were, and need not be writable."""
-    poses = starts(2)
-    poses.setflags(write=False)
-    refined = icp.refine(puppet(), observe(subject()), Particles(poses, DEFAULT))
-    assert refined.poses.flags.writeable
-    np.testing.assert_array_equal(poses, starts(2))
-
-
 def test_padding_does_not_count() -> None:
     """Points of the observation beyond its count do not change any result."""
     observation = observe(subject())

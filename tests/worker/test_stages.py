@@ -1,4 +1,4 @@
-"""Layout of the kernel's body, and visibility against OpenGL."""
+"""Visibility in the kernel against OpenGL."""
 
 from __future__ import annotations
 
@@ -7,15 +7,13 @@ import pytest
 from scipy.ndimage import maximum_filter, minimum_filter
 
 from common.arrays import Array, Mask
-from common.body import ROOT_DOFS
 from common.camera import Intrinsics, project
 from common.kinematics import pose_vertices
 from coordinator.synthesis.rendering import DepthRenderer
 from coordinator.synthesis.scenes import SCENES, Scene
-from tests.support.bodies import person
-from tests.support.kernel.kernel_cases import DEFAULT, layout, subject
+from tests.support.kernel.kernel_cases import DEFAULT, subject
 from worker.kernel.observation import observe, pack_views
-from worker.kernel.surface import pack_model
+from worker.kernel.surface import order_vertices, pack_model
 from worker.kernel.visibility import visible_vertices
 from worker.kernel.workspace import make_workspaces
 
@@ -23,22 +21,6 @@ AROUND = 7  # pixels: what the surface does within 14 mm, about a pixel of the w
 SEEN, HIDDEN = 0.003, 0.05  # metres behind the z-buffer
 
 Marks = Mask
-
-
-def test_a_body_is_packed_whole() -> None:
-    """The kernel's order keeps every vertex with its skin and every triangle with its corners."""
-    model = person()
-    skeleton, surface = pack_model(model)
-    order = layout(model)
-    drawn, expected = (body.vertices[body.triangles].reshape(-1, 9) for body in (surface, model))
-    np.testing.assert_array_equal(np.unique(drawn, axis=0), np.unique(expected, axis=0))
-    assert len(drawn) == len(expected)
-    np.testing.assert_array_equal(surface.vertices, model.vertices[order])
-    used = surface.skin_links.shape[1]  # of four: no vertex has more
-    np.testing.assert_array_equal(surface.skin_links, model.skin_links[order, :used])
-    np.testing.assert_array_equal(surface.skin_weights, model.skin_weights[order, :used])
-    assert np.all(model.skin_weights[:, used:] == 0.0)
-    assert tuple(np.array(model.dof_names)[skeleton.precisions == 0.0]) == ROOT_DOFS
 
 
 def judge(vertices: Array, scene: Scene) -> tuple[Marks, Marks, Marks]:
@@ -63,7 +45,7 @@ def test_the_worker_sees_what_the_z_buffer_shows(name: str, frame: int) -> None:
     vertices = pose_vertices(scene.model, scene.poses[frame : frame + 1])[0]
     seen = np.zeros(len(vertices), dtype=bool)
     skeleton, surface = pack_model(scene.model)
-    views, order = pack_views(observe(subject()), DEFAULT), layout(scene.model)
+    views, order = pack_views(observe(subject()), DEFAULT), order_vertices(scene.model)[0]
     workspace = make_workspaces(skeleton, surface, views).shared
     workspace.posed[:] = vertices[order]
     seen[order[visible_vertices(surface, workspace)]] = True

@@ -25,14 +25,13 @@ from coordinator.commands.track import track
 from coordinator.filters.methods import settings_for
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
-from coordinator.results.log import read_log
 from coordinator.results.track import read_track
 from tests.support.processes.certificates import free_port, make_folder
 from tests.support.processes.place import recorded
 from tests.support.processes.programs import INSTANT, in_thread, wait_until
 from tests.support.processes.warm_processes import Workers, end, gepf, start, work_instantly
-from tests.support.small_sequence import OPTIONS, write_small_sequences
-from tests.support.stand_ins import Direct, StillWorkers, no_traces, sequence, workers  # noqa: F401 fixtures
+from tests.support.small_sequence import OPTIONS, write_small_sequence
+from tests.support.stand_ins import Direct, StillWorkers, sequence, workers  # noqa: F401 fixtures
 
 
 def copy_of(sequence: Path, name: str) -> Path:
@@ -121,14 +120,10 @@ def test_workers_join_and_leave_during_a_list(sequence: Path, endpoint: str, tmp
     jobs = [small_job(each, tmp_path / "runs" / each.name, 0) for each in recordings]
     jobs = [replace(job, pool=Pool(0, listen=endpoint)) for job in jobs]
 
-    def have_frames() -> bool:
-        logs = (job.out / "frames.log" for job in jobs)
-        return any((log := read_log(each)) is not None and log.frames for each in logs if each.exists())
-
     crew = Workers((endpoint,), tmp_path / "workers.log")
 
     def replace_worker(stop: threading.Event) -> None:
-        while not have_frames() and not stop.wait(0.01):
+        while not any(recorded(job.out) for job in jobs) and not stop.wait(0.01):
             pass
         crew.kill("first")
         crew.start("second")
@@ -199,8 +194,8 @@ FRAMES, NAMES = 60, ("a", "b", "c")
 
 def test_an_interrupt_ends_all_and_each_can_be_gone_on_with(tmp_path: Path) -> None:
     """Exit code 130 within seconds, frames of running recordings are kept, and --resume does the rest."""
-    recordings = [tmp_path / name for name in NAMES]
-    write_small_sequences(recordings, FRAMES)
+    write_small_sequence(tmp_path / "a", FRAMES)
+    recordings = [tmp_path / "a", *(copy_of(tmp_path / "a", name) for name in NAMES[1:])]
     options = ["--out", str(tmp_path / "runs"), "--no-pictures", *OPTIONS]
     command = ["track", *map(str, recordings), *options, "--workers", "1"]
     said = tmp_path / "said"
@@ -221,8 +216,8 @@ def test_an_interrupt_ends_all_and_each_can_be_gone_on_with(tmp_path: Path) -> N
 def test_a_batch_takes_workers_with_certificates(tmp_path: Path) -> None:
     """Two recordings through one TLS listener: a worker with a certificate works for both."""
     made, place = make_folder(tmp_path / "certificates"), f"127.0.0.1:{free_port()}"
-    recordings = [tmp_path / name for name in NAMES[:2]]
-    write_small_sequences(recordings, 4)
+    write_small_sequence(tmp_path / "a", 4)
+    recordings = [tmp_path / "a", *(copy_of(tmp_path / "a", name) for name in NAMES[1:2])]
     options = ["--no-pictures", *OPTIONS, "--workers", "0", "--worker-timeout", "60"]
     shown = ["--listen", f"tls/{place}", *made.options("coordinator")]
     connect = ("--connect", f"tls/{place}")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager, suppress
@@ -17,9 +16,9 @@ from common.errors import InputError
 from coordinator.cli import main
 from coordinator.commands.console import loading, noted_interrupts
 from coordinator.pool.options import Pool
-from tests.support.processes.programs import wait_until
+from tests.support.processes.programs import GEPF, wait_until
 from tests.support.processes.warm_processes import end, start
-from tests.support.stand_ins import Desk, desk, no_traces, sequence, workers  # noqa: F401 fixtures
+from tests.support.stand_ins import Desk, desk, sequence, workers  # noqa: F401 fixtures
 
 
 def load_for_ever(begun: Path) -> None:
@@ -84,7 +83,6 @@ def test_a_fault_without_an_interrupt_stays_what_it_is() -> None:
         raise ImportError("really missing")
 
 
-@pytest.mark.usefixtures("no_traces")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_run_whose_interrupt_was_swallowed_ends_with_the_next_frame(
     desk: Desk, number: signal.Signals
@@ -101,10 +99,9 @@ def test_a_run_whose_interrupt_was_swallowed_ends_with_the_next_frame(
     assert early.startswith("ended early with 1 of 5 frames in ")
 
 
-@pytest.mark.usefixtures("no_traces")
 def test_info_interrupted_between_its_facts_and_the_scene(sequence: Path) -> None:
     """When Open3D begins to load; the exit code is that of an interrupt."""
-    command = [sys.executable, "-m", "coordinator.cli", "info", str(sequence)]
+    command = [*GEPF, "info", str(sequence)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         process.stdout.readline()
@@ -113,7 +110,6 @@ def test_info_interrupted_between_its_facts_and_the_scene(sequence: Path) -> Non
     assert process.returncode in (130, -signal.SIGINT)
 
 
-@pytest.mark.usefixtures("no_traces")
 def test_what_could_not_be_kept_after_an_interrupt_is_said(desk: Desk) -> None:
     """For example a full disk while results of an interrupted run are written: one line before the last."""
 

@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 from coordinator.cli import main
-from tests.support.stand_ins import Desk, desk, no_traces, sequence, workers  # noqa: F401 fixtures
+from tests.support.processes.programs import GEPF
+from tests.support.stand_ins import Desk, desk, sequence, workers  # noqa: F401 fixtures
 
-GEPF = (sys.executable, "-m", "coordinator.cli")
 ENDED = (130, -signal.SIGINT)  # to a shell the same: `python -m` passes a signal on that came in an import
 
 
@@ -24,7 +24,6 @@ def tracked(desk: Desk) -> Path:
     return desk.out
 
 
-@pytest.mark.usefixtures("no_traces")
 def test_every_command_says_that_a_killed_run_can_be_continued(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -83,7 +82,6 @@ def test_track_says_what_it_does_before_it_loads_what_takes_long(sequence: Path,
         ("track --help", "numpy numba scipy zenoh matplotlib open3d"),
     ],
 )
-@pytest.mark.usefixtures("no_traces")
 def test_short_commands_load_what_they_need_alone(tracked: Path, line: str, unused: str) -> None:
     """Loading is most of their time: without the compiler, filters and figures it is under a second."""
     code = (
@@ -94,7 +92,6 @@ def test_short_commands_load_what_they_need_alone(tracked: Path, line: str, unus
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.usefixtures("no_traces")
 def test_a_run_without_pictures_says_how_to_draw_them(
     tracked: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

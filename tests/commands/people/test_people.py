@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +16,7 @@ from coordinator.files import LOG_FILE
 from tests.support.pairs import FRAMES, STATURES, pair, write_pair
 from tests.support.people import CAMERA, frame_of
 from tests.support.processes.certificates import free_port
+from tests.support.processes.programs import GEPF
 from tests.support.recordings import write_open3d
 from tests.support.rooms import in_a_room
 from tests.support.stand_ins import Direct
@@ -131,7 +131,7 @@ def test_two_people_are_tracked_live(tmp_path: Path) -> None:
     where, out = f"tcp/127.0.0.1:{free_port()}", tmp_path / "run"
     sequence = write_pair(tmp_path / "pair")
     play = ["publish", str(sequence), "--key", KEY, "--connect", where, "--rate", "0.5"]
-    with subprocess.Popen([sys.executable, "-m", "coordinator.cli", *play]) as publisher:
+    with subprocess.Popen([*GEPF, *play]) as publisher:
         options = ["--people", "2", "--particles", "6", "--listen", where, "--workers", "1", "--no-pictures"]
         options += ["--idle-timeout", "60"]  # a machine that stands still cuts the link, and the end is lost
         try:

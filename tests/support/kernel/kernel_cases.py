@@ -8,9 +8,8 @@ from functools import cache
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
-from common.arrays import Array, Indices
+from common.arrays import Array
 from common.body import ROTATION, BodyModel
 from common.camera import Intrinsics
 from common.frame import SubjectFrame
@@ -19,9 +18,6 @@ from common.settings import preset
 from tests.support.bodies import puppet
 from tests.support.kernel import plain_path
 from tests.support.people import subject_of
-from worker.kernel.surface import order_vertices
-
-Numbers = NDArray[np.uint32]
 
 CAMERA = Intrinsics(200, 160, 200.0, 210.0, 98.7, 81.2)
 TRUTH = np.array(
@@ -63,11 +59,6 @@ def out_of_sight() -> tuple[BodyModel, Array]:
 def near() -> Array:
     """A pose (19,) so near the truth that all links have correspondences."""
     return TRUTH + np.where(puppet().kinds == ROTATION, 0.1, 0.01) * np.random.default_rng(1).normal(size=19)
-
-
-def layout(model: BodyModel) -> Indices:
-    """The model's vertex at each place of the kernel's layout."""
-    return order_vertices(model)[0]
 
 
 def tangents(model: BodyModel, pose: Array, value: Callable[[Array], Array]) -> Array:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 INSTANT = (sys.executable, "-m", "tests.support.processes.instant_worker")
 CACHE = "NUMBA_CACHE_DIR"
+GEPF = (sys.executable, "-m", "coordinator.cli")
 WORKER = (sys.executable, "-m", "worker.cli")
 
 

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from common.arrays import Array
-from common.body import BodyModel
 from common.camera import Intrinsics, project
 from common.frame import HIDDEN, SUBJECT, SubjectFrame
 from common.kinematics import pose_vertices
@@ -23,6 +22,7 @@ from tests.support.bodies import person
 from tests.support.features import features_in
 from tests.support.people import SETTINGS, STANDING, frame_of, rendered, subject_of
 
+BODY = person()
 FINE = Intrinsics(1280, 960, 1160.0, 1160.0, 639.5, 479.5)
 POSTURES = {
     "standing": STANDING,
@@ -31,27 +31,17 @@ POSTURES = {
 }
 
 
-def body() -> BodyModel:
-    """A person with the usual degrees of freedom."""
-    return person(1.75)
-
-
-def pose_of(values: dict[str, float]) -> Array:
-    """A pose (D,) by name."""
-    return name_pose(body(), values)
-
-
 @cache
 def seen_as(posture: str) -> SubjectFrame:
     """A frame that shows the body so."""
-    (depth,) = rendered(body(), pose_of(POSTURES[posture])[None])
+    (depth,) = rendered(BODY, name_pose(BODY, POSTURES[posture])[None])
     return subject_of(frame_of(0, depth), 4_000)
 
 
 def features_of(values: dict[str, float], subject: SubjectFrame, *others: dict[str, float]) -> Features:
     """Features (J,) of a pose, held for a while, and other hypotheses of the same weight."""
-    poses = np.array([pose_of(each) for each in (values, *others)])
-    return features_in(body(), poses, subject, SETTINGS.refine)
+    poses = np.array([name_pose(BODY, each) for each in (values, *others)])
+    return features_in(BODY, poses, subject, SETTINGS.refine)
 
 
 def certainty_of(values: dict[str, float], subject: SubjectFrame, *others: dict[str, float]) -> Certainty:
@@ -61,14 +51,14 @@ def certainty_of(values: dict[str, float], subject: SubjectFrame, *others: dict[
 
 def shown_by_rendering(pose: Array) -> Array:
     """Share (J,) of each joint's surface facing the camera that OpenGL's z-buffer shows."""
-    vertices, triangles = pose_vertices(body(), pose[None])[0], body().triangles
-    (depth,) = rendered(body(), pose[None], FINE)
+    vertices, triangles = pose_vertices(BODY, pose[None])[0], BODY.triangles
+    (depth,) = rendered(BODY, pose[None], FINE)
     a, b, c = vertices[triangles].transpose(1, 0, 2)
     middles = (a + b + c) / 3.0
     facing = np.maximum(0.0, -np.sum(np.cross(b - a, c - a) * middles, axis=1) / middles[:, 2])
     columns, rows = np.rint(project(middles, FINE)).astype(int).T
     behind = np.where(depth > 0.0, depth, np.inf)[rows, columns]
-    area = regions_of(body()).T * facing
+    area = regions_of(BODY).T * facing
     shares: Array = area @ (middles[:, 2] <= behind + 0.02) / area.sum(axis=1)
     return shares
 
@@ -77,7 +67,7 @@ def shown_by_rendering(pose: Array) -> Array:
 def test_what_is_seen_of_a_joint_is_what_a_rendering_shows(posture: str) -> None:
     """Joint for joint, against OpenGL's z-buffer; what lies close behind another part counts as seen."""
     seen = certainty_of(POSTURES[posture], seen_as(posture)).seen
-    drawn = shown_by_rendering(pose_of(POSTURES[posture]))
+    drawn = shown_by_rendering(name_pose(BODY, POSTURES[posture]))
     np.testing.assert_allclose(seen, drawn, atol=0.35)
     assert np.abs(seen - drawn).mean() < 0.081
     assert np.all(seen > drawn - 0.05)
@@ -89,7 +79,7 @@ def test_what_is_seen_of_a_joint_is_what_a_rendering_shows(posture: str) -> None
 def test_a_table_hides_what_is_behind_it() -> None:
     """Legs behind something nearer are not seen, and may be anywhere."""
     subject = seen_as("standing")
-    depth, knee = subject.frame.depth.copy(), body().joint_names.index("right_knee")
+    depth, knee = subject.frame.depth.copy(), BODY.joint_names.index("right_knee")
     depth[depth.shape[0] // 2 :] = 0
     kinds = np.where(depth > 0, np.uint8(SUBJECT), np.uint8(HIDDEN))
     picked = np.flatnonzero(depth).astype(np.uint32)[::8]
@@ -104,17 +94,17 @@ def test_a_limb_that_is_elsewhere_is_flagged() -> None:
     """The true pose raises no flag; with an arm 70 degrees off its wrist is the likeliest to be off."""
     right = certainty_of(STANDING, seen_as("standing"))
     wrong = certainty_of({**STANDING, "r_shoulder_abduct": 1.4}, seen_as("standing"))
-    wrist, other = (body().joint_names.index(f"{side}_wrist") for side in ("right", "left"))
+    wrist, other = (BODY.joint_names.index(f"{side}_wrist") for side in ("right", "left"))
     assert (right.off_probability < FLAGGED).all()
     assert wrong.off_probability[wrist] > 2.0 * FLAGGED
-    assert np.argmax(wrong.off_probability) in (wrist, body().joint_names.index("right_elbow"))
+    assert np.argmax(wrong.off_probability) in (wrist, BODY.joint_names.index("right_elbow"))
     assert wrong.off_probability[other] < FLAGGED
     assert wrong.deviation[wrist] > 2.0 * right.deviation[wrist]
 
 
 def test_rivals_make_a_joint_unsure() -> None:
     """With another way to hold an arm, as likely, its wrist is in more doubt than with none."""
-    other, wrist = {**STANDING, "r_elbow_flexion": 1.5}, body().joint_names.index("right_wrist")
+    other, wrist = {**STANDING, "r_elbow_flexion": 1.5}, BODY.joint_names.index("right_wrist")
     alone, rivals = (certainty_of(STANDING, seen_as("standing"), *others) for others in ((), (other,)))
     assert rivals.off_probability[wrist] > alone.off_probability[wrist]
     assert rivals.deviation[wrist] > alone.deviation[wrist] > 0.0
@@ -127,7 +117,7 @@ def test_a_body_at_rest_is_neither_bent_nor_folded_nor_crowded() -> None:
     bent = features_of({"root_tz": 2.5, "r_elbow_flexion": 1.0}, seen_as("standing"))
     for feature in (rest.bend, rest.folding, rest.crowding):
         np.testing.assert_allclose(feature, 0.0, atol=1e-9)
-    arm = np.isin(body().joint_names, ("right_elbow", "right_wrist"))
+    arm = np.isin(BODY.joint_names, ("right_elbow", "right_wrist"))
     np.testing.assert_allclose(bent.bend, arm * 1.0)
     assert bent.folding[0] > 0.01
 

@@ -11,8 +11,7 @@ import numpy as np
 from common.activation import activate
 from common.arrays import Array
 from common.body import BodyModel
-from common.camera import Intrinsics
-from common.frame import DepthFrame, SubjectFrame
+from common.frame import SubjectFrame
 from common.settings import preset
 from coordinator.bodies.tracked import name_pose
 from coordinator.synthesis.noise import add_noise
@@ -79,19 +78,13 @@ OUTSIDE = ("right_ankle", "left_ankle")
 INSIDE = ("head", "right_elbow", "right_wrist", "right_hip", "left_hip")
 
 
-def without_lower_legs(frame: DepthFrame) -> DepthFrame:
-    """The frame, cut at the knees."""
-    camera = frame.intrinsics
-    lens = (camera.fx, camera.fy, camera.cx, camera.cy)
-    depth = np.ascontiguousarray(frame.depth[:KNEES])
-    return replace(frame, depth=depth, intrinsics=Intrinsics(camera.width, KNEES, *lens))
-
-
 def followed(*, cropped: bool) -> Certainty:
-    """How sure the last frame is of a person whose start is known."""
+    """How sure the last frame, whole or cut at the knees, is of a person whose start is known."""
     following = tracker()
     for frame in shown("standing").frames:
-        estimate = following.track(without_lower_legs(frame) if cropped else frame)
+        rows = KNEES if cropped else frame.intrinsics.height
+        camera = frame.intrinsics.crop(0, 0, frame.intrinsics.width, rows)
+        estimate = following.track(replace(frame, depth=frame.depth[:rows].copy(), intrinsics=camera))
     assert estimate.certainty is not None
     return estimate.certainty
 
