@@ -18,6 +18,7 @@ import scipy.io
 from scipy.ndimage import distance_transform_edt
 
 from common.arrays import Array, Indices, Mask
+from common.camera import pixels_at
 from common.errors import InputError
 from common.frame import DepthFrame
 from coordinator.results.evaluation import read_truth
@@ -147,11 +148,9 @@ def read_skeleton(path: Path) -> Array:
 
 def fits_depth(joints: Array, frame: DepthFrame) -> Mask:
     """Which joints (J, 3) agree with the surface at their pixel."""
-    camera, depth = frame.intrinsics, frame.metres().astype(np.float64)
+    depth = frame.metres().astype(np.float64)
     away, nearest = distance_transform_edt(depth <= 0.0, return_indices=True)
-    column = np.rint(camera.cx + camera.fx * joints[:, 0] / joints[:, 2]).astype(int)
-    row = np.rint(camera.cy + camera.fy * joints[:, 1] / joints[:, 2]).astype(int)
-    inside = (row >= 0) & (row < camera.height) & (column >= 0) & (column < camera.width)
+    row, column, inside = pixels_at(joints, frame.intrinsics)
     row, column = np.where(inside, row, 0), np.where(inside, column, 0)
     behind = joints[:, 2] - depth[nearest[0][row, column], nearest[1][row, column]]
     near = inside & (away[row, column] <= BESIDE_PX)

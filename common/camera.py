@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from common.arrays import Array, Mask
+from common.arrays import Array, Indices, Mask
 
 NOT_MOVED = np.eye(4)  # T_rig_camera of a camera alone
 ROUNDED = 1e-3  # error of a rotation, or a unit vector, that is written with a few digits
@@ -41,11 +41,17 @@ def is_rigid(matrix: Array) -> bool:
     return bool(off < ROUNDED and np.linalg.det(turn) > 0.0)
 
 
+def rigid(rotation: Array, translation: Array) -> Array:
+    """The transform (4, 4) of a rotation (3, 3) and a translation (3,)."""
+    transform = np.eye(4)
+    transform[:3, :3], transform[:3, 3] = rotation, translation
+    return transform
+
+
 def inverse(transform: Array) -> Array:
     """The inverse (4, 4) of a rigid transform (4, 4)."""
-    turn, back = transform[:3, :3], np.eye(4)
-    back[:3, :3], back[:3, 3] = turn.T, -turn.T @ transform[:3, 3]
-    return back
+    back = transform[:3, :3].T
+    return rigid(back, -back @ transform[:3, 3])
 
 
 def project(points: NDArray[np.floating], camera: Intrinsics) -> Array:
@@ -56,12 +62,15 @@ def project(points: NDArray[np.floating], camera: Intrinsics) -> Array:
     )
 
 
+def pixels_at(points: Array, camera: Intrinsics) -> tuple[Indices, Indices, Mask]:
+    """Row and column of the pixels nearest to points (N, 3) with z > 0, and which are in the image."""
+    column, row = np.rint(project(points, camera)).astype(np.int64).T
+    return row, column, (row >= 0) & (row < camera.height) & (column >= 0) & (column < camera.width)
+
+
 def back_project(depth_m: NDArray[np.floating], camera: Intrinsics) -> Array:
     """Camera-frame points (H, W, 3) of a depth image (H, W) in metres; no depth gives the origin."""
-    v, u = np.indices(depth_m.shape)
-    return np.stack(
-        [(u - camera.cx) / camera.fx * depth_m, (v - camera.cy) / camera.fy * depth_m, depth_m], axis=-1
-    )
+    return points_of(depth_m, camera, np.ones(depth_m.shape, np.bool_)).reshape(*depth_m.shape, 3)
 
 
 def points_of(depth_m: NDArray[np.floating], camera: Intrinsics, mask: Mask) -> Array:

@@ -7,11 +7,8 @@ import os
 from contextlib import suppress
 from pathlib import Path
 
-CGROUPS = Path("/sys/fs/cgroup")
-MEMBERSHIP = Path("/proc/self/cgroup")
 
-
-def usable_cores(cgroups: Path = CGROUPS, membership: Path = MEMBERSHIP) -> int:
+def usable_cores(cgroups: Path = Path("/sys/fs/cgroup"), membership: Path = Path("/proc/self/cgroup")) -> int:
     """Cores that affinity and the control groups of this process allow, at least one.
 
     A fraction of a core counts as a whole core. Container engines and Kubernetes set such quotas.

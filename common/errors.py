@@ -9,6 +9,10 @@ GepfError
     └── SilentWorkers  workers are connected, but none answers
 """
 
+from __future__ import annotations
+
+from collections.abc import Collection
+
 
 class GepfError(Exception):
     """Base class of all errors."""
@@ -36,3 +40,9 @@ class NoWorkers(BusError):
 
 class SilentWorkers(BusError):
     """Workers are connected, but none answers: the connection is broken, or all of them hang."""
+
+
+def check_choice(what: str, chosen: str, known: Collection[str]) -> None:
+    """InputError if the name is not a valid choice of this kind."""
+    if chosen not in known:
+        raise InputError(f"unknown {what} '{chosen}'; choose from {', '.join(known)}")

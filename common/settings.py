@@ -6,7 +6,7 @@ from typing import Literal
 
 import msgspec
 
-from common.errors import InputError
+from common.errors import check_choice
 
 SOFT_NOISE_RATIO = 4.0
 """Ratio of depth noise to lateral noise above which correspondences are soft; they are ten times slower."""
@@ -94,6 +94,5 @@ PRESETS = {
 
 def preset(name: str) -> Settings:
     """Settings of a preset; InputError lists the valid ones."""
-    if name not in PRESETS:
-        raise InputError(f"unknown preset '{name}'; choose from {', '.join(PRESETS)}")
+    check_choice("preset", name, PRESETS)
     return PRESETS[name]

@@ -10,7 +10,7 @@ from markupsafe import Markup
 
 from common.arrays import Array
 from common.body import TRANSLATION, BodyModel
-from common.errors import InputError
+from common.errors import InputError, check_choice
 from coordinator.bodies.angles import angles_of
 from coordinator.results.log import certainty_of
 from coordinator.tracking import estimate
@@ -106,6 +106,5 @@ def refuse_degrees(name: str) -> InputError:
 
 def index_of(name: str, names: tuple[str, ...], kind: str) -> int:
     """Index of a name; InputError that lists all names."""
-    if name not in names:
-        raise InputError(f"unknown {kind} '{name}'; choose from {', '.join(names)}")
+    check_choice(kind, name, names)
     return names.index(name)

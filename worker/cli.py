@@ -138,12 +138,11 @@ def serve_session(identity: Identity, kernel: Kernel) -> bool:
 def load_kernel(lanes: int = 1) -> Kernel:
     """The compiled kernel with this number of lanes."""
     from worker.kernel.icp import refine
-    from worker.kernel.observation import observe
+    from worker.kernel.observation import observe, pack_views
     from worker.lanes import Lanes
     from worker.warm_up import warm_up
 
-    side_by_side = Lanes(lanes)
-    kernel = Kernel(observe, side_by_side.refine, lanes, side_by_side.prepare, refine)
+    kernel = Kernel(observe, Lanes(lanes).refine, lanes, pack_views, refine)
     warm_up(kernel)
     return kernel
 

@@ -6,23 +6,16 @@ from concurrent.futures import ThreadPoolExecutor, wait
 
 from common.body import BodyModel
 from common.refinement import Particles, Refined
-from common.settings import RefineSettings
 from worker.kernel.icp import pack_batch, refine_some, refined
-from worker.kernel.observation import Observation, pack_views
+from worker.kernel.observation import Observation
 
 
 class Lanes:
     """A fixed number of lanes: the calling thread and additional threads."""
 
     def __init__(self, count: int) -> None:
-        if count < 1:
-            raise ValueError("at least one lane is required")
         self.count = count
         self._threads = ThreadPoolExecutor(count)  # threads start when they are needed
-
-    def prepare(self, observation: Observation, settings: RefineSettings) -> None:
-        """Precompute what requests about an observation with these settings need."""
-        pack_views(observation, settings)
 
     def refine(self, model: BodyModel, observation: Observation, particles: Particles) -> Refined:
         """Refine particles; arguments, results and errors are those of `worker.kernel.icp.refine`.

@@ -50,7 +50,7 @@ class Kernel:
     observe: Callable[[SubjectFrame], Any]
     refine: Refine
     lanes: int = 1  # particles refined in parallel
-    prepare: Callable[[Any, RefineSettings], None] | None = None  # for requests
+    prepare: Callable[[Any, RefineSettings], object] | None = None  # for requests
     spare: Refine | None = None  # for spare requests, on other threads, one per lane; None: `refine`
 
 
@@ -109,17 +109,19 @@ class Service:
         self._stopped = True
 
     def serve(self, request: IncomingRequest, asked: RefineRequest) -> None:
-        """Reply to a request, or refuse it with the reason."""
-        try:
-            payload = self.answer(asked)
-        except BusError as error:
-            refuse(request, str(error), retryable=True)
-        except ProtocolError as error:
-            refuse(request, str(error))
-        except Exception as error:  # noqa: BLE001 - no request may end the worker
-            refuse(request, f"could not refine: {type(error).__name__}: {error}")
-        else:
-            request.reply(payload)
+        """Reply to a waiting request, or refuse it with the reason."""
+        self._asks_at = time.monotonic() + SILENCE_S
+        with request:
+            try:
+                payload = self.answer(asked)
+            except BusError as error:
+                refuse(request, str(error), retryable=True)
+            except ProtocolError as error:
+                refuse(request, str(error))
+            except Exception as error:  # noqa: BLE001 - no request may end the worker
+                refuse(request, f"could not refine: {type(error).__name__}: {error}")
+            else:
+                request.reply(payload)
 
     def answer(self, request: RefineRequest) -> bytes:
         """Refine a batch.
@@ -143,12 +145,7 @@ class Service:
                 refuse(request, str(error))
         else:
             tasks = self._spare_tasks if asked.particles.spare else self._tasks
-            tasks.put(Task(asked.run, partial(self._serve_waiting, request, asked)))
-
-    def _serve_waiting(self, request: IncomingRequest, asked: RefineRequest) -> None:
-        self._asks_at = time.monotonic() + SILENCE_S
-        with request:
-            self.serve(request, asked)
+            tasks.put(Task(asked.run, partial(self.serve, request, asked)))
 
     def _keep_frame(self, key: str, payload: bytes) -> None:
         """Keep a published frame, to be observed before its requests; called on a thread of the bus."""

@@ -48,18 +48,12 @@ def forward_kinematics(
                     local[a, b] = 1.0 if a == b else 0.0
                 local[a, 3] = axes[j, a] * pose[j]
         else:
-            fill_turn(axes, points, j, pose[j], local)
+            fill_rotation(axes[j, 0], axes[j, 1], axes[j, 2], pose[j], local)
+            for a in range(3):  # the axis goes through the point
+                local[a, 3] = points[j, a]
+                for b in range(3):
+                    local[a, 3] -= local[a, b] * points[j, b]
         compose(parents[j], local, j, out)
-
-
-@numba.njit(cache=True, nogil=True)
-def fill_turn(axes: Array, points: Array, j: int, angle: float, local: Array) -> None:
-    """Fill local (3, 4) with the turn about axis j of (D, 3), which goes through point j of (D, 3)."""
-    fill_rotation(axes[j, 0], axes[j, 1], axes[j, 2], angle, local)
-    for a in range(3):
-        local[a, 3] = points[j, a]
-        for b in range(3):
-            local[a, 3] -= local[a, b] * points[j, b]
 
 
 @numba.njit(cache=True, nogil=True)
@@ -111,9 +105,8 @@ def motion_axes(
 
 def pose_vertices(model: BodyModel, poses: Array) -> Array:
     """Surface vertices (N, V, 3) in the camera frame, for poses (N, D)."""
-    posed = np.empty((len(poses), *model.vertices.shape))
-    blend_each(model.vertices, model.skin_links, model.skin_weights, link_transforms(model, poses), posed)
-    return posed
+    transforms = link_transforms(model, poses)
+    return blend_each(model.vertices, model.skin_links, model.skin_weights, transforms)
 
 
 def joint_positions(model: BodyModel, poses: Array) -> Array:
@@ -122,8 +115,7 @@ def joint_positions(model: BodyModel, poses: Array) -> Array:
         link_transforms(model, poses).take(model.joint_links, axis=1),
         model.joint_points.T[..., None],
     )
-    positions: Array = t[..., 0] * x + t[..., 1] * y + t[..., 2] * z + t[..., 3]
-    return positions
+    return np.asarray(t[..., 0] * x + t[..., 1] * y + t[..., 2] * z + t[..., 3])
 
 
 @numba.njit(cache=True, nogil=True)
@@ -158,7 +150,9 @@ def blend_vertex(
 
 
 @numba.njit(cache=True, nogil=True)
-def blend_each(vertices: Array, links: Indices, weights: Array, transforms: Array, out: Array) -> None:
-    """`blend_vertices` for transforms (N, L, 3, 4) into out (N, V, 3)."""
+def blend_each(vertices: Array, links: Indices, weights: Array, transforms: Array) -> Array:
+    """Vertices (N, V, 3) of `blend_vertices` for transforms (N, L, 3, 4)."""
+    out = np.empty((len(transforms), len(vertices), 3))
     for n in range(len(out)):
         blend_vertices(vertices, links, weights, transforms[n], out[n])
+    return out

@@ -34,9 +34,7 @@ def retract(model: BodyModel, poses: Array, steps: Array) -> Array:
 
 def difference(model: BodyModel, origins: Array, poses: Array) -> Array:
     """Steps (N, D) that lead from `origins` to `poses`, both (N, D); rotations by the shorter way."""
-    steps = contiguous(poses - origins)
-    ball_vectors_each(model.axes, model.balls, contiguous(origins), contiguous(poses), steps)
-    return steps
+    return steps_between(model.axes, model.balls, contiguous(origins), contiguous(poses))
 
 
 @numba.njit(cache=True, nogil=True)
@@ -66,14 +64,22 @@ def apply_step_each(axes: Array, balls: Indices, steps: Array, poses: Array) -> 
 
 
 @numba.njit(cache=True, nogil=True)
-def ball_vectors_each(axes: Array, balls: Indices, origins: Array, poses: Array, steps: Array) -> None:
-    """Fill in steps (N, D) of all spherical joints, from origins (N, D) to poses (N, D)."""
+def steps_between(axes: Array, balls: Indices, origins: Array, poses: Array) -> Array:
+    """`step_between` for origins (N, D) and poses (N, D)."""
+    steps = np.empty_like(poses)
+    for n in range(len(poses)):
+        steps[n] = step_between(axes, balls, origins[n], poses[n])
+    return steps
+
+
+@numba.njit(cache=True, nogil=True)
+def step_between(axes: Array, balls: Indices, before: Array, after: Array) -> Array:
+    """The step (D,) that leads from one pose (D,) to another; rotations by the shorter way."""
+    step = after - before
     for start in balls:
         handed = handedness(axes, start)
-        for n in range(len(steps)):
-            steps[n, start], steps[n, start + 1], steps[n, start + 2] = ball_vector(
-                handed, origins[n], poses[n], start
-            )
+        step[start], step[start + 1], step[start + 2] = ball_vector(handed, before, after, start)
+    return step
 
 
 @numba.njit(cache=True, nogil=True)

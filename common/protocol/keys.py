@@ -26,7 +26,6 @@ NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 GUARDED = "gepf/live/"
 STREAM = re.compile(rf"{NAME.pattern}(/{NAME.pattern}){{0,15}}")
 
-ALL = "gepf/**"
 ALL_RUNS = "gepf/run/**"
 
 

@@ -18,18 +18,13 @@ UNREACHABLE = "Unable to connect"  # start of Zenoh's message if no endpoint ans
 
 
 def open_coordinator(
-    listen: Sequence[str], connect: Sequence[str] = (), security: Security | None = None
+    listen: Sequence[str], connect: Sequence[str] = (), security: Security | None = None, mode: str = "peer"
 ) -> Bus:
     """A session to which workers connect, and which connects to routers.
 
-    InputError if an endpoint cannot be opened, or a router refuses the connection; a router that does not
-    answer is tried in the background.
+    InputError if an endpoint cannot be opened, or a router refuses the connection before any link is open; a
+    router that does not answer is tried in the background.
     """
-    return open_linked("peer", listen, connect, security)
-
-
-def open_linked(mode: str, listen: Sequence[str], connect: Sequence[str], security: Security | None) -> Bus:
-    """A session with links to all its endpoints. InputError if one refuses before any link is open."""
     bus = open_session(session_settings(mode, listen, connect, security))
     if connect and not bus.is_linked(within=ANSWER_S):
         try:
@@ -50,7 +45,7 @@ def open_worker(
     others are added when they answer.
     """
     if len(connect) > 1:  # a client connects to only one of them
-        bus = open_linked("peer", (), connect, security)
+        bus = open_coordinator((), connect, security)
         try:
             while not bus.is_linked(within=ANSWER_S):
                 on_silence()
@@ -72,7 +67,7 @@ def open_worker(
 
 def open_router(listen: Sequence[str], connect: Sequence[str] = (), security: Security | None = None) -> Bus:
     """The session of a router. InputError if another router refuses the connection."""
-    return open_linked("router", listen, connect, security)
+    return open_coordinator(listen, connect, security, mode="router")
 
 
 def check_refusals(connect: Sequence[str], security: Security | None) -> None:

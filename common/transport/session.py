@@ -97,7 +97,7 @@ def access_control(workers: Sequence[str]) -> Rules:
     """Rules that admit these workers, coordinators and routers, and local workers over a socket."""
     everything = ["everything of ours"]
     rules = [
-        allow(everything[0], (IN, OUT), (*READ, *SERVE, *PUBLISH), keys.ALL),
+        allow(everything[0], (IN, OUT), (*READ, *SERVE, *PUBLISH), "gepf/**"),
         allow("ask a run", (IN,), READ, keys.ALL_RUNS),
         allow("be sent to by a run", (OUT,), (*SERVE, *PUBLISH), keys.ALL_RUNS),
     ]

@@ -78,7 +78,7 @@ def nearest_swing(swings: Array, reference: Array, limb: bool | Mask = False) ->
     return np.where(wound[..., None], other, swings)
 
 
-def nearest_turn(angles: Array, reference: Array, farthest: float | Array = np.inf) -> Array:
+def nearest_turn(angles: Array, reference: Array | float, farthest: float | Array = np.inf) -> Array:
     """Angles (...) shifted by full turns towards `reference`, within +-`farthest`."""
     near = angles + tau * np.round((reference - angles) / tau)
     near = np.where(near > farthest, near - tau, near)
@@ -98,10 +98,7 @@ def isb_shoulder(angles: Array) -> Array:
     beyond = elevation > np.pi
     plane = np.arctan2(flexion, abduction) + np.pi * beyond
     elevation = np.where(beyond, 2.0 * np.pi - elevation, elevation)
-    nowhere = np.zeros_like(plane)
-    return np.stack(
-        [nearest_turn(plane, nowhere), elevation, nearest_turn(rotation - plane, nowhere)], axis=-1
-    )
+    return np.stack([nearest_turn(plane, 0.0), elevation, nearest_turn(rotation - plane, 0.0)], axis=-1)
 
 
 def isb_names(angle_names: tuple[str, ...]) -> tuple[str, ...]:

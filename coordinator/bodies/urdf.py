@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import logging
 from collections import Counter
-from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -26,6 +25,7 @@ from common.body import (
     find_balls,
     surface_carriers,
 )
+from common.camera import rigid
 from common.errors import InputError
 from coordinator.bodies.robot_surface import joined, link_surfaces, load_urdf
 
@@ -37,23 +37,6 @@ MOVING = {"revolute": ROTATION, "continuous": ROTATION, "prismatic": TRANSLATION
 BASE = len(ROOT_DOFS) - 1
 
 
-@dataclass(frozen=True, slots=True)
-class Tree:
-    """Links and joints from the base outward, with all joints at zero.
-
-    Args:
-        base: Name of the base link.
-        joints: Parents before children.
-        t_links: T_rest_link (4, 4) of every link.
-        dof_of: The last degree of freedom that moves each link.
-    """
-
-    base: str
-    joints: list[yourdfpy.Joint]
-    t_links: dict[str, Array]
-    dof_of: dict[str, int]
-
-
 def read_urdf(path: Path) -> BodyModel:
     """The body of a URDF file; InputError if the file is invalid or the body cannot be tracked."""
     if not path.is_file():
@@ -61,8 +44,7 @@ def read_urdf(path: Path) -> BodyModel:
     check_text(path)
     robot = load_urdf(path, build_scene_graph=False, load_meshes=False).robot
     check_joints(path, robot)
-    tree = span_tree(path, robot)
-    joints, t_links, dof_of = tree.joints, tree.t_links, tree.dof_of
+    base, joints, t_links, dof_of = span_tree(path, robot)
     moving = [joint for joint in joints if joint.type in MOVING]
 
     carried = link_surfaces(path, t_links)
@@ -85,15 +67,15 @@ def read_urdf(path: Path) -> BodyModel:
         rest_spreads=np.ones(len(kinds)),
         limits=np.array([(-np.inf, np.inf)] * 6 + [limits_of(path, j) for j in moving]),
         balls=find_balls(kinds, parents, axes, points, surface_carriers(link_dofs, skin_links, skin_weights)),
-        link_names=(tree.base, *(j.child for j in moving)),
+        link_names=(base, *(j.child for j in moving)),
         link_dofs=link_dofs,
         vertices=np.asarray(surface.vertices),
         triangles=np.asarray(surface.faces, dtype=np.int64),
         skin_links=skin_links,
         skin_weights=skin_weights,
-        joint_names=(tree.base, *(j.name for j in joints)),
+        joint_names=(base, *(j.name for j in joints)),
         joint_links=np.array([0, *(dof_of[j.child] - BASE for j in joints)], dtype=np.int64),
-        joint_points=np.array([t_links[tree.base][:3, 3], *(t_links[j.child][:3, 3] for j in joints)]),
+        joint_points=np.array([t_links[base][:3, 3], *(t_links[j.child][:3, 3] for j in joints)]),
     )
 
 
@@ -122,27 +104,31 @@ def check_joints(path: Path, robot: yourdfpy.Robot) -> None:
             raise InputError(f"{path}: the axis of joint '{joint.name}' is zero; give it a direction")
 
 
-def span_tree(path: Path, robot: yourdfpy.Robot) -> Tree:
-    """The tree of links and joints; InputError if they are not a tree, or a name occurs twice."""
+def span_tree(
+    path: Path, robot: yourdfpy.Robot
+) -> tuple[str, list[yourdfpy.Joint], dict[str, Array], dict[str, int]]:
+    """Base link, joints from it outward, T_rest_link (4, 4) and last degree of freedom of every link.
+
+    All joints are at zero. Raises InputError if they are not a tree, or a name occurs twice.
+    """
     children, links = {joint.child for joint in robot.joints}, [link.name for link in robot.links]
     base = next((link for link in links if link not in children), "")
-    t_base = np.eye(4)
-    t_base[:3, :3] = REST_FROM_URDF
-    tree, dofs, waiting = Tree(base, [], {base: t_base}, {base: BASE}), BASE, list(robot.joints)
-    while ready := next((joint for joint in waiting if joint.parent in tree.t_links), None):
+    joints, t_links, dof_of = list[yourdfpy.Joint](), {base: rigid(REST_FROM_URDF, np.zeros(3))}, {base: BASE}
+    dofs, waiting = BASE, list(robot.joints)
+    while ready := next((joint for joint in waiting if joint.parent in t_links), None):
         waiting.remove(ready)
         dofs += ready.type in MOVING
-        tree.joints.append(ready)
+        joints.append(ready)
         origin = np.eye(4) if ready.origin is None else ready.origin
-        tree.t_links[ready.child] = tree.t_links[ready.parent] @ origin
-        tree.dof_of[ready.child] = dofs if ready.type in MOVING else tree.dof_of[ready.parent]
-    if waiting or set(tree.t_links) != set(links) or len(tree.joints) != len(links) - 1:
+        t_links[ready.child] = t_links[ready.parent] @ origin
+        dof_of[ready.child] = dofs if ready.type in MOVING else dof_of[ready.parent]
+    if waiting or set(t_links) != set(links) or len(joints) != len(links) - 1:
         raise InputError(f"{path}: links and joints are not one tree; each link except one needs one parent")
     names = Counter([*ROOT_DOFS, base, *(joint.name for joint in robot.joints)])
     twice = [name for name, count in names.items() if count > 1]
     if twice:
         raise InputError(f"{path}: the name '{twice[0]}' is used twice; give every joint its own name")
-    return tree
+    return base, joints, t_links, dof_of
 
 
 def limits_of(path: Path, joint: yourdfpy.Joint) -> tuple[float, float]:

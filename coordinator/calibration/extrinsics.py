@@ -12,7 +12,7 @@ from ruamel.yaml.error import YAMLError
 from scipy.spatial.transform import Rotation
 
 from common.arrays import Array
-from common.camera import inverse
+from common.camera import inverse, rigid
 from common.errors import InputError
 
 CameraExtrinsics = tuple[Array, float]
@@ -88,9 +88,9 @@ def of_transforms(
     """ROS: each transform maps from child_frame_id to header.frame_id; a camera is named as its frame."""
     parents = dict[str, tuple[str, Array]]()
     for each in transforms:
-        at, turn, step = each["transform"]["translation"], each["transform"]["rotation"], np.eye(4)
-        step[:3, :3] = Rotation.from_quat([turn[k] for k in "xyzw"]).as_matrix()
-        step[:3, 3] = [at[k] for k in "xyz"]
+        at, turn = each["transform"]["translation"], each["transform"]["rotation"]
+        rotation = Rotation.from_quat([turn[k] for k in "xyzw"]).as_matrix()
+        step = rigid(rotation, np.array([at[k] for k in "xyz"]))
         parents[each["child_frame_id"]] = each["header"]["frame_id"], step
     found, roots = dict[str, CameraExtrinsics](), set[str]()
     for name in names:

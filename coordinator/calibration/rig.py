@@ -154,8 +154,7 @@ def measure_jacobian(
     models = [bodies.tracked(start.size._replace(girth=girth), start.values)[0] for girth in girths.tolist()]
     sent = [refiner.submit(subject, model, particles) for model in models]
     thin, thick = (joint_positions(m, p.result().poses)[0] for m, p in zip(models, sent, strict=True))
-    jacobian: Array = (thick - thin) / np.ptp(girths)
-    return jacobian
+    return np.asarray((thick - thin) / np.ptp(girths))
 
 
 def align(first: Motion, other: Motion) -> CameraPose | None:

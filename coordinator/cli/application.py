@@ -19,13 +19,8 @@ import typer
 from typer.core import TyperGroup
 
 from common.errors import InputError
-from coordinator.cli.commands import app as commands
+from coordinator.cli.commands import app
 from coordinator.commands.console import DEBUG, INTERRUPTED, exit_code
-
-CONFIG_FILE = Path("gepf.toml")
-
-Command = Any
-"""A command of typer, whose base class has no public name."""
 
 
 def use_config(context: typer.Context, given: Path | None) -> None:
@@ -34,7 +29,7 @@ def use_config(context: typer.Context, given: Path | None) -> None:
     The file is `given`, else `gepf.toml` in the working folder, if there is one. Raises InputError for an
     unreadable file, and for unknown names.
     """
-    file = given or CONFIG_FILE
+    file = given or Path("gepf.toml")
     if given is None and not file.is_file():
         return
     try:
@@ -46,7 +41,7 @@ def use_config(context: typer.Context, given: Path | None) -> None:
     context.default_map = defaults_of(context.command, table, str(file))
 
 
-def defaults_of(command: Command, table: Mapping[str, Any], place: str) -> dict[str, Any]:
+def defaults_of(command: Any, table: Mapping[str, Any], place: str) -> dict[str, Any]:
     """Values by parameter, nested like the commands. `place` is the position of the table."""
     nested = isinstance(command, TyperGroup)
     options = [each for each in command.params if each.param_type_name == "option"]
@@ -80,10 +75,6 @@ gepf report run/
 Options that are always the same can be set in gepf.toml, in a table for each command.
 """
 
-app = typer.Typer(epilog=EXAMPLES)
-
-app.add_typer(commands)
-
 
 def main(arguments: Sequence[str] | None = None, connect: Connect | None = None) -> int:
     """Run a command line and return its exit code. `connect` opens a pool in place of the usual one."""
@@ -112,7 +103,7 @@ def describe_misuse(error: typer.TyperException) -> str:
     return f"{fault}; there are {', '.join(commands)}" if commands and "?" not in fault else fault
 
 
-@app.callback(invoke_without_command=True)
+@app.callback(invoke_without_command=True, epilog=EXAMPLES)
 def gepf(
     context: typer.Context,
     *,

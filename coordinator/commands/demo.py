@@ -19,7 +19,7 @@ import msgspec
 import numpy as np
 from rich.table import Table
 
-from common.errors import GepfError, InputError
+from common.errors import GepfError, InputError, check_choice
 from common.settings import Settings
 from coordinator.commands.console import NOT_TRACKED
 from coordinator.commands.job import Job
@@ -59,8 +59,7 @@ def run_demo(
     `out` gets folders of sequences and of runs; an earlier demo is replaced. Raises InputError if `out` holds
     anything else, or for an unknown scene.
     """
-    if scene not in SEEDS:
-        raise InputError(f"unknown scene '{scene}'; choose from {', '.join(SEEDS)}")
+    check_choice("scene", scene, SEEDS)
     out, seeds = out or Path("gepf-demo"), seeds or SEEDS[scene]
     make_room(out)
     is_arm = scene == ARM

@@ -19,8 +19,6 @@ from coordinator.sources import Source, open_source
 from coordinator.sources.camera import CameraOptions
 from coordinator.sources.colour_folder import ColourFolder
 
-COLOUR = "color"  # in the summary
-
 
 def run_pictures(options: PicturesOptions, show: Show) -> None:
     """Draw the pictures of a run again. InputError for a folder without a run, or missing frames."""
@@ -29,7 +27,7 @@ def run_pictures(options: PicturesOptions, show: Show) -> None:
     source = find_sequence(run, options.sequence)
     if source is None:
         raise InputError(f"the frames of {run} were moved; give their path with --sequence SEQ")
-    folder = options.color or summary.get(COLOUR)
+    folder = options.color or summary.get("color")
     numbers = range(int(track.frame[0]), int(track.frame[-1]) + 1)
     colours = ColourFolder(Path(folder), source.intrinsics, numbers) if folder else None
     truth = own_truth(run, source)

@@ -35,7 +35,6 @@ from coordinator.results.configuration import (
     versions,
 )
 from coordinator.results.evaluation import Truth, read_truth
-from coordinator.results.live_results import results_key
 from coordinator.sources import Source, open_source
 from coordinator.sources.background import check_size, read_background
 from coordinator.sources.camera import AS_RECORDED
@@ -87,15 +86,14 @@ class Input:
         particles = counted(job.settings.filter.particles, "particle")
         return f"tracking {job.sequence} into {job.out}: {job.settings.method}, {particles}{people}"
 
-    def received_at(self, _frame: int) -> float | None:
-        """When a frame was received, in seconds of the monotonic clock; None if it is recorded."""
-        return None
-
     def describe(self, tracked: Sequence[Tracked], rate: FrameRate) -> str:
-        """A tracked frame in a short line."""
-        others = [f"; person {n} {each.estimate.status}" for n, each in enumerate(tracked[1:], 2)]
-        speed = rate.per_second if self.live is None else rate.latest_per_second
-        return "".join([describe(tracked[0].estimate, speed, rate.latency_s), *others])
+        """A tracked frame in a short line; of live input with what was left out so far and why."""
+        others = "".join(f"; person {n} {each.estimate.status}" for n, each in enumerate(tracked[1:], 2))
+        if self.live is None:
+            return describe(tracked[0].estimate, rate.per_second, rate.latency_s) + others
+        counts, said = self.live.counts, describe(tracked[0].estimate, rate.latest_per_second, rate.latency_s)
+        left_out = ", ".join(f"{counts[kind]} {why}" for kind, why in LEFT_OUT.items() if counts[kind])
+        return said + others + (f"; left out: {left_out}" if left_out else "")
 
     def configure(self, recording: Mapping[str, object]) -> RunConfiguration:
         """The configuration of the run: what is tracked, and all options that affect the results."""
@@ -109,7 +107,7 @@ class Input:
             "joint_states": None if job.joint_states is None else job.joint_states.hash,
             "settings": msgspec.to_builtins(job.settings),
             "scene": self.scope.describe(),
-            "versions": {"gepf": versions().get("gepf")},
+            "versions": {"gepf": versions()["gepf"]},
         }
         if job.people > 1:
             configuration[PEOPLE] = job.people
@@ -198,7 +196,7 @@ class LiveInput(Input):
         if not is_topic(keys[0]):
             for key in keys:
                 check_stream(key, guarded=job.pool.security is not None)
-            job = replace(job, results=job.results or results_key(keys[0]))
+            job = replace(job, results=job.results or f"{keys[0]}/results")
         self.keys, self._show = " and ".join(keys), show
         if job.record is not None:
             with_parent(job.record)
@@ -248,17 +246,6 @@ class LiveInput(Input):
         if self._recorder is not None:
             self._recorder.put(frame)
         return frame
-
-    def received_at(self, frame: int) -> float:
-        """When a frame was received, in seconds of the monotonic clock."""
-        return self.live.received_at(frame)
-
-    def describe(self, tracked: Sequence[Tracked], rate: FrameRate) -> str:
-        """A tracked frame in a short line, with what was left out so far and why."""
-        counts = self.live.counts
-        left_out = [f"{counts[kind]} {why}" for kind, why in LEFT_OUT.items() if counts[kind]]
-        listed = f"; left out: {', '.join(left_out)}" if left_out else ""
-        return super().describe(tracked, rate) + listed
 
     def facts(self) -> dict[str, object]:
         """Counts of the messages, after the frames are written."""

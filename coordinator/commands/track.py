@@ -142,9 +142,10 @@ def track_frames(
             for frames in streams:
                 for tracked in make().follow(frames, live=given.live):
                     publish(tracked, outlets)
-                    for line in describe_changes(faults, faults := tracked[0].estimate.faults):
+                    first, live = tracked[0].estimate, given.live
+                    for line in describe_changes(faults, faults := first.faults):
                         show.say(line)
-                    rate.count(given.received_at(tracked[0].estimate.frame))
+                    rate.count(None if live is None else live.received_at(first.frame))
                     recorder.append(tracked, workers.statistics, rate.seconds)
                     advance(recorder.frames, given.total, given.describe(tracked, rate))
                     if recorder.frames == before + 2:

@@ -7,7 +7,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import BinaryIO
 
-from common.errors import InputError
+from common.errors import check_choice
 from coordinator.exports.recorded import RecordedRun, read_run
 from coordinator.files import require_new, write_atomically
 
@@ -38,8 +38,7 @@ def export_run(
         smooth_hz: Cut-off frequency of a low-pass filter, Hz; None for the tracked values.
         force: Whether an existing file may be replaced; otherwise InputError.
     """
-    if form not in EXPORTS:
-        raise InputError(f"unknown format '{form}'; choose from {', '.join(EXPORTS)}")
+    check_choice("format", form, EXPORTS)
     require_new(path, force=force)
     run = read_run(folder, smooth_hz)
     module, _, name = EXPORTS[form].partition(".")

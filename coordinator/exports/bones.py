@@ -101,9 +101,7 @@ def named_joints(model: BodyModel, bones: list[Bone]) -> tuple[Bone, ...]:
     return (*bones, *still)
 
 
-def motion_of(
-    model: BodyModel, bones: tuple[Bone, ...], poses: Array, to_y_up: Array = CAMERA_TO_Y_UP
-) -> tuple[Array, Array]:
+def motion_of(model: BodyModel, bones: tuple[Bone, ...], poses: Array, to_y_up: Array) -> tuple[Array, Array]:
     """Rotations (F, B, 3, 3) and origins (F, B, 3) of each bone in its parent; of the first in the world.
 
     `to_y_up` (3, 3) rotates the camera's axes to the world's.

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from common.arrays import Array
 from coordinator.exports.bones import Bone, bones_of, children, motion_of, offset, slides
-from coordinator.exports.recorded import RecordedRun
+from coordinator.exports.recorded import CAMERA_TO_Y_UP, RecordedRun
 
 ORDER = "ZXY"
 TIP = "0.000000 5.000000 0.000000"  # centimetres from the last joint of a limb to the end of its bone
@@ -26,7 +26,7 @@ def write_bvh(run: RecordedRun, file: BinaryIO) -> None:
     """Write the skeleton in its rest pose, and the motion of every frame."""
     model = run.body().model
     bones = bones_of(model)
-    turns, places = motion_of(model, bones, run.track.pose, run.to_y_up)
+    turns, places = motion_of(model, bones, run.track.pose, run.turned(CAMERA_TO_Y_UP))
     positioned = [bone.parent < 0 or slides(bones, bone, places[:, b]) for b, bone in enumerate(bones)]
     columns = []
     for b in walk(bones, 0):

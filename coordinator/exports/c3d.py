@@ -17,7 +17,7 @@ from ezc3d import c3d
 
 from common.arrays import Array
 from coordinator.bodies.angles import angles_of
-from coordinator.exports.recorded import RecordedRun
+from coordinator.exports.recorded import CAMERA_TO_OPENSIM, RecordedRun
 
 
 def write_c3d(run: RecordedRun, file: BinaryIO) -> None:
@@ -25,7 +25,7 @@ def write_c3d(run: RecordedRun, file: BinaryIO) -> None:
     times = run.track.time_s - run.track.time_s[0]
     every = np.rint(times * run.rate).astype(np.int64)  # index of each frame among evenly spaced ones
     slots, count = every[~run.track.unknown], int(every[-1]) + 1
-    joints = run.track.joint_positions @ run.to_opensim.T * 1000.0
+    joints = run.track.joint_positions @ run.turned(CAMERA_TO_OPENSIM).T * 1000.0
     names, angles = angle_points(run)
     points = np.full((3, len(run.track.joint_names) + len(names), count), np.nan)
     points[:, : joints.shape[1], slots] = joints[~run.track.unknown].transpose(2, 1, 0)
@@ -39,17 +39,13 @@ def write_c3d(run: RecordedRun, file: BinaryIO) -> None:
     content["parameters"]["POINT"]["RATE"]["value"] = [run.rate]
     content["parameters"]["POINT"]["LABELS"]["value"] = [*run.track.joint_names, *names]
     content["parameters"]["POINT"]["UNITS"]["value"] = ["mm"]
-    for key, value in {
-        "ANGLES": names,
-        "ANGLE_UNITS": ["deg"],
-        "X_SCREEN": ["+Z"],
-        "Y_SCREEN": ["+Y"],
-    }.items():
-        content.add_parameter("POINT", key, value)
+    content.add_parameter("POINT", "ANGLES", names)
+    content.add_parameter("POINT", "ANGLE_UNITS", ["deg"])
+    content.add_parameter("POINT", "X_SCREEN", ["+Z"])
+    content.add_parameter("POINT", "Y_SCREEN", ["+Y"])
     content.add_parameter("MANUFACTURER", "SOFTWARE", ["gepf"])
     content.add_parameter("MANUFACTURER", "REMARK", [run.remark])
-    homogeneous = np.concatenate([points, np.ones((1, *points.shape[1:]))])
-    content["data"]["points"] = homogeneous
+    content["data"]["points"] = np.concatenate([points, np.ones((1, *points.shape[1:]))])
     content["data"]["meta_points"]["residuals"] = residuals
     with tempfile.TemporaryDirectory() as folder:  # ezc3d writes to a path only
         draft = Path(folder) / "run.c3d"

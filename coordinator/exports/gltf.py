@@ -47,7 +47,7 @@ def scene_of(run: RecordedRun) -> gl.GLTF2:
         for b, bone in enumerate(bones)
     ]
     if bones[0].dof < 0:  # the fixed root is rotated here, once
-        level = run.to_y_up @ CAMERA_TO_Y_UP
+        level = run.turned(CAMERA_TO_Y_UP) @ CAMERA_TO_Y_UP
         gltf.nodes[0].rotation = Rotation.from_matrix(level).as_quat().tolist()
         gltf.nodes[0].translation = (level @ bones[0].origin).tolist()
     if len(model.triangles):
@@ -114,9 +114,8 @@ def skin_of(
     place = {bones[b].dof: i for i, b in enumerate(moving)}
     of_link = np.array([place.get(int(dof), 0) for dof in model.link_dofs])
     links, weights = merge_weights(of_link[model.skin_links], model.skin_weights)
-    spare = max(0, 4 - links.shape[1])  # glTF has four links per vertex
-    links = np.pad(links, ((0, 0), (0, spare)))[:, :4]
-    weights = np.pad(weights, ((0, 0), (0, spare)))[:, :4]
+    links = np.pad(links, ((0, 0), (0, 4)))[:, :4]  # glTF has four links per vertex
+    weights = np.pad(weights, ((0, 0), (0, 4)))[:, :4]
     shares = (weights / weights.sum(axis=1, keepdims=True)).astype(np.float32)
     return np.where(shares > 0, links, 0).astype(np.uint16), shares
 
@@ -124,7 +123,7 @@ def skin_of(
 def animation_of(arrays: Arrays, run: RecordedRun, model: BodyModel, bones: tuple[Bone, ...]) -> gl.Animation:
     """Rotations of rotating bones and positions of translating bones, at the times of the frames."""
     track = run.track
-    turns, places = motion_of(model, bones, track.pose, run.to_y_up)
+    turns, places = motion_of(model, bones, track.pose, run.turned(CAMERA_TO_Y_UP))
     seconds = (track.time_s - track.time_s[:1]).astype(np.float32)
     times = arrays.add(seconds, "SCALAR")
     animation = gl.Animation(name=run.name, samplers=[], channels=[])

@@ -41,7 +41,6 @@ HINGES = {
     "elbow_twisting": "pro_sup",
 }
 ZXY = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # these axes as x, y, z
-PELVIS = ("pelvis_tx", "pelvis_ty", "pelvis_tz")
 
 
 def write_mot(run: RecordedRun, file: BinaryIO) -> None:
@@ -69,8 +68,8 @@ def opensim_coordinates(run: RecordedRun) -> dict[str, Array]:
         if ball.names[0] in BALLS:
             values = np.degrees(turned_zxy(angles, ball, track.pose))
             columns |= dict(zip(BALLS[ball.names[0]], values.T, strict=True))
-    pelvis = track.joint_positions[:, track.joint_names.index("pelvis")] @ run.to_opensim.T
-    columns |= dict(zip(PELVIS, pelvis.T, strict=True))
+    pelvis = track.joint_positions[:, track.joint_names.index("pelvis")] @ run.turned(CAMERA_TO_OPENSIM).T
+    columns |= dict(zip(("pelvis_tx", "pelvis_ty", "pelvis_tz"), pelvis.T, strict=True))
     for d, name in enumerate(track.dof_names):
         side, _, motion = name.partition("_")
         if side in ("l", "r") and motion in HINGES:
@@ -109,7 +108,7 @@ def write_trc(run: RecordedRun, file: BinaryIO) -> None:
         [],
     ):
         text.write("\t".join(cells) + "\n")
-    places = run.track.joint_positions @ run.to_opensim.T * 1000.0
+    places = run.track.joint_positions @ run.turned(CAMERA_TO_OPENSIM).T * 1000.0
     for f in range(frames):
         markers = [] if run.track.unknown[f] else [f"{value:.4f}" for value in places[f].ravel()]
         markers = markers or [""] * places[f].size

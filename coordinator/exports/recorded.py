@@ -41,17 +41,9 @@ class RecordedRun:
         up = "the camera's" if self.track.up is None else "against gravity"
         return f"gepf; {how}; camera at the origin; up is {up}"
 
-    @property
-    def to_y_up(self) -> Array:
-        """Rotation (3, 3) from the camera's axes to axes with y up: against gravity, if it is known."""
-        turned: Array = CAMERA_TO_Y_UP @ level_from_camera(self.track.up)
-        return turned
-
-    @property
-    def to_opensim(self) -> Array:
-        """Rotation (3, 3) from the camera's axes to OpenSim's, with the same up direction."""
-        turned: Array = CAMERA_TO_OPENSIM @ level_from_camera(self.track.up)
-        return turned
+    def turned(self, axes: Array) -> Array:
+        """Rotation (3, 3) from the camera's axes to others with y up: against gravity, if it is known."""
+        return np.asarray(axes @ level_from_camera(self.track.up))
 
     def body(self) -> TrackedBody:
         """The tracked body; InputError if the folder of the run does not hold it."""

@@ -14,6 +14,11 @@ from common.settings import FilterSettings
 from coordinator.filters.belief import Belief, Observation, Proposal, draw_ancestors, mean_pose, normalise
 
 
+def begin(model: BodyModel, pose: Array, settings: FilterSettings) -> Belief:  # noqa: ARG001 as all methods
+    """One particle at rest at the initial pose (D,); the noise of the first frame spreads it."""
+    return Belief.at(pose)
+
+
 @dataclass(frozen=True, slots=True)
 class Condensation:
     """CONDENSATION (Isard and Blake, IJCV 1998): draw by weight, predict, weight by the likelihood.
@@ -24,16 +29,6 @@ class Condensation:
 
     diffusion_deg: float = 2.0  # of joint angles
     diffusion_position: float = 0.01  # metres
-
-    def begin(self, model: BodyModel, pose: Array, settings: FilterSettings) -> Belief:  # noqa: ARG002
-        """One particle at rest at the initial pose (D,); the noise of the first frame spreads it."""
-        return Belief(
-            poses=pose[None].copy(),
-            log_weights=np.zeros(1),
-            residual=np.full(1, np.nan),
-            velocities=np.zeros((1, len(pose))),
-            reported=pose.copy(),
-        )
 
     def propose(
         self,
@@ -101,10 +96,6 @@ class Annealed:
     first: Condensation = Condensation()  # makes the first layer
     layers: int = 10
     survival_rate: float = 0.5  # of the particles, from layer to layer
-
-    def begin(self, model: BodyModel, pose: Array, settings: FilterSettings) -> Belief:
-        """As in CONDENSATION."""
-        return self.first.begin(model, pose, settings)
 
     def propose(
         self,

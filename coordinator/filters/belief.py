@@ -28,6 +28,12 @@ class Belief:
     posterior: Array = field(default_factory=lambda: np.empty((0, 0)), kw_only=True)
     """Covariance (D, D) of the reported pose by its refinement, in relative motion; empty if unknown."""
 
+    @classmethod
+    def at(cls, pose: Array, **others: Array) -> Self:
+        """The belief in one pose (D,) at rest."""
+        zero = np.zeros((1, len(pose)))
+        return cls(pose[None].copy(), np.zeros(1), np.full(1, np.nan), zero, pose.copy(), **others)
+
     @property
     def weights(self) -> Array:
         """Normalised weights (M,)."""
@@ -36,8 +42,7 @@ class Belief:
     @property
     def velocity(self) -> Array:
         """Relative motion (D,) per second of the reported pose."""
-        moving: Array = self.velocities[np.argmin(np.abs(self.poses - self.reported).sum(axis=1))]
-        return moving
+        return np.asarray(self.velocities[np.argmin(np.abs(self.poses - self.reported).sum(axis=1))])
 
     def at_rest(self) -> Self:
         """The same poses with zero velocity."""
@@ -91,8 +96,7 @@ def normalise(log_weights: Array) -> Array:
     if not np.any(np.isfinite(log_weights)):
         return np.full(len(log_weights), 1.0 / len(log_weights))
     weights = np.exp(log_weights - np.max(log_weights))
-    normalised: Array = weights / weights.sum()
-    return normalised
+    return np.asarray(weights / weights.sum())
 
 
 def draw_ancestors(weights: Array, count: int, rng: np.random.Generator) -> Indices:
@@ -103,15 +107,13 @@ def draw_ancestors(weights: Array, count: int, rng: np.random.Generator) -> Indi
     sums = np.cumsum(weights)
     places = (np.arange(count) + rng.random()) / count * sums[-1]
     last = np.flatnonzero(weights)[-1]
-    ancestors: Indices = np.minimum(np.searchsorted(sums, places, side="right"), last)
-    return ancestors
+    return np.asarray(np.minimum(np.searchsorted(sums, places, side="right"), last))
 
 
 def mean_pose(model: BodyModel, poses: Array, weights: Array) -> Array:
     """Weighted mean (D,) of poses (M, D), in relative motion from the first; weights sum to 1."""
     apart = difference(model, np.broadcast_to(poses[:1], poses.shape), poses)
-    mean: Array = retract(model, poses[:1], weights[None] @ apart)[0]
-    return mean
+    return np.asarray(retract(model, poses[:1], weights[None] @ apart)[0])
 
 
 def choose_reported(
@@ -124,5 +126,4 @@ def choose_reported(
     """
     joints = joint_positions(model, np.concatenate([last[None], poses]))
     square = np.sum((joints[1:] - joints[0]) ** 2, axis=-1).mean(axis=-1)
-    chosen: Array = poses[np.argmax(log_likelihood - 0.5 * square / (USUAL_SPEED * interval) ** 2)]
-    return chosen
+    return np.asarray(poses[np.argmax(log_likelihood - 0.5 * square / (USUAL_SPEED * interval) ** 2)])

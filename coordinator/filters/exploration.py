@@ -44,12 +44,6 @@ class Part(NamedTuple):
     links: Indices
     weights: Array
 
-    def pose(self, transforms: Array) -> Array:
-        """The vertices (N, V, 3) by the links' transforms (N, L, 3, 4)."""
-        posed = np.empty((len(transforms), *self.vertices.shape))
-        blend_each(self.vertices, self.links, self.weights, transforms, posed)
-        return posed
-
 
 class Layout(NamedTuple):
     """The parts of a body that are compared with the observed points, one per group, and the limbs."""
@@ -61,7 +55,7 @@ class Layout(NamedTuple):
 def explain(model: BodyModel, pose: Array, points: Array) -> Mask:
     """Which points (P, 3) are near each part of a body in pose (D,): (G, P)."""
     transforms = link_transforms(model, pose[None])
-    return np.array([mark_near(points, part.pose(transforms))[0] for part in layout_of(model).parts])
+    return np.array([mark_near(points, blend_each(*part, transforms))[0] for part in layout_of(model).parts])
 
 
 def choose_count(most: int, near: Mask, cameras: int = 1) -> int:
@@ -103,7 +97,7 @@ def propose_limbs(
         mine = near[limb.group]
         held = np.repeat(pose[None], DRAWS, axis=0)
         held[:, limb.dofs] = rng.uniform(limb.low, limb.high, size=(DRAWS, len(limb.dofs)))
-        posed = layout.parts[limb.group].pose(link_transforms(model, held))
+        posed = blend_each(*layout.parts[limb.group], link_transforms(model, held))
         reached = mark_near(points[explained == mine], posed).sum(axis=1)
         draws.append(held[:, limb.dofs])
         gains.append(np.maximum(0, reached - np.count_nonzero(mine & (explained == 1))))
@@ -133,23 +127,21 @@ def fill_near(points: Array, vertices: Array, near: Mask) -> None:
                 near[k, p] |= dx * dx + dy * dy + dz * dz <= NEAR_M * NEAR_M
 
 
-def find_limbs(model: BodyModel) -> list[Indices]:
-    """Groups of degrees of freedom that move independently: each branch of the tree, and the trunk."""
-    children = np.bincount(model.parents[model.parents >= 0], minlength=len(model.parents))
-    limb_of = np.empty(len(model.parents), dtype=np.int64)
-    for j, parent in enumerate(model.parents):
-        branches = parent < 0 or children[parent] > 1
-        limb_of[j] = j if branches else limb_of[parent]
-    return [np.flatnonzero(limb_of == start) for start in np.unique(limb_of)]
-
-
 @lru_cache(maxsize=16)
 def layout_of(model: BodyModel) -> Layout:
-    """The vertices and limbs of a body that are compared; a limb is a rotating group below another group."""
-    groups = find_limbs(model)
-    group_of_dof = np.zeros(len(model.kinds) + 1, dtype=np.int64)  # the last is for fixed vertices
-    for number, dofs in enumerate(groups):
-        group_of_dof[dofs] = number
+    """The vertices and limbs of a body that are compared.
+
+    Groups of degrees of freedom move independently: each branch of the tree, and the trunk. A limb is a
+    rotating group below another group.
+    """
+    children = np.bincount(model.parents[model.parents >= 0], minlength=len(model.parents))
+    start_of = np.arange(len(model.parents))
+    for j, parent in enumerate(model.parents):
+        if parent >= 0 and children[parent] == 1:
+            start_of[j] = start_of[parent]
+    starts, group_of_dof = np.unique(start_of, return_inverse=True)
+    groups = [np.flatnonzero(start_of == start) for start in starts]
+    group_of_dof = np.append(group_of_dof, 0)  # for fixed vertices
     some = np.arange(0, len(model.vertices), max(1, len(model.vertices) // VERTICES))
     group_of = group_of_dof[model.link_dofs[model.skin_links[some, 0]]]
     limbs = []

@@ -42,14 +42,7 @@ def begin(model: BodyModel, pose: Array, settings: FilterSettings) -> Hypotheses
     deviation = np.where(
         model.kinds == ROTATION, np.deg2rad(settings.merge_angle_deg), FIRST_POSITION_DEVIATION
     )
-    return Hypotheses(
-        poses=pose[None].copy(),
-        log_weights=np.zeros(1),
-        residual=np.full(1, np.nan),
-        velocities=np.zeros((1, len(pose))),
-        reported=pose.copy(),
-        covariances=np.diag(deviation**2)[None],
-    )
+    return Hypotheses.at(pose, covariances=np.diag(deviation**2)[None])
 
 
 def propose(

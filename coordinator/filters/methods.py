@@ -15,10 +15,10 @@ import numpy as np
 
 from common.arrays import Array
 from common.body import BodyModel
-from common.errors import InputError
+from common.errors import InputError, check_choice
 from common.refinement import Refined
 from common.settings import Descent, FilterSettings, RefineSettings, Sensor, Settings, preset
-from coordinator.filters import gradient_enhanced
+from coordinator.filters import baselines, gradient_enhanced
 from coordinator.filters.baselines import Annealed, Condensation
 from coordinator.filters.belief import USUAL_INTERVAL, Belief, Observation, Proposal
 
@@ -53,7 +53,7 @@ _GRADIENT = gradient_enhanced.begin, gradient_enhanced.propose, gradient_enhance
 
 def baseline(steps: Condensation | Annealed, particles: int) -> Method:
     """A method without refinement, with this number of particles unless the user gives another."""
-    return Method(steps.begin, steps.propose, steps.update, particles, icp_iterations=0)
+    return Method(baselines.begin, steps.propose, steps.update, particles, icp_iterations=0)
 
 
 METHODS = {
@@ -66,7 +66,7 @@ METHODS = {
 
 def find_method(name: str) -> Method:
     """The method with a name; InputError lists the valid names."""
-    check_choice("method", name, tuple(METHODS))
+    check_choice("method", name, METHODS)
     return METHODS[name]
 
 
@@ -98,12 +98,6 @@ def settings_for(
     of_filter = msgspec.structs.replace(settings.filter, particles=particles)
     asked = {"method": method, "points": points, "filter": of_filter, "seed": seed}
     return apply_method(msgspec.structs.replace(settings, **asked))
-
-
-def check_choice(what: str, chosen: str, known: tuple[str, ...]) -> None:
-    """InputError if the name is not a valid choice of this kind."""
-    if chosen not in known:
-        raise InputError(f"unknown {what} '{chosen}'; choose from {', '.join(known)}")
 
 
 def apply_method(settings: Settings) -> Settings:

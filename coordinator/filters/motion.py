@@ -21,8 +21,7 @@ that of the weak prior."""
 def draw_noise(covariances: Array, ancestors: Indices, rng: np.random.Generator) -> Array:
     """Gaussian noise (N, D), each with the covariance (M, D, D) of its ancestor, in particle order."""
     standard = rng.standard_normal((len(ancestors), covariances.shape[1]))
-    noise: Array = (cholesky(covariances)[ancestors] @ standard[..., None])[..., 0]
-    return noise
+    return np.asarray((cholesky(covariances)[ancestors] @ standard[..., None])[..., 0])
 
 
 @numba.njit(cache=True, nogil=True)

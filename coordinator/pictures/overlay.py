@@ -122,8 +122,7 @@ def project_joints(model: BodyModel, poses: Array, camera: Intrinsics, placed: A
     joints = moved(joint_positions(model, poses), placed)
     joints[..., 2] = np.maximum(joints[..., 2], MARGIN_M)
     size = np.array([camera.width, camera.height])
-    pixels: Array = np.clip(project(joints, camera), -size, 2 * size)
-    return pixels
+    return np.asarray(np.clip(project(joints, camera), -size, 2 * size))
 
 
 def draw_skeleton(

@@ -120,8 +120,7 @@ def deviations(track: Track, angles: Angles, others: Array, about: Array, most: 
     for twist, bend in angles.levers.items():
         shown = np.sin(np.clip(about[:, bend], 0.0, 0.5 * np.pi))  # 0 straight, 1 at a right angle
         off[:, twist] /= np.sqrt(np.maximum(shown**2, 1e-9))
-    expected: Array = np.hypot(np.minimum(off, most), spread)
-    return expected
+    return np.asarray(np.hypot(np.minimum(off, most), spread))
 
 
 def root_mean_square(away: Array, weight: Array) -> Array:

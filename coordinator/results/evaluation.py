@@ -194,8 +194,7 @@ def share_within(errors: Array, limit: float) -> float | None:
 
 def known_mean(values: Array, axis: int) -> Array:
     """Mean of the known values along an axis; NaN if there are none."""
-    mean: Array = np.ma.masked_invalid(values).mean(axis=axis).filled(np.nan)
-    return mean
+    return np.asarray(np.ma.masked_invalid(values).mean(axis=axis).filled(np.nan))
 
 
 def positions(names: tuple[str, ...], wanted: tuple[str, ...]) -> list[int]:

@@ -6,6 +6,7 @@ import fcntl
 import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any, Self
@@ -233,11 +234,9 @@ def claim(folder: Path, configuration: RunConfiguration, *, resume: bool) -> Rec
 
 
 def _remove_empty(folders: Sequence[Path]) -> None:
-    for folder in folders:
-        try:
+    with suppress(OSError):
+        for folder in folders:
             folder.rmdir()
-        except OSError:
-            return
 
 
 def save_run(folder: Path, track: Track, body: TrackedBody, settings: Settings) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -39,7 +38,6 @@ class RosOutlet:
 
     def __init__(self, node: Node, topic: str) -> None:
         self._make, self._header, self._name = node.make, node.header, topic[1:]
-        self._coarsened = lru_cache(maxsize=2)(coarsen)
         self._marked, self._states = node.type(MARKER), node.type(STATUS)
         self._joints = node.advertise(f"{topic}/joint_states", JOINTS)
         self._frames = node.advertise("/tf", FRAMES)
@@ -75,7 +73,7 @@ class RosOutlet:
             doubts = [place for name, place in message.joints.items() if place and is_doubtful(message, name)]
             body = self._marker(header, BODY, self._marked.ADD, [PLACEHOLDER])
             action = self._marked.ADD if doubts else self._marked.DELETE
-            spheres, coarse = self._marker(header, DOUBTS, action, doubts), self._coarsened(model, SURFACE_M)
+            spheres, coarse = self._marker(header, DOUBTS, action, doubts), coarsen(model, SURFACE_M)
             corners = pose_vertices(coarse, pose)[0][coarse.triangles.ravel()]
             self._markers.put(
                 self._make(MARKERS, [body, spheres]), lambda payload: with_points(payload, corners)

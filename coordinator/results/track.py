@@ -120,7 +120,6 @@ def read_track(folder: Path) -> Track:
 
 
 MODEL_FILE = "model.npz"
-HASH, HELD_NAMES, HELD_VALUES = "hash", "held_names", "held_values"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -138,10 +137,10 @@ def write_tracked_body(body: TrackedBody, file: BinaryIO) -> None:
     """Write a body as `.npz`: the fields of `BodyModel` by name. Equal bodies give equal bytes."""
     values: dict[str, Any] = {f.name: np.asarray(getattr(body.model, f.name)) for f in fields(BodyModel)}
     held = {
-        HELD_NAMES: np.array(list(body.held), dtype=np.str_),
-        HELD_VALUES: np.array(list(body.held.values()), dtype=np.float64),
+        "held_names": np.array(list(body.held), dtype=np.str_),
+        "held_values": np.array(list(body.held.values()), dtype=np.float64),
     }
-    np.savez_compressed(file, allow_pickle=False, **{HASH: np.array(body.model.hash)}, **values, **held)
+    np.savez_compressed(file, allow_pickle=False, hash=np.array(body.model.hash), **values, **held)
 
 
 def read_tracked_body(folder: Path) -> TrackedBody:
@@ -155,8 +154,8 @@ def read_tracked_body(folder: Path) -> TrackedBody:
         plain = {f.name: values[f.name].tolist() for f in fields(BodyModel) if "str" in str(f.type)}
         plain = {name: tuple(value) if isinstance(value, list) else value for name, value in plain.items()}
         model = BodyModel(**values | plain)
-        held = dict(zip(arrays[HELD_NAMES].tolist(), arrays[HELD_VALUES].tolist(), strict=True))
-        same = str(arrays[HASH]) == model.hash
+        held = dict(zip(arrays["held_names"].tolist(), arrays["held_values"].tolist(), strict=True))
+        same = str(arrays["hash"]) == model.hash
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"{path} is damaged or was changed ({error}); track the sequence again") from error
     if not same:

@@ -62,8 +62,7 @@ class Part:
     def pixel(self) -> Array:
         """Mean row and column (2,) of its pixels in the frame."""
         rows, columns = self.window
-        middle: Array = np.argwhere(self.mask).mean(axis=0) + np.array([rows.start, columns.start])
-        return middle
+        return np.asarray(np.argwhere(self.mask).mean(axis=0) + np.array([rows.start, columns.start]))
 
     def mark(self, mask: Mask) -> None:
         """Set the pixels of the part in a mask of the whole frame."""
@@ -145,11 +144,6 @@ def camera_of(view: SceneView, window: tuple[slice, slice]) -> Intrinsics:
     return view.camera.crop(columns.start, rows.start, columns.stop, rows.stop)
 
 
-def area_of(view: SceneView, points: Array) -> float:
-    """Visible area, square metres, of points (P, 3) of single pixels."""
-    return float(np.sum(points[:, 2] ** 2)) / (view.camera.fx * view.camera.fy)
-
-
 def cut(view: SceneView, part: Part) -> list[Part]:
     """The parts of a component that are not flat, without flat furniture.
 
@@ -189,8 +183,7 @@ def find_seat(view: SceneView, part: Part, flat: Flat) -> Mask:
     labels = label_parts(view.depth[part.window], patches, STEP_M, view.growth, view.camera.fx)
     low = labels[part.mask][floor]
     wide = labels[minimum_filter(patches, max(1, int(flat.size * part.height)), mode="constant")]
-    seat: Mask = patches & np.isin(labels, np.intersect1d(low, wide))
-    return seat
+    return np.asarray(patches & np.isin(labels, np.intersect1d(low, wide)))
 
 
 def join_parts(view: SceneView, person: Candidate, parts: Sequence[Part]) -> Candidate:
@@ -270,7 +263,8 @@ def judge(view: SceneView, part: Part) -> Candidate | None:
 
     The score increases towards the middle of the image and with the height up to one metre.
     """
-    points, seen = part.points, area_of(view, part.points)
+    points = part.points
+    seen = float(np.sum(points[:, 2] ** 2)) / (view.camera.fx * view.camera.fy)  # square metres
     if seen < PERSON_AREA_M2[0]:
         return None
     some = points[:: 1 + len(points) // SAMPLED]

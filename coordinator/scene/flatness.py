@@ -36,8 +36,7 @@ class Flat:
 
     def grow(self, some: Mask) -> Mask:
         """Some of the pixels (H, W) of the mask, with those nearby that may be on the plane."""
-        grown: Mask = some | (binary_dilation(some, iterations=self.size) & self.on)
-        return grown
+        return np.asarray(some | (binary_dilation(some, iterations=self.size) & self.on))
 
 
 def find_flat(depth: NDArray[np.floating], mask: Mask, camera: Intrinsics, growth: float) -> Flat:

@@ -6,7 +6,7 @@ The inverse depth of a plane is linear in the image: 1 / z = a x/z + b y/z + c. 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -58,8 +58,7 @@ class Planes:
 
     def above(self, points: Array) -> Array:
         """Heights (...) of points (..., 3) above the floor; without a floor, above the camera."""
-        heights: Array = points @ self.up + self.camera_height
-        return heights
+        return np.asarray(points @ self.up + self.camera_height)
 
 
 def sample_rays(depth_m: NDArray[np.floating], camera: Intrinsics, growth: float) -> Array:
@@ -85,8 +84,7 @@ def to_points(rays: Array) -> Array:
 def extents(points: Array) -> Array:
     """Extents (K,) of points (N, K) in each coordinate, without outliers."""
     low, high = np.percentile(points, EXTREMES, axis=0)
-    extent: Array = high - low
-    return extent
+    return np.asarray(high - low)
 
 
 def find_planes(rays: Array, approximate_up: Array) -> Planes:
@@ -114,8 +112,7 @@ def find_planes(rays: Array, approximate_up: Array) -> Planes:
 def support(planes: Array, rays: Array) -> Indices:
     """Number of rays (N, 4) within half the margin of each plane (M, 3), minus those in the other half."""
     counts = count_points(planes, rays)
-    more: Indices = 2 * counts[:, 0] - counts[:, 1]
-    return more
+    return np.asarray(2 * counts[:, 0] - counts[:, 1])
 
 
 def level(plane: Array, up: Array) -> float:
@@ -167,11 +164,6 @@ def count_points(planes: Array, rays: Array) -> Indices:
     return counts
 
 
-def follow_planes(planes: Planes, rays: Array) -> Planes:
-    """Update the planes in the next frame of a camera that is fixed or moves slowly."""
-    return replace(planes, coefficients=refit(planes.coefficients, rays))
-
-
 def refit(planes: Array, rays: Array) -> Array:
     """Fit planes (M, 3) by least squares to the rays (N, 4) within the margin, then within half of it.
 
@@ -213,8 +205,7 @@ def sum_moments(planes: Array, rays: Array, within: float) -> tuple[Array, Indic
 
 def lie_on(plane: Array, rays: Array) -> Mask:
     """Which rays (N, 4) are on a plane."""
-    on: Mask = np.abs(rays[:, :2] @ plane[:2] + plane[2] - rays[:, 2]) < rays[:, 3]
-    return on
+    return np.asarray(np.abs(rays[:, :2] @ plane[:2] + plane[2] - rays[:, 2]) < rays[:, 3])
 
 
 def is_large(plane: Array, rays: Array, least: tuple[float, float]) -> bool:

@@ -6,7 +6,7 @@ stays for SETTLED_FRAMES replaces it, such as a chair that was moved.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +17,7 @@ from common.camera import NOT_MOVED, Intrinsics
 from common.compiling import numba
 from common.frame import DepthFrame
 from coordinator.scene.noise import USUAL_GROWTH, fit_noise, margin_at
-from coordinator.scene.planes import Planes, extents, find_planes, follow_planes, sample_rays, to_points
+from coordinator.scene.planes import Planes, extents, find_planes, refit, sample_rays, to_points
 
 Depth = NDArray[np.float32]
 Marks = NDArray[np.uint8]
@@ -204,13 +204,12 @@ class Scene:
 
     def _look(self, depth: Depth, camera: Intrinsics) -> None:
         self._growth = self._growth or fit_noise(depth)
-        if len(self._planes.coefficients):
-            self._planes = follow_planes(self._planes, sample_rays(depth, camera, self._growth))
-        else:
-            rays = sample_rays(depth, camera, self._growth)
-            wide = len(rays) > 0 and extents(to_points(rays)).max() > PERSON_LENGTH_M[1]
-            if wide and (not self._furnished or self._seen % SETTLED_FRAMES == 0):
-                self._planes, self._furnished = find_planes(rays, self._planes.approximate_up), True
+        rays, planes = sample_rays(depth, camera, self._growth), self._planes
+        due = len(rays) > 0 and (not self._furnished or self._seen % SETTLED_FRAMES == 0)
+        if len(planes.coefficients):  # they are updated: the camera is fixed or moves slowly
+            self._planes = replace(planes, coefficients=refit(planes.coefficients, rays))
+        elif due and extents(to_points(rays)).max() > PERSON_LENGTH_M[1]:
+            self._planes, self._furnished = find_planes(rays, planes.approximate_up), True
         self._seen += 1
 
     def _change(self, pixels: NDArray[np.uint32]) -> SceneChange:

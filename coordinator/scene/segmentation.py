@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.arrays import Array, Indices, Mask
-from common.camera import points_of
+from common.camera import points_of, project
 from common.compiling import numba
 from common.frame import EMPTY, HIDDEN, SUBJECT, UNKNOWN, UNMEASURED
 from coordinator.scene.noise import margin_at
@@ -41,12 +41,6 @@ class Segmentation:
 
     window: Window
     labels: Labels
-
-    def subject(self, shape: tuple[int, ...]) -> Mask:
-        """Pixels of the whole frame (H, W) that show the subject."""
-        mask = np.zeros(shape, dtype=np.bool_)
-        mask[slices(self.window)] = self.labels == SUBJECT
-        return mask
 
 
 def slices(window: Window) -> tuple[slice, slice]:
@@ -93,7 +87,8 @@ def look_up(
     """Fill found (H, W) in a window with distances, from a grid of squares with origin `low` (3,)."""
     fx, fy, cx, cy = lens
     left, top, right, bottom = window
-    nearest, farthest = low[2], low[2] + CELL_M * squares.shape[2]
+    wide, high, deep = squares.shape
+    nearest, farthest = low[2], low[2] + CELL_M * deep
     for v in range(top, bottom):
         for u in range(left, right):
             z = depth[v, u]
@@ -101,13 +96,7 @@ def look_up(
                 continue
             x, y = (u - cx) / fx * z - low[0], (v - cy) / fy * z - low[1]
             i, j, k = int(x / CELL_M), int(y / CELL_M), int((z - low[2]) / CELL_M)
-            if (
-                x >= 0.0
-                and y >= 0.0
-                and i < squares.shape[0]
-                and j < squares.shape[1]
-                and k < squares.shape[2]
-            ):
+            if x >= 0.0 and y >= 0.0 and i < wide and j < high and k < deep:
                 found[v, u] = metres[squares[i, j, k]]
 
 
@@ -205,10 +194,7 @@ def window_of(view: SceneView, surface: Array) -> Window:
 
 def is_missing(view: SceneView, surface: Array, segmentation: Segmentation) -> bool:
     """Whether most of the points (V, 3) of a posed body project to empty pixels."""
-    fx, fy, cx, cy = view.lens
-    left, top, _, _ = segmentation.window
-    x, y, z = surface[surface[:, 2] > 0.0].T
-    u, v = cx + fx * x / z - left, cy + fy * y / z - top
+    u, v = (project(surface[surface[:, 2] > 0.0], view.camera) - segmentation.window[:2]).T
     rows, columns = segmentation.labels.shape
     inside = (u >= 0.0) & (u < columns) & (v >= 0.0) & (v < rows)
     labels = segmentation.labels[v[inside].astype(int), u[inside].astype(int)]

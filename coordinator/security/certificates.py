@@ -36,8 +36,6 @@ from coordinator.security.access import ROSTER, list_workers
 CLOCK_SKEW = dt.timedelta(hours=1)  # by which the clock of another host may be slow
 AUTHORITY = "ca"
 USUAL_HOSTS = ("localhost", "127.0.0.1", "::1", COORDINATOR, ROUTER)
-ROUTER_FILE = "router.json5"
-ROUTER_ENDPOINT = "tls/0.0.0.0:7447"
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,8 +118,8 @@ def make_certificates(
     (folder / ROSTER).write_text("".join(f"{worker}\n" for worker in listed))
     place = mount or folder.absolute()
     own = Credentials(place / f"{AUTHORITY}.pem", place / f"{ROUTER}.pem", place / f"{ROUTER}.key")
-    settings = session_settings("router", [ROUTER_ENDPOINT], [], Security(own, listed))
-    (folder / ROUTER_FILE).write_text(json.dumps(settings, indent=1) + "\n")
+    settings = session_settings("router", ["tls/0.0.0.0:7447"], [], Security(own, listed))
+    (folder / "router.json5").write_text(json.dumps(settings, indent=1) + "\n")
     return new
 
 

@@ -56,25 +56,20 @@ def read_azure_kinect(path: Path, options: CameraOptions) -> Source:
     stream = depth_stream(container, path)
     stamps, samples = scan(container, stream, path)
     calibration = read_calibration(container, path)
-    shape = (stream.height, stream.width)
-    lens = None
     if calibration is None or options.intrinsics is not None:
-        camera = options.camera(shape, path)
+        lens = Lens(options.camera((stream.height, stream.width), path))
     else:
-        camera = depth_camera(calibration, stream, path)
-        lens = lens_of(calibration, camera)
+        lens = lens_of(calibration, depth_camera(calibration, stream, path))
     read = Frames(path, container, stream, stamps, lens).read
     times = [stamp - stamps[0] for stamp in stamps]
     scale, gravity = options.depth_scale or MILLIMETRES, gravity_of(calibration, samples)
-    return Source(path.stem, camera, range(len(times)), read, scale, rate_of(times), times, gravity)
+    return Source(path.stem, lens.camera, range(len(times)), read, scale, rate_of(times), times, gravity)
 
 
 class Frames:
     """Decoded and undistorted depth of a stream. Reading is fastest in order."""
 
-    def __init__(
-        self, path: Path, container: Any, stream: Any, stamps: list[float], lens: Lens | None
-    ) -> None:
+    def __init__(self, path: Path, container: Any, stream: Any, stamps: list[float], lens: Lens) -> None:
         self._path, self._container, self._stream, self._stamps = path, container, stream, stamps
         self._lens = lens
         self._next, self._pictures = 0, self._decode(0)
@@ -87,7 +82,7 @@ class Frames:
         self._next = place + 1
         if depth is None:
             raise InputError(f"{self._path}: frame {place} is truncated; copy it again, or use --frames")
-        return depth if self._lens is None else self._lens.undistort(depth)
+        return self._lens.undistort(depth)
 
     def _decode(self, place: int) -> Iterator[NDArray[np.uint16]]:
         """Depth of the frames from the n-th on, up to the end or a damaged part of the file."""

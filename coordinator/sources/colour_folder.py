@@ -12,7 +12,6 @@ from common.camera import Intrinsics
 from common.errors import InputError
 from coordinator.sources.picture_folders import opened
 
-SUFFIXES = (".png", ".jpg", ".jpeg")
 FORMATS = ("PNG", "JPEG")
 
 
@@ -25,7 +24,7 @@ class ColourFolder:
     def __init__(self, path: Path, camera: Intrinsics, numbers: Sequence[int]) -> None:
         if not path.is_dir():
             raise InputError(f"no such folder of colour frames: {path}; give another --color")
-        files = sorted(file for file in path.iterdir() if file.suffix.lower() in SUFFIXES)
+        files = sorted(file for file in path.iterdir() if file.suffix.lower() in (".png", ".jpg", ".jpeg"))
         digits = [re.findall(r"\d+", file.stem) for file in files]
         self._files = {int(found[-1]): file for found, file in zip(digits, files, strict=True) if found}
         missing = [number for number in numbers if number not in self._files]

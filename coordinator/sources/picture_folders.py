@@ -31,7 +31,6 @@ from coordinator.sources.source import Source, rate_of
 
 logger = logging.getLogger(__name__)
 
-SIXTEEN_BIT_GREY = "I;16"
 TUM_LIST = "depth.txt"
 TIMES_FILE = "timestamps.txt"
 TIME_FILES = (TUM_LIST, TIMES_FILE, "times.txt", "depth_timestamps.txt")
@@ -170,7 +169,7 @@ def listed_times(path: Path, files: dict[float, Path]) -> tuple[dict[float, Path
 def read_depth(path: Path) -> NDArray[np.uint16]:
     """Depth (H, W) of a 16-bit PNG; InputError if it is damaged or has another type."""
     with opened(path, "PNG") as image:
-        if image.mode != SIXTEEN_BIT_GREY:
+        if image.mode != "I;16":
             kind = {"1": "1-bit", "L": "8-bit"}.get(image.mode, f"of kind {image.mode}")
             raise InputError(f"{path} is {kind}, not 16-bit grey; save depth as uint16")
         image.verify()  # all checksums: decoding alone accepts truncated or altered files

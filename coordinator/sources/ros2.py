@@ -18,7 +18,6 @@ from common.errors import ProtocolError
 from common.transport.bus import Bus
 from common.transport.channels import Publisher
 
-NODE = "gepf"
 TOKENS = "@ros2_lv"
 QOS = "::,10:,:,:,,"  # reliable, volatile, the last ten messages
 ATTACHMENT = struct.Struct("<qqB16s")  # number of the message, its time in ns, identity of the publisher
@@ -90,7 +89,7 @@ class Node:
 
     def _token(self, number: int, role: str) -> str:
         """A token without enclave and namespace."""
-        return f"{TOKENS}/{self._domain}/{self._bus.identity}/0/{number}/{role}/%/%/{NODE}"
+        return f"{TOKENS}/{self._domain}/{self._bus.identity}/0/{number}/{role}/%/%/gepf"
 
     def _note(self, token: str, alive: bool) -> None:
         described = token.split("/")[9:11]

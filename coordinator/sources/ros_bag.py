@@ -25,7 +25,6 @@ from coordinator.sources.source import Source, rate_of
 Result = TypeVar("Result")
 
 CAMERA, NUMBER = "sensor_msgs/msg/CameraInfo", "std_msgs/msg/Float32"
-UNITS_OPTION = "/Depth_Units/value"
 
 
 def read_ros_bag(path: Path, options: CameraOptions) -> Source:
@@ -117,7 +116,7 @@ def camera_in(info: Any, name: str) -> Intrinsics:
 
 def units_of(bag: Bag, topic: str) -> float:
     """Units of depth per metre."""
-    options = [t for t in bag.topics(NUMBER) if t.endswith(UNITS_OPTION)]
+    options = [t for t in bag.topics(NUMBER) if t.endswith("/Depth_Units/value")]
     if not options:
         return MILLIMETRES
     # a float32: 0.0010000000474974513 means 0.001

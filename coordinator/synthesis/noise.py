@@ -65,8 +65,7 @@ def facing(depth_m: Array, camera: Intrinsics) -> Array:
     normal = np.cross(down, right)
     length = np.linalg.norm(normal, axis=-1) * np.linalg.norm(points, axis=-1)
     cosine = np.abs(np.sum(normal * points, axis=-1))
-    facing: Array = np.divide(cosine, length, out=np.zeros_like(depth_m), where=length > 0.0)
-    return facing
+    return np.asarray(np.divide(cosine, length, out=np.zeros_like(depth_m), where=length > 0.0))
 
 
 def reached(depth_m: Array, camera: Intrinsics, lateral: float) -> tuple[slice, slice]:

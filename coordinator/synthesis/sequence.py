@@ -10,7 +10,6 @@ from itertools import count
 from pathlib import Path
 
 import imageio.v3 as iio
-import msgspec
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
@@ -18,10 +17,10 @@ from numpy.typing import NDArray
 from common.arrays import Array
 from common.body import TRANSLATION, BodyModel
 from common.bounds import MAX_CAMERAS
-from common.errors import InputError
+from common.errors import InputError, check_choice
 from common.kinematics import joint_positions, pose_vertices
 from coordinator.bodies.choice import load_body
-from coordinator.files import CAMERA_FILE, START_FILE, TRUTH_FILE, with_parent
+from coordinator.files import CAMERA_FILE, START_FILE, TRUTH_FILE, with_parent, write_json
 from coordinator.sources.camera import write_camera
 from coordinator.sources.rig import RIG_FILE, RigCamera, write_rig
 from coordinator.sources.source import to_units
@@ -110,13 +109,12 @@ def write_facts(scene: Scene, folder: Path) -> None:
 
 def find_scene(name: str, model: str | None, seed: int, frames: int | None) -> Scene:
     """The scene with a name, with the requested number of frames; InputError lists the choices."""
+    check_choice("scene", name, (*SCENES, PERSON, TWO, ROAM))
     if name == ROAM:
         if model is None:
             raise InputError(f"scene {ROAM} moves any body; add --model with a URDF file, or human")
         frames = ROAM_FRAMES if frames is None else frames
         scene = roam(load_body(model), seed, frames if frames > 0 else ROAM_FRAMES)
-    elif name not in (*SCENES, PERSON, TWO):
-        raise InputError(f"unknown scene '{name}'; choose from {', '.join((*SCENES, PERSON, TWO, ROAM))}")
     elif model is not None:
         raise InputError(f"scene {name} has a body of its own; leave --model out, or give scene {ROAM}")
     else:
@@ -172,4 +170,4 @@ def write_truth(scene: Scene, file: Path) -> None:
 def write_start(model: BodyModel, pose: Array, file: Path) -> None:
     """Write the start pose (D,); zeros are omitted."""
     start = {name: float(value) for name, value in zip(model.dof_names, pose, strict=True) if value}
-    file.write_bytes(msgspec.json.format(msgspec.json.encode(start)) + b"\n")
+    write_json(file, start)

@@ -58,8 +58,7 @@ def furnished(scene: Scene) -> Scene:
 
 def root_places(scene: Scene) -> Array:
     """Places (F, 3) of the root."""
-    places: Array = scene.poses[:, [scene.model.dof_names.index(name) for name in ROOT_DOFS[:3]]]
-    return places
+    return np.asarray(scene.poses[:, [scene.model.dof_names.index(name) for name in ROOT_DOFS[:3]]])
 
 
 def later(scene: Scene, late_s: float) -> Scene:

@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 
 from common.arrays import Array
 from common.body import BodyModel
-from common.camera import project
+from common.camera import pixels_at
 from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import pose_vertices
 from coordinator.tracking.faults import (
@@ -109,9 +109,7 @@ def seen_through(image: DepthFrame, surface: Array) -> float:
     """
     points = image.to_camera(surface)
     points = points[points[:, 2] > 0.0]
-    column, row = np.rint(project(points, image.intrinsics)).astype(np.int64).T
-    rows, columns = image.depth.shape
-    inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+    row, column, inside = pixels_at(points, image.intrinsics)
     behind = np.zeros(len(surface))
     depth = image.depth[row[inside], column[inside]] / image.depth_scale
     behind[: len(depth)] = np.maximum(depth - points[inside, 2], 0.0)

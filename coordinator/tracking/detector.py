@@ -29,7 +29,14 @@ from coordinator.bodies.human.shape_space import shape_space
 from coordinator.bodies.tracked import Bodies, Size, coarsen, pose_by_name
 from coordinator.filters.exploration import layout_of
 from coordinator.scene.planes import Planes
-from coordinator.tracking.gating import gate_pose, reject_parts, reject_planes, reject_points, reject_position
+from coordinator.tracking.gating import (
+    Gate,
+    gate_pose,
+    reject_parts,
+    reject_planes,
+    reject_points,
+    reject_position,
+)
 from coordinator.tracking.observation import camera_points, middle_of, observed_points, thin, without_flat
 from coordinator.tracking.pose_candidates import (
     ALIKE_LOG_LIKELIHOOD,
@@ -87,7 +94,6 @@ class Detector:
 
     def prepare(self) -> None:
         """Build the pose library and the bodies of candidates."""
-        _ = self._library
         for size in self._sizes:
             self._coarse(*size)
 
@@ -132,9 +138,7 @@ class Detector:
             _, found = yield from self._select(subject, best, settings, [size])
         model = self._bodies.for_start(*size)
         start = start_at(pose_by_name(model, found[0]), self._bodies, size, noise)
-        settled = iterations(settings, LAST_ITERATIONS)
-        candidates = yield from self._refine_tracked(subject, start, found, settled)
-        gate = gate_pose(candidates.log_likelihood[0], candidates.residual[0], settings)
+        candidates, gate = yield from self._refine_tracked(subject, start, found, settings)
         if self._bodies.people:
             gate = gate.against(reject_points(subject, size.stature))
             some, between = observed_points(subject, FEW_POINTS), VERTEX_SHARE * size.stature
@@ -167,7 +171,7 @@ class Detector:
         model = self._bodies.for_start(*size)
         known = np.array([values.get(name, 0.0) for name in model.dof_names])
         few, matched = thin(subject, FEW_POINTS), self._match(subject, [size], rolls, known)
-        proposed = yield from self._propose(few, matched, settings, [size])
+        proposed = yield from self._refine_few(few, matched, settings, [size], first=True)
         limbs = layout_of(model).limbs
         if len(subject.views) > 1 and limbs:  # they show which limb is wrong
             mixed = [proposed.poses]
@@ -175,12 +179,10 @@ class Detector:
                 mixed.append(np.tile(known, (len(proposed.poses), 1)))
                 mixed[-1][:, limb.dofs] = proposed.poses[:, limb.dofs]
             group = np.concatenate(mixed), np.zeros(len(mixed) * len(proposed.poses), dtype=np.int64)
-            proposed = yield from self._propose(few, [group], settings, [size])
-        best = yield from self._refine_few(few, proposed, settings, [size])
+            proposed = yield from self._refine_few(few, [group], settings, [size], first=True)
+        best = yield from self._refine_few(few, [(proposed.poses, proposed.sizes)], settings, [size])
         _, found = yield from self._select(subject, best, settings, [size])
-        settled = iterations(rules, LAST_ITERATIONS)
-        candidates = yield from self._refine_tracked(subject, start, found, settled)
-        gate = gate_pose(candidates.log_likelihood[0], candidates.residual[0], rules)
+        candidates, gate = yield from self._refine_tracked(subject, start, found, rules)
         return Detection(subject, start, candidates, gate)
 
     def transfer(self, detection: Detection, now: SubjectFrame, rules: RefineSettings) -> Detection:
@@ -210,20 +212,6 @@ class Detector:
         """The body of candidates of this size."""
         return coarsen(self._bodies.for_start(*size), self._library.cell_m)
 
-    def _propose(
-        self,
-        few: SubjectFrame,
-        matched: Iterable[tuple[Array, Indices]],
-        settings: RefineSettings,
-        sizes: Sequence[Size],
-    ) -> Generator[Stage, None, Candidates]:
-        """The best distinct candidates of these sizes after the first stage, on a few points."""
-        names = self._bodies.for_start(*sizes[0]).joint_names
-        models = [self._coarse(*size) for size in sizes]
-        first = iterations(with_closest_points(settings), FIRST_ITERATIONS)
-        found = yield from self._refine_candidates(few, models, matched, first)
-        return found.distinct(names, SURVIVORS)
-
     def _shortlist(
         self,
         subject: SubjectFrame,
@@ -233,19 +221,24 @@ class Detector:
     ) -> Generator[Stage, None, Candidates]:
         """The best distinct candidates of these sizes after the second stage, on a few points."""
         few = thin(subject, FEW_POINTS)
-        proposed = yield from self._propose(few, matched, settings, sizes)
-        return (yield from self._refine_few(few, proposed, settings, sizes))
+        first = yield from self._refine_few(few, matched, settings, sizes, first=True)
+        return (yield from self._refine_few(few, [(first.poses, first.sizes)], settings, sizes))
 
     def _refine_few(
-        self, few: SubjectFrame, found: Candidates, settings: RefineSettings, sizes: Sequence[Size]
+        self,
+        few: SubjectFrame,
+        groups: Iterable[tuple[Array, Indices]],
+        settings: RefineSettings,
+        sizes: Sequence[Size],
+        *,
+        first: bool = False,
     ) -> Generator[Stage, None, Candidates]:
-        """The second stage: the best distinct ones of these candidates, on a few points."""
-        models, closest = (
-            [self._coarse(*size) for size in sizes],
-            with_closest_points(iterations(settings, ITERATIONS)),
-        )
-        found = yield from self._refine_candidates(few, models, [(found.poses, found.sizes)], closest)
-        return found.distinct(self._bodies.for_start(*sizes[0]).joint_names, FINALISTS)
+        """The best distinct candidates after the first or the second stage, on a few points."""
+        count, kept = (FIRST_ITERATIONS, SURVIVORS) if first else (ITERATIONS, FINALISTS)
+        models = [self._coarse(*size) for size in sizes]
+        closest = iterations(with_closest_points(settings), count)
+        found = yield from self._refine_candidates(few, models, groups, closest)
+        return found.distinct(models[0].joint_names, kept)
 
     def _select(
         self, subject: SubjectFrame, found: Candidates, settings: RefineSettings, sizes: Sequence[Size]
@@ -310,15 +303,20 @@ class Detector:
 
     def _refine_tracked(
         self, subject: SubjectFrame, start: Start, poses: Array, settings: RefineSettings
-    ) -> Generator[Stage, None, Candidates]:
-        """Convert poses (N, D) of the detected body to the tracked body and refine them; held values stay."""
+    ) -> Generator[Stage, None, tuple[Candidates, Gate]]:
+        """Convert poses (N, D) of the detected body to the tracked body and refine them; held values stay.
+
+        Also returns the gate of the best.
+        """
         searched, model = self._bodies.for_start(*start.size), start.model
         taken = np.tile(start.pose, (len(poses), 1))
         for j, name in enumerate(model.dof_names):
             if name in searched.dof_names:
                 taken[:, j] = poses[:, searched.dof(name)]
         halves = [(some, np.zeros(len(some), dtype=np.int64)) for some in (taken[::2], taken[1::2])]
-        return (yield from self._refine_candidates(subject, [model], halves, settings))
+        last = iterations(settings, LAST_ITERATIONS)
+        found = yield from self._refine_candidates(subject, [model], halves, last)
+        return found, gate_pose(found.log_likelihood[0], found.residual[0], settings)
 
     def _refine_candidates(
         self,
@@ -339,7 +337,7 @@ class Detector:
                     some = Particles(mine[first : first + most], settings, spare=True)
                     sent.append((size, self._refiner.submit(subject, models[size], some)))
         try:
-            yield Stage(tuple(pending for _, pending in sent))
+            yield tuple(pending for _, pending in sent)
             return ordered([candidates_of(models[size], pending.result(), size) for size, pending in sent])
         finally:
             for _, pending in sent:

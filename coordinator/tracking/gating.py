@@ -10,6 +10,7 @@ from scipy.ndimage import generate_binary_structure, maximum_filter, minimum_fil
 
 from common.arrays import Array, Indices, Mask
 from common.body import BodyModel
+from common.camera import pixels_at
 from common.frame import EMPTY, SubjectFrame
 from common.kinematics import pose_vertices
 from common.settings import SOFT_NOISE_RATIO, RefineSettings
@@ -26,7 +27,6 @@ AGREES_M = 0.06  # largest distance in depth between the body and what shows it
 CELL_SHARE = 0.018  # of stature: side of the cells that are drawn; vertices and triangles fill them
 CROSS = generate_binary_structure(2, 1)  # a cell and its four neighbours
 PARTS = {"head": ("head",), "legs": ("hip", "knee", "ankle")}  # and their joints
-UNEXPLAINED = "the body does not fit the observed points"
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,7 @@ def gate_pose(log_likelihood: float, residual: float, settings: RefineSettings) 
         misfit = float(cost / np.hypot(MISFIT_M, settings.noise_lateral))
     normalised = max(float(residual) / (RESIDUAL_M + settings.noise_depth), misfit)
     if not normalised <= 1.0:
-        return Gate(normalised if normalised > 1.0 else np.inf, UNEXPLAINED)
+        return Gate(normalised if normalised > 1.0 else np.inf, "the body does not fit the observed points")
     return Gate(normalised)
 
 
@@ -141,9 +141,7 @@ def compare(surface: Array, view: SubjectFrame, cell_m: float) -> tuple[Indices,
     np.minimum.at(image, (row, column), z)
     low, high = (each(image, footprint=CROSS)[row, column] for each in (minimum_filter, maximum_filter))
     inner = np.flatnonzero((z == image[row, column]) & (z < low + AGREES_M) & np.isfinite(high))
-    row, column = np.rint(at[:, inner]).astype(np.int64)
-    height, width = frame.depth.shape
-    inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
+    row, column, inside = pixels_at(places[ahead[inner]], camera)
     left, top, right, bottom = view.view
     empty = ~inside & (left <= column) & (column < right) & (top <= row) & (row < bottom)
     pixels, depth = (row[inside], column[inside]), np.zeros(len(inner))

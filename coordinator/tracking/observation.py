@@ -45,7 +45,7 @@ def subject_of(frame: DepthFrame, views: Sequence[Cut], points: int) -> SubjectF
     areas = [area_of(view, depth) for (view, _, _), depth in zip(views, depths, strict=True)]
     total = sum(areas)
     found = [
-        crop(frame, *views[n], depths[n], most=round(points * areas[n] / total))
+        crop(frame, views[n], depths[n], round(points * areas[n] / total))
         for n in sorted(range(len(views)), key=lambda n: -areas[n])
         if areas[n] > 0.0
     ]
@@ -64,17 +64,9 @@ def area_of(view: DepthFrame, depth: NDArray[np.uint16]) -> float:
     return squares / (view.intrinsics.fx * view.intrinsics.fy)
 
 
-def crop(
-    frame: DepthFrame,
-    view: DepthFrame,
-    window: Window,
-    labels: Labels | None,
-    depth: NDArray[np.uint16],
-    *,
-    most: int,
-) -> SubjectFrame:
-    """The crop of one image of a frame to a window, with its depth and labels (H, W)."""
-    left, top, right, bottom = window
+def crop(frame: DepthFrame, cut: Cut, depth: NDArray[np.uint16], most: int) -> SubjectFrame:
+    """The crop of one image of a frame to a window, with its depth (H, W); `most` pixels are picked."""
+    view, (left, top, right, bottom), labels = cut
     camera = view.intrinsics
     measured = np.flatnonzero(depth).astype(np.uint32)
     picked = min(len(measured), most)
@@ -124,8 +116,7 @@ def observed_points(subject: SubjectFrame, most: int | None = None) -> Array:
 
 def middle_of(subject: SubjectFrame) -> Array:
     """Median (3,) of some of the observed points, metres."""
-    middle: Array = np.median(observed_points(subject, POINTS), axis=0)
-    return middle
+    return np.asarray(np.median(observed_points(subject, POINTS), axis=0))
 
 
 def thin(subject: SubjectFrame, points: int) -> SubjectFrame:

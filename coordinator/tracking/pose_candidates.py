@@ -86,8 +86,7 @@ def faces_away(names: tuple[str, ...], joints: Array, body: Array) -> Mask:
         return np.zeros(len(joints), dtype=np.bool_)
     left, right = ([names.index(f"{side}_{pair}") for pair in pairs] for side in ("left", "right"))
     across = (joints[:, left] - joints[:, right]).sum(axis=1)  # (M, 3)
-    turned: Mask = across @ (body[left] - body[right]).sum(axis=0) < 0.0
-    return turned
+    return np.asarray(across @ (body[left] - body[right]).sum(axis=0) < 0.0)
 
 
 def keep_distinct(joints: Array, count: int) -> Indices:

@@ -66,7 +66,6 @@ LEGS = (
     ((90, 5, 0, 10), (90, 5, 0, 10)),  # sits with the legs stretched out
 )
 
-TILT = ("vl3_tilt",)
 TILTS = (0.0, 25.0, 55.0)
 
 
@@ -137,8 +136,7 @@ def look_straight(at: Array, roll: float) -> Array:
     across /= np.linalg.norm(across)
     straight = np.stack([across, np.cross(ahead, across), ahead])
     c, s = np.cos(roll), np.sin(roll)
-    turned: Array = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ straight
-    return turned
+    return np.asarray(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ straight)
 
 
 def turned_to(poses: Array, places: Array, turn: Array) -> Array:
@@ -196,7 +194,7 @@ def draw_people(model: BodyModel, count: int, rng: np.random.Generator) -> Array
     for leg, side in enumerate("lr"):
         put(model, poses, f"{side}_", LEG, pairs[:, leg])
     tilt = np.array(TILTS)[rng.integers(len(TILTS), size=(count, 1))]
-    put(model, poses, "", TILT, tilt + SPREAD_DEG * rng.standard_normal(tilt.shape))
+    put(model, poses, "", ("vl3_tilt",), tilt + SPREAD_DEG * rng.standard_normal(tilt.shape))
     np.clip(poses, model.limits[:, 0], model.limits[:, 1], out=poses)
     poses[:, 3:6] = turns(count, rng)
     return poses

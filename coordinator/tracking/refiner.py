@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Protocol
 
 import msgspec
@@ -67,16 +66,8 @@ class Refiner(ABC):
         """Start to refine particles on a frame."""
 
 
-@dataclass(frozen=True, slots=True)
-class Stage:
-    """The requests of one stage of a search, which are with the workers."""
-
-    requests: tuple[Pending, ...]
-
-    @property
-    def is_ready(self) -> bool:
-        """Whether all results would come at once."""
-        return all(each.is_ready for each in self.requests)
+Stage = tuple[Pending, ...]
+"""The requests of one stage of a search, which are with the workers."""
 
 
 def iterations(settings: RefineSettings, count: int) -> RefineSettings:

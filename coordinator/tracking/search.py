@@ -14,12 +14,12 @@ class BodySearch:
     def __init__(self) -> None:
         self.subject: SubjectFrame | None = None  # in which the body is searched for
         self._search: Search | None = None  # None also when done
-        self._sent: Stage | None = None  # to the workers
+        self._sent: Stage = ()  # to the workers
         self._found: Detection | None = None
 
     def begin(self, search: Search, subject: SubjectFrame) -> None:
         """Begin another search."""
-        self.subject, self._search, self._sent, self._found = subject, search, None, None
+        self.subject, self._search, self._sent, self._found = subject, search, (), None
 
     @property
     def runs(self) -> bool:
@@ -31,7 +31,7 @@ class BodySearch:
 
         Without `wait`, also if the workers are not ready with it.
         """
-        if self._search is None or not (wait or self._sent is None or self._sent.is_ready):
+        if self._search is None or not (wait or all(each.is_ready for each in self._sent)):
             return False
         try:
             self._sent = next(self._search)
@@ -47,4 +47,5 @@ class BodySearch:
 
     def end(self) -> None:
         """Give up the search, if there is one."""
-        self.subject = self._search = self._sent = self._found = None
+        self.subject = self._search = self._found = None
+        self._sent = ()

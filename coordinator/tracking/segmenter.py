@@ -45,8 +45,7 @@ class PosedBody:
     @property
     def surface(self) -> Array:
         """Vertices (V, 3), metres."""
-        vertices: Array = pose_vertices(self.model, self.pose[None])[0]
-        return vertices
+        return np.asarray(pose_vertices(self.model, self.pose[None])[0])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -15,7 +15,7 @@ import numpy as np
 
 from common.arrays import Array
 from common.body import BodyModel
-from common.camera import points_of
+from common.camera import pixels_at, points_of
 from common.frame import EMPTY, HIDDEN, SubjectFrame
 from common.kinematics import joint_positions
 
@@ -124,13 +124,9 @@ def _find_end(subject: SubjectFrame, points: Array, joint: Array, outwards: Arra
 
 def _labels(subject: SubjectFrame, points: Array) -> Array:
     """Labels (P,) of the pixels of points (P, 3); HIDDEN outside the image."""
-    camera = subject.frame.intrinsics
-    u = np.rint(camera.cx + camera.fx * points[:, 0] / points[:, 2]).astype(int)
-    v = np.rint(camera.cy + camera.fy * points[:, 1] / points[:, 2]).astype(int)
+    v, u, inside = pixels_at(points, subject.frame.intrinsics)
     left, top, right, bottom = subject.view
     labels = np.where((left <= u) & (u < right) & (top <= v) & (v < bottom), EMPTY, HIDDEN)
     if subject.kinds is not None:
-        rows, columns = subject.kinds.shape
-        inside = (u >= 0) & (u < columns) & (v >= 0) & (v < rows)
         labels[inside] = subject.kinds[v[inside], u[inside]]
     return labels

@@ -41,6 +41,7 @@ from coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise, assume_nois
 from coordinator.tracking.state import Checkpoint, Start, TrackerState, no_start, start_at
 from coordinator.tracking.track_management import GIVEN, SEARCH_INTERVAL_FRAMES, TrackManagement
 
+GONE_SHARE = 0.35  # of the body's pixels in the last good frame; with fewer it may have left
 WHOLE_SHARE = 0.85  # of the pixels in which the body was detected; with fewer, a part of it is missing
 
 
@@ -146,10 +147,10 @@ class TargetTracker:
 
     def misses(self, pixels: int) -> bool:
         """Whether so few pixels of the body are visible that it is searched for elsewhere."""
-        few = pixels < self.management.least_pixels(self._settings.points)
+        least = max(self.least_pixels, GONE_SHARE * self.management.pixels)
         if self.begun is not None:
-            few = pixels < WHOLE_SHARE * self.begun.pixels
-        return self._belief is not None and few and self._redetects
+            least = WHOLE_SHARE * self.begun.pixels
+        return self._belief is not None and pixels < least and self._redetects
 
     def nothing_seen(self) -> None:
         """Note that the present frame does not show the body where it was expected."""
@@ -318,7 +319,8 @@ class TargetTracker:
         before, self._faulty = self._faulty, tuple(faults_of(self.cameras, submitted.frame.time_s))
         if set(before) - set(self._faulty) and self._redetects:  # a camera is back
             self.searching.end()  # it began without this camera
-            self.management = self.management.checked_next()
+            # a search in the next frame, and doubt for a while, as after a detection
+            self.management = replace(self.management, tracked=SEARCH_INTERVAL_FRAMES - 1)
         views = [*subject.views, *(self.aside.views if self.aside is not None else ())]
         seen = self.model, self._belief.poses[0], submitted.frame, views, submitted.rules.noise_depth
         # the interval of the first frame includes the search, in which no cameras were compared

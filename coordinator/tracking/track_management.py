@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Self
 
-from coordinator.tracking.gating import LEAST_PIXELS, Gate
+from coordinator.tracking.gating import Gate
 
 LOST_RESIDUAL = 1.3  # normalised; above it a frame is badly explained. Usual frames are below 1.2
 PATIENCE_FRAMES = 2  # after more successive badly explained frames the body is searched for
 SEARCH_INTERVAL_FRAMES = 4  # between searches for an unknown body, and from detection to the first check
 CHECK_INTERVAL_FRAMES = 10  # between checks while the pose is doubtful
-GONE_SHARE = 0.35  # of the body's pixels in the last good frame; with fewer it may have left
 FACING_DOUBT = "front and back look alike: it may face the other way"
 
 
@@ -53,17 +52,9 @@ class TrackManagement:
         """Why the pose is doubtful, as text."""
         return self.why or (FACING_DOUBT if self.ambiguous_facing else "")
 
-    def least_pixels(self, points: int) -> float:
-        """Fewest pixels with which the body may still be at its place; `points` is the setting."""
-        return max(min(LEAST_PIXELS, points), GONE_SHARE * self.pixels)
-
     def nothing_seen(self) -> Self:
         """After a frame that does not show the body at its place."""
         return replace(self, is_lost=True, frames_searched=0, why="", ambiguous_facing=False)
-
-    def checked_next(self) -> Self:
-        """The body is searched for in the next frame, and is in doubt for a while, as after a detection."""
-        return replace(self, tracked=SEARCH_INTERVAL_FRAMES - 1)
 
     def not_found(self, why: str, frames: int = 1) -> Self:
         """After so many frames in which an unknown body was not found, or not searched for."""

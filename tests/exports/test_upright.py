@@ -16,7 +16,7 @@ from common.body import BodyModel
 from common.camera import Intrinsics
 from common.kinematics.rotations import euler_angles, euler_matrix
 from coordinator.exports import export_run
-from coordinator.exports.recorded import read_run
+from coordinator.exports.recorded import CAMERA_TO_Y_UP, read_run
 from coordinator.results.log import floor_up
 from coordinator.scene.scene import Scene
 from coordinator.tracking.pose_library import upright_rolls
@@ -133,7 +133,7 @@ def test_a_robot_that_stands_still_is_turned_too(tmp_path: Path, body: str | int
     )
     for form in ("bvh", "glb"):
         export_run(tmp_path / "run", form, tmp_path / f"run.{form}")
-    expected = track.joint_positions @ read_run(tmp_path / "run").to_y_up.T
+    expected = track.joint_positions @ read_run(tmp_path / "run").turned(CAMERA_TO_Y_UP).T
     read = bvh_joints(tmp_path / "run.bvh", model.joint_names, 4) / 100.0
     assert np.abs(read - expected).max() < 1e-4
     assert np.abs(gltf_joints(tmp_path / "run.glb", model) - expected).max() < 1e-4

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from common.arrays import Array
 from coordinator.scene.noise import fit_noise
-from coordinator.scene.planes import Planes, find_planes, follow_planes, refit, sample_rays
+from coordinator.scene.planes import Planes, find_planes, refit, sample_rays
 from tests.support.rooms import CABINET, CAMERA, HEIGHT, PERSON, TABLE, WALL, Box, Room
 
 
@@ -45,7 +47,7 @@ def test_planes_are_followed_when_the_camera_moves_a_little() -> None:
     for number in range(1, 9):
         after = Room(noise=0.002, pitch=np.radians(0.5 * number))
         depth = after.see(PERSON, number).frame.metres()
-        followed = follow_planes(followed, rays_of(depth))
+        followed = replace(followed, coefficients=refit(followed.coefficients, rays_of(depth)))
     assert followed.up @ (after.tilt.T @ np.array([0.0, -1.0, 0.0])) > np.cos(np.radians(0.7))
 
 

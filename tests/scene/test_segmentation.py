@@ -21,6 +21,7 @@ from coordinator.scene.segmentation import (
     nearest_of,
     segment_body,
     segment_masks,
+    slices,
 )
 from tests.support.rooms import CABINET, PERSON, TABLE, Box, Room
 
@@ -109,7 +110,9 @@ def test_of_two_people_each_has_the_nearest_pixels() -> None:
     distances = [measure_distances(view, surface) for surface in surfaces]
     nearest = nearest_of(view, distances)
     for n in range(2):
-        mine = segment_body(view, surfaces[n], distances[n], distances[n] > nearest).subject(depth.shape)
+        found = segment_body(view, surfaces[n], distances[n], distances[n] > nearest)
+        mine = np.zeros(depth.shape, dtype=np.bool_)
+        mine[slices(found.window)] = found.labels == SUBJECT
         assert np.mean(truth[n][mine]) > 0.97
         assert np.mean(mine[truth[n]]) > 0.9
 

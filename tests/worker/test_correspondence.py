@@ -79,7 +79,7 @@ def search(
     points = np.concatenate([observed, np.repeat(observed[-1:], -len(observed) % TILE, axis=0)])
     of = Observation(points, len(observed), *nothing, camera, np.zeros(4, int), np.eye(4)[:3], 0.0)
     packed = view_of(pack_views(of, PAPER), 0)
-    assert packed.stretch == 1.0
+    assert PAPER.noise_lateral == PAPER.noise_depth  # so depth is not scaled
     leaves = -(-len(model) // LEAF)
     found = make_search(len(model), leaves, len(points))
     for array in found:

@@ -64,7 +64,7 @@ def kernel_covariance(of: PosteriorCase, pose: Array) -> tuple[Array, Array]:
         workspace = workspaces.shared
     else:
         exact = hard_information(of, pose)
-        find_correspondences(visible, surface, packed, workspace)
+        find_correspondences(visible, surface, packed, parameters.stretch, workspace)
         accumulate_correspondences(visible, skeleton, surface, packed, parameters, workspace)
         once = parameters._replace(steps=parameters.steps._replace(gauss_newton_iterations=1))
         minimise(skeleton, moved, workspace.of_rig, packed.count, once, workspace.equations)

@@ -50,7 +50,7 @@ def kernel_slope(of: PosteriorCase, pose: Array) -> tuple[Array, Held]:
     else:
         pose_body(pose, skeleton, surface, workspace)
         visible = visible_vertices(surface, workspace)
-        find_correspondences(visible, surface, packed, workspace)
+        find_correspondences(visible, surface, packed, parameters.stretch, workspace)
         accumulate_correspondences(visible, skeleton, surface, packed, parameters, workspace)
         fill_normal_equations(skeleton, workspace.of_rig, parameters.stretch, equations)
     add_prior(skeleton, pose, parameters.rest_weight, packed.count, equations.gram, equations.gradient)

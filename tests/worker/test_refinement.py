@@ -32,7 +32,7 @@ from tests.support.people import subject_of
 from worker.kernel import icp
 from worker.kernel.gauss_newton import solve_ltl
 from worker.kernel.icp import Batch, refine, refine_some
-from worker.kernel.observation import observe
+from worker.kernel.observation import observe, pack_views
 from worker.lanes import Lanes
 
 
@@ -149,7 +149,7 @@ def test_what_is_prepared_ahead_changes_nothing() -> None:
     side_by_side = Lanes(2)
     for prepared in (DEFAULT, msgspec.structs.replace(DEFAULT, noise_depth=10.0 * DEFAULT.noise_depth)):
         observation = observe(subject())
-        side_by_side.prepare(observation, prepared)
+        pack_views(observation, prepared)
         together = side_by_side.refine(puppet(), observation, Particles(starts(5), DEFAULT))
         assert as_bytes(together) == as_bytes(
             refine(puppet(), observe(subject()), Particles(starts(5), DEFAULT))

@@ -26,14 +26,14 @@ LOOSER, TINY = np.float32(1.0 + 1e-6), np.float32(1e-12)  # enlarge bounds: poin
 
 @numba.njit(cache=True, nogil=True)
 def find_correspondences(
-    visible: Numbers, surface: Surface, observed: PackedObservation, workspace: Workspace
+    visible: Numbers, surface: Surface, observed: PackedObservation, stretch: float, workspace: Workspace
 ) -> None:
     """Find the closest visible vertex of each observed point.
 
     Fills workspace.search.closest with indices into `visible`, and .squared with squared distances in the
     metric of the noise. The initial guess is the result of the last search in this workspace.
     """
-    search, leaves = workspace.search, fill_leaves(visible, surface, observed.stretch, workspace)
+    search, leaves = workspace.search, fill_leaves(visible, surface, stretch, workspace)
     guesses = search.last_visible[: search.last_count[0]]
     if len(guesses) > 0 and not same_vertices(guesses, visible):
         remap_closest(guesses, visible, search.remapped, search.closest)

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from common.arrays import Array, Indices
 from common.compiling import numba
 from common.kinematics.chain import forward_kinematics
-from common.kinematics.manifold import apply_step, ball_vector, clamp_to_limits
-from common.kinematics.rotations import handedness
+from common.kinematics.manifold import apply_step, clamp_to_limits, step_between
 from common.refinement import WEAK_SLIDE, WEAK_TURN
 from worker.kernel.normal_equations import fill_normal_equations
 from worker.kernel.parameters import KernelParameters
@@ -78,10 +77,7 @@ def take_step(skeleton: Skeleton, pose: Array, damping: float, longest: float, e
 @numba.njit(cache=True, nogil=True)
 def over_relax(skeleton: Skeleton, before: Array, pose: Array) -> None:
     """Repeat the motion from `before` to pose (D,) in place, within limits."""
-    step = pose - before
-    for start in skeleton.balls:
-        handed = handedness(skeleton.axes, start)
-        step[start], step[start + 1], step[start + 2] = ball_vector(handed, before, pose, start)
+    step = step_between(skeleton.axes, skeleton.balls, before, pose)
     apply_step(skeleton.axes, skeleton.balls, step, pose)
     clamp_to_limits(skeleton.single, skeleton.limits, pose)
 

@@ -149,7 +149,7 @@ def correspond(v: int, renew: bool, pose: Array, problem: Problem, workspaces: W
     if len(visible) == 0 or observed.count == 0:
         workspace.sums[:] = 0.0
         return len(visible)
-    find_correspondences(visible, surface, observed, workspace)  # 4c
+    find_correspondences(visible, surface, observed, parameters.stretch, workspace)  # 4c
     accumulate_correspondences(visible, skeleton, surface, observed, parameters, workspace)
     return len(visible)
 

@@ -19,17 +19,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from common.arrays import Array, Numbers
+from common.arrays import Array
 from common.compiling import numba
 from worker.kernel.correspondence import find_correspondences
 from worker.kernel.observation import PackedObservation, view_of
 from worker.kernel.parameters import KernelParameters
 from worker.kernel.priors import prior_cost
 from worker.kernel.soft import mean_log_density
-from worker.kernel.surface import Skeleton, Surface
 from worker.kernel.visibility import pose_body, visible_vertices
 from worker.kernel.weighting import robust_cost, vertices_in_free_space
-from worker.kernel.workspace import Problem, Search, Workspace, Workspaces, workspace_of
+from worker.kernel.workspace import Problem, Search, Workspaces, workspace_of
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -51,16 +50,19 @@ def evaluate(pose: Array, problem: Problem, workspaces: Workspaces) -> tuple[flo
             cost += share * (parameters.outlier_squared if parameters.outlier_squared > 0.0 else np.inf)
             continue
         explained += observed.count
-        find_correspondences(visible, surface, observed, workspace)
+        find_correspondences(visible, surface, observed, parameters.stretch, workspace)
         residual += share * mean_distance(observed, parameters, workspace.search)
         if parameters.soft:
             density += share * mean_log_density(surface, observed, parameters, workspace)
         else:
             cost += share * mean_cost(observed, parameters, workspace.search)
             if parameters.free_space:
-                cost += share * mean_free_space_cost(
-                    visible, skeleton, surface, observed, parameters, workspace
-                )
+                free = vertices_in_free_space(visible, skeleton, surface, observed, workspace)
+                outside, offsets = 0.0, workspace.offsets
+                for n in range(len(free)):
+                    squared = offsets[n, 0] ** 2 + offsets[n, 1] ** 2
+                    outside += robust_cost(squared, parameters.outlier_squared)
+                cost += share * (outside / len(visible))
     if explained == 0:
         return -np.inf, np.inf
     return parameters.independent_points * density - 0.5 * cost * parameters.posterior_scale, residual
@@ -86,20 +88,3 @@ def mean_distance(observed: PackedObservation, parameters: KernelParameters, sea
         along = np.float64(observed.points[2, i]) - search.model[search.closest[i], 2]
         total += np.sqrt(max(0.0, search.squared[i] + excess * along * along))
     return total / observed.count
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def mean_free_space_cost(
-    visible: Numbers,
-    skeleton: Skeleton,
-    surface: Surface,
-    observed: PackedObservation,
-    parameters: KernelParameters,
-    workspace: Workspace,
-) -> float:
-    """Mean robust cost (m^2) of visible model points in empty space."""
-    free = vertices_in_free_space(visible, skeleton, surface, observed, workspace)
-    cost, offsets = 0.0, workspace.offsets
-    for n in range(len(free)):
-        cost += robust_cost(offsets[n, 0] ** 2 + offsets[n, 1] ** 2, parameters.outlier_squared)
-    return cost / len(visible)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from common.arrays import Array, Indices, Points
+from common.arrays import Array, Indices
 from common.compiling import numba
 
 
@@ -67,14 +67,3 @@ def divide(points: Array, order: Indices, start: int, stop: int, middle: int, ax
             low = i
         else:
             return
-
-
-@numba.njit(cache=True, nogil=True)
-def boxes_of(points: Points, size: int) -> Points:
-    """Bounding boxes (6, K): smallest and largest x, y, z of each `size` successive points (3, K * size)."""
-    boxes = np.empty((6, points.shape[1] // size), dtype=np.float32)
-    for a in range(3):
-        for k in range(boxes.shape[1]):
-            row = points[a, k * size : (k + 1) * size]
-            boxes[a, k], boxes[3 + a, k] = row.min(), row.max()
-    return boxes

@@ -18,7 +18,7 @@ from common.compiling import numba
 from common.frame import EMPTY, SubjectFrame
 from common.recent import FRAMES_KEPT
 from common.settings import RefineSettings
-from worker.kernel.neighbourhoods import boxes_of, neighbourhoods
+from worker.kernel.neighbourhoods import neighbourhoods
 
 Pixels = NDArray[np.int32]
 
@@ -58,19 +58,13 @@ class Observation:
 class PackedObservation(NamedTuple):
     """An observation of one camera for the kernel, with depth scaled so that noise is isotropic."""
 
-    points: NDArray[np.float32]  # (3, tiles * TILE) metres, z times `stretch`
+    points: NDArray[np.float32]  # (3, tiles * TILE) metres, z times the ratio of lateral to depth noise
     tiles: NDArray[np.float32]  # (6, tiles) bounding boxes
     count: int  # type: ignore[assignment]  # tuples have a method of that name
     empty: Mask  # (H, W)
     nearest: NDArray[np.int32]  # (2, H, W)
     seen: Indices  # (4,) the observation's view
-    fx: float
-    fy: float
-    cx: float
-    cy: float
-    stretch: float  # ratio of lateral to depth noise
-    T_camera_rig: Array  # (3, 4)
-    delay_s: float
+    lens: Array  # (5,) fx, fy, cx, cy, delay
 
 
 class PackedViews(NamedTuple):
@@ -84,7 +78,6 @@ class PackedViews(NamedTuple):
     seen: Indices  # (C, 4)
     lenses: Array  # (C, 5) fx, fy, cx, cy, delay
     T_camera_rig: Array  # (C, 3, 4)
-    stretch: float
     total: int  # points of all cameras that are not padding
 
 
@@ -124,23 +117,23 @@ def pack_views(observation: Observation, settings: RefineSettings) -> PackedView
 @lru_cache(FRAMES_KEPT)
 def join_views(observation: Observation, ratio: float) -> PackedViews:
     """Pack the observations of all cameras with depth multiplied by a ratio."""
-    views = [stretch(each, ratio) for each in observation.views]
-    padded = [each.points.shape[1] for each in views]
-    pixels = [each.empty.size for each in views]
+    views, scale = observation.views, np.array([[1.0], [1.0], [ratio]], dtype=np.float32)
+    points = [np.ascontiguousarray(each.points.T) * scale for each in views]
+    tiles = [np.ascontiguousarray(each.reshape(-1, TILE).T) for each in points]  # so that minima are fast
+    padded, pixels = [each.shape[1] for each in points], [each.empty.size for each in views]
     starts = [np.cumsum(sizes) - sizes for sizes in (padded, pixels)]
     extents = [
         (starts[0][v], padded[v], each.count, starts[1][v], *each.empty.shape) for v, each in enumerate(views)
     ]
     return PackedViews(
-        points=np.concatenate([each.points.ravel() for each in views]),
-        tiles=np.concatenate([each.tiles.ravel() for each in views]),
+        points=np.concatenate([each.ravel() for each in points]),
+        tiles=np.concatenate([side(each, axis=0) for each in tiles for side in (np.min, np.max)]),
         empty=np.concatenate([each.empty.ravel() for each in views]),
         nearest=np.concatenate([each.nearest.ravel() for each in views]),
         extents=np.array(extents, dtype=np.int64),
-        seen=np.stack([each.seen for each in views]),
-        lenses=np.array([(each.fx, each.fy, each.cx, each.cy, each.delay_s) for each in views]),
+        seen=np.stack([each.view for each in views]),
+        lenses=np.array([(c.fx, c.fy, c.cx, c.cy, each.delay_s) for each in views for c in (each.camera,)]),
         T_camera_rig=np.stack([each.T_camera_rig for each in views]),
-        stretch=ratio,
         total=observation.total,
     )
 
@@ -148,7 +141,7 @@ def join_views(observation: Observation, ratio: float) -> PackedViews:
 @numba.njit(cache=True, nogil=True)
 def view_of(views: PackedViews, v: int) -> PackedObservation:
     """The observation of one camera."""
-    extents, lens = views.extents[v], views.lenses[v]
+    extents = views.extents[v]
     place, padded, count, pixel, rows, columns = (
         extents[0], extents[1], extents[2], extents[3], extents[4], extents[5],
     )  # fmt: skip
@@ -160,35 +153,7 @@ def view_of(views: PackedViews, v: int) -> PackedObservation:
         views.empty[pixel : pixel + area].reshape(rows, columns),
         views.nearest[2 * pixel : 2 * (pixel + area)].reshape(2, rows, columns),
         views.seen[v],
-        lens[0],
-        lens[1],
-        lens[2],
-        lens[3],
-        views.stretch,
-        views.T_camera_rig[v],
-        lens[4],
-    )
-
-
-def stretch(observation: Observation, ratio: float) -> PackedObservation:
-    """Pack an observation with depth multiplied by a ratio."""
-    points = np.ascontiguousarray(observation.points.T)
-    points[2] *= np.float32(ratio)
-    camera = observation.camera
-    return PackedObservation(
-        points,
-        boxes_of(points, TILE),
-        observation.count,
-        observation.empty,
-        observation.nearest,
-        observation.view,
-        camera.fx,
-        camera.fy,
-        camera.cx,
-        camera.cy,
-        ratio,
-        np.ascontiguousarray(observation.T_camera_rig, dtype=np.float64),
-        observation.delay_s,
+        views.lenses[v],
     )
 
 

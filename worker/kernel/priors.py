@@ -6,7 +6,7 @@ import numpy as np
 
 from common.arrays import Array
 from common.compiling import numba
-from common.kinematics.manifold import ball_vector
+from common.kinematics.manifold import step_between
 from common.kinematics.rotations import handedness
 from worker.kernel.surface import Skeleton
 
@@ -21,7 +21,8 @@ def prior_cost(skeleton: Skeleton, pose: Array, rest_weight: float) -> float:
     """
     cost, excess = 0.0, np.empty(3)
     if rest_weight > 0.0:
-        cost += rest_weight * np.sum(skeleton.precisions * from_rest(skeleton, pose) ** 2)
+        away = step_between(skeleton.axes, skeleton.balls, np.zeros_like(pose), pose)
+        cost += rest_weight * np.sum(skeleton.precisions * away**2)
     for start in skeleton.balls:
         if fill_excess(skeleton, pose, start, excess):
             cost += LIMIT_WEIGHT_M2 * (excess[0] ** 2 + excess[1] ** 2 + excess[2] ** 2)
@@ -38,7 +39,7 @@ def add_prior(
     E = [a_1, R_1 a_2, R_1 R_2 a_3].
     """
     if rest_weight > 0.0:
-        away = from_rest(skeleton, pose)
+        away = step_between(skeleton.axes, skeleton.balls, np.zeros_like(pose), pose)
         for j in range(len(pose)):
             stiffness = rest_weight * points * skeleton.precisions[j]
             gram[j, j] += stiffness
@@ -57,17 +58,6 @@ def add_prior(
                         gradient[start + b] += stiffness * excess[a]
                         for c in range(3):
                             gram[start + b, start + c] += stiffness * rates[a, c]
-
-
-@numba.njit(cache=True, nogil=True)
-def from_rest(skeleton: Skeleton, pose: Array) -> Array:
-    """Distance of each angle of pose (D,) from rest; for a spherical joint, its rotation vector."""
-    away, rest = pose.copy(), np.zeros_like(pose)
-    for start in skeleton.balls:
-        away[start], away[start + 1], away[start + 2] = ball_vector(
-            handedness(skeleton.axes, start), rest, pose, start
-        )
-    return away
 
 
 @numba.njit(cache=True, nogil=True)

@@ -20,7 +20,7 @@ from worker.kernel.parameters import KernelParameters
 from worker.kernel.surface import Skeleton, Surface
 from worker.kernel.vectors import add_scaled
 from worker.kernel.visibility import NEAREST_M
-from worker.kernel.workspace import Search, Workspace
+from worker.kernel.workspace import Workspace
 
 GRAZING = np.cos(np.radians(78.0))  # of the largest angle between normal and ray with valid depth
 
@@ -42,7 +42,7 @@ def robust_cost(squared: float, scale_squared: float) -> float:
     return scale_squared * squared / (scale_squared + squared)
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def accumulate_correspondences(
     visible: Numbers,
     skeleton: Skeleton,
@@ -51,50 +51,31 @@ def accumulate_correspondences(
     parameters: KernelParameters,
     workspace: Workspace,
 ) -> None:
-    """Sum all weighted correspondences of a camera into workspace.sums."""
-    fill_targets(len(visible), observed, parameters, workspace.search, workspace.targets)
-    if parameters.free_space:
-        add_free_space(visible, skeleton, surface, observed, parameters, workspace)
-    sum_by_link(visible, skeleton, surface, workspace)
+    """Sum all weighted correspondences of a camera into workspace.sums.
 
-
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def fill_targets(
-    count: int, observed: PackedObservation, parameters: KernelParameters, search: Search, targets: Array
-) -> None:
-    """Fill rows of targets, of `count` visible vertices: weighted sum of observed points, sum of weights."""
+    For this it fills a row of workspace.targets for each visible vertex: weighted sum of observed points, sum
+    of weights. The cost of vertices in free space is the squared distance from the silhouette, in the metric
+    of the noise.
+    """
     shrink, scale_squared = 1.0 / parameters.stretch, parameters.outlier_squared
-    points, closest, squared = observed.points, search.closest, search.squared
-    targets[:count] = 0.0
+    points, closest, squared = observed.points, workspace.search.closest, workspace.search.squared
+    posed, targets, offsets = workspace.posed, workspace.targets, workspace.offsets
+    targets[: len(visible)] = 0.0
     for i in range(observed.count):
         weight = robust_weight(np.float64(squared[i]), scale_squared)
         x, y, z = np.float64(points[0, i]), np.float64(points[1, i]), points[2, i] * shrink
         add_scaled(targets, closest[i], weight, (x, y, z, 1.0))  # type: ignore[call-arg]
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def add_free_space(
-    visible: Numbers,
-    skeleton: Skeleton,
-    surface: Surface,
-    observed: PackedObservation,
-    parameters: KernelParameters,
-    workspace: Workspace,
-) -> None:
-    """Add the residuals of vertices in free space to workspace.targets.
-
-    Their cost is the squared distance from the silhouette, in the metric of the noise.
-    """
-    free = vertices_in_free_space(visible, skeleton, surface, observed, workspace)
-    posed, targets, offsets = workspace.posed, workspace.targets, workspace.offsets
-    share = observed.count / len(visible)
-    for n in range(len(free)):
-        m, dx, dy = free[n], offsets[n, 0], offsets[n, 1]
-        x, y, z = posed[visible[m], 0], posed[visible[m], 1], posed[visible[m], 2]
-        weight = share * robust_weight(dx * dx + dy * dy, parameters.outlier_squared)
-        along = (dx * (x + dx) + dy * (y + dy)) / z
-        z -= along / (parameters.stretch * parameters.stretch)
-        add_scaled(targets, m, weight, (x + dx, y + dy, z, 1.0))  # type: ignore[call-arg]
+    if parameters.free_space:
+        free = vertices_in_free_space(visible, skeleton, surface, observed, workspace)
+        share = observed.count / len(visible)
+        for n in range(len(free)):
+            m, dx, dy = free[n], offsets[n, 0], offsets[n, 1]
+            x, y, z = posed[visible[m], 0], posed[visible[m], 1], posed[visible[m], 2]
+            weight = share * robust_weight(dx * dx + dy * dy, scale_squared)
+            along = (dx * (x + dx) + dy * (y + dy)) / z
+            z -= along / (parameters.stretch * parameters.stretch)
+            add_scaled(targets, m, weight, (x + dx, y + dy, z, 1.0))  # type: ignore[call-arg]
+    sum_by_link(visible, skeleton, surface, workspace)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -108,13 +89,15 @@ def vertices_in_free_space(
     hide it, if it is at most one pixel from the ray, if it is outside the image, or if the surface is seen at
     a grazing angle.
     """
-    fx, fy, nearest = observed.fx, observed.fy, observed.nearest
+    fx, fy, nearest = observed.lens[0], observed.lens[1], observed.nearest
+    height, width = observed.empty.shape
     posed, offsets, free = workspace.posed, workspace.offsets, workspace.free
     transforms, normals, links = workspace.transforms, surface.normals, surface.skin_links
     count = 0
     for n in range(vertices_in_empty_pixels(visible, observed, workspace)):
         m, u, v = free[n], offsets[n, 0], offsets[n, 1]
-        i, j = nearest_pixel(u, v, observed)
+        i = np.uint64(min(max(int(v + 0.5), 0), height - 1))
+        j = np.uint64(min(max(int(u + 0.5), 0), width - 1))
         du, dv = nearest[1, i, j] - u, nearest[0, i, j] - v
         if abs(du) > 1.0 or abs(dv) > 1.0:
             vertex = visible[m]
@@ -134,6 +117,7 @@ def vertices_in_empty_pixels(visible: Numbers, observed: PackedObservation, work
     would be hard to predict.
     """
     empty, posed, offsets, free = observed.empty, workspace.posed, workspace.offsets, workspace.free
+    fx, fy, cx, cy = observed.lens[0], observed.lens[1], observed.lens[2], observed.lens[3]
     left, top, right, bottom = observed.seen[0], observed.seen[1], observed.seen[2], observed.seen[3]
     count = 0
     for m in range(len(visible)):
@@ -141,8 +125,8 @@ def vertices_in_empty_pixels(visible: Numbers, observed: PackedObservation, work
         z = posed[vertex, 2]
         if z > NEAREST_M:
             per_z = 1.0 / z
-            u = observed.cx + observed.fx * posed[vertex, 0] * per_z
-            v = observed.cy + observed.fy * posed[vertex, 1] * per_z
+            u = cx + fx * posed[vertex, 0] * per_z
+            v = cy + fy * posed[vertex, 1] * per_z
             free[count], offsets[count, 0], offsets[count, 1] = m, u, v
             column, row = u + 0.5, v + 0.5
             if 0.0 <= column < empty.shape[1] and 0.0 <= row < empty.shape[0]:
@@ -150,14 +134,6 @@ def vertices_in_empty_pixels(visible: Numbers, observed: PackedObservation, work
             elif left <= column < right and top <= row < bottom:
                 count += 1
     return count
-
-
-@numba.njit(cache=True, nogil=True, inline="always")
-def nearest_pixel(u: float, v: float, observed: PackedObservation) -> tuple[np.uint64, np.uint64]:
-    """Row and column of the pixel of observed.empty nearest to (u, v)."""
-    height, width = observed.empty.shape
-    i, j = min(max(int(v + 0.5), 0), height - 1), min(max(int(u + 0.5), 0), width - 1)
-    return np.uint64(i), np.uint64(j)
 
 
 @numba.njit(cache=True, nogil=True, inline="always")

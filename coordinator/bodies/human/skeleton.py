@@ -121,7 +121,10 @@ def _bones() -> Iterator[Bone]:
     for side in "lr":
         yield from _limb(side, "vt1", _GIRDLE, 0.0)
         yield from _limb(side, f"{side}_scapula", _ARM, ARM_TILT)
-        yield from _fingers(side, ARM_TILT)
+        for finger in (*FINGERS, "thumb"):
+            parts = _THUMB if finger == "thumb" else _FINGER
+            bones = {(f"{finger}{n}", f"{finger}{n}"): motions for n, motions in parts.items()}
+            yield from _limb(side, f"{side}_hand", bones, ARM_TILT)
         yield from _limb(side, "pelvis", _LEG, 0.0)
 
 
@@ -129,15 +132,6 @@ def _limb(side: str, parent: str, bones: dict[tuple[str, str], Motions], tilt: f
     for (bone, joint), motions in bones.items():
         yield f"{side}_{bone}", parent, f"{side}_{joint}", _axes(side, joint, motions, tilt), ROTATION
         parent = f"{side}_{bone}"
-
-
-def _fingers(side: str, tilt: float) -> Iterator[Bone]:
-    for finger in (*FINGERS, "thumb"):
-        parent = f"{side}_hand"
-        for n, motions in _THUMB.items() if finger == "thumb" else _FINGER.items():
-            joint = f"{finger}{n}"
-            yield f"{side}_{joint}", parent, f"{side}_{joint}", _axes(side, joint, motions, tilt), ROTATION
-            parent = f"{side}_{joint}"
 
 
 def _axes(side: str, joint: str, motions: Motions, tilt: float) -> Motions:

@@ -39,8 +39,7 @@ class Fit:
     def log_odds(self, features: Features) -> Array:
         """Log odds that joints are wrong, for features of any shape."""
         found = sum((w * getattr(features, name) for name, w in self.weights.items()), self.intercept)
-        log_odds: Array = np.clip(found, -MOST_LOG_ODDS, MOST_LOG_ODDS)
-        return log_odds
+        return np.asarray(np.clip(found, -MOST_LOG_ODDS, MOST_LOG_ODDS))
 
     def judge(self, features: Features) -> Certainty:
         """The certainty of joints."""

@@ -47,13 +47,6 @@ class Features(NamedTuple):
     protrusion: Array  # metres in front of or behind the mean joint
 
 
-class Rest(NamedTuple):
-    """A body in the pose at rest."""
-
-    distances: Array  # (J, J) between joints, metres
-    bends: Mask  # (J, D) the angles between the root and each joint
-
-
 def measure_features(
     model: BodyModel,
     pose: Array,
@@ -67,41 +60,39 @@ def measure_features(
 
     `joints` (1 + M, J, 3) are those of the pose and of the hypotheses, which have `weights` (M,).
     """
-    rest, past = rest_of(model), joint_positions(model, context.past[None])[0]
+    (at_rest, bends), past = rest_of(model), joint_positions(model, context.past[None])[0]
     joints, hypotheses = joints[0], joints[1:]
     squares = np.sum((hypotheses - joints) ** 2, axis=-1)
     spread = np.sqrt(weights @ squares / weights.sum())
     speed = np.linalg.norm(joints - past, axis=1) / context.interval
     distances = between(joints)
     ahead = context.subject.frame.to_camera(joints)[:, 2]
-    folding = np.sqrt(np.mean((distances - rest.distances) ** 2, axis=1)).mean()
+    folding = np.sqrt(np.mean((distances - at_rest) ** 2, axis=1)).mean()
     return Features(
         seen=seen_by.max(axis=0),
         residual=np.full(len(joints), residual),
         spread=np.log(spread + SPREAD_FLOOR_M),
         speed=np.log(speed + SPEED_FLOOR_M_S),
-        bend=rest.bends @ pose**2,
+        bend=bends @ pose**2,
         folding=np.full(len(joints), folding),
-        crowding=count_near(distances) - count_near(rest.distances),
+        crowding=count_near(distances) - count_near(at_rest),
         protrusion=np.abs(ahead - ahead.mean()),
     )
 
 
 def between(joints: Array) -> Array:
     """Distances (J, J) between joints (J, 3)."""
-    distances: Array = np.linalg.norm(joints[:, None] - joints, axis=-1)
-    return distances
+    return np.asarray(np.linalg.norm(joints[:, None] - joints, axis=-1))
 
 
 def count_near(distances: Array) -> Array:
     """Number of joints near each joint (J,), from their distances (J, J)."""
-    near: Array = np.exp(-0.5 * (distances / CROWDED_M) ** 2).sum(axis=1)
-    return near
+    return np.asarray(np.exp(-0.5 * (distances / CROWDED_M) ** 2).sum(axis=1))
 
 
 @lru_cache(maxsize=16)
-def rest_of(model: BodyModel) -> Rest:
-    """Distances of a body's joints at rest, and the angles between the root and each joint."""
+def rest_of(model: BodyModel) -> tuple[Array, Mask]:
+    """Distances (J, J) of a body's joints at rest, metres, and which angles are above each (J, D)."""
     count = len(model.kinds)
     turns = (model.kinds == ROTATION) & ~np.isin(model.dof_names, ROOT_DOFS)
     upstream = np.zeros((count + 1, count), dtype=np.bool_)  # the last is for fixed joints
@@ -109,4 +100,4 @@ def rest_of(model: BodyModel) -> Rest:
         upstream[dof] = upstream[parent]
         upstream[dof, dof] = turns[dof]
     at_rest = joint_positions(model, np.zeros((1, count)))[0]
-    return Rest(between(at_rest), upstream[model.link_dofs[model.joint_links]])
+    return between(at_rest), upstream[model.link_dofs[model.joint_links]]

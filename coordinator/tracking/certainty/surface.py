@@ -7,6 +7,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from common.activation import nearest_in
 from common.arrays import Array
 from common.body import BodyModel
 from common.compiling import numba
@@ -40,8 +41,7 @@ def seen_shares(model: BodyModel, pose: Array, subject: SubjectFrame, stretch: f
             stretch,
             seen,
         )
-    shares: Array = areas[:, 1] / np.maximum(areas[:, 0], np.finfo(float).tiny)
-    return shares
+    return np.asarray(areas[:, 1] / np.maximum(areas[:, 0], np.finfo(float).tiny))
 
 
 @numba.njit(cache=True, nogil=True)
@@ -101,7 +101,10 @@ def regions_of(model: BodyModel) -> Array:
     joints = joint_positions(model, np.zeros((1, len(model.kinds))))[0]
     middles, links = model.vertices[model.triangles].mean(axis=1), model.skin_links[model.triangles[:, 0], 0]
     carried = np.unique(links)
-    above = np.array([link_above(model, link, carried) for link in range(len(model.link_names))])
+    first = {int(model.link_dofs[link]): int(link) for link in carried[::-1]}  # by the DOF that moves it
+    dofs = model.link_dofs.tolist()
+    ends = [d if d < 0 else nearest_in(model, first, int(model.parents[d])) for d in dofs]
+    above = np.array([-1 if d < 0 else first.get(end, -1) for d, end in zip(dofs, ends, strict=True)])
     weights = np.zeros((len(links), len(joints)))
     for j, link in enumerate(model.joint_links):
         meet = (links == link) | (links == above[link]) | (above[links] == link)
@@ -109,14 +112,3 @@ def regions_of(model: BodyModel) -> Array:
         squares = np.sum((middles[near] - joints[j]) ** 2, axis=1)
         weights[near, j] = np.exp(-0.5 * (squares - squares.min()) / REGION_M**2)
     return weights
-
-
-def link_above(model: BodyModel, link: int, carried: NDArray[np.integer]) -> int:
-    """The nearest ancestor of a link among some links; -1 if there is none."""
-    dof = int(model.link_dofs[link])
-    while dof >= 0:
-        dof = int(model.parents[dof])
-        found = carried[model.link_dofs[carried] == dof]
-        if len(found):
-            return int(found[0])
-    return -1

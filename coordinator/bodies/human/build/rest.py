@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from common.arrays import Array, Indices
+from common.camera import rigid
 from coordinator.bodies.human.build.joints import SHOULDER_BACK
 from coordinator.bodies.human.skeleton import ARM_TILT, DOWN, FRONT, LEFT, tilted
 
@@ -65,13 +66,6 @@ def fold_fingers(vertices: Array, at: Joints, weights: Mapping[str, tuple[Indice
                 there = vertices[rows] @ motion[:3, :3].T + motion[:3, 3]
                 moved[rows] += shares[:, None] * (there - vertices[rows])
     return moved
-
-
-def rigid(rotation: Array, translation: Array) -> Array:
-    """The transform (4, 4) of a rotation (3, 3) and a translation (3,)."""
-    transform = np.eye(4)
-    transform[:3, :3], transform[:3, 3] = rotation, translation
-    return transform
 
 
 def measure(at: Joints, stature: float, sole: float, foot: float) -> dict[str, float]:
