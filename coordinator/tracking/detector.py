@@ -57,7 +57,7 @@ MATURITIES = (0.0, 0.5, 1.0)  # of a small person: proportions of the mean child
 USUAL_GIRTH = GIRTHS[1]
 CANDIDATES, FURTHER = 100, 15  # in the first orientation; in each other one, and for each wider mask
 SURVIVORS, FINALISTS = 16, 4  # distinct candidates after the first stage, and after the second
-FIRST_ITERATIONS, ITERATIONS, LAST_ITERATIONS = 3, 12, 6  # of the first stage, the next ones, and the last
+FIRST_ITERATIONS, ITERATIONS = 3, 12  # of the first stage and the next ones; the last has half as many
 FEW_POINTS = 1_000  # on which candidates are refined
 VERTEX_SHARE = 0.009  # of stature: rms distance of a surface from the nearest vertex, 0.008 to 0.010
 REQUEST_ITERATIONS = 150  # of ICP in one request: about 10 ms on one lane
@@ -314,7 +314,7 @@ class Detector:
             if name in searched.dof_names:
                 taken[:, j] = poses[:, searched.dof(name)]
         halves = [(some, np.zeros(len(some), dtype=np.int64)) for some in (taken[::2], taken[1::2])]
-        last = iterations(settings, LAST_ITERATIONS)
+        last = iterations(settings, ITERATIONS // 2)
         found = yield from self._refine_candidates(subject, [model], halves, last)
         return found, gate_pose(found.log_likelihood[0], found.residual[0], settings)
 
