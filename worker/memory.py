@@ -78,8 +78,10 @@ class Memory:
             try:
                 return self._observed(memory, run, number, particles.settings)
             except BusError:
-                if not (memory.frames or memory.observations):
-                    self.forget(run)  # which has ended before its last requests came
+                with self._changed:
+                    unused = not (memory.frames or memory.observations)
+                    if unused and self._runs.get(run) is memory:  # the run has probably ended
+                        del self._runs[run]
                 raise
 
     def observe_ahead(self, run: str) -> None:

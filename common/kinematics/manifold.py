@@ -33,7 +33,11 @@ def retract(model: BodyModel, poses: Array, steps: Array) -> Array:
 
 
 def difference(model: BodyModel, origins: Array, poses: Array) -> Array:
-    """Steps (N, D) that lead from `origins` to `poses`, both (N, D); rotations by the shorter way."""
+    """Steps (N, D) that lead from `origins`, (N, D) or one (1, D), to `poses` (N, D).
+
+    Rotations are by the shorter way.
+    """
+    origins = np.broadcast_to(origins, poses.shape)
     return steps_between(model.axes, model.balls, contiguous(origins), contiguous(poses))
 
 

@@ -18,13 +18,18 @@ UNREACHABLE = "Unable to connect"  # start of Zenoh's message if no endpoint ans
 
 
 def open_coordinator(
-    listen: Sequence[str], connect: Sequence[str] = (), security: Security | None = None, mode: str = "peer"
+    listen: Sequence[str], connect: Sequence[str] = (), security: Security | None = None
 ) -> Bus:
     """A session to which workers connect, and which connects to routers.
 
-    InputError if an endpoint cannot be opened, or a router refuses the connection before any link is open; a
-    router that does not answer is tried in the background.
+    InputError if an endpoint cannot be opened, or a router refuses the connection; a router that does not
+    answer is tried in the background.
     """
+    return open_linked("peer", listen, connect, security)
+
+
+def open_linked(mode: str, listen: Sequence[str], connect: Sequence[str], security: Security | None) -> Bus:
+    """A session with links to all its endpoints. InputError if one refuses before any link is open."""
     bus = open_session(session_settings(mode, listen, connect, security))
     if connect and not bus.is_linked(within=ANSWER_S):
         try:
@@ -45,7 +50,7 @@ def open_worker(
     others are added when they answer.
     """
     if len(connect) > 1:  # a client connects to only one of them
-        bus = open_coordinator((), connect, security)
+        bus = open_linked("peer", (), connect, security)
         try:
             while not bus.is_linked(within=ANSWER_S):
                 on_silence()
@@ -67,7 +72,7 @@ def open_worker(
 
 def open_router(listen: Sequence[str], connect: Sequence[str] = (), security: Security | None = None) -> Bus:
     """The session of a router. InputError if another router refuses the connection."""
-    return open_coordinator(listen, connect, security, mode="router")
+    return open_linked("router", listen, connect, security)
 
 
 def check_refusals(connect: Sequence[str], security: Security | None) -> None:

@@ -107,7 +107,7 @@ def check_joints(path: Path, robot: yourdfpy.Robot) -> None:
 def span_tree(
     path: Path, robot: yourdfpy.Robot
 ) -> tuple[str, list[yourdfpy.Joint], dict[str, Array], dict[str, int]]:
-    """Base link, joints from it outward, T_rest_link (4, 4) and last degree of freedom of every link.
+    """The base link; the joints, parents first; by link, T_rest_link (4, 4) and the last DOF that moves it.
 
     All joints are at zero. Raises InputError if they are not a tree, or a name occurs twice.
     """

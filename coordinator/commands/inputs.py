@@ -87,7 +87,7 @@ class Input:
         return f"tracking {job.sequence} into {job.out}: {job.settings.method}, {particles}{people}"
 
     def describe(self, tracked: Sequence[Tracked], rate: FrameRate) -> str:
-        """A tracked frame in a short line; of live input with what was left out so far and why."""
+        """A tracked frame in a short line; for live input, also what was left out and why."""
         others = "".join(f"; person {n} {each.estimate.status}" for n, each in enumerate(tracked[1:], 2))
         if self.live is None:
             return describe(tracked[0].estimate, rate.per_second, rate.latency_s) + others

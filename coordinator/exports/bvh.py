@@ -26,7 +26,7 @@ def write_bvh(run: RecordedRun, file: BinaryIO) -> None:
     """Write the skeleton in its rest pose, and the motion of every frame."""
     model = run.body().model
     bones = bones_of(model)
-    turns, places = motion_of(model, bones, run.track.pose, run.turned(CAMERA_TO_Y_UP))
+    turns, places = motion_of(model, bones, run.track.pose, run.from_camera(CAMERA_TO_Y_UP))
     positioned = [bone.parent < 0 or slides(bones, bone, places[:, b]) for b, bone in enumerate(bones)]
     columns = []
     for b in walk(bones, 0):

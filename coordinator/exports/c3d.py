@@ -25,7 +25,7 @@ def write_c3d(run: RecordedRun, file: BinaryIO) -> None:
     times = run.track.time_s - run.track.time_s[0]
     every = np.rint(times * run.rate).astype(np.int64)  # index of each frame among evenly spaced ones
     slots, count = every[~run.track.unknown], int(every[-1]) + 1
-    joints = run.track.joint_positions @ run.turned(CAMERA_TO_OPENSIM).T * 1000.0
+    joints = run.track.joint_positions @ run.from_camera(CAMERA_TO_OPENSIM).T * 1000.0
     names, angles = angle_points(run)
     points = np.full((3, len(run.track.joint_names) + len(names), count), np.nan)
     points[:, : joints.shape[1], slots] = joints[~run.track.unknown].transpose(2, 1, 0)

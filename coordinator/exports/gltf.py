@@ -47,7 +47,7 @@ def scene_of(run: RecordedRun) -> gl.GLTF2:
         for b, bone in enumerate(bones)
     ]
     if bones[0].dof < 0:  # the fixed root is rotated here, once
-        level = run.turned(CAMERA_TO_Y_UP) @ CAMERA_TO_Y_UP
+        level = run.from_camera(CAMERA_TO_Y_UP) @ CAMERA_TO_Y_UP
         gltf.nodes[0].rotation = Rotation.from_matrix(level).as_quat().tolist()
         gltf.nodes[0].translation = (level @ bones[0].origin).tolist()
     if len(model.triangles):
@@ -123,7 +123,7 @@ def skin_of(
 def animation_of(arrays: Arrays, run: RecordedRun, model: BodyModel, bones: tuple[Bone, ...]) -> gl.Animation:
     """Rotations of rotating bones and positions of translating bones, at the times of the frames."""
     track = run.track
-    turns, places = motion_of(model, bones, track.pose, run.turned(CAMERA_TO_Y_UP))
+    turns, places = motion_of(model, bones, track.pose, run.from_camera(CAMERA_TO_Y_UP))
     seconds = (track.time_s - track.time_s[:1]).astype(np.float32)
     times = arrays.add(seconds, "SCALAR")
     animation = gl.Animation(name=run.name, samplers=[], channels=[])

@@ -68,7 +68,9 @@ def opensim_coordinates(run: RecordedRun) -> dict[str, Array]:
         if ball.names[0] in BALLS:
             values = np.degrees(turned_zxy(angles, ball, track.pose))
             columns |= dict(zip(BALLS[ball.names[0]], values.T, strict=True))
-    pelvis = track.joint_positions[:, track.joint_names.index("pelvis")] @ run.turned(CAMERA_TO_OPENSIM).T
+    pelvis = (
+        track.joint_positions[:, track.joint_names.index("pelvis")] @ run.from_camera(CAMERA_TO_OPENSIM).T
+    )
     columns |= dict(zip(("pelvis_tx", "pelvis_ty", "pelvis_tz"), pelvis.T, strict=True))
     for d, name in enumerate(track.dof_names):
         side, _, motion = name.partition("_")
@@ -108,7 +110,7 @@ def write_trc(run: RecordedRun, file: BinaryIO) -> None:
         [],
     ):
         text.write("\t".join(cells) + "\n")
-    places = run.track.joint_positions @ run.turned(CAMERA_TO_OPENSIM).T * 1000.0
+    places = run.track.joint_positions @ run.from_camera(CAMERA_TO_OPENSIM).T * 1000.0
     for f in range(frames):
         markers = [] if run.track.unknown[f] else [f"{value:.4f}" for value in places[f].ravel()]
         markers = markers or [""] * places[f].size

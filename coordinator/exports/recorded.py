@@ -41,8 +41,8 @@ class RecordedRun:
         up = "the camera's" if self.track.up is None else "against gravity"
         return f"gepf; {how}; camera at the origin; up is {up}"
 
-    def turned(self, axes: Array) -> Array:
-        """Rotation (3, 3) from the camera's axes to others with y up: against gravity, if it is known."""
+    def from_camera(self, axes: Array) -> Array:
+        """Rotation (3, 3) from the camera's axes to those that `axes` (3, 3) gives for a level camera."""
         return np.asarray(axes @ level_from_camera(self.track.up))
 
     def body(self) -> TrackedBody:

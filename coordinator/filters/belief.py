@@ -112,7 +112,7 @@ def draw_ancestors(weights: Array, count: int, rng: np.random.Generator) -> Indi
 
 def mean_pose(model: BodyModel, poses: Array, weights: Array) -> Array:
     """Weighted mean (D,) of poses (M, D), in relative motion from the first; weights sum to 1."""
-    apart = difference(model, np.broadcast_to(poses[:1], poses.shape), poses)
+    apart = difference(model, poses[:1], poses)
     return np.asarray(retract(model, poses[:1], weights[None] @ apart)[0])
 
 

@@ -131,8 +131,8 @@ def fill_near(points: Array, vertices: Array, near: Mask) -> None:
 def layout_of(model: BodyModel) -> Layout:
     """The vertices and limbs of a body that are compared.
 
-    Groups of degrees of freedom move independently: each branch of the tree, and the trunk. A limb is a
-    rotating group below another group.
+    A group is a set of degrees of freedom that move independently of others: a branch of the tree, or the
+    trunk. A limb is a rotating group below another group.
     """
     children = np.bincount(model.parents[model.parents >= 0], minlength=len(model.parents))
     start_of = np.arange(len(model.parents))

@@ -129,9 +129,9 @@ class RpcClient:
             self._poll(now)
 
     def _poll(self, now: float) -> None:
-        """Check the local worker, and send what is due; NoWorkers after the timeout without a worker.
+        """Check the local worker, report once if there is no worker, and send what is due.
 
-        Reports once that there is no worker.
+        Raises NoWorkers after the timeout.
         """
         self._next_poll = now + TICK_S
         line = self._local.look_after(now, present=self._local.name in self._senders)

@@ -206,7 +206,7 @@ class Scene:
         self._growth = self._growth or fit_noise(depth)
         rays, planes = sample_rays(depth, camera, self._growth), self._planes
         due = len(rays) > 0 and (not self._furnished or self._seen % SETTLED_FRAMES == 0)
-        if len(planes.coefficients):  # they are updated: the camera is fixed or moves slowly
+        if len(planes.coefficients):  # the camera stands still or moves slowly
             self._planes = replace(planes, coefficients=refit(planes.coefficients, rays))
         elif due and extents(to_points(rays)).max() > PERSON_LENGTH_M[1]:
             self._planes, self._furnished = find_planes(rays, planes.approximate_up), True

@@ -57,7 +57,7 @@ MATURITIES = (0.0, 0.5, 1.0)  # of a small person: proportions of the mean child
 USUAL_GIRTH = GIRTHS[1]
 CANDIDATES, FURTHER = 100, 15  # in the first orientation; in each other one, and for each wider mask
 SURVIVORS, FINALISTS = 16, 4  # distinct candidates after the first stage, and after the second
-FIRST_ITERATIONS, ITERATIONS = 3, 12  # of the first stage and the next ones; the last has half as many
+FIRST_ITERATIONS, ITERATIONS = 3, 12  # of the first stage, and of the next; the last has half of these
 FEW_POINTS = 1_000  # on which candidates are refined
 VERTEX_SHARE = 0.009  # of stature: rms distance of a surface from the nearest vertex, 0.008 to 0.010
 REQUEST_ITERATIONS = 150  # of ICP in one request: about 10 ms on one lane
@@ -221,8 +221,8 @@ class Detector:
     ) -> Generator[Stage, None, Candidates]:
         """The best distinct candidates of these sizes after the second stage, on a few points."""
         few = thin(subject, FEW_POINTS)
-        first = yield from self._refine_few(few, matched, settings, sizes, first=True)
-        return (yield from self._refine_few(few, [(first.poses, first.sizes)], settings, sizes))
+        proposed = yield from self._refine_few(few, matched, settings, sizes, first=True)
+        return (yield from self._refine_few(few, [(proposed.poses, proposed.sizes)], settings, sizes))
 
     def _refine_few(
         self,
@@ -233,7 +233,10 @@ class Detector:
         *,
         first: bool = False,
     ) -> Generator[Stage, None, Candidates]:
-        """The best distinct candidates after the first or the second stage, on a few points."""
+        """The best distinct candidates of the first stage, or of the second, on a few points.
+
+        Each of the groups has poses (N, D) and the places (N,) of their sizes in the list.
+        """
         count, kept = (FIRST_ITERATIONS, SURVIVORS) if first else (ITERATIONS, FINALISTS)
         models = [self._coarse(*size) for size in sizes]
         closest = iterations(with_closest_points(settings), count)

@@ -65,7 +65,7 @@ def area_of(view: DepthFrame, depth: NDArray[np.uint16]) -> float:
 
 
 def crop(frame: DepthFrame, cut: Cut, depth: NDArray[np.uint16], most: int) -> SubjectFrame:
-    """The crop of one image of a frame to a window, with its depth (H, W); `most` pixels are picked."""
+    """The crop of one image of a frame, with depth and labels (H, W); `most` pixels are picked."""
     view, (left, top, right, bottom), labels = cut
     camera = view.intrinsics
     measured = np.flatnonzero(depth).astype(np.uint32)

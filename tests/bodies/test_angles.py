@@ -58,7 +58,7 @@ def read(angles: Angles, **values: float) -> dict[str, float]:
 def test_swing_after_twist_is_the_rotation(quaternion: tuple[float, ...]) -> None:
     """Swing and twist together are the original rotation.
 
-    So are the ISB's plane, elevation and axial rotation, put together in the order Y, X, Y.
+    The ISB's plane, elevation and axial rotation, in the order Y, X, Y, are the original rotation, too.
     """
     rotation = Rotation.from_quat([quaternion])
     swing, twist = swing_twist(rotation.as_quat())

@@ -78,6 +78,14 @@ def test_links_that_move_as_one_are_merged() -> None:
     assert part.joint_links.tolist() == [int(j == fore) for j in range(len(full.joint_names))]
 
 
+def test_a_ball_stays_one_only_as_a_whole() -> None:
+    """All three rotations of a shoulder make a ball; two of them are single axes."""
+    full = puppet()
+    rest = np.zeros(len(full.dof_names))
+    assert activate(full, ["r_arm_3", "r_arm_1", "r_arm_2"], rest).balls.tolist() == [0]
+    assert activate(full, ["r_arm_1", "r_arm_2", "l_arm_3"], rest).balls.tolist() == []
+
+
 def test_the_same_content_has_the_same_hash() -> None:
     """The hash depends on content alone: not on which object, nor on how its arrays lie in memory."""
     model = puppet()

@@ -139,7 +139,7 @@ def test_refusal_holds_nothing_that_a_terminal_acts_on() -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_another_version_another_kind_and_unknown_fields_are_refused(kind: str) -> None:
-    """Both versions are named; a message of another kind is not taken for it; no field may be more."""
+    """Both versions are named; a message of another kind is not taken for it; unknown fields are refused."""
     own: int = msgpack.unpackb(KINDS[kind].payload, strict_map_key=False)["version"]
     newer, other = set_to("version", value=own + 1), "request" if kind == "refusal" else "refusal"
     refuse(kind, changed(kind, newer), f"protocol version {own + 1}, expected {own}")

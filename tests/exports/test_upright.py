@@ -133,7 +133,7 @@ def test_a_robot_that_stands_still_is_turned_too(tmp_path: Path, body: str | int
     )
     for form in ("bvh", "glb"):
         export_run(tmp_path / "run", form, tmp_path / f"run.{form}")
-    expected = track.joint_positions @ read_run(tmp_path / "run").turned(CAMERA_TO_Y_UP).T
+    expected = track.joint_positions @ read_run(tmp_path / "run").from_camera(CAMERA_TO_Y_UP).T
     read = bvh_joints(tmp_path / "run.bvh", model.joint_names, 4) / 100.0
     assert np.abs(read - expected).max() < 1e-4
     assert np.abs(gltf_joints(tmp_path / "run.glb", model) - expected).max() < 1e-4

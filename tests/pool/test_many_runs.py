@@ -52,6 +52,10 @@ def test_a_request_of_a_run_that_has_ended_leaves_nothing() -> None:
     with pytest.raises(BusError, match="not available"):
         memory.observation(REQUEST)
     assert len(memory) == 0
+    memory.put_frame(REQUEST.run, REQUEST.frame + 1, encode_frame(frame(REQUEST.frame + 1)))
+    with pytest.raises(BusError, match="not available"):
+        memory.observation(REQUEST)
+    assert len(memory) == 1  # another frame has come, so the run goes on
 
 
 def test_threads_that_wait_for_one_that_fails_go_on() -> None:
@@ -117,4 +121,5 @@ def test_one_worker_serves_two_runs_and_forgets_who_is_gone(endpoint: str, throu
         results = [as_bytes(each.result()) for each in (held, *waits)]
         assert results == [expected(98), expected(99), expected(99)]
         wait_until(lambda: len(service._memory) == 1)  # late requests of the other have been refused
+        assert one.run not in service._memory._runs
         assert two.statistics.counts["batches_sent_again"] == 0

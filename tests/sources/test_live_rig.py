@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +14,7 @@ from common.errors import InputError
 from common.frame import DepthFrame
 from coordinator.sources.live import LiveRig
 from coordinator.sources.live_stream import LiveCamera
-from coordinator.sources.rig import RigCamera, live_cameras, write_rig
+from coordinator.sources.rig import live_cameras
 from tests.sources.test_live_frames import WIDE, image
 
 Sent = tuple[float, str, int, float]  # reception, camera, number, time by the camera's clock
@@ -142,8 +143,9 @@ def test_if_no_other_camera_lives_tracking_starts_again() -> None:
 
 def write(folder: Path, *sequences: str) -> Path:
     """A rig file of cameras with these sequences."""
-    listed = [RigCamera(f"camera{n}", each, np.eye(4).tolist()) for n, each in enumerate(sequences)]
-    write_rig(folder / "rig.json", listed)
+    at = np.eye(4).tolist()
+    listed = [{"name": f"camera{n}", "sequence": s, "T_rig_camera": at} for n, s in enumerate(sequences)]
+    (folder / "rig.json").write_text(json.dumps({"cameras": listed}))
     return folder / "rig.json"
 
 

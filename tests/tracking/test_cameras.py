@@ -102,7 +102,7 @@ def test_only_new_images_reach_the_tracker() -> None:
 
 @pytest.fixture(scope="module")
 def seen() -> tuple[BodyModel, Array, list[dict[str, DepthFrame]]]:
-    """A person who moves the arms and sways, poses (F, D), and each frame's images by name of two cameras."""
+    """A person who moves arms and sways, poses (F, D), and in each frame the images of two cameras."""
     model = human(1.82)
     poses = np.tile(name_pose(model, STANDING), (40, 1))
     phase = 2.0 * np.pi * np.arange(40) / FPS

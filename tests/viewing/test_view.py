@@ -40,7 +40,7 @@ def recorded(tmp_path: Path) -> tuple[Path, Path]:
     scene = SCENES["arm"]()
     body = activate(scene.model, ARM_DOFS, scene.poses[0])
     moving = [scene.model.dof(name) for name in ARM_DOFS]
-    write_run(run, body, scene.poses[:FRAMES, moving], frames=np.arange(FRAMES) - 100)
+    write_run(run, body, scene.poses[:FRAMES, moving], frames=np.arange(FRAMES) - 100)  # 100 is added
     return sequence, run
 
 

@@ -108,17 +108,17 @@ def test_the_closest_point_is_the_closest(
     any. So the guess may be that of another particle, whichever the lane refined before.
     """
     rng = np.random.default_rng(seed)
-    arrange = in_order if ordered else np.asarray
-    observed, model = (
-        single(arrange(cloud)) for cloud in (observed_like(rng, points), model_like(rng, others))
-    )
+    clouds = observed_like(rng, points), model_like(rng, others)
+    observed, model = (single(in_order(cloud) if ordered else cloud) for cloud in clouds)
     index, squared = search(observed, model)
     nearest, _ = cKDTree(model.astype(np.float64)).query(observed.astype(np.float64))
     found = np.linalg.norm(observed.astype(np.float64) - model[index], axis=1)
     np.testing.assert_allclose(found, nearest, atol=2e-6)
     np.testing.assert_allclose(np.sqrt(squared), nearest, atol=2e-6)
-    guesses = index, np.zeros_like(index), rng.integers(others, size=points).astype(np.uint32)
-    for guess in guesses if ordered else ():
+    if not ordered:
+        observed, model = (single(in_order(cloud)) for cloud in clouds)
+        index, squared = search(observed, model)
+    for guess in (index, np.zeros_like(index), rng.integers(others, size=points).astype(np.uint32)):
         again, apart = search(observed, model, guess)
         np.testing.assert_array_equal(again, index)
         np.testing.assert_array_equal(apart, squared)

@@ -66,8 +66,8 @@ def test_the_descent_climbs_the_log_posterior_and_weights_are_its_values(
 ) -> None:
     """Its right side is the log posterior's slope by finite differences, to 1e-4, at poses near and far.
 
-    The weight of each refined particle is the log posterior of the pose that comes with it: by what is
-    visible in the pose itself, and belongs together there.
+    The weight of each refined particle is the log posterior of its refined pose, with the visible vertices
+    and the closest points of that pose.
     """
     of = posterior_case(body, name)
     poses = random_poses(of, count)

@@ -134,14 +134,17 @@ def test_nothing_compiles_in_mid_run() -> None:
 
 @pytest.mark.parametrize("lanes", [1, 3])
 def test_any_number_of_lanes_gives_the_same_bytes(lanes: int) -> None:
-    """Fewer, as many and more particles than lanes, with either preset."""
+    """Fewer, as many and more particles than lanes, with either preset; the given poses stay as they are."""
     observation = observe(subject())
     side_by_side = Lanes(lanes)
     for particles in (1, lanes, 20):
         for settings in (PAPER, DEFAULT):
-            alone = refine(puppet(), observation, Particles(starts(particles), settings))
-            together = side_by_side.refine(puppet(), observation, Particles(starts(particles), settings))
+            given = Particles(starts(particles), settings)
+            given.poses.setflags(write=False)
+            alone = refine(puppet(), observation, given)
+            together = side_by_side.refine(puppet(), observation, given)
             assert as_bytes(together) == as_bytes(alone)
+            np.testing.assert_array_equal(given.poses, starts(particles))
 
 
 def test_what_is_prepared_ahead_changes_nothing() -> None:

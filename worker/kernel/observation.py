@@ -119,7 +119,7 @@ def join_views(observation: Observation, ratio: float) -> PackedViews:
     """Pack the observations of all cameras with depth multiplied by a ratio."""
     views, scale = observation.views, np.array([[1.0], [1.0], [ratio]], dtype=np.float32)
     points = [np.ascontiguousarray(each.points.T) * scale for each in views]
-    tiles = [np.ascontiguousarray(each.reshape(-1, TILE).T) for each in points]  # so that minima are fast
+    columns = [np.ascontiguousarray(each.reshape(-1, TILE).T) for each in points]  # one per tile and axis
     padded, pixels = [each.shape[1] for each in points], [each.empty.size for each in views]
     starts = [np.cumsum(sizes) - sizes for sizes in (padded, pixels)]
     extents = [
@@ -127,7 +127,7 @@ def join_views(observation: Observation, ratio: float) -> PackedViews:
     ]
     return PackedViews(
         points=np.concatenate([each.ravel() for each in points]),
-        tiles=np.concatenate([side(each, axis=0) for each in tiles for side in (np.min, np.max)]),
+        tiles=np.concatenate([side(each, axis=0) for each in columns for side in (np.min, np.max)]),
         empty=np.concatenate([each.empty.ravel() for each in views]),
         nearest=np.concatenate([each.nearest.ravel() for each in views]),
         extents=np.array(extents, dtype=np.int64),

@@ -53,9 +53,9 @@ def accumulate_correspondences(
 ) -> None:
     """Sum all weighted correspondences of a camera into workspace.sums.
 
-    For this it fills a row of workspace.targets for each visible vertex: weighted sum of observed points, sum
-    of weights. The cost of vertices in free space is the squared distance from the silhouette, in the metric
-    of the noise.
+    Each visible vertex has a row of workspace.targets: the weighted sum of its targets, and the sum of their
+    weights. Targets are the observed points and, of a vertex in free space, the nearest place on the
+    silhouette. The cost of the latter is the squared distance, in the metric of the noise.
     """
     shrink, scale_squared = 1.0 / parameters.stretch, parameters.outlier_squared
     points, closest, squared = observed.points, workspace.search.closest, workspace.search.squared

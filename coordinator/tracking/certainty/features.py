@@ -60,7 +60,7 @@ def measure_features(
 
     `joints` (1 + M, J, 3) are those of the pose and of the hypotheses, which have `weights` (M,).
     """
-    (at_rest, bends), past = rest_of(model), joint_positions(model, context.past[None])[0]
+    (at_rest, upstream), past = rest_of(model), joint_positions(model, context.past[None])[0]
     joints, hypotheses = joints[0], joints[1:]
     squares = np.sum((hypotheses - joints) ** 2, axis=-1)
     spread = np.sqrt(weights @ squares / weights.sum())
@@ -73,7 +73,7 @@ def measure_features(
         residual=np.full(len(joints), residual),
         spread=np.log(spread + SPREAD_FLOOR_M),
         speed=np.log(speed + SPEED_FLOOR_M_S),
-        bend=bends @ pose**2,
+        bend=upstream @ pose**2,
         folding=np.full(len(joints), folding),
         crowding=count_near(distances) - count_near(at_rest),
         protrusion=np.abs(ahead - ahead.mean()),
@@ -92,7 +92,7 @@ def count_near(distances: Array) -> Array:
 
 @lru_cache(maxsize=16)
 def rest_of(model: BodyModel) -> tuple[Array, Mask]:
-    """Distances (J, J) of a body's joints at rest, metres, and which angles are above each (J, D)."""
+    """Of a body's joints at rest: distances (J, J), metres, and which angles (J, D) are above each joint."""
     count = len(model.kinds)
     turns = (model.kinds == ROTATION) & ~np.isin(model.dof_names, ROOT_DOFS)
     upstream = np.zeros((count + 1, count), dtype=np.bool_)  # the last is for fixed joints

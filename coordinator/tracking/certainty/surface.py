@@ -101,8 +101,10 @@ def regions_of(model: BodyModel) -> Array:
     joints = joint_positions(model, np.zeros((1, len(model.kinds))))[0]
     middles, links = model.vertices[model.triangles].mean(axis=1), model.skin_links[model.triangles[:, 0], 0]
     carried = np.unique(links)
-    first = {int(model.link_dofs[link]): int(link) for link in carried[::-1]}  # by the DOF that moves it
+    # the first link with triangles that each degree of freedom moves
+    first = {int(model.link_dofs[link]): int(link) for link in carried[::-1]}
     dofs = model.link_dofs.tolist()
+    # the nearest degree of freedom above each link that moves one of them
     ends = [d if d < 0 else nearest_in(model, first, int(model.parents[d])) for d in dofs]
     above = np.array([-1 if d < 0 else first.get(end, -1) for d, end in zip(dofs, ends, strict=True)])
     weights = np.zeros((len(links), len(joints)))

@@ -79,7 +79,7 @@ INSIDE = ("head", "right_elbow", "right_wrist", "right_hip", "left_hip")
 
 
 def followed(*, cropped: bool) -> Certainty:
-    """How sure the last frame, whole or cut at the knees, is of a person whose start is known."""
+    """The certainty in the last frame, whole or cut at the knees, of a person whose start is known."""
     following = tracker()
     for frame in shown("standing").frames:
         rows = KNEES if cropped else frame.intrinsics.height
