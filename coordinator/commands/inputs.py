@@ -35,6 +35,7 @@ from coordinator.results.configuration import (
     versions,
 )
 from coordinator.results.evaluation import Truth, read_truth
+from coordinator.results.live_results import results_key
 from coordinator.sources import Source, open_source
 from coordinator.sources.background import check_size, read_background
 from coordinator.sources.camera import AS_RECORDED
@@ -107,7 +108,7 @@ class Input:
             "joint_states": None if job.joint_states is None else job.joint_states.hash,
             "settings": msgspec.to_builtins(job.settings),
             "scene": self.scope.describe(),
-            "versions": {"gepf": versions()["gepf"]},
+            "versions": {"gepf": versions().get("gepf")},
         }
         if job.people > 1:
             configuration[PEOPLE] = job.people
@@ -196,7 +197,7 @@ class LiveInput(Input):
         if not is_topic(keys[0]):
             for key in keys:
                 check_stream(key, guarded=job.pool.security is not None)
-            job = replace(job, results=job.results or f"{keys[0]}/results")
+            job = replace(job, results=job.results or results_key(keys[0]))
         self.keys, self._show = " and ".join(keys), show
         if job.record is not None:
             with_parent(job.record)

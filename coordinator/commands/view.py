@@ -26,7 +26,7 @@ from coordinator.commands.options import SecurityOptions, ViewOptions
 from coordinator.commands.progress import Show
 from coordinator.commands.publish import open_session
 from coordinator.pool.options import Pool
-from coordinator.results.live_results import Result, read_result
+from coordinator.results.live_results import Result, read_result, results_key
 from coordinator.results.track import filled, read_track, read_tracked_body
 from coordinator.sources.camera import DEFAULT_FPS
 from coordinator.sources.frame_recorder import WAITING_FRAMES
@@ -164,7 +164,7 @@ def view_live(options: ViewOptions, key: str, security: SecurityOptions, show: S
     """Show published frames and results until an interrupt; a file ends with the results, too."""
     secured = security.choose(options.listen, options.connect)
     check_stream(key, guarded=secured is not None)
-    results = check_stream(options.results or f"{key}/results", guarded=secured is not None)
+    results = check_stream(options.results or results_key(key), guarded=secured is not None)
     reached = Pool(0, options.listen, options.connect, secured)
     with open_session(reached, "publisher", key, show) as bus:
         told = bus.subscribe_newest(f"{results}/**", WAITING_FRAMES)  # several people have keys below it

@@ -129,29 +129,31 @@ class RpcClient:
             self._poll(now)
 
     def _poll(self, now: float) -> None:
-        """Check the local worker, report once if there is no worker, and send what is due.
-
-        Raises NoWorkers after the timeout.
-        """
+        """Check the workers, and send what is due."""
         self._next_poll = now + TICK_S
+        self._check(now)
+        self._send(self.scheduler.dispatch(now))
+
+    def _check(self, now: float) -> None:
+        """Check the local worker; report once that there is no worker; raise NoWorkers after the timeout."""
         line = self._local.look_after(now, present=self._local.name in self._senders)
         if line is not None:
             self._report(line)
-        if not self._senders:
-            self._alone_since = now if self._alone_since is None else self._alone_since
-            alone, limit = now - self._alone_since, self._pool.worker_timeout
-            if limit is not None and alone > limit:
-                self._alone_since, self._alone_reported = None, False
-                where = self._pool.listen or self._pool.connect or "ENDPOINT"
-                raise NoWorkers(f"no worker came within {limit:g} s; start gepf-worker --connect {where}")
-            if alone > NOTICE_S and not self._alone_reported:
-                self._alone_reported = True
-                self._report(
-                    "the local worker is not ready yet; the first time, compiling takes about a minute"
-                    if self._pool.lanes
-                    else "no worker is connected; waiting for one"
-                )
-        self._send(self.scheduler.dispatch(now))
+        if self._senders:
+            return
+        self._alone_since = now if self._alone_since is None else self._alone_since
+        alone, limit = now - self._alone_since, self._pool.worker_timeout
+        if limit is not None and alone > limit:
+            self._alone_since, self._alone_reported = None, False
+            where = self._pool.listen or self._pool.connect or "ENDPOINT"
+            raise NoWorkers(f"no worker came within {limit:g} s; start gepf-worker --connect {where}")
+        if alone > NOTICE_S and not self._alone_reported:
+            self._alone_reported = True
+            self._report(
+                "the local worker is not ready yet; the first time, compiling takes about a minute"
+                if self._pool.lanes
+                else "no worker is connected; waiting for one"
+            )
 
     def _count(self, key: str, alive: bool) -> None:
         """A worker has announced its number of lanes."""

@@ -89,6 +89,11 @@ class PackedOutlet:
         self._publisher.put_blocking(self._encode(EndMessage()))
 
 
+def results_key(key: str) -> str:
+    """The key for results of live input on a key, unless the user gives another one."""
+    return f"{key}/results"
+
+
 class LiveResults:
     """Publishes estimates; angles do not jump by full turns between frames.
 

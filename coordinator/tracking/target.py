@@ -319,8 +319,7 @@ class TargetTracker:
         before, self._faulty = self._faulty, tuple(faults_of(self.cameras, submitted.frame.time_s))
         if set(before) - set(self._faulty) and self._redetects:  # a camera is back
             self.searching.end()  # it began without this camera
-            # then `check_due` holds in the next frame; there is doubt for a while, as after a detection
-            self.management = replace(self.management, tracked=SEARCH_INTERVAL_FRAMES - 1)
+            self.management = self.management.checked_next()
         views = [*subject.views, *(self.aside.views if self.aside is not None else ())]
         seen = self.model, self._belief.poses[0], submitted.frame, views, submitted.rules.noise_depth
         # the interval of the first frame includes the search, in which no cameras were compared

@@ -56,6 +56,10 @@ class TrackManagement:
         """After a frame that does not show the body at its place."""
         return replace(self, is_lost=True, frames_searched=0, why="", ambiguous_facing=False)
 
+    def checked_next(self) -> Self:
+        """The body is searched for in the next frame, and is in doubt for a while, as after a detection."""
+        return replace(self, tracked=SEARCH_INTERVAL_FRAMES - 1)
+
     def not_found(self, why: str, frames: int = 1) -> Self:
         """After so many frames in which an unknown body was not found, or not searched for."""
         return replace(self, frames_searched=self.frames_searched + frames, why=why)

@@ -125,6 +125,7 @@ def join_views(observation: Observation, ratio: float) -> PackedViews:
     extents = [
         (starts[0][v], padded[v], each.count, starts[1][v], *each.empty.shape) for v, each in enumerate(views)
     ]
+    lenses = [(one.camera.fx, one.camera.fy, one.camera.cx, one.camera.cy, one.delay_s) for one in views]
     return PackedViews(
         points=np.concatenate([each.ravel() for each in points]),
         tiles=np.concatenate([side(each, axis=0) for each in columns for side in (np.min, np.max)]),
@@ -132,7 +133,7 @@ def join_views(observation: Observation, ratio: float) -> PackedViews:
         nearest=np.concatenate([each.nearest.ravel() for each in views]),
         extents=np.array(extents, dtype=np.int64),
         seen=np.stack([each.view for each in views]),
-        lenses=np.array([(c.fx, c.fy, c.cx, c.cy, each.delay_s) for each in views for c in (each.camera,)]),
+        lenses=np.array(lenses),
         T_camera_rig=np.stack([each.T_camera_rig for each in views]),
         total=observation.total,
     )
