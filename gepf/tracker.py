@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from rich.progress import track as progress
 
 from common.body import BodyModel
+from common.camera import Intrinsics
 from common.closing import Closing
 from common.cores import usable_cores
 from common.errors import InputError
@@ -37,6 +38,7 @@ from coordinator.sources.arrays import ArraySource
 from coordinator.sources.camera import DEFAULT_FPS
 from coordinator.tracking import tracker as tracking
 from coordinator.tracking.state import read_start, start_at
+from gepf.frames import check_frame
 from gepf.live_source import LiveSource
 from gepf.named import Estimate, named
 from gepf.refiners import Workers, log, open_refiner
@@ -61,7 +63,7 @@ class FrameLoop(Closing):
         start: Mapping[str, float] | None = None,
     ) -> None:
         self._settings, self._frames = settings, 0
-        self._camera, self._depth_scale = camera, depth_scale
+        self._camera, self._depth_scale, self._cameras = camera, depth_scale, dict[str, Intrinsics]()
         self._stack = ExitStack()
         refiner = open_refiner(workers, tls, self._stack)
         self._make = partial(tracking.Tracker, refiner, bodies=bodies, people=people, start=start)
@@ -78,6 +80,7 @@ class FrameLoop(Closing):
     def _follow(self, frames: Iterable[DepthFrame], *, look_ahead: bool = True) -> Iterator[list[Estimate]]:
         """Track a source. Each stream of live input has a new tracker, and is tracked as it comes."""
         live = frames if isinstance(frames, LiveSource) else None
+        frames = frames if live is not None else (check_frame(each, self._cameras) for each in frames)
         if live is not None and self._frames == 0:  # no frame waits for loading or for the frame before
             self._tracker.prepare()
         last = 0 if live is None else live.stream
@@ -92,10 +95,14 @@ class FrameLoop(Closing):
     def _frame_of(self, depth: DepthFrame | ArrayLike, time_s: float | None) -> DepthFrame:
         """The frame itself, or the next frame from an array (H, W)."""
         if isinstance(depth, DepthFrame):
-            return depth
+            return check_frame(depth, self._cameras)
         if self._camera is None:
             raise InputError("an array comes without its camera; give Tracker(camera=...) its matrix")
-        alone = ArraySource(np.asarray(depth)[None], self._camera, self._depth_scale, name="array").frame(0)
+        array = np.asarray(depth)
+        if array.ndim != 2:
+            raise InputError(f"depth has shape {array.shape}; give one frame (H, W)")
+        scale = self._depth_scale if array.dtype.kind in "iu" else None
+        alone = ArraySource(array[None], self._camera, scale, name="array").frame(0)
         when = self._frames / DEFAULT_FPS if time_s is None else time_s
         return replace(alone, number=self._frames, time_s=when)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from common.body import ROOT_DOFS, BodyModel, unknown_dof
 from common.errors import InputError
 from coordinator.bodies.human.dofs import HUMAN, HUMAN_DOFS
-from coordinator.bodies.human.measures import DEVIATION, REFERENCE_STATURE, Measures
+from coordinator.bodies.human.measures import DEVIATION, Measures
 from coordinator.bodies.human.shape_space import shape_space
 from coordinator.bodies.human.template import DEFAULT_ACTIVE, human, human_of
 from coordinator.bodies.tracked import Bodies, Size, one_body
@@ -80,8 +80,10 @@ def read_person(path: Path) -> Measures:
     """
     values = read_json(path, dict[str, float], "write {measure: metres}")
     values.pop(DEVIATION, None)
+    if "stature" not in values:
+        raise InputError(f"{path} has no stature; add it, in metres")
     try:
-        return Measures.of(values.pop("stature", REFERENCE_STATURE), **values)
+        return Measures.of(values.pop("stature"), **values)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
 

@@ -167,6 +167,17 @@ def in_words(value: object) -> str:
     return "unknown" if value is None else str(value)
 
 
+def describe_place(source: Source) -> dict[str, object]:
+    """Facts about a camera of a rig by name: where it is, its angle to the rig's, and its clock."""
+    turned = np.degrees(np.arccos(np.clip(0.5 * (np.trace(source.T_rig_camera[:3, :3]) - 1.0), -1.0, 1.0)))
+    return {
+        "camera": source.camera,
+        "position_m": source.T_rig_camera[:3, 3].round(3).tolist(),
+        "turned_deg": round(float(turned), 1),
+        "time_offset_s": source.offset_s,
+    }
+
+
 def describe(form: Format, source: Source) -> dict[str, object]:
     """Facts about a sequence by name, its depth from ten frames. Raises InputError for a damaged one."""
     camera = source.intrinsics
@@ -177,7 +188,7 @@ def describe(form: Format, source: Source) -> dict[str, object]:
     for doubt in doubts(camera, near, far):
         logger.warning("%s: %s", source.name, doubt)
     return {
-        **({"camera": source.camera} if source.camera else {}),
+        **(describe_place(source) if source.camera else {}),
         "format": form.name,
         "frames": len(source),
         "first_frame": source.numbers[0],

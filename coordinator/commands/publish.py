@@ -47,6 +47,8 @@ def run_publish(
         raise InputError("--color is for cameras; leave it out with a recorded sequence")
     else:
         source = open_source(options.sequence, parse_camera_options(camera.intrinsics, camera.depth_scale))
+        if source.others:
+            raise InputError(f"{options.sequence} has several cameras; publish each with its own --key")
         numbers = select_frames(source.numbers, options.frames)
     with open_session(reached, "subscriber", key, show) as bus:
         publisher = bus.publish(key)

@@ -222,7 +222,7 @@ def seen_by_cameras(estimates: Sequence[Estimate], joints: int) -> dict[str, Any
     return {
         "camera_names": cameras,
         "joint_seen_by": np.array(shares),
-        "camera_fault": np.array(faults, dtype="<U21"),
+        "camera_fault": np.array(faults, dtype=np.str_),
     }
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import ArrayLike
 
+from common.bounds import LARGEST, SMALLEST
 from common.camera import Intrinsics
 from common.errors import InputError
 from coordinator.files import read_json
@@ -90,6 +91,10 @@ AS_RECORDED = CameraOptions()
 
 def parse_camera_options(intrinsics: str | None, depth_scale: float | None) -> CameraOptions:
     """Parse the values of the command line; InputError if they are invalid."""
+    if depth_scale is not None and not SMALLEST <= depth_scale <= LARGEST:
+        raise InputError(
+            f"--depth-scale {depth_scale:g} is not between {SMALLEST:g} and {LARGEST:g}; correct it"
+        )
     if intrinsics is None:
         return CameraOptions(None, depth_scale)
     try:

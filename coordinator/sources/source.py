@@ -82,12 +82,11 @@ class Source:
         """Read one frame; 0 for pixels without depth. Raises InputError if it is damaged.
 
         It has the nearest frame in time of each other camera, unless another frame of this camera is nearer
-        to that one.
+        to that one. Before its first frame and after its last, a camera has images without depth.
         """
         frame = self._image(self.numbers.index(number))
-        near = [(other, other.nearest(frame.time_s, 0.5 / self.fps)) for other in self.others]
-        others = tuple(other._image(place) for other, place in near if place is not None)
-        return replace(frame, others=others)
+        near = [other._near(frame.time_s, 0.5 / self.fps) for other in self.others]
+        return replace(frame, others=tuple(each for each in near if each is not None))
 
     def changed(self, **changes: Any) -> Source:
         """The same sequence with other values of some fields."""
@@ -99,6 +98,16 @@ class Source:
         apart = np.abs(self.times_s - time_s)
         place = int(np.flatnonzero(apart <= apart.min() + ROUNDING_S)[-1])
         return place if apart[place] <= within_s + ROUNDING_S else None
+
+    def _near(self, time_s: float, within_s: float) -> DepthFrame | None:
+        """The frame of this camera alone that is near a time of the rig; None in a gap of its recording."""
+        place, camera = self.nearest(time_s, within_s), self.intrinsics
+        if place is not None:
+            return self._image(place)
+        if self.times_s[0] < time_s < self.times_s[-1]:
+            return None
+        dark = np.zeros((camera.height, camera.width), np.uint16)
+        return DepthFrame(0, time_s, dark, self.depth_scale, camera, self.camera, self.T_rig_camera)
 
     def _image(self, place: int) -> DepthFrame:
         """The frame of this camera alone at a place in `numbers`."""

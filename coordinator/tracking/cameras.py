@@ -43,7 +43,7 @@ def watch(
     found = [look(view, states.get(view.camera), frame.time_s) for view in frame.views]
     if all(each.fault for each in found):  # none is good: use all
         found = [replace(each, good_s=frame.time_s, fault=None) for each in found]
-    after, views = {name: replace(state, fault=NO_DEPTH) for name, state in states.items()}, []
+    after, views = {name: replace(state, fault=state.fault or NO_DEPTH) for name, state in states.items()}, []
     for view, each in zip(frame.views, found, strict=True):
         depth = np.zeros_like(view.depth) if each.fault == REPEATS else view.depth
         views.append(replace(view, depth=depth, others=()))

@@ -271,6 +271,8 @@ class Detector:
         models = [self._bodies.for_start(*size) for size in sizes]
         group = np.tile(pose, (len(sizes), 1)), np.arange(len(sizes))
         found = yield from self._refine_candidates(subject, models, [group], settings)
+        if not len(found.poses):  # none of them is visible
+            return sizes[0], pose[None]
         measures = np.array(sizes)[found.sizes]
         between = VERTEX_SHARE * measures[:, 0] / settings.likelihood_scale
         likely = found.log_likelihood + 0.5 * between**2

@@ -35,16 +35,27 @@ def write(folder: Path, offsets: dict[str, float], frames: int = 5) -> Path:
 def test_frames_that_are_nearest_in_time_belong_together(
     tmp_path: Path, offset: float, expected: list[int | None]
 ) -> None:
-    """There is one for each of the first camera, at its time; a camera without a near one is missing."""
+    """There is one for each of the first camera, at its time; a camera that has none yet shows nothing."""
     source = open_source(write(tmp_path, {"a": 0.25, "b": 0.25 + offset}))
     assert len(source) == 5
     found = []
     for number, frame in enumerate(source):
         assert frame.time_s == pytest.approx(0.25 + number / 30.0)
-        found.append(int(frame.others[0].depth[0, 0]) - 1000 if frame.others else None)
+        (other,) = frame.others
+        found.append(int(other.depth[0, 0]) - 1000 if other.depth.any() else None)
         for other in frame.others:
             assert abs(other.time_s - frame.time_s) < 0.5 / 30.0 + 1e-3
     assert found == expected
+
+
+def test_a_rig_goes_on_when_the_first_camera_has_ended(tmp_path: Path) -> None:
+    """Its frames have no depth then, and the times of the camera that goes on."""
+    frames = list(open_source(write(tmp_path, {"a": 0.0, "b": 0.2}, frames=8)))
+    assert [frame.number for frame in frames] == list(range(8 + 6))
+    for frame in frames[8:]:
+        assert not frame.depth.any()
+        assert frame.time_s == pytest.approx(frame.number / 30.0)
+        assert [int(other.depth[0, 0]) - 1000 for other in frame.others] == [frame.number - 6]
 
 
 def change(**fields: object) -> Callable[[dict[str, Any]], object]:

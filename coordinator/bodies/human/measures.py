@@ -67,7 +67,8 @@ class Measures:
         known = dict(zip(LENGTHS, space.implied(stature_m, age).tolist(), strict=True))
         for name in lengths:
             if name not in known:
-                raise InputError(f"unknown measure '{name}'; leave it out, or choose from {', '.join(known)}")
+                all_names = ", ".join(field.name for field in fields(cls))
+                raise InputError(f"unknown measure '{name}'; leave it out, or choose from {all_names}")
         measures = cls(stature=stature_m, girth=girth, age=age, **{**known, **lengths})
         measures._check(known)
         return measures

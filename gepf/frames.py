@@ -1,0 +1,42 @@
+"""Checks of depth frames that a program makes itself."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from common.camera import Intrinsics, is_rigid
+from common.errors import InputError, ProtocolError
+from common.frame import DepthFrame
+from common.protocol.frames import check_camera
+
+
+def check_frame(frame: DepthFrame, cameras: dict[str, Intrinsics]) -> DepthFrame:
+    """The frame; InputError if it cannot be the next one of these cameras, by name. Adds new ones."""
+    for view in frame.views:
+        wrong = find_fault(view)
+        if cameras.setdefault(view.camera, view.intrinsics) != view.intrinsics:
+            wrong = "its camera is not that of the frames before; give it to another tracker"
+        if wrong is not None:
+            name = f" of camera '{view.camera}'" if view.camera else ""
+            raise InputError(f"frame {frame.number}{name}: {wrong}")
+    return frame
+
+
+def find_fault(view: DepthFrame) -> str | None:
+    """What is wrong with one image of a frame; None if nothing is."""
+    depth, camera = np.asarray(view.depth), view.intrinsics
+    if depth.dtype != np.uint16 or depth.shape != (camera.height, camera.width):
+        given = f"{depth.dtype} of shape {depth.shape}"
+        return f"depth is {given}; give uint16 of its camera's shape, ({camera.height}, {camera.width})"
+    try:
+        check_camera(camera, view.depth_scale)
+    except ProtocolError as error:
+        return f"{error}; correct it"
+    if not math.isfinite(view.time_s):
+        return f"time_s is {view.time_s}; give seconds"
+    moved = np.asarray(view.T_rig_camera)
+    if moved.shape != (4, 4) or not (np.isfinite(moved).all() and is_rigid(moved)):
+        return "T_rig_camera is not a rotation and a translation (4, 4); give it in metres"
+    return None
