@@ -79,9 +79,6 @@ class DirectRefiner(Refiner):
     def __init__(self) -> None:
         self._observe = lru_cache(FRAMES_KEPT)(observe)
 
-    def publish(self, subject: SubjectFrame) -> None:
-        """Nothing to do without workers."""
-
     def submit(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Pending:
         """Keep particles, to be refined on a frame."""
         return LocalRequest(partial(refine, model, self._observe(subject), particles))

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from common.arrays import Array
-from common.camera import inverse, moved
+from common.camera import inverse, moved, rigid
 from common.errors import InputError
 from common.frame import SubjectFrame
 from common.kinematics import joint_positions
@@ -126,7 +126,7 @@ class CameraPose:
 
 def track_alone(source: Source, refiner: Refiner, settings: Settings, bodies: Bodies) -> Motion:
     """The motion of a person whom one camera shows; its Jacobian is measured once in BLOCK_S."""
-    times, joints, variance, jacobians = list[float](), list[Array](), list[Array](), list[Array]()
+    rows = list[tuple[float, Array, Array, Array]]()
     next_s, jacobian = -np.inf, np.zeros(3)
     for (tracked,) in Tracker(refiner, settings, bodies).follow(source):
         estimate, certainty = tracked.estimate, tracked.estimate.certainty
@@ -137,11 +137,9 @@ def track_alone(source: Source, refiner: Refiner, settings: Settings, bodies: Bo
                 next_s = estimate.time_s + BLOCK_S
                 jacobian = measure_jacobian(tracked, tracked.subject, refiner, settings, bodies)
         to_girth_1 = (1.0 - tracked.state.start.size.girth) * jacobian
-        times.append(estimate.time_s)
-        joints.append(np.nan_to_num(estimate.joint_positions + to_girth_1))
-        variance.append(deviation**2)
-        jacobians.append(np.broadcast_to(jacobian, joints[-1].shape))
-    return Motion(*map(np.array, (times, joints, variance, jacobians)))
+        joints = np.nan_to_num(estimate.joint_positions + to_girth_1)
+        rows.append((estimate.time_s, joints, deviation**2, np.broadcast_to(jacobian, joints.shape)))
+    return Motion(*map(np.array, zip(*rows, strict=True)))
 
 
 def measure_jacobian(
@@ -242,7 +240,5 @@ def rigid_fit(points: Array, targets: Array, weights: Array) -> Array:
     total = weights / weights.sum()
     middle, target = total @ points, total @ targets
     left, _, right = np.linalg.svd((targets - target).T @ ((points - middle) * total[:, None]))
-    transform = np.eye(4)
-    transform[:3, :3] = left @ np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))]) @ right
-    transform[:3, 3] = target - transform[:3, :3] @ middle
-    return transform
+    rotation = left @ np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))]) @ right
+    return rigid(rotation, target - rotation @ middle)

@@ -123,9 +123,7 @@ def tabulate(scene: str, scores: np.ndarray) -> Table:
     """One row per sequence with the scores (S, 2, 2) of both ways, and one with the mean."""
     title, form = CELLS[scene]
     table = Table(title, "one particle", "gepf, 20 particles", box=None)
-    for name, row in [
-        *((f"{scene} {k}", row) for k, row in enumerate(scores)),
-        ("mean", scores.mean(axis=0)),
-    ]:
+    rows = {f"{scene} {k}": row for k, row in enumerate(scores)} | {"mean": scores.mean(axis=0)}
+    for name, row in rows.items():
         table.add_row(name, *(form.format(*pair) for pair in row))
     return table

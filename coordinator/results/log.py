@@ -27,6 +27,7 @@ from coordinator.pool.options import PoolStatistics
 from coordinator.results.angles import with_angles
 from coordinator.results.configuration import RunConfiguration
 from coordinator.results.track import Track
+from coordinator.scene.planes import Planes
 from coordinator.scene.scene import Scene, SceneChanges
 from coordinator.tracking.certainty.certainty import Certainty, unknown_certainty
 from coordinator.tracking.estimate import Estimate
@@ -166,7 +167,10 @@ def read_log(path: Path) -> Recorded | None:
 
 def floor_up(scenes: SceneChanges) -> Array | None:
     """Up direction (3,) from the floor of the first camera that sees one; None without a floor."""
-    return next((scene.up for scene in scenes.values() if scene.has_floor), None)
+    for scene in scenes.values():
+        if scene.has_floor:
+            return np.asarray(scene.T_rig_camera[:3, :3] @ Planes(scene.planes, has_floor=True).up)
+    return None
 
 
 def assemble(

@@ -65,13 +65,8 @@ class Recorder:
     While it is open, `frames.log` grows and is locked against a second run. It is deleted when a complete run
     is closed without an error. If no frame is recorded, the folder is not changed.
 
-    Args:
-        run: The folder of the run.
-        configuration: Configuration of the run, with the number of people if it is not one.
-        resume: Continue the run in the folder, if there is one.
-
-    Raises:
-        InputError: The folder is in use, cannot be written, or holds a run that cannot be continued.
+    With `resume`, the run in the folder is continued, if there is one. InputError if the folder is in use,
+    cannot be written, or holds a run that cannot be continued.
     """
 
     def __init__(self, run: Path, configuration: RunConfiguration, *, resume: bool = False) -> None:

@@ -22,20 +22,18 @@ SAMPLED, DRAWN = 800, 400  # points for planes, and samples of RANSAC, of three 
 class Flat:
     """The plane with the largest part of an object.
 
-    mask: (H, W) pixels around which the surface of the object is on the plane. share: part of its pixels
-    within half the margin of the plane. on: (H, W) pixels of the object that may be on the plane, by their
-    own noise. size: of the squares, pixels. patches: (H, W) for the pixels of the mask, the visible area of
-    the connected patch that each is in, square metres; 0 for other pixels.
+    share: part of the object's pixels within half the margin of the plane. on: (H, W) pixels of the object
+    that may be on the plane, by their own noise. size: of the squares, pixels. patches: (H, W) for pixels
+    around which the surface is on the plane, the visible area of their connected patch, m^2; else 0.
     """
 
-    mask: Mask
     share: float
     on: Mask
     size: int
     patches: Array
 
     def grow(self, some: Mask) -> Mask:
-        """Some of the pixels (H, W) of the mask, with those nearby that may be on the plane."""
+        """Some pixels (H, W) of the patches, with those nearby that may be on the plane."""
         return np.asarray(some | (binary_dilation(some, iterations=self.size) & self.on))
 
 
@@ -57,11 +55,11 @@ def find_flat(depth: NDArray[np.floating], mask: Mask, camera: Intrinsics, growt
     some = averaged[:: 1 + len(averaged) // SAMPLED].copy()
     drawn, flat, on = draw_planes(some, DRAWN), np.zeros_like(mask), np.zeros_like(mask)
     if not len(drawn):  # the object is a line
-        return Flat(flat, 0.0, on, size, np.zeros(mask.shape))
+        return Flat(0.0, on, size, np.zeros(mask.shape))
     planes = refine_best(drawn, count_points(drawn, some)[:, 0], some)
     near = count_points(planes, some)[:, 0]
     plane = planes[near.argmax()]
     flat[mask], on[mask] = lie_on(plane, averaged), lie_on(plane, rays)
     labels = label_parts(depth, flat, STEP_M, growth, camera.fx)
     areas, _ = measure_components(labels, depth, camera.fx, camera.fy)
-    return Flat(flat, float(near.max()) / len(some), on, size, areas[labels])
+    return Flat(float(near.max()) / len(some), on, size, areas[labels])

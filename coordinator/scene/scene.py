@@ -106,13 +106,6 @@ class SceneChange:
     learned: Learned = NOTHING
     T_rig_camera: Array = field(default_factory=NOT_MOVED.copy)  # of the frame
 
-    @property
-    def up(self) -> Array | None:
-        """Unit vector (3,) away from the floor in the rig's frame; None without a floor."""
-        planes = Planes(self.planes, self.has_floor)
-        up: Array = self.T_rig_camera[:3, :3] @ planes.up
-        return up if self.has_floor else None
-
 
 SceneChanges = dict[str, SceneChange]
 """The changes of the scenes of all cameras, by their names."""
@@ -160,12 +153,10 @@ class Scene:
         )
 
     def learn(self, view: SceneView, people: Mask | None = None, learned: Learned = NOTHING) -> SceneChange:
-        """Learn from the last frame given to `see`, and return the change.
+        """Learn from the last frame that `see` returned, and return the change.
 
-        Args:
-            view: The frame, as returned by `see`.
-            people: Pixels (H, W) of people or possible people; they are not learned.
-            learned: What was learned from this frame before; a part of the change.
+        Pixels (H, W) of people or possible people are not learned. What was `learned` from this frame before
+        is a part of the change.
         """
         if not self._furnished:
             return self._change(NOTHING.pixels)
@@ -178,7 +169,7 @@ class Scene:
             learn_pixels(view.depth, growth, outside, self._background, self._nearer)
         if moved or self._seen <= 1:
             return self.all()
-        return self._change(np.union1d(learned.pixels, pixels))
+        return self._change(np.union1d(learned.pixels, pixels) if len(learned.pixels) else pixels)
 
     def recall(self, change: SceneChange) -> None:
         """Restore the scene after a frame from its change; the changes of the frames before come first."""

@@ -69,22 +69,15 @@ def measure_distances(view: SceneView, surface: Array) -> Depth:
             np.minimum(flat[shift:], before[:-shift] + more, out=flat[shift:])
     metres = np.float32(CELL_M) * np.sqrt(np.arange(far + 1, dtype=np.float32))
     metres[REACH_CELLS**2 + 1 :] = np.inf
-    found = np.full(view.depth.shape, np.inf, dtype=np.float32)
-    look_up(view.depth, view.lens, window_of(view, surface), low, np.minimum(squares, far), metres, found)
-    return found
+    return look_up(view.depth, view.lens, window_of(view, surface), low, np.minimum(squares, far), metres)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def look_up(
-    depth: Depth,
-    lens: Lens,
-    window: Window,
-    low: Array,
-    squares: NDArray[np.uint8],
-    metres: Depth,
-    found: Depth,
-) -> None:
-    """Fill found (H, W) in a window with distances, from a grid of squares with origin `low` (3,)."""
+    depth: Depth, lens: Lens, window: Window, low: Array, squares: NDArray[np.uint8], metres: Depth
+) -> Depth:
+    """Distances (H, W) in a window, infinite outside, from a grid of squares with origin `low` (3,)."""
+    found = np.full(depth.shape, np.inf, dtype=np.float32)
     fx, fy, cx, cy = lens
     left, top, right, bottom = window
     wide, high, deep = squares.shape
@@ -98,18 +91,15 @@ def look_up(
             i, j, k = int(x / CELL_M), int(y / CELL_M), int((z - low[2]) / CELL_M)
             if x >= 0.0 and y >= 0.0 and i < wide and j < high and k < deep:
                 found[v, u] = metres[squares[i, j, k]]
+    return found
 
 
 def segment_body(
     view: SceneView, surface: Array, distances: Depth, others: Mask | None = None
 ) -> Segmentation:
-    """Label the pixels around the points (V, 3) of a posed body, metres.
+    """Label the pixels around the points (V, 3) of a posed body, given distances (H, W) from them, metres.
 
-    Args:
-        view: The frame in its scene.
-        surface: The points.
-        distances: Distances (H, W) from them, metres.
-        others: Pixels (H, W) of other people, or possible people; they are unknown for this one.
+    Pixels (H, W) of other people, or possible people, are unknown for this one.
     """
     window = window_of(view, surface)
     inside = slices(window)
@@ -211,16 +201,15 @@ def mark_apart(view: SceneView, nearest: Depth) -> Mask:
 
     They are foreground that is not near a body, extends beyond its reach, and is too large for a limb.
     """
-    apart = np.zeros(view.depth.shape, dtype=np.bool_)
     least = LEAST_AREA_M2 * view.camera.fx * view.camera.fy
-    grow_apart(view.depth, view.marks == FOREGROUND, nearest, view.growth, least, apart)
-    return apart
+    return grow_apart(view.depth, view.marks == FOREGROUND, nearest, view.growth, least)
 
 
 @numba.njit(cache=True, nogil=True)
-def grow_apart(depth: Depth, free: Mask, distances: Depth, growth: float, least: float, apart: Mask) -> None:
-    """Mark pixels (H, W), initially none, as in `mark_apart`; `least` is an area in pixels times z^2."""
+def grow_apart(depth: Depth, free: Mask, distances: Depth, growth: float, least: float) -> Mask:
+    """Pixels (H, W) as in `mark_apart`; `least` is an area in pixels times z^2."""
     rows, columns = depth.shape
+    apart = np.zeros(depth.shape, dtype=np.bool_)
     grown = np.empty(rows * columns, dtype=np.int64)
     nearby, unused = distances.ravel(), free.ravel()
     for start in range(rows * columns):
@@ -246,6 +235,7 @@ def grow_apart(depth: Depth, free: Mask, distances: Depth, growth: float, least:
         if beyond and area >= least:
             for k in range(count):
                 apart[grown[k] // columns, grown[k] % columns] = True
+    return apart
 
 
 @numba.njit(cache=True, nogil=True)

@@ -51,9 +51,7 @@ class JointStates:
 
     def at(self, time_s: float) -> Array:
         """Interpolated values (K,) at a time; NaN before the first and after the last."""
-        if not self.times_s[0] <= time_s <= self.times_s[-1]:
-            return np.full(len(self.names), np.nan)
-        return np.array([np.interp(time_s, self.times_s, column) for column in self.values.T])
+        return np.array([np.interp(time_s, self.times_s, each, np.nan, np.nan) for each in self.values.T])
 
 
 def read_joint_states(path: Path) -> JointStates:

@@ -66,14 +66,12 @@ def read_pictures(path: Path, options: CameraOptions) -> Source:
             f"{path} holds no depth/000000.png; give a folder with depth/*.png and {CAMERA_FILE}"
         )
     name = path.resolve().name
-    if is_tum(path):
-        camera = next((camera for key, camera in TUM_CAMERAS.items() if key in name), NOMINAL)
-        scale, described = 5000.0, True
-    else:
-        camera, scale, described = NOMINAL, MILLIMETRES, options.intrinsics is not None
-    fps = DEFAULT_FPS
-    if (path / CAMERA_FILE).exists() or not described:
+    camera, scale, fps = NOMINAL, MILLIMETRES, DEFAULT_FPS
+    if (path / CAMERA_FILE).exists() or (options.intrinsics is None and not is_tum(path)):
         camera, scale, fps = read_camera(path / CAMERA_FILE)
+    elif is_tum(path):
+        camera = next((camera for key, camera in TUM_CAMERAS.items() if key in name), NOMINAL)
+        scale = 5000.0
     if options.intrinsics is not None:
         camera = options.camera(read_depth(files[0]).shape, path)
     if times is not None and len(times) > 1:

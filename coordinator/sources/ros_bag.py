@@ -37,10 +37,8 @@ def read_ros_bag(path: Path, options: CameraOptions) -> Source:
         image = bag.message(topic, stamps[place])
         return bag.guarded(lambda: pixels(image))
 
-    first = bag.message(topic)
-    floats = encoding_of(first) == FLOATS
-    own = options.intrinsics is None
-    camera = camera_of(bag, topic) if own else options.camera(read(0).shape, path)
+    floats = encoding_of(bag.message(topic)) == FLOATS
+    camera = options.camera(read(0).shape, path) if options.intrinsics else camera_of(bag, topic)
     times = [(stamp - stamps[0]) * 1e-9 for stamp in stamps]
     scale = options.depth_scale or (1.0 if floats else units_of(bag, topic))
     return Source(path.stem, camera, range(len(times)), read, scale, rate_of(times), times)

@@ -33,14 +33,11 @@ def pixels(message: Any) -> NDArray[np.generic]:
         raise ValueError(f"its encoding is {encoding}, not {', '.join(ENCODINGS)}")
     if hasattr(message, "format"):
         return decompressed(message, is_inverse=encoding == FLOATS)
-    kind = np.dtype(np.float32 if encoding == FLOATS else np.uint16).newbyteorder(
-        ">" if message.is_bigendian else "<"
-    )
-    rows = np.asarray(message.data, dtype=np.uint8)[: message.height * message.step].reshape(
-        message.height, message.step
-    )
+    order, height, step = ">" if message.is_bigendian else "<", message.height, message.step
+    kind = np.dtype(order + ("f4" if encoding == FLOATS else "u2"))
+    rows = np.asarray(message.data, dtype=np.uint8)[: height * step].reshape(height, step)
     values = np.ascontiguousarray(rows[:, : kind.itemsize * message.width]).view(kind)
-    return values.reshape(message.height, message.width)
+    return values.reshape(height, message.width)
 
 
 def decompressed(message: Any, *, is_inverse: bool) -> NDArray[np.generic]:

@@ -35,16 +35,14 @@ def describe(points: Any, cell: float, image: Image, middle: Array) -> int:
     splat(points, cell, middle, image)
     centre(cell, image, middle)
     count = splat(points, cell, middle, image)
-    total = 0.0
-    for row in range(ROWS):
-        for column in range(COLUMNS):
-            if image[row, column] < EMPTY:
-                total += image[row, column]
+    total, depths = 0.0, image.ravel()
+    for k in range(len(depths)):
+        if depths[k] < EMPTY:
+            total += depths[k]
     middle[2] = total / max(count, 1)
-    for row in range(ROWS):
-        for column in range(COLUMNS):
-            if image[row, column] < EMPTY:
-                image[row, column] -= np.float32(middle[2])
+    for k in range(len(depths)):
+        if depths[k] < EMPTY:
+            depths[k] -= np.float32(middle[2])
     return count
 
 

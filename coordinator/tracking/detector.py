@@ -70,10 +70,7 @@ Search = Generator[Stage, None, Detection]
 class Detector:
     """Detects the tracked body: with any size at first, with its own size when it is redetected.
 
-    Args:
-        bodies: The possible bodies.
-        refiner: Refines candidates.
-        settings: The settings of the tracker, with the camera's noise and orientation.
+    Of the tracker's settings it uses the camera's noise and orientation.
     """
 
     def __init__(self, bodies: Bodies, refiner: Refiner, settings: Settings) -> None:

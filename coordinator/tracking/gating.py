@@ -72,11 +72,8 @@ def reject_planes(points: Array, residual: float, between: float) -> str:
     """Why a subject with points (P, 3) is not a person; empty if it may be.
 
     Furniture has large sides that are nearly flat. So two planes are nearer to its points than the body is.
-
-    Args:
-        points: The observed points, metres.
-        residual: Their mean distance from the nearest vertices of the body, metres.
-        between: The part of it that the distances between vertices cause.
+    `residual` is their mean distance from the nearest vertices of the body, metres, and `between` the part of
+    it that the distances between vertices cause.
     """
     if fit_two_planes(points) ** 2 + between**2 < residual**2:
         return "two planes fit the observed points better than a body: an object, not a person"
@@ -153,9 +150,7 @@ def compare(surface: Array, view: SubjectFrame, cell_m: float) -> tuple[Indices,
 def reject_position(rises: float, lowest: float) -> str:
     """Why a body cannot be at its place; empty if it can.
 
-    Args:
-        rises: Height of the head above the pelvis, metres.
-        lowest: Height of the lowest joint above the floor, metres.
+    The head `rises` above the pelvis, and the `lowest` joint is above the floor, by so many metres.
     """
     if rises < HEAD_DOWN_M:
         return "the body is upside down; if the camera is, use --rotate"

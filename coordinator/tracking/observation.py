@@ -44,11 +44,8 @@ def subject_of(frame: DepthFrame, views: Sequence[Cut], points: int) -> SubjectF
     depths = [depth_in(*each) for each in views]
     areas = [area_of(view, depth) for (view, _, _), depth in zip(views, depths, strict=True)]
     total = sum(areas)
-    found = [
-        crop(frame, views[n], depths[n], round(points * areas[n] / total))
-        for n in sorted(range(len(views)), key=lambda n: -areas[n])
-        if areas[n] > 0.0
-    ]
+    shown = sorted(zip(areas, views, depths, strict=True), key=lambda each: -each[0])
+    found = [crop(frame, cut, depth, round(points * m2 / total)) for m2, cut, depth in shown if m2 > 0.0]
     return replace(found[0], others=tuple(found[1:])) if found else None
 
 

@@ -21,7 +21,7 @@ from common.kinematics import link_transforms, pose_vertices
 from common.kinematics.rotations import euler_angles, euler_matrix
 from coordinator.bodies.tracked import Bodies, Size
 from coordinator.scene.planes import Planes
-from coordinator.tracking.descriptor import BOUND_CELLS, COLUMNS, ROWS, compare, describe
+from coordinator.tracking.descriptor import BOUND_CELLS, COLUMNS, ROWS, Image, compare, describe
 
 POSES = 3_000
 PERSON_CELL_M = 0.06  # side of a cell of the descriptor, for a person of reference stature
@@ -85,17 +85,10 @@ class PoseLibrary:
     def match(
         self, points: Array, scales: Sequence[float], roll: float, count: int, placed: Array = NOT_MOVED
     ) -> tuple[Array, Indices]:
-        """The poses most similar to the observed points, moved to their position.
+        """The poses (count, D) most similar to points (P, 3), moved to them, and the index of each scale.
 
-        Args:
-            points: Observed points (P, 3), camera frame, metres.
-            scales: Possible scales of the body relative to the library.
-            roll: Rotation of the image before the comparison, radians.
-            count: Number of poses to return, each at its best scale.
-            placed: T_rig_camera (4, 4).
-
-        Returns:
-            Poses (count, D) in the rig's frame, the most similar first, and the index of each pose's scale.
+        Points are in the camera's frame, metres, and rolled by `roll`, radians; poses in that of the rig, the
+        most similar first; `placed` is T_rig_camera (4, 4). `scales` are relative to the library.
         """
         turn = look_straight(points.mean(axis=0), roll)
         seen = np.ascontiguousarray(points @ turn.T)
@@ -242,10 +235,8 @@ def draw_any(model: BodyModel, count: int, rng: np.random.Generator) -> Array:
 def describe_poses(model: BodyModel, poses: Array, cell_m: float) -> PoseLibrary:
     """Compute the descriptors of poses (N, D)."""
     count, every = len(poses), stride(model)
-    images, middles = np.empty((count, ROWS, COLUMNS), dtype=np.float32), np.empty((count, 3))
-    occupied = np.empty(count, dtype=np.float32)
     links, vertices = model.skin_links[::every, 0].copy(), model.vertices[::every].copy()
-    describe_each(vertices, links, link_transforms(model, poses), cell_m, images, middles, occupied)
+    images, middles, occupied = describe_each(vertices, links, link_transforms(model, poses), cell_m)
     cells = np.ascontiguousarray(images.reshape(count, ROWS * COLUMNS).T)
     return PoseLibrary(poses, middles, cells, occupied, cell_m)
 
@@ -257,20 +248,16 @@ def stride(model: BodyModel) -> int:
 
 @numba.njit(cache=True, nogil=True)
 def describe_each(
-    vertices: Array,
-    links: Indices,
-    transforms: Array,
-    cell_m: float,
-    images: NDArray[np.float32],
-    middles: Array,
-    occupied: NDArray[np.float32],
-) -> None:
-    """Fill images (N, ROWS, COLUMNS), middles (N, 3) and occupied (N,) of a body in each pose.
+    vertices: Array, links: Indices, transforms: Array, cell_m: float
+) -> tuple[Image, Array, Image]:
+    """Images (N, ROWS, COLUMNS), middles (N, 3) and numbers of occupied cells (N,) of a body in each pose.
 
     Each vertex of (V, 3) moves with one link of (V,), whose transforms are (N, L, 3, 4).
     """
-    points = np.empty((len(vertices), 3))
-    for n in range(len(images)):
+    count, points = len(transforms), np.empty((len(vertices), 3))
+    images, middles = np.empty((count, ROWS, COLUMNS), dtype=np.float32), np.empty((count, 3))
+    occupied = np.empty(count, dtype=np.float32)
+    for n in range(count):
         for v in range(len(vertices)):
             t = transforms[n, links[v]]
             for a in range(3):
@@ -278,6 +265,7 @@ def describe_each(
                     t[a, 0] * vertices[v, 0] + t[a, 1] * vertices[v, 1] + t[a, 2] * vertices[v, 2] + t[a, 3]
                 )
         occupied[n] = describe(points, cell_m, images[n], middles[n])
+    return images, middles, occupied
 
 
 def upright_rolls(planes: Planes, rolls: tuple[float, ...]) -> tuple[float, ...]:

@@ -27,10 +27,6 @@ CAMERA = Intrinsics(80, 60, 60.0, 60.0, 39.5, 29.5)
 class NoRefiner(Refiner):
     """A refiner that leaves particles as they are."""
 
-    def publish(self, subject: SubjectFrame) -> None:
-        """There are no workers."""
-        del subject
-
     def submit(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> LocalRequest:
         """The same poses (N, D), with a covariance of 1 cm and 0.01 rad."""
         del subject, model

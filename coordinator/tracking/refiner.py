@@ -57,9 +57,9 @@ class LocalRequest:
 class Refiner(ABC):
     """Refines particles; several requests may be under way."""
 
-    @abstractmethod
     def publish(self, subject: SubjectFrame) -> None:
         """Send a frame to the workers, so that they have it when its particles are submitted."""
+        del subject  # without workers
 
     @abstractmethod
     def submit(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Pending:

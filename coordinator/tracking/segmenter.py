@@ -9,10 +9,8 @@ from functools import reduce
 import numpy as np
 
 from common.arrays import Array, Mask
-from common.body import BodyModel
 from common.camera import points_of
 from common.frame import DepthFrame, SubjectFrame
-from common.kinematics import pose_vertices
 from coordinator.scene.candidates import Candidate, candidates
 from coordinator.scene.planes import Planes
 from coordinator.scene.scene import Scene, SceneChange, SceneChanges, SceneView
@@ -33,19 +31,6 @@ Shown = tuple[Cut, ...]
 """What shows a person who is not tracked in an image: with more and more of what may be the person's."""
 
 SAME_PERSON_M = 0.5  # between the middles of one person in two images, which show different sides
-
-
-@dataclass(frozen=True, slots=True)
-class PosedBody:
-    """A body in a pose (D,)."""
-
-    model: BodyModel
-    pose: Array
-
-    @property
-    def surface(self) -> Array:
-        """Vertices (V, 3), metres."""
-        return np.asarray(pose_vertices(self.model, self.pose[None])[0])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,12 +80,7 @@ class Segmented:
 
 
 class Segmenter:
-    """Segments frames in their order. Each camera has its own scene.
-
-    Args:
-        points: Largest number of observed points of a body.
-        scope: Which part of the scene counts, and which person is meant.
-    """
+    """Segments frames in their order, with at most `points` points of a body. Each camera has its scene."""
 
     def __init__(self, points: int, scope: Scope | None = None) -> None:
         self._points = points
@@ -116,23 +96,20 @@ class Segmenter:
     def segment(
         self,
         frame: DepthFrame,
-        bodies: Sequence[PosedBody | None],
+        bodies: Sequence[Array | None],
         *,
         doubted: Sequence[Collection[str]] = (),
         rejected: bool = False,
         find: bool = True,
     ) -> Segmented:
-        """Segment the next frame: near each body, and, if a body may be anywhere, other people.
+        """Segment the next frame: near the vertices (V, 3) of bodies, and people if a body may be anywhere.
 
         The `doubted` cameras of a body are not used for it, unless no other camera shows it.
 
         Other people are not learned as the room, unless they have been `rejected` for a while. Without
         `find`, they are not searched for, and nothing is learned while a body may be anywhere.
         """
-        surfaces = [None if body is None else body.surface for body in bodies]
-        views = tuple(
-            self._segment_view(view, surfaces, rejected=rejected, find=find) for view in frame.views
-        )
+        views = tuple(self._segment_view(view, bodies, rejected=rejected, find=find) for view in frame.views)
         subjects, aside = list[SubjectFrame | None](), list[SubjectFrame | None]()
         for n, out in enumerate(doubted or [()] * len(bodies)):
             cuts = [(each.frame.camera, cut) for each in views if (cut := each.bodies[n]) is not None]
@@ -145,15 +122,15 @@ class Segmenter:
         people = self._join_people(frame, shown if any(shown) else [each.people for each in views])
         return Segmented(frame, tuple(subjects), tuple(aside), people, views)
 
-    def find_candidates(self, segmented: Segmented, tracked: Sequence[PosedBody]) -> tuple[SubjectFrame, ...]:
-        """People in a segmented frame, apart from those who are tracked; the most likely first."""
-        found, surfaces = list[Sequence[Shown]](), [body.surface for body in tracked]
+    def find_candidates(self, segmented: Segmented, tracked: Sequence[Array]) -> tuple[SubjectFrame, ...]:
+        """People in a segmented frame, most likely first, without those who are tracked (V, 3)."""
+        found = list[Sequence[Shown]]()
         for each in segmented.views:
             frame, view = each.frame, each.view
             if not view.furnished and len(segmented.subjects) == 1:
                 found.append([(cut,) for cut in outline(frame)])
                 continue
-            distances = [measure_distances(view, frame.to_camera(one)) for one in surfaces]
+            distances = [measure_distances(view, frame.to_camera(one)) for one in tracked]
             known = nearest_of(view, distances) <= NEAR_M
             scope = self._scope.of(frame.camera)
             people = scope.choose(view, candidates(view, known))
@@ -170,15 +147,9 @@ class Segmenter:
     ) -> SceneChanges:
         """Learn as the room what a search took for a part of the person, and what is none.
 
-        Args:
-            segmented: The last segmented frame.
-            changes: Everything that it changed in the scenes so far.
-            searched: The frame of the search, the same or an earlier one.
-            person: The person in it.
-            others: Other people in the last frame.
-
-        Returns:
-            Everything that the last frame changed.
+        The search was in the frame `searched`, the last segmented one or an earlier one, and found `person`.
+        `others` are other people in the last frame. Returns all that the last frame changed, given the
+        `changes` so far.
         """
         after = dict(changes)
         for each in segmented.views:

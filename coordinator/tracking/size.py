@@ -37,11 +37,6 @@ class SizeEstimate:
     settled: bool = False
     time_s: float = -np.inf  # time of the last measured frame
 
-    @property
-    def deviation_share(self) -> float:
-        """Standard deviation of the stature, as a share of it; large until a frame shows it."""
-        return DEVIATION_SHARES[bool(self.statures)]
-
     def add(self, stature: float, time_s: float) -> Self:
         """Add the stature (m) of another frame; a full window is followed by a new one."""
         if len(self.statures) < WINDOW_FRAMES:
@@ -61,14 +56,8 @@ class SizeEstimate:
 def measure_stature(model: BodyModel, pose: Array, straight_m: float, subject: SubjectFrame) -> float | None:
     """Stature in metres of a person in pose (D,); None if the frame does not show it.
 
-    Each leg that is nearly straight shows it: the length of the straight model from head to ankle, and the
-    lengths by which the person extends beyond these joints.
-
-    Args:
-        model: The tracked body.
-        pose: Its pose in the frame.
-        straight_m: Distance from head to ankle of this body standing straight.
-        subject: The person's pixels.
+    Each leg that is nearly straight shows it: `straight_m`, the distance from head to ankle of the model
+    standing straight, and the lengths by which the person extends beyond these joints.
     """
     places = subject.frame.to_camera(joint_positions(model, pose[None])[0])
     joints = dict(zip(model.joint_names, places, strict=True))

@@ -19,7 +19,7 @@ from coordinator.files import read_json
 from coordinator.scene.scene import SceneChanges
 from coordinator.tracking.faults import Agreement, CameraStates
 from coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise
-from coordinator.tracking.size import SizeEstimate
+from coordinator.tracking.size import DEVIATION_SHARES, SizeEstimate
 from coordinator.tracking.track_management import TrackManagement
 
 
@@ -128,5 +128,6 @@ class TrackerState:
 
     @property
     def stature_deviation(self) -> float:
-        """Standard deviation of the stature, metres; 0 if it is not estimated."""
-        return self.checkpoint.size.deviation_share * self.start.size.stature if self.checkpoint.size else 0.0
+        """Standard deviation of the stature, metres, large until a frame shows it; 0 if not estimated."""
+        size = self.checkpoint.size
+        return DEVIATION_SHARES[bool(size.statures)] * self.start.size.stature if size else 0.0

@@ -15,7 +15,7 @@ import numpy as np
 from common.arrays import Array
 from common.body import BodyModel
 from common.frame import DepthFrame, SubjectFrame
-from common.kinematics import joint_positions
+from common.kinematics import joint_positions, pose_vertices
 from common.settings import RefineSettings, Settings
 from coordinator.bodies.tracked import Bodies
 from coordinator.filters.belief import USUAL_INTERVAL, Belief
@@ -36,7 +36,6 @@ from coordinator.tracking.pose_candidates import SURER_LOG_LIKELIHOOD, Detection
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.reporting import Updated
 from coordinator.tracking.search import BodySearch
-from coordinator.tracking.segmenter import PosedBody
 from coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise, assume_noise, measure_noise
 from coordinator.tracking.state import Checkpoint, Start, TrackerState, no_start, start_at
 from coordinator.tracking.track_management import GIVEN, SEARCH_INTERVAL_FRAMES, TrackManagement
@@ -46,15 +45,9 @@ WHOLE_SHARE = 0.85  # of the pixels in which the body was detected; with fewer, 
 
 
 class TargetTracker:
-    """Tracks one body from frame to frame.
+    """Tracks one body from frame to frame; the arguments are those of `Tracker`, for one person.
 
-    Args:
-        refiner: Refines particles, in this process or on workers.
-        settings: What to compute. Settings that define the method replace those given here.
-        bodies: The bodies that may be tracked.
-        start: Values of degrees of freedom in the first frame; None to detect the body.
-        motion: Joint motion as encoders report it.
-        state: Resume from here.
+    Settings that define the method replace those given here.
     """
 
     def __init__(
@@ -90,17 +83,14 @@ class TargetTracker:
         self._agreement = Agreement()
         self._faulty = tuple[str, ...]()  # cameras at fault in the last frame that showed the body
         if state is not None:
-            self._resume(state)
-
-    def _resume(self, state: TrackerState) -> None:
-        past = state.checkpoint
-        self.start, self.scenes, self.management = state.start, past.scenes, past.management
-        self._expected, self._time_s, self._size.estimate = past.expected, past.time_s, past.size
-        self.cameras, self.doubted, self._agreement = past.cameras, past.doubted, past.agreement
-        self._faulty = past.faulty
-        self._filter.rng.bit_generator.state = json.loads(past.generator)
-        if past.belief:
-            self._belief = replace(self._filter.begin(self.model, self.start.pose), **past.belief)
+            past = state.checkpoint
+            self.start, self.scenes, self.management = state.start, past.scenes, past.management
+            self._expected, self._time_s, self._size.estimate = past.expected, past.time_s, past.size
+            self.cameras, self.doubted, self._agreement = past.cameras, past.doubted, past.agreement
+            self._faulty = past.faulty
+            self._filter.rng.bit_generator.state = json.loads(past.generator)
+            if past.belief:
+                self._belief = replace(self._filter.begin(self.model, self.start.pose), **past.belief)
 
     @property
     def model(self) -> BodyModel:
@@ -127,12 +117,12 @@ class TargetTracker:
         return TrackerState(self.start, checkpoint)
 
     @property
-    def expected(self) -> PosedBody | None:
-        """The body around which the next frame is segmented; None if it may be anywhere.
+    def expected(self) -> Array | None:
+        """The vertices (V, 3) around which the next frame is segmented; None if the body may be anywhere.
 
         The present frame is still being refined. So this is the pose of the frame before.
         """
-        return None if self._expected is None else PosedBody(self.model, self._expected)
+        return None if self._expected is None else pose_vertices(self.model, self._expected[None])[0]
 
     @property
     def last_seen(self) -> Array:

@@ -66,21 +66,13 @@ class TrackManagement:
 
     def updated(self, gate: Gate, pixels: int, *, redetected: bool) -> Self:
         """After a frame that shows the body with so many pixels, tracked or detected elsewhere."""
+        after = replace(self, tracked=self.tracked + 1, residual=gate.residual, why=gate.why)
         if gate.residual <= (1.0 if self.is_lost else LOST_RESIDUAL):
-            tracked = 0 if redetected else self.tracked + 1
-            facing = self.ambiguous_facing
-            return type(self)(
-                tracked=tracked, residual=gate.residual, why=gate.why, pixels=pixels, ambiguous_facing=facing
-            )
+            after = replace(after, is_lost=False, unexplained=0, frames_searched=0, pixels=pixels)
+            return replace(after, tracked=0) if redetected else after
         unexplained = self.unexplained + 1
-        return replace(
-            self,
-            is_lost=self.is_lost or unexplained > PATIENCE_FRAMES,
-            tracked=self.tracked + 1,
-            unexplained=unexplained,
-            residual=gate.residual,
-            why=gate.why,
-        )
+        is_lost = self.is_lost or unexplained > PATIENCE_FRAMES
+        return replace(after, is_lost=is_lost, unexplained=unexplained)
 
 
 GIVEN = TrackManagement(tracked=CHECK_INTERVAL_FRAMES)

@@ -239,7 +239,7 @@ class Tracker:
         target, chosen = self._targets[place], segmented.subjects[place]
         if not target.start.found:
             return self._assign_undetected(place, free)
-        if target.expected is None:
+        if target.needs_candidates:
             chosen = min(free, key=lambda each: distance(each, target.last_seen), default=None)
         elif target.misses(segmented.pixels(place)):
             chosen = self._find_elsewhere(place, segmented)

@@ -112,8 +112,8 @@ def test_a_line_of_pixels_has_no_flat_part() -> None:
     depth[10] = 6.0
     flat = find_flat(depth, depth > 0.0, Intrinsics(40, 20, 65.0, 65.0, 19.5, 9.5), 0.002)
     assert flat.share == 0.0
-    assert not flat.mask.any()
-    assert not flat.grow(flat.mask).any()
+    assert not flat.patches.any()
+    assert not flat.grow(flat.patches > 0.0).any()
 
 
 def test_one_of_two_is_chosen_as_asked() -> None:

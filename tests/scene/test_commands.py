@@ -13,7 +13,7 @@ import pytest
 from PIL import Image
 
 from common.errors import InputError
-from common.kinematics import joint_positions
+from common.kinematics import joint_positions, pose_vertices
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
 from coordinator.cli import main
@@ -23,7 +23,7 @@ from coordinator.commands.options import TrackOptions
 from coordinator.scene.scope import Scope
 from coordinator.sources import open_source
 from coordinator.sources.background import read_background
-from coordinator.tracking.segmenter import PosedBody, Segmenter
+from coordinator.tracking.segmenter import Segmenter
 from tests.support.people import STANDING, shown
 from tests.support.recordings import write_open3d
 from tests.support.rooms import CABINET, CAMERA, HEIGHT, PERSON, Room, in_a_room
@@ -139,8 +139,9 @@ def test_a_chair_in_the_empty_room_is_none_of_the_body() -> None:
     empty[box] = knee[2]
     seen = type(frame)(0, 0.0, furnished, 1000.0, camera)
     counts = []
+    surface = pose_vertices(model, pose[None])[0]
     for scope in (None, Scope(background=empty)):
-        subject = Segmenter(2000, scope).segment(seen, [PosedBody(model, pose)]).subjects[0]
+        subject = Segmenter(2000, scope).segment(seen, [surface]).subjects[0]
         assert subject is not None
         counts.append(np.count_nonzero(subject.frame.depth))
     assert counts[0] > counts[1] + 0.3 * box.sum()

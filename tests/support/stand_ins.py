@@ -39,10 +39,6 @@ class StandIn(Refiner):
     statistics = PoolStatistics()
     run = "none"
 
-    def publish(self, subject: SubjectFrame) -> None:
-        """Look at nothing."""
-        del subject
-
     def wait_for(self, lanes: int) -> None:
         """They are there."""
         del lanes

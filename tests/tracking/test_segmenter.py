@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from common.frame import HIDDEN, SUBJECT
+from common.kinematics import pose_vertices
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
 from coordinator.scene.scene import BACKGROUND
-from coordinator.tracking.segmenter import PosedBody, Segmenter
+from coordinator.tracking.segmenter import Segmenter
 from tests.support.people import CAMERA, STANDING, frame_of, rendered
 from tests.support.rooms import HEIGHT, PERSON, TABLE, Room, along
 
@@ -56,7 +57,7 @@ def test_a_body_of_which_little_is_measured_is_not_learned_as_room(measured: str
     holes = v > rows[0] + 0.3 * len(rows) if measured == "head alone" else (3 * u + 5 * v) % 8 > 0
     poor = np.where((person > 0.0) & holes, 0.0, whole)
     frames = [poor] * 8 if measured == "head alone" else [*[whole] * 5, poor, *[whole] * 3]
-    segmenter, body = Segmenter(1_500), PosedBody(model, pose)
+    segmenter, body = Segmenter(1_500), pose_vertices(model, pose[None])[0]
     segmented = [segmenter.segment(frame_of(n, depth), [body]) for n, depth in enumerate(frames)]
     subjects = [each.subjects[0] for each in segmented]
     assert subjects[-1] is not None

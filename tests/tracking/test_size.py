@@ -118,7 +118,6 @@ def test_the_median_of_the_first_frames_becomes_the_stature_and_stays() -> None:
         stature = size.revise(stature)
     assert stature == pytest.approx(1.70)
     assert size.settled
-    assert size.deviation_share < SizeEstimate().deviation_share
     history = []
     for frame in range(20, 60):
         size = size.add(1.60, 0.1 * frame)
