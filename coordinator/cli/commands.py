@@ -124,7 +124,7 @@ def calibrate(context: typer.Context, options: given.CalibrateOptions, quiet: Qu
 @app.command(rich_help_panel=SEQUENCES)
 @grouped
 def synth(options: given.SynthOptions, quiet: Quiet = False) -> None:
-    """Render a sequence with ground truth and a start pose."""
+    """Render a sequence with ground truth and, unless the person is to be detected, a start pose."""
     from coordinator.synthesis.sequence import synthesise
 
     with on_stderr(quiet=quiet).steps("rendering frame") as advance:

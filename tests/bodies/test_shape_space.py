@@ -97,6 +97,8 @@ def test_a_person_of_a_file_has_its_measures(tmp_path: Path) -> None:
         ({"stature": 180.0}, "is implausible; give metres"),
         ({"stature": 1.8, "girth": 0.0}, "give a factor"),
         ({"stature": 1.8, "thigh": 4.0}, "give metres, about"),
+        ({"age": 6}, "has no stature; add it, in metres"),
+        ({"stature": 1.8, "height": 1.8}, "choose from stature, girth, age, upper_arm"),
         ({"thigh": "long"}, "Expected `float`, got `str`"),
         ([1.8], "Expected `object`, got `array`; write {measure: metres}"),
     ],

@@ -91,6 +91,7 @@ def test_a_damaged_folder_is_refused(
         (["--particles", "0"], "Invalid value for '--particles': Input should be greater than or equal to 1"),
         (["--noise-depth", "0"], "Invalid value for '--noise-depth': Input should be greater"),
         (["--far", "nan"], "--far nan is not above 0"),
+        (["--depth-scale", "1e6"], "--depth-scale 1e+06 is not between 0.0001 and 100000"),
         (["--method", "gradient", "--particles", "5"], "leave --particles out"),
         (["--seed", "-1"], "Invalid value for '--seed': Input should be"),
         (["--workers", "-1"], "Invalid value for '--workers': Input should be greater than or equal to 0"),

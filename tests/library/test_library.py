@@ -5,8 +5,11 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -21,6 +24,21 @@ from tests.support.small_sequence import write_small_sequence
 ROOT = Path(__file__).parents[2]
 PERSON = Measures.of(1.82)
 MATRIX = [[CAMERA.fx, 0.0, CAMERA.cx], [0.0, CAMERA.fy, CAMERA.cy], [0.0, 0.0, 1.0]]
+
+
+FRAME = shown("standing").frames[0]
+
+
+def track_two(*changes: dict[str, Any]) -> None:
+    """Track the frame with each of these changes, one after another."""
+    tracker = gepf.Tracker(PERSON, SETTINGS, start=STANDING)
+    for change in changes:
+        tracker.track(replace(FRAME, **change))
+
+
+def replace_lens(**values: float) -> gepf.Intrinsics:
+    """The camera with another lens."""
+    return msgspec.structs.replace(CAMERA, **values)
 
 
 def test_workers_give_the_same_bytes() -> None:
@@ -41,7 +59,7 @@ def test_arrays_are_tracked_as_frames_are() -> None:
     for frame in frames:
         units = by_frame.track(frame)
         assert as_bytes(by_array.track(frame.depth)) == as_bytes(units)
-    in_metres = gepf.Tracker(PERSON, SETTINGS, start=STANDING, camera=MATRIX)
+    in_metres = gepf.Tracker(PERSON, SETTINGS, start=STANDING, camera=MATRIX, depth_scale=1000.0)
     metres = [in_metres.track(frame.metres(), time_s=frame.time_s) for frame in frames][-1]
     assert metres.time_s == frames[-1].time_s
     np.testing.assert_allclose(metres.joint_positions, units.joint_positions, atol=1e-3)
@@ -72,6 +90,19 @@ def test_a_body_may_be_given_whole() -> None:
         (lambda: gepf.live("key", connect="tls/host:7447"), r"connect=.* add tls=TlsFiles\(ca, cert, key\)"),
         (lambda: gepf.live("key", connect="tls/host:1", tls=gepf.TlsFiles("a", "b")), "tls.key missing"),
         (lambda: gepf.live("key", listen="tcp/127.0.0.1:1", idle_timeout=0.0), "would end at once"),
+        (
+            lambda: track_two({"depth": FRAME.depth[1:]}),
+            r"frame 0: depth is uint16 of shape .* its camera's shape",
+        ),
+        (lambda: track_two({"depth": FRAME.metres()}), "depth is float32 of shape .* give uint16"),
+        (lambda: track_two({"depth_scale": 0.0}), "the depth scale must be"),
+        (lambda: track_two({"time_s": np.nan}), "time_s is nan; give seconds"),
+        (lambda: track_two({"T_rig_camera": 2.0 * np.eye(4)}), "T_rig_camera is not a rotation"),
+        (
+            lambda: track_two({"others": (replace(FRAME, camera="b", time_s=np.inf),)}),
+            "of camera 'b': time_s",
+        ),
+        (lambda: track_two({}, {"intrinsics": replace_lens(fx=1.0)}), "is not that of the frames before"),
         (lambda: gepf.PeopleTracker(0), "would track no one"),
         (lambda: gepf.PeopleTracker(2).save([], "nowhere"), "no person to save"),
     ],

@@ -71,7 +71,7 @@ def change(**fields: object) -> Callable[[dict[str, Any]], object]:
         (change(sequence="a"), "twice, as 'a' and 'b'"),
         (change(name="a"), "two cameras of the name 'a'"),
         (change(sequence="zenoh:b"), "'a' is a recording, others are live"),
-        (change(sequence="nothing"), "no such file or folder"),
+        (change(sequence="nothing"), "rig.json: 'b': no such file or folder"),
         (change(T_rig_camera=(2.0 * np.eye(4)).tolist()), "T_rig_camera of 'b' is not a rotation"),
         (change(T_rig_camera=np.diag([1.0, 1.0, -1.0, 1.0]).tolist()), "of 'b' is not a rotation"),
         (change(T_rig_camera=np.eye(3).tolist()), "length"),

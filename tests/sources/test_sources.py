@@ -93,7 +93,11 @@ def test_a_picture_of_another_size_is_refused(folder: Path) -> None:
 
 @pytest.mark.parametrize(
     ("name", "says"),
-    [("copy.png", r"copy\.png is not named by a frame number"), ("1.png", "has a frame number twice")],
+    [
+        ("copy.png", r"copy\.png is not named by a frame number"),
+        ("hypotheses.png", "is the folder of a run; give the recording"),
+        ("1.png", "has a frame number twice"),
+    ],
 )
 def test_pictures_that_cannot_be_ordered_are_refused(folder: Path, name: str, says: str) -> None:
     """No number in the name, or 1.png beside 000001.png."""

@@ -62,8 +62,12 @@ def watched(
         ([shown(n, a=9, b=9) for n in range(60)], None),
         ([shown(n, a=9) for n in range(60)], None),
         ([shown(n, a=n + 1, **({"b": n + 9} if n % 4 else {})) for n in range(60)], None),
+        (
+            [shown(n, a=n + 1, **({"b": min(n, 15) + 9} if n % 2 else {})) for n in range(60)],
+            ("b", "repeats an image"),
+        ),
     ],
-    ids=["none", "dead", "dark", "frozen", "first", "all", "alone", "stutters"],
+    ids=["none", "dead", "dark", "frozen", "first", "all", "alone", "stutters", "frozen at half the rate"],
 )
 def test_a_fault_that_lasts_is_found_with_its_start(
     frames: list[DepthFrame], fault: tuple[str, str] | None
