@@ -30,6 +30,7 @@ from coordinator.bodies.tracked import Bodies, Size, coarsen, pose_by_name
 from coordinator.filters.exploration import layout_of
 from coordinator.scene.planes import Planes
 from coordinator.tracking.gating import (
+    RESIDUAL_M,
     Gate,
     gate_pose,
     reject_parts,
@@ -38,13 +39,7 @@ from coordinator.tracking.gating import (
     reject_position,
 )
 from coordinator.tracking.observation import camera_points, middle_of, observed_points, thin, without_flat
-from coordinator.tracking.pose_candidates import (
-    ALIKE_LOG_LIKELIHOOD,
-    Candidates,
-    Detection,
-    candidates_of,
-    ordered,
-)
+from coordinator.tracking.pose_candidates import Candidates, Detection, candidates_of, ordered
 from coordinator.tracking.pose_library import PoseLibrary, displaced, library_of, upright_rolls
 from coordinator.tracking.refiner import Pending, Refiner, Stage, iterations, with_closest_points
 from coordinator.tracking.sensor_noise import SensorNoise, assume_noise
@@ -97,9 +92,10 @@ class Detector:
     def detect(self, subject: SubjectFrame, noise: SensorNoise, planes: Planes) -> Search:
         """Detect an unknown body in a frame, given the camera's noise and the planes of the room.
 
-        More of what may be the person's is used if a body explains it about as well as less. There, only the
-        best poses so far and a few of the library, in the first orientation, are refined. If no body explains
-        the frame, its largest flat part may be a seat. So the body is searched for again without its points.
+        Of the masks of what may be the person's, the one is used in which a body explains most. In the wider
+        ones, only the best poses so far and a few of the library, in the first orientation, are refined. If
+        no body explains the frame, its largest flat part may be a seat. So the body is searched for again
+        without its points.
         """
         settings, rolls = assume_noise(self._refine, noise), upright_rolls(planes, self._rolls)
         matched = self._match(subject, self._sizes, rolls)
@@ -107,7 +103,7 @@ class Detector:
         for wider in subject.wider:
             again = (best.poses, best.sizes), self._similar(wider, self._sizes, rolls[0], FURTHER)
             other = yield from self._shortlist(wider, again, settings, self._sizes)
-            if other.log_likelihood[0] > best.log_likelihood[0] - ALIKE_LOG_LIKELIHOOD:
+            if gain(wider, other, settings) > gain(shown, best, settings):
                 shown, best = wider, other
         found = yield from self._detect(shown, best, settings, noise, planes)
         if found.gate.passes or not self._bodies.people:
@@ -344,6 +340,12 @@ class Detector:
         finally:
             for _, pending in sent:
                 pending.cancel()
+
+
+def gain(subject: SubjectFrame, found: Candidates, settings: RefineSettings) -> float:
+    """How much likelier the best candidate makes the pixels of a frame than the largest residual allowed."""
+    least = -0.5 * ((RESIDUAL_M + settings.noise_depth) / settings.likelihood_scale) ** 2
+    return subject.pixels * (float(found.log_likelihood[0]) - least)
 
 
 def move_with_points(model: BodyModel, poses: Array, before: SubjectFrame, now: SubjectFrame) -> Array:

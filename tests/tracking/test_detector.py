@@ -227,3 +227,23 @@ def test_a_person_who_comes_back_faces_the_way_that_is_seen(turn: float) -> None
         found = estimate.joint_positions
         assert (found[sides[0]] - found[sides[1]]) @ (joints[sides[0]] - joints[sides[1]]) > 0.0
         assert np.linalg.norm(found - joints, axis=-1).mean() < 0.05
+
+
+def test_a_smaller_body_in_a_part_of_the_person_is_not_preferred() -> None:
+    """Raised arms hide where the upper part continues; a child would explain the rest a little better."""
+    model = human(1.9, 0.9)
+    raised = {
+        "l_shoulder_abduct": 1.8,
+        "l_elbow_flexion": 1.5,
+        "r_shoulder_flexion": 2.0,
+        "r_elbow_flexion": 1.5,
+    }
+    pose = name_pose(model, {**STANDING, **raised, "root_ry": -0.7})
+    (whole,) = show(model, pose[None]).frames
+    depth, rows = whole.depth.copy(), np.flatnonzero(whole.depth.any(axis=1))
+    depth[: rows[int(0.4 * len(rows))]] = 0
+    wider = subject_of(whole, 2_000)
+    subject = replace(subject_of(replace(whole, depth=depth), 2_000), wider=(wider,))
+    found = complete(Detector(people(), DirectRefiner(), SETTINGS).detect(subject, NO_NOISE, Planes()))
+    assert found.subject is wider
+    assert found.start.size.stature == pytest.approx(1.9, rel=0.03)
