@@ -21,6 +21,7 @@ T = TypeVar("T")
 CAMERA_FILE = "camera_intrinsic.json"
 TRUTH_FILE = "truth.npz"
 START_FILE = "init.json"
+SUMMARY_FILE = "summary.json"
 
 LOG_FILE = "frames.log"
 FILM_FILE, SHEET_FILE, HYPOTHESES_FILE = "overlay.mp4", "sheet.png", "hypotheses.png"

@@ -13,14 +13,21 @@ from common.protocol.frames import check_camera
 
 
 def check_frame(frame: DepthFrame, cameras: dict[str, Intrinsics]) -> DepthFrame:
-    """The frame; InputError if it cannot be the next one of these cameras, by name. Adds new ones."""
+    """Return the frame; InputError if it is invalid, or if the intrinsics of a camera have changed.
+
+    `cameras` maps names to intrinsics; new cameras are added.
+    """
+    found = {view.camera: view.intrinsics for view in frame.views}
+    if len(found) < len(frame.views):
+        raise InputError(f"frame {frame.number} has two images of one camera; give each camera its name")
     for view in frame.views:
         wrong = find_fault(view)
-        if cameras.setdefault(view.camera, view.intrinsics) != view.intrinsics:
-            wrong = "its camera is not that of the frames before; give it to another tracker"
+        if wrong is None and cameras.get(view.camera, view.intrinsics) != view.intrinsics:
+            wrong = "its intrinsics differ from those of the frames before; use another tracker"
         if wrong is not None:
             name = f" of camera '{view.camera}'" if view.camera else ""
             raise InputError(f"frame {frame.number}{name}: {wrong}")
+    cameras.update(found)
     return frame
 
 

@@ -36,6 +36,7 @@ from coordinator.security.access import TlsFiles
 from coordinator.sources import open_source
 from coordinator.sources.arrays import ArraySource
 from coordinator.sources.camera import DEFAULT_FPS
+from coordinator.sources.source import FARTHEST_M
 from coordinator.tracking import tracker as tracking
 from coordinator.tracking.state import read_start, start_at
 from gepf.frames import check_frame
@@ -95,13 +96,14 @@ class FrameLoop(Closing):
     def _frame_of(self, depth: DepthFrame | ArrayLike, time_s: float | None) -> DepthFrame:
         """The frame itself, or the next frame from an array (H, W)."""
         if isinstance(depth, DepthFrame):
-            return check_frame(depth, self._cameras)
+            return depth
         if self._camera is None:
             raise InputError("an array comes without its camera; give Tracker(camera=...) its matrix")
         array = np.asarray(depth)
         if array.ndim != 2:
             raise InputError(f"depth has shape {array.shape}; give one frame (H, W)")
-        scale = self._depth_scale if array.dtype.kind in "iu" else None
+        in_units = array.dtype.kind in "iu" or np.nanmedian(array) > FARTHEST_M
+        scale = self._depth_scale if in_units else None
         alone = ArraySource(array[None], self._camera, scale, name="array").frame(0)
         when = self._frames / DEFAULT_FPS if time_s is None else time_s
         return replace(alone, number=self._frames, time_s=when)
@@ -178,7 +180,8 @@ class Tracker(FrameLoop):
                 `depth_scale`; 0 or NaN for no depth.
             time_s: Time of an array, seconds; None for 30 frames per second.
 
-        Raises InputError if the first frame shows nothing, or an array is not a depth image.
+        Raises InputError if the first frame shows nothing, an array is not a depth image, or a frame is
+        invalid or from another camera than those before.
         """
         return self._track(depth, time_s)[0]
 

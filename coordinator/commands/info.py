@@ -168,7 +168,7 @@ def in_words(value: object) -> str:
 
 
 def describe_place(source: Source) -> dict[str, object]:
-    """Facts about a camera of a rig by name: where it is, its angle to the rig's, and its clock."""
+    """Facts about a camera of a rig by name: where it is, the angle of its rotation, and its clock."""
     turned = np.degrees(np.arccos(np.clip(0.5 * (np.trace(source.T_rig_camera[:3, :3]) - 1.0), -1.0, 1.0)))
     return {
         "camera": source.camera,

@@ -17,12 +17,13 @@ from coordinator.commands.job import Job, choose_job, is_several
 from coordinator.commands.options import CameraOptions, SecurityOptions, TrackOptions
 from coordinator.commands.progress import FrameRate, Show, counted
 from coordinator.commands.publish import open_session
+from coordinator.files import SUMMARY_FILE
 from coordinator.pool.zenoh_refiner import Connect, ZenohRefiner
 from coordinator.results.live_results import LiveResults, PackedOutlet
 from coordinator.results.log import RecordedPerson
 from coordinator.results.recorder import Recorder, is_complete
 from coordinator.results.ros2_results import RosOutlet
-from coordinator.results.summary import PERSON, SUMMARY_FILE, describe_failure, describe_status, folder_of
+from coordinator.results.summary import PERSON, describe_failure, describe_status, folder_of
 from coordinator.sources.live_stream import is_topic, live_key
 from coordinator.sources.rig import live_cameras
 from coordinator.sources.ros2 import Node

@@ -18,7 +18,7 @@ from common.errors import InputError
 from common.settings import Settings
 from coordinator.bodies.human.dofs import HUMAN
 from coordinator.bodies.human.measures import DEVIATION
-from coordinator.files import LOG_FILE, sync_folder, write_atomically, write_json
+from coordinator.files import LOG_FILE, SUMMARY_FILE, sync_folder, write_atomically, write_json
 from coordinator.pool.options import PoolStatistics
 from coordinator.results.configuration import RunConfiguration, differences, versions
 from coordinator.results.csv_file import write_csv
@@ -35,7 +35,6 @@ from coordinator.results.log import (
 from coordinator.results.summary import (
     PERSON,
     PERSON_FILE,
-    SUMMARY_FILE,
     count_status,
     describe_size,
     find_summary,

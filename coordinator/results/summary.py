@@ -12,6 +12,7 @@ import numpy as np
 
 from common.errors import InputError
 from coordinator.bodies.human.shape_space import shape_space
+from coordinator.files import SUMMARY_FILE
 from coordinator.results.configuration import versions
 from coordinator.tracking.estimate import Estimate, Status
 
@@ -20,7 +21,6 @@ if TYPE_CHECKING:  # it loads the compiler, which is slow
     from coordinator.tracking.state import TrackerState
 
 STATUSES = get_args(Status)
-SUMMARY_FILE = "summary.json"
 PERSON_FILE = "person.json"  # the estimated size, for --model
 PERSON = "person"  # key in the summary: number of the person
 FOUND = "found"  # key in the summary of several people: one entry per person

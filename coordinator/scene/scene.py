@@ -153,10 +153,10 @@ class Scene:
         )
 
     def learn(self, view: SceneView, people: Mask | None = None, learned: Learned = NOTHING) -> SceneChange:
-        """Learn from the last frame that `see` returned, and return the change.
+        """Learn from the last frame, the `view` that `see` returned, and return the change.
 
-        Pixels (H, W) of people or possible people are not learned. What was `learned` from this frame before
-        is a part of the change.
+        Pixels (H, W) of `people` or possible people are not learned. What was `learned` from this frame
+        before is a part of the change.
         """
         if not self._furnished:
             return self._change(NOTHING.pixels)
@@ -235,4 +235,4 @@ def learn_pixels(
             nearer[v, u] = nearer[v, u] + 1 if z < known - margin else 0
             if z > known + margin or nearer[v, u] == SETTLED_FRAMES:
                 background[v, u], nearer[v, u] = z, 0
-    return pixels[:count]
+    return pixels[:count].copy()

@@ -99,7 +99,7 @@ def segment_body(
 ) -> Segmentation:
     """Label the pixels around the points (V, 3) of a posed body, given distances (H, W) from them, metres.
 
-    Pixels (H, W) of other people, or possible people, are unknown for this one.
+    Pixels (H, W) of `others`, people or possible people, are unknown for this one.
     """
     window = window_of(view, surface)
     inside = slices(window)

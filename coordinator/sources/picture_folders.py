@@ -25,7 +25,7 @@ from PIL import Image
 
 from common.camera import Intrinsics
 from common.errors import InputError
-from coordinator.files import CAMERA_FILE, HYPOTHESES_FILE, SHEET_FILE
+from coordinator.files import CAMERA_FILE, SUMMARY_FILE
 from coordinator.sources.camera import DEFAULT_FPS, MILLIMETRES, NOMINAL, CameraOptions, read_camera
 from coordinator.sources.source import Source, rate_of
 
@@ -119,7 +119,7 @@ def sorted_by_number(folder: Path) -> dict[float, Path]:
     for file in sorted(files):
         found = NUMBER.search(file.stem)
         if found is None:
-            if file.name in (HYPOTHESES_FILE, SHEET_FILE):
+            if (folder / SUMMARY_FILE).exists():
                 raise InputError(f"{folder} is the folder of a run; give the recording that was tracked")
             raise InputError(f"{file} is not named by a frame number such as 000000.png; rename or remove it")
         value = float(found.group())

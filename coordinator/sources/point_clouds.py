@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.arrays import Array
-from common.camera import Intrinsics, pixels_at
+from common.camera import Intrinsics, project
 from common.errors import InputError
 from coordinator.files import CAMERA_FILE
 from coordinator.sources.camera import DEFAULT_FPS, NOMINAL, CameraOptions, read_camera
@@ -102,6 +102,8 @@ def render_points(points: Array, camera: Intrinsics) -> Array:
     depth = np.full((camera.height, camera.width), np.inf)
     points = points[np.isfinite(points).all(axis=1)]
     points = points[points[:, 2] > 0]
-    row, column, inside = pixels_at(points, camera)
-    np.minimum.at(depth, (row[inside], column[inside]), points[inside, 2])
+    column, row = np.rint(project(points, camera)).T
+    inside = (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height)
+    at = (row[inside].astype(np.int64), column[inside].astype(np.int64))
+    np.minimum.at(depth, at, points[inside, 2])
     return np.where(np.isfinite(depth), depth, 0.0)

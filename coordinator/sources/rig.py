@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import logging
+from collections.abc import Mapping
 from itertools import combinations
 from pathlib import Path
 from typing import Annotated
@@ -20,6 +21,8 @@ from coordinator.sources.camera import AS_RECORDED, CameraOptions
 from coordinator.sources.devices.device import vendor_of
 from coordinator.sources.live_stream import SILENT_INTERVALS, LiveCamera, is_topic, live_key
 from coordinator.sources.source import Source
+
+logger = logging.getLogger(__name__)
 
 Row = Annotated[list[float], Meta(min_length=4, max_length=4)]
 Matrix = Annotated[list[Row], Meta(min_length=4, max_length=4)]
@@ -102,7 +105,7 @@ def live_cameras(sequence: Path) -> tuple[LiveCamera, ...]:
     for camera in listed:
         if vendor_of(camera.sequence):
             given = f"gepf publish {camera.sequence} --key KEY, and zenoh:KEY in the rig"
-            raise InputError(f"{sequence}: '{camera.name}' is a camera on a cable; use {given}")
+            raise InputError(f"{sequence}: '{camera.name}' is read by its vendor's SDK; use {given}")
     keys = [live_key(Path(camera.sequence)) for camera in listed]
     if any(map(is_topic, keys)):
         raise InputError(f"{sequence}: cameras of ROS 2 are tracked alone; give ros2:/TOPIC, not a rig")
@@ -140,25 +143,11 @@ def read_rig(path: Path, options: CameraOptions) -> Source:
         if last[0] > first[-1] or last[-1] < first[0]:
             apart = f"'{camera.name}' and '{cameras[0].camera}' were not recorded at the same time"
             raise InputError(f"{path}: {apart}; correct time_offset_s, or remove one")
-    return continued(cameras[0], cameras[1:]).changed(name=path.stem, others=tuple(cameras[1:]))
-
-
-def continued(first: Source, others: Sequence[Source]) -> Source:
-    """The first camera of a rig; images without depth follow its end while another recording goes on.
-
-    As live, a camera is missed after SILENT_INTERVALS.
-    """
-    last = max(others, key=lambda each: each.times_s[-1], default=first)
-    end = first.times_s[-1]
-    if last.times_s[-1] < end + SILENT_INTERVALS / first.fps:
-        return first
-    count, image = len(first), np.zeros((first.intrinsics.height, first.intrinsics.width), np.uint16)
-    more = last.times_s[last.times_s > end + 0.5 / first.fps] - first.offset_s
-    return first.changed(
-        numbers=[*first.numbers, *(first.numbers[-1] + 1 + n for n in range(len(more)))],
-        times=[*(first.times_s - first.offset_s).tolist(), *more.tolist()],
-        read=lambda place: first.read(place) if place < count else image,
-    )
+    head, longest = cameras[0], max(cameras, key=lambda each: each.times_s[-1])
+    if (rest := longest.times_s[-1] - head.times_s[-1]) > SILENT_INTERVALS / head.fps:
+        ends = f"'{head.camera}' ends {rest:.1f} s before '{longest.camera}'"
+        logger.warning("%s: %s; to track the rest, list '%s' first", path, ends, longest.camera)
+    return head.changed(name=path.stem, others=tuple(cameras[1:]))
 
 
 def write_rig(path: Path, cameras: list[RigCamera], deviations: Mapping[str, object] | None = None) -> None:

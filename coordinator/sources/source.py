@@ -100,7 +100,10 @@ class Source:
         return place if apart[place] <= within_s + ROUNDING_S else None
 
     def _near(self, time_s: float, within_s: float) -> DepthFrame | None:
-        """The frame of this camera alone that is near a time of the rig; None in a gap of its recording."""
+        """The frame of this camera alone near a time of the rig; None in a gap of its recording.
+
+        Before and after its recording, an image without depth.
+        """
         place, camera = self.nearest(time_s, within_s), self.intrinsics
         if place is not None:
             return self._image(place)

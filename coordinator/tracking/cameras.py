@@ -38,11 +38,14 @@ def watch(
 ) -> tuple[CameraStates, DepthFrame]:
     """The states of all cameras after a frame, and the frame with repeated images set to 0.
 
-    `contradicting` are the cameras that are left out now.
+    `contradicting` are the cameras that are left out now. A camera without an image keeps its fault.
     """
     found = [look(view, states.get(view.camera), frame.time_s) for view in frame.views]
-    if all(each.fault for each in found):  # none is good: use all
-        found = [replace(each, good_s=frame.time_s, fault=None) for each in found]
+    if all(each.fault for each in found):  # none is good: use those with depth, or else all
+        used = REPEATS if any(each.fault == REPEATS for each in found) else NO_DEPTH
+        found = [
+            replace(each, good_s=frame.time_s, fault=None) if each.fault == used else each for each in found
+        ]
     after, views = {name: replace(state, fault=state.fault or NO_DEPTH) for name, state in states.items()}, []
     for view, each in zip(frame.views, found, strict=True):
         depth = np.zeros_like(view.depth) if each.fault == REPEATS else view.depth

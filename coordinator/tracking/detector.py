@@ -265,7 +265,7 @@ class Detector:
         group = np.tile(pose, (len(sizes), 1)), np.arange(len(sizes))
         found = yield from self._refine_candidates(subject, models, [group], settings)
         if not len(found.poses):  # none of them is visible
-            return sizes[0], pose[None]
+            return sizes[len(sizes) // 2], pose[None]
         measures = np.array(sizes)[found.sizes]
         between = VERTEX_SHARE * measures[:, 0] / settings.likelihood_scale
         likely = found.log_likelihood + 0.5 * between**2
@@ -343,7 +343,7 @@ class Detector:
 
 
 def gain(subject: SubjectFrame, found: Candidates, settings: RefineSettings) -> float:
-    """How much likelier the best candidate makes the pixels of a frame than the largest residual allowed."""
+    """Log-likelihood of a subject's pixels with the best candidate, minus that at the largest residual."""
     least = -0.5 * ((RESIDUAL_M + settings.noise_depth) / settings.likelihood_scale) ** 2
     return subject.pixels * (float(found.log_likelihood[0]) - least)
 

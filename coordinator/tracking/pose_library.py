@@ -85,10 +85,11 @@ class PoseLibrary:
     def match(
         self, points: Array, scales: Sequence[float], roll: float, count: int, placed: Array = NOT_MOVED
     ) -> tuple[Array, Indices]:
-        """The poses (count, D) most similar to points (P, 3), moved to them, and the index of each scale.
+        """The poses (count, D) most similar to points (P, 3), moved to them, and the indices of their scales.
 
-        Points are in the camera's frame, metres, and rolled by `roll`, radians; poses in that of the rig, the
-        most similar first; `placed` is T_rig_camera (4, 4). `scales` are relative to the library.
+        Points are in the camera's frame, metres, and are rotated by `roll`, radians, before the comparison;
+        poses are in the rig's frame, the most similar first; `placed` is T_rig_camera (4, 4). `scales` are
+        relative to the library.
         """
         turn = look_straight(points.mean(axis=0), roll)
         seen = np.ascontiguousarray(points @ turn.T)
@@ -249,7 +250,7 @@ def stride(model: BodyModel) -> int:
 @numba.njit(cache=True, nogil=True)
 def describe_each(
     vertices: Array, links: Indices, transforms: Array, cell_m: float
-) -> tuple[Image, Array, Image]:
+) -> tuple[Image, Array, NDArray[np.float32]]:
     """Images (N, ROWS, COLUMNS), middles (N, 3) and numbers of occupied cells (N,) of a body in each pose.
 
     Each vertex of (V, 3) moves with one link of (V,), whose transforms are (N, L, 3, 4).

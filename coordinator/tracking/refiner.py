@@ -58,8 +58,11 @@ class Refiner(ABC):
     """Refines particles; several requests may be under way."""
 
     def publish(self, subject: SubjectFrame) -> None:
-        """Send a frame to the workers, so that they have it when its particles are submitted."""
-        del subject  # without workers
+        """Send a frame to the workers, so that they have it when its particles are submitted.
+
+        Refiners without workers do nothing.
+        """
+        del subject
 
     @abstractmethod
     def submit(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Pending:

@@ -80,7 +80,10 @@ class Segmented:
 
 
 class Segmenter:
-    """Segments frames in their order, with at most `points` points of a body. Each camera has its scene."""
+    """Segments frames in their order, within a `scope`, with at most `points` points of a body.
+
+    Each camera has its own scene.
+    """
 
     def __init__(self, points: int, scope: Scope | None = None) -> None:
         self._points = points
@@ -123,7 +126,7 @@ class Segmenter:
         return Segmented(frame, tuple(subjects), tuple(aside), people, views)
 
     def find_candidates(self, segmented: Segmented, tracked: Sequence[Array]) -> tuple[SubjectFrame, ...]:
-        """People in a segmented frame, most likely first, without those who are tracked (V, 3)."""
+        """People in a segmented frame, most likely first, without those with vertices `tracked` (V, 3)."""
         found = list[Sequence[Shown]]()
         for each in segmented.views:
             frame, view = each.frame, each.view

@@ -56,8 +56,8 @@ class SizeEstimate:
 def measure_stature(model: BodyModel, pose: Array, straight_m: float, subject: SubjectFrame) -> float | None:
     """Stature in metres of a person in pose (D,); None if the frame does not show it.
 
-    Each leg that is nearly straight shows it: `straight_m`, the distance from head to ankle of the model
-    standing straight, and the lengths by which the person extends beyond these joints.
+    Each nearly straight leg gives one: `straight_m`, the distance from head to ankle of the model standing
+    straight, plus the lengths by which the person extends beyond these joints.
     """
     places = subject.frame.to_camera(joint_positions(model, pose[None])[0])
     joints = dict(zip(model.joint_names, places, strict=True))

@@ -45,7 +45,7 @@ WHOLE_SHARE = 0.85  # of the pixels in which the body was detected; with fewer, 
 
 
 class TargetTracker:
-    """Tracks one body from frame to frame; the arguments are those of `Tracker`, for one person.
+    """Tracks one body from frame to frame; the arguments are those of `Tracker`, `state` is the body's own.
 
     Settings that define the method replace those given here.
     """
@@ -181,7 +181,7 @@ class TargetTracker:
         """
         first = self._belief is None or self.begun is not None
         expected = self._expected is not None or (first and self.searching.subject is not None)
-        shows = subject is not None or (expected and bool(frame.depth.any()))
+        shows = subject is not None or (expected and any(view.depth.any() for view in frame.views))
         self.start = self._size.revise(self.start, self._belief, subject, self._refine_settings)
         detection = None
         if subject is not None:

@@ -36,6 +36,14 @@ def track_two(*changes: dict[str, Any]) -> None:
         tracker.track(replace(FRAME, **change))
 
 
+def test_a_frame_that_was_refused_may_be_corrected() -> None:
+    """Nothing of it is kept."""
+    tracker = gepf.Tracker(PERSON, SETTINGS, start=STANDING)
+    with refused("of its camera's shape"):
+        tracker.track(replace(FRAME, intrinsics=replace_lens(width=8)))
+    assert tracker.track(FRAME).status == "tracked"
+
+
 def replace_lens(**values: float) -> gepf.Intrinsics:
     """The camera with another lens."""
     return msgspec.structs.replace(CAMERA, **values)
@@ -102,7 +110,8 @@ def test_a_body_may_be_given_whole() -> None:
             lambda: track_two({"others": (replace(FRAME, camera="b", time_s=np.inf),)}),
             "of camera 'b': time_s",
         ),
-        (lambda: track_two({}, {"intrinsics": replace_lens(fx=1.0)}), "is not that of the frames before"),
+        (lambda: track_two({"others": (FRAME,)}), "two images of one camera; give each camera its name"),
+        (lambda: track_two({}, {"intrinsics": replace_lens(fx=1.0)}), "its intrinsics differ from those"),
         (lambda: gepf.PeopleTracker(0), "would track no one"),
         (lambda: gepf.PeopleTracker(2).save([], "nowhere"), "no person to save"),
     ],

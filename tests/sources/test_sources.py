@@ -93,16 +93,20 @@ def test_a_picture_of_another_size_is_refused(folder: Path) -> None:
 
 @pytest.mark.parametrize(
     ("name", "says"),
-    [
-        ("copy.png", r"copy\.png is not named by a frame number"),
-        ("hypotheses.png", "is the folder of a run; give the recording"),
-        ("1.png", "has a frame number twice"),
-    ],
+    [("copy.png", r"copy\.png is not named by a frame number"), ("1.png", "has a frame number twice")],
 )
 def test_pictures_that_cannot_be_ordered_are_refused(folder: Path, name: str, says: str) -> None:
     """No number in the name, or 1.png beside 000001.png."""
     (folder / "depth" / name).touch()
     with pytest.raises(InputError, match=says):
+        open_source(folder)
+
+
+def test_the_folder_of_a_run_is_no_recording(folder: Path) -> None:
+    """Its pictures are results, which nobody should rename or remove."""
+    (folder / "depth" / "summary.json").touch()
+    (folder / "depth" / "hypotheses.png").touch()
+    with pytest.raises(InputError, match="is the folder of a run; give the recording"):
         open_source(folder)
 
 

@@ -57,6 +57,7 @@ def watched(
             ("b", "gives no depth"),
         ),
         ([shown(n, a=n + 1, b=n + 9 if n <= 15 else 0) for n in range(60)], ("b", "gives no depth")),
+        ([shown(n, a=n // 2 + 1, b=n + 9 if n <= 15 else 0) for n in range(60)], ("b", "gives no depth")),
         ([shown(n, a=n + 1, b=min(n, 15) + 9) for n in range(60)], ("b", "repeats an image")),
         ([shown(n, a=min(n, 15) + 9, b=n + 1) for n in range(60)], ("a", "repeats an image")),
         ([shown(n, a=9, b=9) for n in range(60)], None),
@@ -67,7 +68,18 @@ def watched(
             ("b", "repeats an image"),
         ),
     ],
-    ids=["none", "dead", "dark", "frozen", "first", "all", "alone", "stutters", "frozen at half the rate"],
+    ids=[
+        "none",
+        "dead",
+        "dark",
+        "dark beside half the rate",
+        "frozen",
+        "first",
+        "all",
+        "alone",
+        "stutters",
+        "frozen at half the rate",
+    ],
 )
 def test_a_fault_that_lasts_is_found_with_its_start(
     frames: list[DepthFrame], fault: tuple[str, str] | None
