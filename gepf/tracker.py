@@ -102,8 +102,9 @@ class FrameLoop(Closing):
         array = np.asarray(depth)
         if array.ndim != 2:
             raise InputError(f"depth has shape {array.shape}; give one frame (H, W)")
-        in_units = array.dtype.kind in "iu" or np.nanmedian(array) > FARTHEST_M
-        scale = self._depth_scale if in_units else None
+        seen = array[array > 0.0] if array.dtype.kind == "f" else array
+        in_metres = array.dtype.kind == "f" and not (len(seen) and np.median(seen) > FARTHEST_M)
+        scale = None if in_metres else self._depth_scale
         alone = ArraySource(array[None], self._camera, scale, name="array").frame(0)
         when = self._frames / DEFAULT_FPS if time_s is None else time_s
         return replace(alone, number=self._frames, time_s=when)
