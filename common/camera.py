@@ -38,7 +38,7 @@ def is_rigid(matrix: Array) -> bool:
     """Whether a matrix (4, 4) is a rotation and a translation, up to the error of a few written digits."""
     turn = matrix[:3, :3]
     off = np.abs(turn @ turn.T - np.eye(3)).max() + np.abs(matrix[3] - [0.0, 0.0, 0.0, 1.0]).max()
-    return bool(off < ROUNDED and np.linalg.det(turn) > 0.0)
+    return bool(off < ROUNDED and np.linalg.det(turn) > 0.0 and np.isfinite(matrix).all())
 
 
 def rigid(rotation: Array, translation: Array) -> Array:

@@ -34,7 +34,7 @@ from coordinator.results.summary import PERSON
 from coordinator.results.track import TrackedBody
 from coordinator.security.access import TlsFiles
 from coordinator.sources import open_source
-from coordinator.sources.arrays import ArraySource
+from coordinator.sources.arrays import ArraySource, median_depth
 from coordinator.sources.camera import DEFAULT_FPS
 from coordinator.sources.source import FARTHEST_M
 from coordinator.tracking import tracker as tracking
@@ -102,8 +102,7 @@ class FrameLoop(Closing):
         array = np.asarray(depth)
         if array.ndim != 2:
             raise InputError(f"depth has shape {array.shape}; give one frame (H, W)")
-        seen = array[array > 0.0] if array.dtype.kind == "f" else array
-        in_metres = array.dtype.kind == "f" and not (len(seen) and np.median(seen) > FARTHEST_M)
+        in_metres = array.dtype.kind == "f" and median_depth(array) <= FARTHEST_M
         scale = None if in_metres else self._depth_scale
         alone = ArraySource(array[None], self._camera, scale, name="array").frame(0)
         when = self._frames / DEFAULT_FPS if time_s is None else time_s

@@ -78,14 +78,19 @@ def whole_depth(
     if array.dtype.kind == "f":
         values = array.astype(np.float64)
         if depth_scale is None:
-            seen = values[np.isfinite(values) & (values > 0.0)]
-            too_far = len(seen) > 0 and np.median(seen) > FARTHEST_M
-            depth_scale = MILLIMETRES if too_far else 1.0
-            if too_far:
-                logger.warning("%s: depth (median %.0f) is interpreted as millimetres", name, np.median(seen))
+            middle = median_depth(values)
+            depth_scale = MILLIMETRES if middle > FARTHEST_M else 1.0
+            if middle > FARTHEST_M:
+                logger.warning("%s: depth (median %.0f) is interpreted as millimetres", name, middle)
         return to_units(values / depth_scale), UNITS_PER_METRE
     if array.dtype.kind not in "iu" or array.min() < 0 or array.max() > np.iinfo(np.uint16).max:
         raise InputError(f"{name}: depth must be metres as floats or whole units from 0 to 65535; convert it")
     if depth_scale is None or not 0 < depth_scale < np.inf:
         raise InputError(f"{name}: depth in {array.dtype} needs depth_scale, its units per metre; add it")
     return array.astype(np.uint16), float(depth_scale)
+
+
+def median_depth(depth: NDArray[np.floating]) -> float:
+    """The median of measured depth, in its own units; 0 without any."""
+    seen = depth[np.isfinite(depth) & (depth > 0.0)]
+    return float(np.median(seen)) if len(seen) else 0.0

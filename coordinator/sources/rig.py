@@ -77,7 +77,7 @@ def find_fault(camera: RigCamera) -> str | None:
     name, matrix = camera.name, np.array(camera.T_rig_camera)
     if not name:
         return "a camera has an empty name; name it"
-    if not (is_rigid(matrix) and np.isfinite(matrix).all()):
+    if not is_rigid(matrix):
         moved = f"T_rig_camera of '{name}' is not a rotation and a translation in metres"
         return f"{moved}; give 4 rows of 4 numbers, the last 0 0 0 1"
     if (away := np.linalg.norm(matrix[:3, 3])) > FARTHEST_M:

@@ -343,7 +343,7 @@ class Detector:
 
 
 def gain(subject: SubjectFrame, found: Candidates, settings: RefineSettings) -> float:
-    """Log-likelihood of a subject's pixels with the best candidate, minus that at the largest residual."""
+    """Log-likelihood of a subject's pixels with the best candidate, less that at the gate's residual."""
     least = -0.5 * ((RESIDUAL_M + settings.noise_depth) / settings.likelihood_scale) ** 2
     return subject.pixels * (float(found.log_likelihood[0]) - least)
 
