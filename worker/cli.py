@@ -137,12 +137,11 @@ def serve_session(identity: Identity, kernel: Kernel) -> bool:
 
 def load_kernel(lanes: int = 1) -> Kernel:
     """The compiled kernel with this number of lanes."""
-    from worker.kernel.icp import refine
-    from worker.kernel.observation import observe, pack_views
+    from worker.kernel.observation import observe_for
     from worker.lanes import Lanes
     from worker.warm_up import warm_up
 
-    kernel = Kernel(observe, Lanes(lanes).refine, lanes, pack_views, refine)
+    kernel = Kernel(observe_for, Lanes(lanes).refine, lanes)
     warm_up(kernel)
     return kernel
 

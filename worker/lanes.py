@@ -11,7 +11,7 @@ from worker.kernel.observation import Observation
 
 
 class Lanes:
-    """A fixed number of lanes: the calling thread and additional threads."""
+    """A fixed number of lanes: the calling thread and additional threads. Spare particles have one lane."""
 
     def __init__(self, count: int) -> None:
         self.count = count
@@ -24,7 +24,8 @@ class Lanes:
         """
         batch, count = pack_batch(model, observation, particles), len(particles.poses)
         indices = iter(range(count))  # gives each to one lane
-        others = [self._threads.submit(refine_some, batch, indices) for _ in range(1, min(self.count, count))]
+        lanes = 1 if particles.spare else min(self.count, count)
+        others = [self._threads.submit(refine_some, batch, indices) for _ in range(1, lanes)]
         try:
             refine_some(batch, indices)
             for other in others:

@@ -39,19 +39,19 @@ SILENCE_S = 10.0  # without a request before the coordinator is checked
 log = logging.getLogger(__name__)
 
 
-Refine = Callable[[BodyModel, Any, Particles], Refined]
-"""Refines particles of a body on an observation; returns them in the same order."""
-
-
 @dataclass(frozen=True, slots=True)
 class Kernel:
-    """The compute functions of a worker."""
+    """The compute functions of a worker.
 
-    observe: Callable[[SubjectFrame], Any]
-    refine: Refine
-    lanes: int = 1  # particles refined in parallel
-    prepare: Callable[[Any, RefineSettings], object] | None = None  # for requests
-    spare: Refine | None = None  # for spare requests, on other threads, one per lane; None: `refine`
+    observe: converts a frame to an observation, prepared for requests with the settings.
+    refine: refines particles of a body on an observation, and returns them in the same order. One thread calls
+    it for requests, and several others for spare ones.
+    lanes: number of particles that are refined in parallel.
+    """
+
+    observe: Callable[[SubjectFrame, RefineSettings], Any]
+    refine: Callable[[BodyModel, Any, Particles], Refined]
+    lanes: int = 1
 
 
 class Task(NamedTuple):
@@ -68,7 +68,7 @@ class Service:
         self._bus = bus
         self._name = name
         self._kernel = kernel
-        self._memory = Memory(bus, self._observe)
+        self._memory = Memory(bus, kernel.observe)
         self._tasks: Queue[Task] = Queue()
         self._spare_tasks: Queue[Task] = Queue()
         self._asks_at = time.monotonic() + SILENCE_S
@@ -129,10 +129,8 @@ class Service:
         Raises ProtocolError for an invalid request, BusError if its frame or model is not found.
         """
         model, observation = self._memory.model(request), self._memory.observation(request)
-        spare = request.particles.spare
-        refine = self._kernel.spare if spare and self._kernel.spare else self._kernel.refine
-        refined = refine(model, observation, request.particles)
-        if not spare:
+        refined = self._kernel.refine(model, observation, request.particles)
+        if not request.particles.spare:
             self._tasks.put(Task(request.run, partial(self._observe_ahead, request.run)))
         return encode_refined(refined)
 
@@ -157,12 +155,6 @@ class Service:
     def _observe_ahead(self, run: str) -> None:
         with suppress(Exception):  # as above
             self._memory.observe_ahead(run)
-
-    def _observe(self, subject: SubjectFrame, settings: RefineSettings) -> Any:
-        observation = self._kernel.observe(subject)
-        if self._kernel.prepare is not None:
-            self._kernel.prepare(observation, settings)
-        return observation
 
     def _notice_run(self, key: str, alive: bool) -> None:
         """Drop a run and its requests when its coordinator has left; called on a thread of the bus."""

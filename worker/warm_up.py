@@ -17,10 +17,11 @@ from worker.service import Kernel
 def warm_up(kernel: Kernel) -> None:
     """Process messages with a tiny model and frame in the worker, as if they were received."""
     model = decode_model(encode_model(tiny_model()))
-    observation = kernel.observe(decode_frame(encode_frame(tiny_frame())))
+    settings = RefineSettings()
+    observation = kernel.observe(decode_frame(encode_frame(tiny_frame())), settings)
     poses = np.zeros((1, len(ROOT_DOFS)))
     poses[:, 2] = 2.0
-    kernel.refine(model, observation, Particles(poses, RefineSettings()))
+    kernel.refine(model, observation, Particles(poses, settings))
 
 
 def tiny_model() -> BodyModel:

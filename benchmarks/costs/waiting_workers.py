@@ -14,6 +14,7 @@ import time
 from common.body import BodyModel
 from common.frame import SubjectFrame
 from common.refinement import Particles, Refined
+from common.settings import RefineSettings
 from common.transport.opening import open_worker
 from coordinator.tracking.preparation import unmoved
 from worker.service import Kernel, Service
@@ -22,8 +23,8 @@ from worker.service import Kernel, Service
 def waiting(seconds: float, lanes: int) -> Kernel:
     """A kernel that waits for a time for each particle of a lane, without computing."""
 
-    def observe(subject: SubjectFrame) -> None:
-        del subject
+    def observe(subject: SubjectFrame, settings: RefineSettings) -> None:
+        del subject, settings
 
     def refine(model: BodyModel, seen: None, particles: Particles) -> Refined:
         del model, seen

@@ -35,7 +35,7 @@ from tests.support.messages import KINDS, Mutator
 from tests.support.processes.instant_worker import KERNEL
 from tests.support.processes.serving import MODEL, REQUEST, expected, refined_bytes, running, serving
 from worker.kernel.icp import refine
-from worker.kernel.observation import observe
+from worker.kernel.observation import observe, observe_for
 from worker.service import Kernel, Service
 from worker.warm_up import tiny_frame, warm_up
 
@@ -70,7 +70,7 @@ def to_kernel(endpoint: str) -> Messages:
     """Refine extreme requests that decoders accept; a coordinator must accept each answer."""
     del endpoint
     extremes = Extremes(0)
-    warm_up(Kernel(observe, refine))
+    warm_up(Kernel(observe_for, refine))
     while True:
         case = extremes.accepted(1)[0]
         refined = refine(case.model, observe(case.frame), replace(case.request.particles, covariance=True))
@@ -146,7 +146,7 @@ class Villain:
 
 def to_worker(endpoint: str) -> Messages:
     """Ask a live worker with the real kernel; it must answer all, and each refusal is of our own tree."""
-    kernel = Kernel(observe, refine)
+    kernel = Kernel(observe_for, refine)
     warm_up(kernel)
     with (
         ZenohRefiner(Pool(workers=0, listen=endpoint)) as refiner,

@@ -98,11 +98,15 @@ def test_frames_of_one_number_are_not_mixed_up(endpoint: str) -> None:
     assert fetched.empty()
 
 
-def telling(observed: SimpleQueue[int]) -> Callable[[SubjectFrame], Any]:
-    """Observe frames, and tell their numbers."""
+def telling(
+    observed: SimpleQueue[int], prepared: SimpleQueue[RefineSettings] | None = None
+) -> Callable[[SubjectFrame, RefineSettings], Any]:
+    """Observe frames, and tell their numbers, and for which settings."""
 
-    def observe_and_tell(subject: SubjectFrame) -> Any:
+    def observe_and_tell(subject: SubjectFrame, settings: RefineSettings) -> Any:
         observed.put(subject.frame.number)
+        if prepared is not None:
+            prepared.put(settings)
         return observe(subject)
 
     return observe_and_tell
@@ -112,8 +116,7 @@ def test_a_frame_sent_ahead_is_ready_when_its_turn_comes(endpoint: str) -> None:
     """An idle worker prepares it for the settings of its run before a request; it is used when published."""
     coming, observed, prepared = frame(2), SimpleQueue[int](), SimpleQueue[RefineSettings]()
 
-    kernel = Kernel(telling(observed), refine, prepare=lambda _, settings: prepared.put(settings))
-    with pool(endpoint) as refiner, serving(endpoint, "w", kernel):
+    with pool(endpoint) as refiner, serving(endpoint, "w", Kernel(telling(observed, prepared), refine)):
         refiner.wait_for(1)
         present = frame(1)
         pending = refiner.submit(present, MODEL, PARTICLES)
@@ -154,9 +157,9 @@ def test_the_lanes_of_a_worker_get_the_frame_and_body_of_a_search_once(endpoint:
     """Although its first requests come together, one for each."""
     observed, fetched = SimpleQueue[int](), SimpleQueue[str]()
 
-    def slowly(subject: SubjectFrame) -> Any:
+    def slowly(subject: SubjectFrame, settings: RefineSettings) -> Any:
         time.sleep(0.1)
-        return telling(observed)(subject)
+        return telling(observed)(subject, settings)
 
     with (
         pool(endpoint) as refiner,
@@ -176,7 +179,7 @@ def test_a_frame_sent_ahead_that_makes_no_sense_harms_its_own_turn_alone(endpoin
     """The worker reports the fault to a request for it, and serves the frames before and after."""
     coming, tried = frame(2), SimpleQueue[int]()
 
-    def refuse_the_second(subject: SubjectFrame) -> Any:
+    def refuse_the_second(subject: SubjectFrame, _: RefineSettings) -> Any:
         tried.put(subject.frame.number)
         if subject.frame.number == 2:
             raise ValueError("it hurts")

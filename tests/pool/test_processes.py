@@ -178,7 +178,7 @@ def serve_without_hearing(endpoint: str, asked: Path) -> None:
         return unmoved(particles)
 
     identity = Identity("deaf", (endpoint,))
-    exit_with(lambda: serve(identity, lambda: Kernel(lambda _: None, refine)))
+    exit_with(lambda: serve(identity, lambda: Kernel(lambda *_: None, refine)))
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])

@@ -87,6 +87,13 @@ def observe(subject: SubjectFrame) -> Observation:
     return replace(first, others=tuple(others))
 
 
+def observe_for(subject: SubjectFrame, settings: RefineSettings) -> Observation:
+    """`observe`, and pack the observation in advance for requests with these settings."""
+    observation = observe(subject)
+    pack_views(observation, settings)
+    return observation
+
+
 def observe_view(subject: SubjectFrame) -> Observation:
     """The observed points of one camera."""
     depth, camera, picked = subject.frame.metres(), subject.frame.intrinsics, subject.picked

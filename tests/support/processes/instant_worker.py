@@ -12,12 +12,14 @@ import numpy as np
 from common.body import BodyModel
 from common.frame import SubjectFrame
 from common.refinement import Particles, Refined
+from common.settings import RefineSettings
 from worker import cli
 from worker.service import Kernel
 
 
-def observe(subject: SubjectFrame) -> float:
-    """Mean depth of the picked pixels."""
+def observe(subject: SubjectFrame, settings: RefineSettings | None = None) -> float:
+    """Mean depth of the picked pixels, for any settings."""
+    del settings
     return float(subject.frame.metres().ravel()[subject.picked].mean())
 
 
