@@ -9,18 +9,18 @@ import logging
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
-from functools import lru_cache, partial
+from functools import lru_cache
 
 from common.body import BodyModel
 from common.errors import InputError
 from common.frame import SubjectFrame
 from common.recent import FRAMES_KEPT
-from common.refinement import Particles
+from common.refinement import Particles, Refined
 from common.transport.session import Security
 from coordinator.pool.options import Pool
 from coordinator.pool.zenoh_refiner import ZenohRefiner
 from coordinator.security.access import TlsFiles, choose_security
-from coordinator.tracking.refiner import LocalRequest, Pending, Refiner
+from coordinator.tracking.refiner import LocalRefiner, Refiner
 from worker.kernel.icp import refine
 from worker.kernel.observation import observe
 
@@ -73,12 +73,12 @@ def said_in_python() -> Iterator[None]:
         raise InputError(line) from error
 
 
-class DirectRefiner(Refiner):
+class DirectRefiner(LocalRefiner):
     """Refines with the worker's kernel, on one core."""
 
     def __init__(self) -> None:
         self._observe = lru_cache(FRAMES_KEPT)(observe)
 
-    def submit(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Pending:
-        """Keep particles, to be refined on a frame."""
-        return LocalRequest(partial(refine, model, self._observe(subject), particles))
+    def refine(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Refined:
+        """Refine particles on a frame."""
+        return refine(model, self._observe(subject), particles)

@@ -44,8 +44,8 @@ class Kernel:
     """The compute functions of a worker.
 
     observe: converts a frame to an observation, prepared for requests with the settings.
-    refine: refines particles of a body on an observation, and returns them in the same order. One thread calls
-    it for requests, and several others for spare ones.
+    refine: refines particles of a body on an observation, and returns them in the same order. One thread
+    calls it for requests, and several others for spare ones.
     lanes: number of particles that are refined in parallel.
     """
 

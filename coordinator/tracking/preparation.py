@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from coordinator.bodies.tracked import Bodies
 from coordinator.scene.planes import Planes
 from coordinator.stopwatch import Stopwatch
 from coordinator.tracking.observation import isolate
-from coordinator.tracking.refiner import LocalRequest, Refiner
+from coordinator.tracking.refiner import LocalRefiner
 from coordinator.tracking.reporting import Updated, report
 from coordinator.tracking.segmenter import Segmenter
 from coordinator.tracking.target import TargetTracker
@@ -24,13 +23,12 @@ from coordinator.tracking.target import TargetTracker
 CAMERA = Intrinsics(80, 60, 60.0, 60.0, 39.5, 29.5)
 
 
-class NoRefiner(Refiner):
+class NoRefiner(LocalRefiner):
     """A refiner that leaves particles as they are."""
 
-    def submit(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> LocalRequest:
+    def refine(self, _subject: SubjectFrame, _model: BodyModel, particles: Particles) -> Refined:
         """The same poses (N, D), with a covariance of 1 cm and 0.01 rad."""
-        del subject, model
-        return LocalRequest(partial(unmoved, particles))
+        return unmoved(particles)
 
 
 def unmoved(particles: Particles) -> Refined:

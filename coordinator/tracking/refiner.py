@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from functools import partial
 from typing import Protocol
 
 import msgspec
@@ -57,16 +58,28 @@ class LocalRequest:
 class Refiner(ABC):
     """Refines particles; several requests may be under way."""
 
+    @abstractmethod
     def publish(self, subject: SubjectFrame) -> None:
-        """Send a frame to the workers, so that they have it when its particles are submitted.
-
-        Refiners without workers do nothing.
-        """
-        del subject
+        """Send a frame to the workers, so that they have it when its particles are submitted."""
 
     @abstractmethod
     def submit(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Pending:
         """Start to refine particles on a frame."""
+
+
+class LocalRefiner(Refiner):
+    """Refines particles in this process, one request at a time."""
+
+    @abstractmethod
+    def refine(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Refined:
+        """Refine particles on a frame."""
+
+    def publish(self, subject: SubjectFrame) -> None:
+        """There are no workers."""
+
+    def submit(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Pending:
+        """Keep particles, to be refined on a frame."""
+        return LocalRequest(partial(self.refine, subject, model, particles))
 
 
 Stage = tuple[Pending, ...]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 from common.body import BodyModel
 from common.camera import Intrinsics
 from common.frame import SubjectFrame
-from common.refinement import Particles
+from common.refinement import Particles, Refined
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
 from coordinator.cli import main
 from coordinator.pool.options import Pool, PoolStatistics
 from coordinator.tracking.preparation import unmoved
-from coordinator.tracking.refiner import LocalRequest, Pending, Refiner
+from coordinator.tracking.refiner import LocalRefiner, Pending
 from gepf.refiners import DirectRefiner
 from tests.support.people import rendered
 from tests.support.recordings import write_open3d
@@ -33,7 +33,7 @@ def no_workers(*_: object) -> NoReturn:
     raise AssertionError("workers were asked for")
 
 
-class StandIn(Refiner):
+class StandIn(LocalRefiner):
     """A Refiner that ignores frames."""
 
     statistics = PoolStatistics()
@@ -81,14 +81,18 @@ class StillWorkers(StandIn):
         self.before: Callable[[int], object] = lambda _: None  # a frame
 
     def submit(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Pending:
-        """The same poses, all equally likely; or the failure, if it is time."""
+        """Keep the particles; or fail, if it is time."""
         number = subject.frame.number
         self.before(number)
         if number == self.fail_at and self.failure is not None:
             raise self.failure
         assert particles.poses.shape[1] == len(model.dof_names)
         assert particles.settings.noise_depth >= particles.settings.noise_lateral
-        return LocalRequest(partial(unmoved, particles))
+        return super().submit(subject, model, particles)
+
+    def refine(self, _subject: SubjectFrame, _model: BodyModel, particles: Particles) -> Refined:
+        """The same poses, all equally likely."""
+        return unmoved(particles)
 
     def track(self, sequence: Path, out: Path, *options: str) -> int:
         """The exit code of `gepf track` by these, without pictures."""
