@@ -24,7 +24,7 @@ from common.refinement import Particles
 from common.settings import Settings
 from coordinator.bodies.tracked import Bodies
 from coordinator.sources.source import Source
-from coordinator.tracking.detector import ITERATIONS
+from coordinator.tracking.candidate_refinement import ITERATIONS
 from coordinator.tracking.estimate import UNKNOWN
 from coordinator.tracking.person_size import GIRTH_STEPS
 from coordinator.tracking.refiner import Refiner, iterations

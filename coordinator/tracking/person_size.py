@@ -15,7 +15,7 @@ from common.refinement import Particles
 from common.settings import RefineSettings
 from coordinator.bodies.tracked import Bodies
 from coordinator.filters.belief import Belief
-from coordinator.tracking.detector import ITERATIONS
+from coordinator.tracking.candidate_refinement import ITERATIONS
 from coordinator.tracking.estimate import MAX_HYPOTHESES
 from coordinator.tracking.refiner import Refiner, iterations
 from coordinator.tracking.reporting import judge

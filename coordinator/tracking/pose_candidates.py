@@ -31,6 +31,11 @@ class Candidates:
     residual: Array  # (N,) metres
     joints: Array  # (N, J, 3) camera frame, metres
 
+    @property
+    def group(self) -> tuple[Array, Indices]:
+        """The poses, and the indices of their sizes, to be refined again."""
+        return self.poses, self.sizes
+
     def take(self, some: Indices) -> Candidates:
         """The candidates with these indices, in this order."""
         return Candidates(*(getattr(self, each.name)[some] for each in fields(self)))

@@ -1,0 +1,172 @@
+"""The stages of a search for a body: refinement of candidates, first on few points, then with other sizes.
+
+A stage is a generator that yields its requests when they are sent, and needs their results when it goes on.
+So a caller can do other work meanwhile. A stage that is dropped cancels its requests.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterable, Sequence
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+
+from common.arrays import Array, Indices
+from common.body import BodyModel
+from common.frame import SubjectFrame
+from common.refinement import Particles
+from common.settings import RefineSettings
+from coordinator.bodies.human.shape_space import shape_space
+from coordinator.bodies.tracked import Bodies, Size, coarsen
+from coordinator.tracking.gating import Gate, gate_pose
+from coordinator.tracking.observation import thin
+from coordinator.tracking.pose_candidates import Candidates, candidates_of, ordered
+from coordinator.tracking.refiner import Pending, Refiner, Stage, iterations, with_closest_points
+from coordinator.tracking.state import Start
+
+STATURE_STEPS = np.array([0.91, 0.955, 1.0, 1.045, 1.09])  # factors of the best stature so far
+GIRTHS = (0.9, 1.05, 1.2, 1.4)
+MATURITIES = (0.0, 0.5, 1.0)  # of a small person: proportions of the mean child, halfway, of an adult
+ITERATIONS = 12  # until candidates converge; the last stage has half of these
+FEW_POINTS = 1_000  # on which the first candidates are refined
+VERTEX_SHARE = 0.009  # of stature: rms distance of a surface from the nearest vertex, 0.008 to 0.010
+REQUEST_ITERATIONS = 150  # of ICP in one request: about 10 ms on one lane
+
+
+class Round(NamedTuple):
+    """The effort of a stage on few points."""
+
+    iterations: int
+    kept: int  # distinct candidates that it leaves
+
+
+ROUGH, FINE = Round(3, 16), Round(ITERATIONS, 4)
+
+T = TypeVar("T")
+Stages = Generator[Stage, None, T]
+"""Yields each stage when it is sent, and returns the result."""
+
+Group = tuple[Array, Indices]
+"""Poses (N, D) that are refined together, and the places (N,) of their bodies in a list."""
+
+
+class CandidateRefiner:
+    """Refines candidates of bodies of several sizes; `cell_m` is that of the coarse surface on few points."""
+
+    def __init__(self, bodies: Bodies, refiner: Refiner, cell_m: float) -> None:
+        self._bodies, self._refiner, self._cell_m = bodies, refiner, cell_m
+
+    def coarse(self, size: Size) -> BodyModel:
+        """The body of candidates of this size."""
+        return coarsen(self._bodies.for_start(*size), self._cell_m)
+
+    def shortlist(
+        self, subject: SubjectFrame, groups: Iterable[Group], settings: RefineSettings, sizes: Sequence[Size]
+    ) -> Stages[Candidates]:
+        """The best distinct candidates of these sizes after both stages on few points."""
+        few = thin(subject, FEW_POINTS)
+        proposed = yield from self.on_few_points(few, groups, settings, sizes, ROUGH)
+        return (yield from self.on_few_points(few, [proposed.group], settings, sizes, FINE))
+
+    def on_few_points(
+        self,
+        few: SubjectFrame,
+        groups: Iterable[Group],
+        settings: RefineSettings,
+        sizes: Sequence[Size],
+        effort: Round,
+    ) -> Stages[Candidates]:
+        """The best distinct candidates of these sizes after one stage, with a coarse surface."""
+        models = [self.coarse(size) for size in sizes]
+        closest = iterations(with_closest_points(settings), effort.iterations)
+        found = yield from self._refine(few, models, groups, closest)
+        return found.distinct(models[0].joint_names, effort.kept)
+
+    def fit_size(
+        self, subject: SubjectFrame, found: Candidates, settings: RefineSettings, sizes: Sequence[Size]
+    ) -> Stages[tuple[Size, Array]]:
+        """The size and poses (N, D) that explain a frame best, of these candidates' sizes or between them."""
+        size, poses = sizes[found.sizes[0]], found.poses
+        if len(sizes) == 1:
+            return size, poses
+        then = iterations(settings, ITERATIONS)
+        adult, statures = shape_space().statures[-1], size.stature * STATURE_STEPS
+        maturities = MATURITIES if size.stature <= adult else MATURITIES[:1]
+        pairs = [(each, m) for m in maturities for each in statures if m == 0.0 or each < adult]
+        tried = [Size(each, size.girth, maturity) for each, maturity in pairs]
+        size, _ = yield from self._choose_size(subject, size, tried, poses[0], then)
+        tried = [size._replace(girth=girth) for girth in GIRTHS]
+        size, best = yield from self._choose_size(subject, size, tried, poses[0], then)
+        return size, np.concatenate([best, poses])
+
+    def as_tracked(
+        self, subject: SubjectFrame, start: Start, poses: Array, settings: RefineSettings
+    ) -> Stages[tuple[Candidates, Gate]]:
+        """Convert poses (N, D) of the detected body to the tracked body and refine them; held values stay.
+
+        Also returns the gate of the best.
+        """
+        searched, model = self._bodies.for_start(*start.size), start.model
+        taken = np.tile(start.pose, (len(poses), 1))
+        for j, name in enumerate(model.dof_names):
+            if name in searched.dof_names:
+                taken[:, j] = poses[:, searched.dof(name)]
+        last = iterations(settings, ITERATIONS // 2)
+        found = yield from self._refine(subject, [model], map(of_one, (taken[::2], taken[1::2])), last)
+        return found, gate_pose(found.log_likelihood[0], found.residual[0], settings)
+
+    def _choose_size(
+        self,
+        subject: SubjectFrame,
+        present: Size,
+        tried: Sequence[Size],
+        pose: Array,
+        settings: RefineSettings,
+    ) -> Stages[tuple[Size, Array]]:
+        """The likelihood-weighted mean of sizes with the maturity of the best, and its pose: (1, D).
+
+        If none is visible, the present size and the given pose. The likelihood measures distances to the
+        nearest vertex. Vertices of a larger body are farther apart, so the part of the distances that this
+        causes is left out.
+        """
+        models = [self._bodies.for_start(*size) for size in tried]
+        group = np.tile(pose, (len(tried), 1)), np.arange(len(tried))
+        found = yield from self._refine(subject, models, [group], settings)
+        if not len(found.poses):
+            return present, pose[None]
+        measures = np.array(tried)[found.sizes]
+        between = VERTEX_SHARE * measures[:, 0] / settings.likelihood_scale
+        likely = found.log_likelihood + 0.5 * between**2
+        best = likely.argmax()
+        weights = np.exp(likely - likely[best]) * (measures[:, 2] == measures[best, 2])
+        return Size(*(weights @ measures / weights.sum()).round(2).tolist()), found.poses[[best]]
+
+    def _refine(
+        self,
+        subject: SubjectFrame,
+        models: Sequence[BodyModel],
+        groups: Iterable[Group],
+        settings: RefineSettings,
+    ) -> Stages[Candidates]:
+        """Refine poses of these bodies, in requests of bounded duration.
+
+        Each group is sent as soon as it is known.
+        """
+        most, sent = max(1, REQUEST_ITERATIONS // (settings.icp_iterations + 1)), list[tuple[int, Pending]]()
+        for poses, of in groups:
+            for size in np.unique(of).tolist():
+                mine = poses[of == size]
+                for first in range(0, len(mine), most):
+                    some = Particles(mine[first : first + most], settings, spare=True)
+                    sent.append((size, self._refiner.submit(subject, models[size], some)))
+        try:
+            yield tuple(pending for _, pending in sent)
+            return ordered([candidates_of(models[size], pending.result(), size) for size, pending in sent])
+        finally:
+            for _, pending in sent:
+                pending.cancel()
+
+
+def of_one(poses: Array) -> Group:
+    """Poses (N, D) of the first body."""
+    return poses, np.zeros(len(poses), dtype=np.int64)
