@@ -10,6 +10,7 @@ from __future__ import annotations
 import logging
 from collections import Counter
 from pathlib import Path
+from typing import NamedTuple
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -104,13 +105,17 @@ def check_joints(path: Path, robot: yourdfpy.Robot) -> None:
             raise InputError(f"{path}: the axis of joint '{joint.name}' is zero; give it a direction")
 
 
-def span_tree(
-    path: Path, robot: yourdfpy.Robot
-) -> tuple[str, list[yourdfpy.Joint], dict[str, Array], dict[str, int]]:
-    """The base link; the joints, parents first; by link, T_rest_link (4, 4) and the last DOF that moves it.
+class Tree(NamedTuple):
+    """The links and joints of a robot at rest: all joints are at zero."""
 
-    All joints are at zero. Raises InputError if they are not a tree, or a name occurs twice.
-    """
+    base: str  # the link that no joint moves
+    joints: list[yourdfpy.Joint]  # parents first
+    t_links: dict[str, Array]  # T_rest_link (4, 4) by link
+    dof_of: dict[str, int]  # by link: the last degree of freedom that moves it
+
+
+def span_tree(path: Path, robot: yourdfpy.Robot) -> Tree:
+    """The tree of a robot; InputError if its joints are not a tree, or a name occurs twice."""
     children, links = {joint.child for joint in robot.joints}, [link.name for link in robot.links]
     base = next((link for link in links if link not in children), "")
     joints, t_links, dof_of = list[yourdfpy.Joint](), {base: rigid(REST_FROM_URDF, np.zeros(3))}, {base: BASE}
@@ -128,7 +133,7 @@ def span_tree(
     twice = [name for name, count in names.items() if count > 1]
     if twice:
         raise InputError(f"{path}: the name '{twice[0]}' is used twice; give every joint its own name")
-    return base, joints, t_links, dof_of
+    return Tree(base, joints, t_links, dof_of)
 
 
 def limits_of(path: Path, joint: yourdfpy.Joint) -> tuple[float, float]:

@@ -152,7 +152,8 @@ def track_many(jobs: Sequence[Job], show: Show) -> int:
 
 def run_pool(jobs: Sequence[Job], show: Show, *, quiet: bool) -> list[Ended]:
     """Track all runs with one pool and return their ends in order. With `quiet`, runs report only errors."""
-    pool, running, ended = jobs[0].pool, dict[ForkServerProcess, Ended](), dict[Path, Ended]()
+    pool, ended = jobs[0].pool, dict[Path, Ended]()
+    running = dict[ForkServerProcess, tuple[Job, float]]()  # and when it began
     limit = max(2, pool.lanes + 1)  # lanes have work while a run is between two frames
     waiting, dashboard = list(reversed(jobs)), Dashboard(show, quiet=quiet)
     CONTEXT.set_forkserver_preload([__name__])
@@ -167,18 +168,18 @@ def run_pool(jobs: Sequence[Job], show: Show, *, quiet: bool) -> list[Ended]:
                     process.start()
                     if pipe is not None:
                         pipe.close()
-                    running[process] = Ended(job, 0, time.monotonic())
+                    running[process] = job, time.monotonic()
                 line = worker.look_after(time.monotonic())
                 if line is not None:
                     show.say(line)
                 dashboard.wait([process.sentinel for process in running])
                 for process in [each for each in running if not each.is_alive()]:
                     dashboard.show_all()
-                    run, code = running.pop(process), process.exitcode
+                    (job, began), code = running.pop(process), process.exitcode
                     code = 1 if code is None or code < 0 else code  # a signal killed it
-                    ended[run.job.out] = Ended(run.job, code, time.monotonic() - run.seconds)
+                    ended[job.out] = Ended(job, code, time.monotonic() - began)
                     how = f"ended with exit code {code}" if code else "done"
-                    show.say(f"{run.job.out.name}: {how}, {len(ended)} of {len(jobs)}")
+                    show.say(f"{job.out.name}: {how}, {len(ended)} of {len(jobs)}")
         finally:
             for process in running:
                 process.terminate()
