@@ -16,7 +16,7 @@ from coordinator.results.evaluation import Truth, read_truth
 from coordinator.results.summary import people_in, read_summary
 from coordinator.results.track import read_track, read_tracked_body
 from coordinator.sources import Source, open_source
-from coordinator.sources.camera import CameraOptions
+from coordinator.sources.camera import GivenCamera
 from coordinator.sources.colour_folder import ColourFolder
 
 
@@ -61,11 +61,11 @@ def find_sequence(run: Path, moved_to: Path | None = None) -> Source | None:
     return open_source(recorded, camera_in(summary)) if recorded and Path(recorded).exists() else None
 
 
-def camera_in(summary: Mapping[str, Any]) -> CameraOptions:
+def camera_in(summary: Mapping[str, Any]) -> GivenCamera:
     """The camera options that the user gave when a run was tracked."""
     given = summary.get(GIVEN) or {}
     lens = given.get("lens")
-    return CameraOptions(tuple(lens) if lens else None, given.get("depth_scale"))
+    return GivenCamera(tuple(lens) if lens else None, given.get("depth_scale"))
 
 
 def own_truth(run: Path, source: Source | None) -> Path | None:

@@ -19,7 +19,7 @@ from coordinator.files import LOG_FILE
 from coordinator.results.summary import FOUND, PERSON_FILE, find_summary
 from coordinator.results.track import read_track
 from coordinator.sources import Format, Source, find_format
-from coordinator.sources.camera import doubts, parse_camera_options
+from coordinator.sources.camera import doubts
 
 if TYPE_CHECKING:
     from coordinator.scene.candidates import Candidate
@@ -47,7 +47,7 @@ def run_info(options: InfoOptions, camera: CameraOptions) -> None:
         if (sequence / LOG_FILE).exists():
             read_track(sequence)  # raises InputError, as the run was interrupted
         raise
-    source = form.open(sequence, parse_camera_options(camera.intrinsics, camera.depth_scale))
+    source = form.open(sequence, camera.choose())
     cameras = []
     for each in source.views:
         turn = each.T_rig_camera[:3, :3]

@@ -19,7 +19,7 @@ from coordinator.filters.methods import settings_for
 from coordinator.pool.options import Pool
 from coordinator.results.configuration import AUTOMATIC
 from coordinator.scene.scope import WAYS, Scope
-from coordinator.sources import camera as cameras
+from coordinator.sources.camera import AS_RECORDED, GivenCamera
 from coordinator.sources.joint_states import JointStates, read_joint_states
 from coordinator.sources.live_stream import is_topic, live_key
 from coordinator.sources.rig import live_cameras
@@ -44,7 +44,7 @@ class Job:
     frames: str | None = None
     resume: bool = False
     color: Path | None = None  # colour frames for pictures
-    given: cameras.CameraOptions = cameras.AS_RECORDED
+    given: GivenCamera = AS_RECORDED
     results: str | None = None  # key or topic on which they are published
     results_json: bool = False
     scope: Scope = field(default_factory=Scope)  # without the background
@@ -80,7 +80,7 @@ def choose_job(options: TrackOptions, camera: CameraOptions, security: SecurityO
         "pool": pool,
         "model": choose_model(options.model),
         "active": split(options.dof, "--dof", str) if options.dof is not None else None,
-        "given": cameras.parse_camera_options(camera.intrinsics, camera.depth_scale),
+        "given": camera.choose(),
         "results": live_key(options.results or "") or options.results,
         "scope": choose_scope(options),
         "joint_states": None,

@@ -13,6 +13,7 @@ from common.bounds import LARGEST, MAX_PARTICLES, SMALLEST
 
 if TYPE_CHECKING:
     from common.transport.session import Security
+    from coordinator.sources.camera import GivenCamera
 
 
 def option(metavar: str, text: str, *names: str, default: Any = None, panel: str = "", **limits: Any) -> Any:
@@ -56,6 +57,12 @@ class CameraOptions:
 
     intrinsics: str | None = option("fx,fy,cx,cy", "Camera parameters in pixels (default: as recorded).")
     depth_scale: float | None = option("N", "Units of depth per metre (default: as recorded).")
+
+    def choose(self) -> GivenCamera:
+        """These parameters; InputError if they are invalid."""
+        from coordinator.sources.camera import parse_camera
+
+        return parse_camera(self.intrinsics, self.depth_scale)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

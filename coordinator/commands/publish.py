@@ -19,7 +19,6 @@ from coordinator.commands.options import CameraOptions, PublishOptions, Security
 from coordinator.commands.progress import Show
 from coordinator.pool.options import Pool
 from coordinator.sources import open_source
-from coordinator.sources.camera import parse_camera_options
 from coordinator.sources.devices.device import AttachedCamera, Shot, vendor_of
 from coordinator.sources.live_stream import colour_key
 from coordinator.sources.source import select_frames
@@ -46,7 +45,7 @@ def run_publish(
     elif options.color:
         raise InputError("--color is for cameras; leave it out with a recorded sequence")
     else:
-        source = open_source(options.sequence, parse_camera_options(camera.intrinsics, camera.depth_scale))
+        source = open_source(options.sequence, camera.choose())
         if source.others:
             raise InputError(f"{options.sequence} has several cameras; publish each with its own --key")
         numbers = select_frames(source.numbers, options.frames)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from common.errors import InputError
 from coordinator.sources.arrays import ArraySource, read_npy, read_npz
-from coordinator.sources.camera import AS_RECORDED, CameraOptions
+from coordinator.sources.camera import AS_RECORDED, GivenCamera
 from coordinator.sources.picture_folders import holds_pictures, is_tum, read_pictures
 from coordinator.sources.point_clouds import SUFFIXES, read_clouds
 from coordinator.sources.rig import read_rig
@@ -25,14 +25,14 @@ class Format:
 
     name: str
     fits: Callable[[Path], bool]
-    open: Callable[[Path, CameraOptions], Source]
+    open: Callable[[Path, GivenCamera], Source]
 
 
-def open_azure_kinect(path: Path, options: CameraOptions) -> Source:
+def open_azure_kinect(path: Path, given: GivenCamera) -> Source:
     """Open an `.mkv` with PyAV, which is slow to load."""
     from coordinator.sources.azure_kinect import read_azure_kinect
 
-    return read_azure_kinect(path, options)
+    return read_azure_kinect(path, given)
 
 
 def holds_clouds(path: Path) -> bool:
@@ -62,14 +62,14 @@ FORMATS = (
 DEPTH_PNG = "write depth/000000.png, ... of 16-bit millimetres, and add --intrinsics fx,fy,cx,cy"
 
 
-def open_source(path: Path | str, options: CameraOptions = AS_RECORDED) -> Source:
-    """Open the sequence at `path`, in any format; `options` can replace its camera and units.
+def open_source(path: Path | str, given: GivenCamera = AS_RECORDED) -> Source:
+    """Open the sequence at `path`, in any format; `given` can replace its camera and units.
 
     Reads only the camera and the numbers of the frames. Raises InputError if there is no sequence, or if its
     description is damaged.
     """
     path = Path(path)
-    return find_format(path).open(path, options)
+    return find_format(path).open(path, given)
 
 
 def find_format(path: Path) -> Format:

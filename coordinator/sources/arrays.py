@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from common.errors import InputError
 from coordinator.files import read_arrays
-from coordinator.sources.camera import DEFAULT_FPS, MILLIMETRES, CameraOptions, pinhole
+from coordinator.sources.camera import DEFAULT_FPS, MILLIMETRES, GivenCamera, pinhole
 from coordinator.sources.source import FARTHEST_M, UNITS_PER_METRE, Source, to_units
 
 logger = logging.getLogger(__name__)
@@ -47,25 +47,25 @@ class ArraySource(Source):
         super().__init__(name, camera, range(len(units)), units.__getitem__, scale, fps)
 
 
-def read_npz(path: Path, options: CameraOptions) -> Source:
+def read_npz(path: Path, given: GivenCamera) -> Source:
     """Read an `.npz` file: `depth`, `intrinsics` (3, 3), for integers `depth_scale`; optional `fps`."""
     layout = {"depth": "raw numbers (F, H, W)", "depth_scale": "?numbers", "fps": "?numbers"}
-    if options.intrinsics is None:
+    if given.intrinsics is None:
         layout["intrinsics"] = "numbers (3, 3)"
     arrays = read_arrays(path, layout)
-    matrix = options.matrix(path) if options.intrinsics else arrays["intrinsics"]
-    scale = options.depth_scale or (float(arrays["depth_scale"]) if "depth_scale" in arrays else None)
+    matrix = given.matrix(path) if given.intrinsics else arrays["intrinsics"]
+    scale = given.depth_scale or (float(arrays["depth_scale"]) if "depth_scale" in arrays else None)
     return ArraySource(arrays["depth"], matrix, scale, float(arrays.get("fps", DEFAULT_FPS)), path.stem)
 
 
-def read_npy(path: Path, options: CameraOptions) -> Source:
+def read_npy(path: Path, given: GivenCamera) -> Source:
     """Read an `.npy` file of depth (F, H, W), whose camera the user gives; integers are millimetres."""
     try:
         depth = np.load(path, allow_pickle=False, mmap_mode="r")
     except (OSError, ValueError, EOFError) as error:
         raise InputError(f"{path} is damaged or not an array of numbers ({error}); save it again") from error
-    scale = options.depth_scale or (MILLIMETRES if depth.dtype.kind in "iu" else None)
-    return ArraySource(depth, options.matrix(path), scale, name=path.stem)
+    scale = given.depth_scale or (MILLIMETRES if depth.dtype.kind in "iu" else None)
+    return ArraySource(depth, given.matrix(path), scale, name=path.stem)
 
 
 def whole_depth(

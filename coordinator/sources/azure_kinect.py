@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from common.arrays import Array
 from common.camera import Intrinsics
 from common.errors import InputError
-from coordinator.sources.camera import MILLIMETRES, CameraOptions
+from coordinator.sources.camera import MILLIMETRES, GivenCamera
 from coordinator.sources.lens import Lens
 from coordinator.sources.source import Source, downward, rate_of
 
@@ -50,19 +50,19 @@ class Calibration:
     turn: list[float] | None
 
 
-def read_azure_kinect(path: Path, options: CameraOptions) -> Source:
+def read_azure_kinect(path: Path, given: GivenCamera) -> Source:
     """Read the depth frames of an `.mkv`, numbered from 0; times are relative to the first frame."""
     container = opened(path)
     stream = depth_stream(container, path)
     stamps, samples = scan(container, stream, path)
     calibration = read_calibration(container, path)
-    if calibration is None or options.intrinsics is not None:
-        lens = Lens(options.camera((stream.height, stream.width), path))
+    if calibration is None or given.intrinsics is not None:
+        lens = Lens(given.camera((stream.height, stream.width), path))
     else:
         lens = lens_of(calibration, depth_camera(calibration, stream, path))
     read = Frames(path, container, stream, stamps, lens).read
     times = [stamp - stamps[0] for stamp in stamps]
-    scale, gravity = options.depth_scale or MILLIMETRES, gravity_of(calibration, samples)
+    scale, gravity = given.depth_scale or MILLIMETRES, gravity_of(calibration, samples)
     return Source(path.stem, lens.camera, range(len(times)), read, scale, rate_of(times), times, gravity)
 
 

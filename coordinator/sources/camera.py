@@ -68,7 +68,7 @@ def pinhole(matrix: ArrayLike, width: int, height: int, name: str) -> Intrinsics
 
 
 @dataclass(frozen=True, slots=True)
-class CameraOptions:
+class GivenCamera:
     """The user's fx, fy, cx, cy in pixels, and units per metre; None for those of the recording."""
 
     intrinsics: tuple[float, float, float, float] | None = None
@@ -86,24 +86,24 @@ class CameraOptions:
         return pinhole(self.matrix(path), shape[1], shape[0], str(path))
 
 
-AS_RECORDED = CameraOptions()
+AS_RECORDED = GivenCamera()
 
 
-def parse_camera_options(intrinsics: str | None, depth_scale: float | None) -> CameraOptions:
+def parse_camera(intrinsics: str | None, depth_scale: float | None) -> GivenCamera:
     """Parse the values of the command line; InputError if they are invalid."""
     if depth_scale is not None and not SMALLEST <= depth_scale <= LARGEST:
         raise InputError(
             f"--depth-scale {depth_scale:g} is not between {SMALLEST:g} and {LARGEST:g}; correct it"
         )
     if intrinsics is None:
-        return CameraOptions(None, depth_scale)
+        return GivenCamera(None, depth_scale)
     try:
         fx, fy, cx, cy = (float(part) for part in intrinsics.split(","))
     except ValueError:
         raise InputError(f"--intrinsics '{intrinsics}' is not fx,fy,cx,cy; give four numbers") from None
-    options = CameraOptions((fx, fy, cx, cy), depth_scale)
-    options.camera((1, 1), Path("--intrinsics"))
-    return options
+    given = GivenCamera((fx, fy, cx, cy), depth_scale)
+    given.camera((1, 1), Path("--intrinsics"))
+    return given
 
 
 NEAREST_IN_A_ROOM_M, FARTHEST_IN_A_ROOM_M = 0.4, 10.0

@@ -26,7 +26,7 @@ from PIL import Image
 from common.camera import Intrinsics
 from common.errors import InputError
 from coordinator.files import CAMERA_FILE, SUMMARY_FILE
-from coordinator.sources.camera import DEFAULT_FPS, MILLIMETRES, NOMINAL, CameraOptions, read_camera
+from coordinator.sources.camera import DEFAULT_FPS, MILLIMETRES, NOMINAL, GivenCamera, read_camera
 from coordinator.sources.source import Source, rate_of
 
 logger = logging.getLogger(__name__)
@@ -57,7 +57,7 @@ def is_tum(path: Path) -> bool:
     return (path / TUM_LIST).is_file()
 
 
-def read_pictures(path: Path, options: CameraOptions) -> Source:
+def read_pictures(path: Path, given: GivenCamera) -> Source:
     """Read a folder of images; frames have the numbers in the names, or are counted if these are times."""
     folder = path / "depth" if (path / "depth").is_dir() else path
     numbers, files, times = find_frames(folder, path)
@@ -67,16 +67,16 @@ def read_pictures(path: Path, options: CameraOptions) -> Source:
         )
     name = path.resolve().name
     camera, scale, fps = NOMINAL, MILLIMETRES, DEFAULT_FPS
-    if (path / CAMERA_FILE).exists() or (options.intrinsics is None and not is_tum(path)):
+    if (path / CAMERA_FILE).exists() or (given.intrinsics is None and not is_tum(path)):
         camera, scale, fps = read_camera(path / CAMERA_FILE)
     elif is_tum(path):
         camera = next((camera for key, camera in TUM_CAMERAS.items() if key in name), NOMINAL)
         scale = 5000.0
-    if options.intrinsics is not None:
-        camera = options.camera(read_depth(files[0]).shape, path)
+    if given.intrinsics is not None:
+        camera = given.camera(read_depth(files[0]).shape, path)
     if times is not None and len(times) > 1:
         fps = rate_of(times)
-    scale = options.depth_scale or scale
+    scale = given.depth_scale or scale
     return Source(name, camera, numbers, lambda n: read_depth(files[n]), scale, fps, times, folder=path)
 
 

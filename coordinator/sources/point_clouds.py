@@ -18,29 +18,29 @@ from common.arrays import Array
 from common.camera import Intrinsics, project
 from common.errors import InputError
 from coordinator.files import CAMERA_FILE
-from coordinator.sources.camera import DEFAULT_FPS, NOMINAL, CameraOptions, read_camera
+from coordinator.sources.camera import DEFAULT_FPS, NOMINAL, GivenCamera, read_camera
 from coordinator.sources.source import Source
 
 SUFFIXES = (".ply", ".pcd")
 LARGEST_MISFIT_PX = 0.05  # error of the pixels of a pinhole camera
 
 
-def read_clouds(path: Path, options: CameraOptions) -> Source:
+def read_clouds(path: Path, given: GivenCamera) -> Source:
     """Read the clouds of a folder in the order of the numbers in their names, numbered from 0."""
     files = cloud_files(path)
     first, camera, fps = read_cloud(files[0]), NOMINAL, DEFAULT_FPS
     organised = first.ndim == 3
     if (path / CAMERA_FILE).exists():
         camera, _, fps = read_camera(path / CAMERA_FILE)
-    elif organised and options.intrinsics is None:
+    elif organised and given.intrinsics is None:
         camera = own_camera(first, files[0])
-    if options.intrinsics is not None:
-        camera = options.camera(first.shape if organised else (camera.height, camera.width), path)
+    if given.intrinsics is not None:
+        camera = given.camera(first.shape if organised else (camera.height, camera.width), path)
 
     def read(place: int) -> Array:
         return render_points(read_cloud(files[place]).reshape(-1, 3), camera)
 
-    scale = options.depth_scale or 1.0
+    scale = given.depth_scale or 1.0
     return Source(path.resolve().name, camera, range(len(files)), read, scale, fps, folder=path)
 
 

@@ -17,7 +17,7 @@ from common.bounds import LARGEST, MAX_CAMERAS
 from common.camera import is_rigid
 from common.errors import InputError
 from coordinator.files import read_json, write_json
-from coordinator.sources.camera import AS_RECORDED, CameraOptions
+from coordinator.sources.camera import AS_RECORDED, GivenCamera
 from coordinator.sources.devices.device import vendor_of
 from coordinator.sources.live_stream import SILENT_INTERVALS, LiveCamera, is_topic, live_key
 from coordinator.sources.source import Source
@@ -119,11 +119,11 @@ def live_cameras(sequence: Path) -> tuple[LiveCamera, ...]:
     )
 
 
-def read_rig(path: Path, options: CameraOptions) -> Source:
+def read_rig(path: Path, given: GivenCamera) -> Source:
     """Open the recordings of a rig as one source: frames of the first camera, with those of the others."""
     from coordinator.sources import open_source
 
-    if options != AS_RECORDED:
+    if given != AS_RECORDED:
         raise InputError(f"--intrinsics and --depth-scale do not fit the rig {path}; leave them out")
     if live_cameras(path):
         raise InputError(f"the cameras of {path} are live; gepf track and gepf.live read them")

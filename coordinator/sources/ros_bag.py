@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from common.camera import Intrinsics
 from common.errors import InputError
-from coordinator.sources.camera import MILLIMETRES, CameraOptions, pinhole
+from coordinator.sources.camera import MILLIMETRES, GivenCamera, pinhole
 from coordinator.sources.ros_images import COMPRESSED, ENCODINGS, FLOATS, IMAGE, encoding_of, pixels
 from coordinator.sources.source import Source, rate_of
 
@@ -27,7 +27,7 @@ Result = TypeVar("Result")
 CAMERA, NUMBER = "sensor_msgs/msg/CameraInfo", "std_msgs/msg/Float32"
 
 
-def read_ros_bag(path: Path, options: CameraOptions) -> Source:
+def read_ros_bag(path: Path, given: GivenCamera) -> Source:
     """Read the depth images of a bag, numbered from 0; times are those of the bag, from 0."""
     bag = Bag(path)
     topic = depth_topic(bag)
@@ -38,9 +38,9 @@ def read_ros_bag(path: Path, options: CameraOptions) -> Source:
         return bag.guarded(lambda: pixels(image))
 
     floats = encoding_of(bag.message(topic)) == FLOATS
-    camera = options.camera(read(0).shape, path) if options.intrinsics else camera_of(bag, topic)
+    camera = given.camera(read(0).shape, path) if given.intrinsics else camera_of(bag, topic)
     times = [(stamp - stamps[0]) * 1e-9 for stamp in stamps]
-    scale = options.depth_scale or (1.0 if floats else units_of(bag, topic))
+    scale = given.depth_scale or (1.0 if floats else units_of(bag, topic))
     return Source(path.stem, camera, range(len(times)), read, scale, rate_of(times), times)
 
 
@@ -114,11 +114,11 @@ def camera_in(info: Any, name: str) -> Intrinsics:
 
 def units_of(bag: Bag, topic: str) -> float:
     """Units of depth per metre."""
-    options = [t for t in bag.topics(NUMBER) if t.endswith("/Depth_Units/value")]
-    if not options:
+    stated = [t for t in bag.topics(NUMBER) if t.endswith("/Depth_Units/value")]
+    if not stated:
         return MILLIMETRES
     # a float32: 0.0010000000474974513 means 0.001
-    metres = float(str(np.float32(bag.message(nearest(topic, options)).data)))
+    metres = float(str(np.float32(bag.message(nearest(topic, stated)).data)))
     if not 0 < metres < np.inf:
         raise InputError(f"{bag.path}: the stated unit of depth is {metres} m; record it again")
     return round(1.0 / metres, 6)

@@ -13,14 +13,14 @@ import numpy as np
 
 from common.camera import Intrinsics
 from common.errors import InputError
-from coordinator.sources.camera import MILLIMETRES, CameraOptions
+from coordinator.sources.camera import MILLIMETRES, GivenCamera
 from coordinator.sources.source import Source
 
 KINECT = Intrinsics(320, 240, 285.63, 285.63, 160.0, 120.0)
 VARIABLE = "d_depth"
 
 
-def read_utd_mhad(path: Path, options: CameraOptions) -> Source:
+def read_utd_mhad(path: Path, given: GivenCamera) -> Source:
     """Read the frames of one `.mat` file, numbered from 0; InputError for anything else."""
     from scipy.io import loadmat  # is slow to load
 
@@ -36,6 +36,6 @@ def read_utd_mhad(path: Path, options: CameraOptions) -> Source:
             f"{path} has no '{VARIABLE}' (240, 320, frames) in whole millimetres; give a *_depth.mat"
         )
     frames = np.ascontiguousarray(np.moveaxis(whole, 2, 0))
-    camera = options.camera(frames.shape[1:], path) if options.intrinsics else KINECT
-    scale = options.depth_scale or MILLIMETRES
+    camera = given.camera(frames.shape[1:], path) if given.intrinsics else KINECT
+    scale = given.depth_scale or MILLIMETRES
     return Source(path.stem, camera, range(len(frames)), frames.__getitem__, scale)

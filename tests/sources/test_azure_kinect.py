@@ -11,7 +11,7 @@ from common.camera import Intrinsics
 from common.errors import InputError
 from coordinator.sources import open_source
 from coordinator.sources.azure_kinect import Calibration, gravity_of, lens_of
-from coordinator.sources.camera import CameraOptions
+from coordinator.sources.camera import GivenCamera
 
 RECORDING = Path(__file__).parents[3] / "shared" / "data" / "azure_kinect" / "recording.mkv"
 RADIAL, TANGENTIAL = (0.5479, -0.0210, -0.00265, 0.8897, 0.0861, -0.0139), (2.06e-05, -7.2e-05)
@@ -65,7 +65,7 @@ def test_gravity_is_what_the_accelerometer_says(recording: Path) -> None:
 
 def test_a_given_camera_replaces_the_lens(recording: Path) -> None:
     """With --intrinsics the image stays as recorded; --depth-scale is applied, too."""
-    source = open_source(recording, CameraOptions((500.0, 501.0, 320.0, 288.0), 500.0))
+    source = open_source(recording, GivenCamera((500.0, 501.0, 320.0, 288.0), 500.0))
     assert source.intrinsics == Intrinsics(640, 576, 500.0, 501.0, 320.0, 288.0)
     assert source.frame(0).depth_scale == 500.0
 

@@ -14,7 +14,7 @@ from common.camera import Intrinsics, back_project
 from common.errors import InputError
 from coordinator.cli import main
 from coordinator.sources import find_format, open_source
-from coordinator.sources.camera import CameraOptions
+from coordinator.sources.camera import GivenCamera
 from coordinator.sources.utd_mhad import KINECT
 from tests.support.recordings import (
     FPS,
@@ -67,7 +67,7 @@ def test_a_camera_that_the_user_gives_replaces_the_recorded_one(tmp_path: Path, 
     """Pixels are unchanged, as are the positions of points; a camera file is not needed."""
     path = WRITERS[name](tmp_path / name, recorded())
     (path / "camera_intrinsic.json").unlink(missing_ok=True) if path.is_dir() and name != "ply" else None
-    source = open_source(path, CameraOptions((300.0, 301.0, 150.0, 110.0), SCALES.get(name)))
+    source = open_source(path, GivenCamera((300.0, 301.0, 150.0, 110.0), SCALES.get(name)))
     assert source.intrinsics == Intrinsics(320, 240, 300.0, 301.0, 150.0, 110.0)
     depth, expected = source.frame(1).metres(), recorded()[1] / np.float32(1000.0)
     if name not in ("ply", "pcd"):

@@ -18,12 +18,12 @@ from rosbags.typesys import Stores, get_typestore
 from common.camera import Intrinsics
 from common.errors import InputError
 from coordinator.sources import open_source
-from coordinator.sources.camera import CameraOptions, parse_camera_options, write_camera
+from coordinator.sources.camera import GivenCamera, parse_camera, write_camera
 from coordinator.sources.source import select_frames
 from tests.support.ros import camera_of, header_of, image_of
 
 SMALL = Intrinsics(16, 12, 50.0, 51.0, 7.5, 5.5)
-LENS = CameraOptions((50.0, 51.0, 7.5, 5.5))
+LENS = GivenCamera((50.0, 51.0, 7.5, 5.5))
 SIZE = (12, 16)  # rows, columns
 
 
@@ -42,7 +42,7 @@ def write_pictures(folder: Path, names: list[str]) -> Path:
     return folder
 
 
-def taken(path: Path, given: CameraOptions = LENS) -> tuple[list[int], list[float]]:
+def taken(path: Path, given: GivenCamera = LENS) -> tuple[list[int], list[float]]:
     """Numbers and times of all frames, in order."""
     source = open_source(path, given)
     frames = list(source)
@@ -56,7 +56,7 @@ def test_missing_frames_keep_their_numbers_and_times(
     """Frames 3 and 6 are 0.1 s apart though two are missing in between, which is reported."""
     write_pictures(tmp_path / "seq" / "depth", ["000002.png", "000003.png", "000006.png"])
     write_camera(tmp_path / "seq" / "camera_intrinsic.json", SMALL, 1000.0)
-    assert taken(tmp_path / "seq", CameraOptions()) == ([2, 3, 6], [0.066667, 0.1, 0.2])
+    assert taken(tmp_path / "seq", GivenCamera()) == ([2, 3, 6], [0.066667, 0.1, 0.2])
     assert "2 of 5 frames are missing, frame 4 first; the others keep their times" in caplog.text
     numbers = open_source(tmp_path / "seq").numbers
     assert list(select_frames(numbers, "3:7")) == [3, 6]
@@ -142,7 +142,7 @@ def test_an_array_file_is_metres_whatever_it_holds(
     """Whole millimetres, metres, and millimetres as floats, which is reported."""
     np.save(tmp_path / "depth.npy", convert(depth(2)))
     with caplog.at_level(logging.WARNING):
-        source = open_source(tmp_path / "depth.npy", CameraOptions(LENS.intrinsics, scale))
+        source = open_source(tmp_path / "depth.npy", GivenCamera(LENS.intrinsics, scale))
     assert np.allclose(source.frame(1).metres(), depth(2)[1] / 1000.0, atol=1e-3)
     assert source.intrinsics.fy == 51.0
     assert ("is interpreted as millimetres" in caplog.text) == (units == "millimetres as floats")
@@ -195,4 +195,4 @@ def test_a_ros_2_bag_round_trip(tmp_path: Path, encoding: str, kind: str) -> Non
 def test_what_is_given_makes_sense(intrinsics: str, says: str) -> None:
     """Options about the camera are checked before anything is read."""
     with pytest.raises(InputError, match=says):
-        parse_camera_options(intrinsics, None)
+        parse_camera(intrinsics, None)
