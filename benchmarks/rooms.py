@@ -33,7 +33,7 @@ from benchmarks.running import (
 from benchmarks.tracking import Outcome, near_percent, prepare, track
 from common.errors import InputError
 from common.settings import preset
-from coordinator.tracking.estimate import UNKNOWN
+from coordinator.tracking.estimate import POSE_UNKNOWN
 
 SUBJECTS = (1, 3)
 EVERYBODY = ("plain", "cluttered")  # rooms of all recordings
@@ -149,7 +149,7 @@ def load_composer(tools: Path) -> Compose:
 def score(kind: str, alone: Outcome, inside: Outcome) -> RoomScore:
     """The score of a recording tracked with and without a room; all joints count."""
     before, after = (round(near_percent(one.distances(raw=False)), 2) for one in (alone, inside))
-    unknown = sum(inside.status[word] for word in UNKNOWN)
+    unknown = sum(inside.status[word] for word in POSE_UNKNOWN)
     recording = alone.recording
     return RoomScore(
         recording.name, recording.subject or 0, kind, before, after, len(inside.seconds), unknown

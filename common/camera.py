@@ -13,6 +13,10 @@ ROUNDED = 1e-3  # error of a rotation, or a unit vector, that is written with a 
 STRAIGHT_DOWN = 0.1  # sine of the angle between the line of sight and the vertical
 
 
+Lens = tuple[float, float, float, float]
+"""fx, fy, cx, cy in pixels, as compiled code takes them."""
+
+
 class Intrinsics(msgspec.Struct, frozen=True):
     """Pinhole intrinsics in pixels, without distortion."""
 
@@ -22,6 +26,11 @@ class Intrinsics(msgspec.Struct, frozen=True):
     fy: float
     cx: float
     cy: float
+
+    @property
+    def lens(self) -> Lens:
+        """fx, fy, cx, cy."""
+        return self.fx, self.fy, self.cx, self.cy
 
     def crop(self, left: int, top: int, width: int, height: int) -> Intrinsics:
         """Intrinsics of the window that starts at column `left` and row `top`."""

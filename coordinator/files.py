@@ -68,7 +68,7 @@ KINDS = {"names": "U", "texts": "U", "whole numbers": "iu", "numbers": "iuf", "r
 READ_AS = {"whole numbers": np.int64, "numbers": np.float64}
 
 
-def layout_of(record: type) -> dict[str, str]:
+def file_layout(record: type) -> dict[str, str]:
     """The layout of a file with the fields of a class, each of which is annotated with its own."""
     hints = get_type_hints(record, include_extras=True)
     return {name: hint.__metadata__[0] for name, hint in hints.items()}

@@ -22,7 +22,7 @@ from coordinator.stopwatch import Stopwatch
 from coordinator.synthesis.sequence import PERSON, synthesise
 from coordinator.tracking.certainty.features import Features, measure_features
 from coordinator.tracking.certainty.surface import seen_shares
-from coordinator.tracking.estimate import UNKNOWN
+from coordinator.tracking.estimate import POSE_UNKNOWN
 from coordinator.tracking.reporting import Updated, report
 from coordinator.tracking.segmenter import Segmenter
 from coordinator.tracking.target import TargetTracker
@@ -85,7 +85,7 @@ def gather(
         updated = tracker.update(submitted)
         estimate, context = report(updated).estimate, submitted.context
         found = np.flatnonzero(reference.frame == frame.number)
-        if estimate.status in UNKNOWN or not len(found):
+        if estimate.status in POSE_UNKNOWN or not len(found):
             continue
         features = measure_features(
             tracker.model,

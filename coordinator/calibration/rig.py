@@ -25,7 +25,7 @@ from common.settings import Settings
 from coordinator.bodies.tracked import Bodies
 from coordinator.sources.source import Source
 from coordinator.tracking.candidate_refinement import ITERATIONS
-from coordinator.tracking.estimate import UNKNOWN
+from coordinator.tracking.estimate import POSE_UNKNOWN
 from coordinator.tracking.person_size import GIRTH_STEPS
 from coordinator.tracking.refiner import Refiner, iterations
 from coordinator.tracking.reporting import Tracked
@@ -131,7 +131,7 @@ def track_alone(source: Source, refiner: Refiner, settings: Settings, bodies: Bo
     for (tracked,) in Tracker(refiner, settings, bodies).follow(source):
         estimate, certainty = tracked.estimate, tracked.estimate.certainty
         deviation = np.full(len(estimate.joint_positions), np.inf)
-        if certainty is not None and estimate.status not in UNKNOWN:
+        if certainty is not None and estimate.status not in POSE_UNKNOWN:
             deviation = certainty.deviation
             if tracked.subject is not None and estimate.time_s >= next_s:
                 next_s = estimate.time_s + BLOCK_S

@@ -28,7 +28,7 @@ from coordinator.commands.progress import Show
 from coordinator.files import FILM_FILE, TRUTH_FILE
 from coordinator.filters.methods import settings_for
 from coordinator.pool.options import Pool
-from coordinator.results.evaluation import NEAR_M, compare, overall, read_truth
+from coordinator.results.evaluation import NEAR_M, measure_errors, overall, read_truth
 from coordinator.results.track import read_track
 from coordinator.synthesis.scenes import ARM_DOFS
 from coordinator.synthesis.sequence import PERSON, synthesise
@@ -111,7 +111,7 @@ def score(scene: str, out: Path, way: str, seed: int) -> tuple[float, float]:
     Of the arm the mean error of the angles and that of the best hypothesis, degrees.
     """
     truth = read_truth(out / f"sequence-{seed}" / TRUTH_FILE)
-    errors = compare(read_track(out / f"{way}-{seed}"), truth)
+    errors = measure_errors(read_track(out / f"{way}-{seed}"), truth)
     if scene == ARM:
         return float(np.nanmean(errors.angle_deg)), float(np.nanmean(errors.best_angle_deg))
     mean_m = overall(errors.joint_m)

@@ -11,7 +11,7 @@ from coordinator.commands.console import loading
 from coordinator.commands.options import PicturesOptions
 from coordinator.commands.progress import Show
 from coordinator.files import HYPOTHESES_FILE
-from coordinator.results.configuration import GIVEN, PATH, PEOPLE
+from coordinator.results.configuration import CAMERA_GIVEN, PATH, PEOPLE
 from coordinator.results.evaluation import Truth, read_truth
 from coordinator.results.summary import people_in, read_summary
 from coordinator.results.track import read_track, read_tracked_body
@@ -63,7 +63,7 @@ def find_sequence(run: Path, moved_to: Path | None = None) -> Source | None:
 
 def camera_in(summary: Mapping[str, Any]) -> GivenCamera:
     """The camera options that the user gave when a run was tracked."""
-    given = summary.get(GIVEN) or {}
+    given = summary.get(CAMERA_GIVEN) or {}
     lens = given.get("lens")
     return GivenCamera(tuple(lens) if lens else None, given.get("depth_scale"))
 

@@ -26,7 +26,7 @@ from coordinator.files import with_parent
 from coordinator.pool.zenoh_refiner import ZenohRefiner
 from coordinator.results.configuration import (
     AUTOMATIC,
-    GIVEN,
+    CAMERA_GIVEN,
     PATH,
     PEOPLE,
     RunConfiguration,
@@ -155,7 +155,7 @@ class RecordedInput(Input):
             recording["rig"] = digest(repr(views).encode())
         if given != AS_RECORDED:
             lens = given.intrinsics and list(given.intrinsics)
-            recording[GIVEN] = {"lens": lens, "depth_scale": given.depth_scale}
+            recording[CAMERA_GIVEN] = {"lens": lens, "depth_scale": given.depth_scale}
         self.configuration = self.configure(recording)
 
     def announce(self, done: int) -> str:

@@ -27,7 +27,7 @@ from coordinator.results.summary import PERSON, describe_failure, describe_statu
 from coordinator.sources.live_stream import is_topic, live_key
 from coordinator.sources.rig import live_cameras
 from coordinator.sources.ros2 import Node
-from coordinator.tracking.estimate import UNKNOWN
+from coordinator.tracking.estimate import POSE_UNKNOWN
 from coordinator.tracking.faults import Kind, describe_changes
 from coordinator.tracking.reporting import Tracked
 from coordinator.tracking.tracker import Tracker
@@ -235,7 +235,7 @@ def conclude(job: Job, recorded: Mapping[int, RecordedPerson], show: Show) -> bo
     for number, each in recorded.items():
         # one of several people may be absent at times
         seen = [e for e in each.estimates if not several or e.status != "absent"]
-        if 2 * sum(e.status not in UNKNOWN for e in seen) < max(1, len(seen)):
+        if 2 * sum(e.status not in POSE_UNKNOWN for e in seen) < max(1, len(seen)):
             tracked = False
             why = describe_failure(each.estimates)
             show.say(f"person {number}: {why}" if several else why, "bold red")

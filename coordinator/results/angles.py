@@ -23,9 +23,9 @@ from coordinator.bodies.angles import Angles, is_person
 from coordinator.results.track import MODEL_FILE, Track, filled, read_tracked_body
 from coordinator.sources.camera import DEFAULT_FPS
 
-UNSEEN = 2.0
-"""True errors are about twice as large as the spread of hypotheses, because there are few particles: for the
-same people, 69 % of the joints are within the resulting deviation, 96 % within twice of it."""
+SPREAD_FACTOR = 2.0
+"""From the spread of hypotheses to the error, which is larger because there are few particles: for the same
+people, 69 % of the joints are within the resulting deviation, 96 % within twice of it."""
 
 ANGLE_MISFIT = np.radians(5.0)
 """Least error of a person's angles, if joints are correct and all hypotheses agree. Together with the
@@ -113,7 +113,7 @@ def deviations(track: Track, angles: Angles, others: Array, about: Array, most: 
     of a limb is less certain the straighter the limb is. Unknown angles have the deviation `most`.
     """
     away = near_to(about, others, angles) - about[:, None]
-    spread = UNSEEN * root_mean_square(away, track.hypothesis_weight)
+    spread = SPREAD_FACTOR * root_mean_square(away, track.hypothesis_weight)
     if not is_person(track.dof_names):
         return spread
     off = np.maximum(ANGLE_MISFIT, deviations_from_joints(track, angles))

@@ -15,7 +15,7 @@ from common.frame import DepthFrame
 PACKAGES = ("gepf", "eclipse-zenoh", "msgpack", "msgspec", "numba", "numpy", "scipy")
 PEOPLE = "people"  # the requested number, if it is not one
 PATH = "path"  # of the sequence, for later reference; it does not affect results
-GIVEN = "camera_given"  # by the user
+CAMERA_GIVEN = "camera_given"  # by the user
 AUTOMATIC = "auto"  # the start is detected
 
 RunConfiguration = dict[str, Any]

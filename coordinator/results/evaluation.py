@@ -19,7 +19,7 @@ from common.body import ROOT_DOFS
 from common.camera import NOT_MOVED, moved
 from common.errors import InputError
 from coordinator.bodies.from_joints import angles_from_joints
-from coordinator.files import layout_of, read_arrays
+from coordinator.files import file_layout, read_arrays
 from coordinator.results.track import Track
 
 
@@ -43,7 +43,7 @@ def read_truth(path: Path, placed: Array = NOT_MOVED) -> Truth:
 
     Joints are moved by the transform `placed` (4, 4), as from the camera of the file into the rig.
     """
-    arrays = read_arrays(path, layout_of(Truth))
+    arrays = read_arrays(path, file_layout(Truth))
     if "dof_names" in arrays and "pose" not in arrays:
         raise InputError(f"{path} has no 'pose', but dof_names; give both or neither")
     names = ("joint_names", "dof_names", "slides")
@@ -92,7 +92,7 @@ class Errors:
 
 def evaluate(track: Track, truth: Truth) -> Evaluation:
     """Score a track; InputError if it has no frame, or no angle and no joint, in common with the truth."""
-    errors, limbs = compare(track, truth), errors_by_angle(track, truth)
+    errors, limbs = measure_errors(track, truth), errors_by_angle(track, truth)
     moves = errors.joint_deviation_m > 0.0  # other joints are held, at any distance from the truth
     off = errors.joint_m / np.where(moves, errors.joint_deviation_m, np.nan)
     return Evaluation(
@@ -111,7 +111,7 @@ def evaluate(track: Track, truth: Truth) -> Evaluation:
     )
 
 
-def compare(track: Track, truth: Truth) -> Errors:
+def measure_errors(track: Track, truth: Truth) -> Errors:
     """Errors of each frame, for angles and joints that both have."""
     frame, mine, theirs = np.intersect1d(track.frame, truth.frame, return_indices=True)
     if not len(frame):

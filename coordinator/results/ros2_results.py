@@ -15,7 +15,7 @@ from coordinator.bodies.tracked import coarsen
 from coordinator.results.live_results import ResultMessage
 from coordinator.sources.ros2 import Node
 from coordinator.tracking.certainty.certainty import FLAGGED
-from coordinator.tracking.estimate import UNKNOWN
+from coordinator.tracking.estimate import POSE_UNKNOWN
 
 JOINTS, FRAMES = "sensor_msgs/msg/JointState", "tf2_msgs/msg/TFMessage"
 CERTAINTY, MARKERS = "diagnostic_msgs/msg/DiagnosticArray", "visualization_msgs/msg/MarkerArray"
@@ -55,7 +55,7 @@ class RosOutlet:
         header = self._header(message.time_s)
         if self._certainty.has_subscriber:
             self._certainty.put(self._make(CERTAINTY, header, self._statuses(message)))
-        if message.status in UNKNOWN:
+        if message.status in POSE_UNKNOWN:
             self._clear(header)
             return
         pose = np.array([[*message.pose.values()]], dtype=np.float64)
@@ -88,7 +88,7 @@ class RosOutlet:
 
     def _statuses(self, message: ResultMessage) -> list[Any]:
         """The status of the body, then that of each joint."""
-        is_known, states = message.status not in UNKNOWN, self._states
+        is_known, states = message.status not in POSE_UNKNOWN, self._states
         level = states.OK if message.status == "tracked" else states.WARN if is_known else states.ERROR
         parts = [self._status("body", level, message.why or message.status, {"residual_m": message.residual})]
         for name, doubt in message.joint_off_probability.items():

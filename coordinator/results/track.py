@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from common.arrays import Array, Indices, Mask
 from common.body import BodyModel
 from common.errors import InputError
-from coordinator.files import LOG_FILE, layout_of, read_arrays
-from coordinator.tracking.estimate import UNKNOWN
+from coordinator.files import LOG_FILE, file_layout, read_arrays
+from coordinator.tracking.estimate import POSE_UNKNOWN
 
 TRACK_FILE = "track.npz"
 
@@ -54,7 +54,7 @@ class Track:
     @property
     def unknown(self) -> Mask:
         """Frames (F,) without a known pose: the body is lost, searched for, or absent."""
-        return np.asarray(np.isin(self.status, UNKNOWN))
+        return np.asarray(np.isin(self.status, POSE_UNKNOWN))
 
     @property
     def placed(self) -> Mask:
@@ -110,7 +110,7 @@ def read_track(folder: Path) -> Track:
         inside = sorted(each.parent for each in folder.glob(f"*/{TRACK_FILE}"))
         where = f"a run in it, such as {inside[0]}" if inside else "the --out folder of a finished gepf track"
         raise InputError(f"{folder} holds no {TRACK_FILE}; give {where}")
-    arrays = read_arrays(folder / TRACK_FILE, layout_of(Track))
+    arrays = read_arrays(folder / TRACK_FILE, file_layout(Track))
     names = {name: tuple(values.tolist()) for name, values in arrays.items() if name.endswith("_names")}
     track = Track(**arrays | names)  # type: ignore[arg-type]
     finite = track.placed & np.isfinite(track.joint_positions).all(axis=(1, 2))

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.arrays import Array, Mask
-from common.camera import NOT_MOVED, Intrinsics
+from common.camera import NOT_MOVED, Intrinsics, Lens
 from common.compiling import numba
 from common.frame import DepthFrame
 from coordinator.scene.noise import USUAL_GROWTH, fit_noise, margin_at
@@ -21,7 +21,6 @@ from coordinator.scene.planes import Planes, extents, find_planes, refit, sample
 
 Depth = NDArray[np.float32]
 Marks = NDArray[np.uint8]
-Lens = tuple[float, float, float, float]  # fx, fy, cx, cy
 
 PERSON_LENGTH_M = (0.6, 2.5)  # largest extent of a person
 SETTLED_FRAMES = 30  # until something nearer becomes background; also between searches for planes
@@ -49,11 +48,6 @@ class SceneView:
     marks: Marks
     furnished: bool
     excluded: Mask | None = None
-
-    @property
-    def lens(self) -> Lens:
-        """fx, fy, cx, cy."""
-        return self.camera.fx, self.camera.fy, self.camera.cx, self.camera.cy
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -139,7 +133,6 @@ class Scene:
         if depth.any():
             self._look(depth, frame.intrinsics)
         camera, planes, growth = frame.intrinsics, self._planes, self._growth or USUAL_GROWTH
-        lens = camera.fx, camera.fy, camera.cx, camera.cy
         return SceneView(
             number=frame.number,
             depth=depth,
@@ -147,7 +140,7 @@ class Scene:
             growth=growth,
             planes=planes,
             background=self._background,
-            marks=mark_pixels(depth, self._background, lens, planes.coefficients, growth),
+            marks=mark_pixels(depth, self._background, camera.lens, planes.coefficients, growth),
             furnished=self._furnished,
             excluded=excluded,
         )

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.arrays import Array, Indices, Mask
-from common.camera import points_of, project
+from common.camera import Lens, points_of, project
 from common.compiling import numba
 from common.frame import EMPTY, HIDDEN, SUBJECT, UNKNOWN, UNMEASURED
 from coordinator.scene.noise import margin_at
-from coordinator.scene.scene import FOREGROUND, NOT_MEASURED, ON_PLANE, Depth, Lens, SceneView
+from coordinator.scene.scene import FOREGROUND, NOT_MEASURED, ON_PLANE, Depth, SceneView
 
 Labels = NDArray[np.uint8]
 Window = tuple[int, int, int, int]  # left, top, right, bottom in pixels, half-open
@@ -69,7 +69,9 @@ def measure_distances(view: SceneView, surface: Array) -> Depth:
             np.minimum(flat[shift:], before[:-shift] + more, out=flat[shift:])
     metres = np.float32(CELL_M) * np.sqrt(np.arange(far + 1, dtype=np.float32))
     metres[REACH_CELLS**2 + 1 :] = np.inf
-    return look_up(view.depth, view.lens, window_of(view, surface), low, np.minimum(squares, far), metres)
+    return look_up(
+        view.depth, view.camera.lens, window_of(view, surface), low, np.minimum(squares, far), metres
+    )
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -174,7 +176,7 @@ def window_of(view: SceneView, surface: Array) -> Window:
     nearest = surface[:, 2] - REACH_M
     if nearest.min() <= 0.0:
         return 0, 0, width, height
-    fx, fy, cx, cy = view.lens
+    fx, fy, cx, cy = view.camera.lens
     u, v = cx + fx * surface[:, 0] / surface[:, 2], cy + fy * surface[:, 1] / surface[:, 2]
     across, along = REACH_M * fx / nearest, REACH_M * fy / nearest
     left, right = np.clip([(u - across).min(), (u + across).max() + 2.0], 0.0, width).astype(int).tolist()

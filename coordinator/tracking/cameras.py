@@ -21,9 +21,9 @@ from common.camera import pixels_at
 from common.frame import DepthFrame, SubjectFrame
 from common.kinematics import pose_vertices
 from coordinator.tracking.faults import (
+    CONFIRMED_S,
     CONTRADICTS,
     NO_DEPTH,
-    PERSISTS_S,
     REPEATS,
     Agreement,
     CameraState,
@@ -100,7 +100,7 @@ def compare(
     agreed_s = before.agreed_s
     if len(residuals) > len(against) + 1:
         agreed_s += interval_s
-    elif agreed_s < PERSISTS_S:
+    elif agreed_s < CONFIRMED_S:
         agreed_s = 0.0
     return Agreement((*unseen, *against), agreed_s)
 

@@ -11,7 +11,7 @@ from coordinator.tracking.faults import Kind
 
 Status = Literal["tracked", "ambiguous", "lost", "searching", "absent"]
 
-UNKNOWN = ("lost", "searching", "absent")
+POSE_UNKNOWN = ("lost", "searching", "absent")
 """Status of frames without a valid pose. The pose is the last known one, a guess while the body is searched
 for, or NaN before the first detection."""
 

@@ -11,7 +11,7 @@ Kind = Literal["gives no depth", "repeats an image", "contradicts the others"]
 NO_DEPTH: Kind = "gives no depth"
 REPEATS: Kind = "repeats an image"
 CONTRADICTS: Kind = "contradicts the others"
-PERSISTS_S = 0.5  # until a fault is reported, and until cameras that agree are believed
+CONFIRMED_S = 0.5  # until a fault is reported, and until cameras that agree are believed
 REMEDY = "it or another one was moved: gepf calibrate finds the poses again from recordings"
 
 
@@ -33,7 +33,7 @@ class Agreement:
     """Whether the cameras that show a body agree on its place.
 
     contradicting: cameras whose points the last pose does not explain. agreed_s: seconds for which two or
-    more cameras agree; kept from PERSISTS_S on, until the body is lost.
+    more cameras agree; kept from CONFIRMED_S on, until the body is lost.
     """
 
     contradicting: tuple[str, ...] = ()
@@ -45,7 +45,7 @@ class Agreement:
         Of two cameras that contradict each other, one is believed only if they agreed before.
         """
         others = [name for name in shown if name not in self.contradicting]
-        if not self.contradicting or len(others) > 1 or (others and self.agreed_s >= PERSISTS_S):
+        if not self.contradicting or len(others) > 1 or (others and self.agreed_s >= CONFIRMED_S):
             return ""
         against = ", ".join(others) or "the others"
         return f"{', '.join(self.contradicting)} contradicts {against}: either may have a wrong T_rig_camera"
@@ -56,7 +56,7 @@ def faults_of(states: Mapping[str, CameraState], time_s: float) -> dict[str, tup
     return {
         name: (state.fault, state.good_s)
         for name, state in states.items()
-        if state.fault is not None and time_s - state.good_s >= PERSISTS_S
+        if state.fault is not None and time_s - state.good_s >= CONFIRMED_S
     }
 
 

@@ -111,7 +111,7 @@ def reject_parts(model: BodyModel, pose: Array, subject: SubjectFrame, stature: 
     surface, links = pose_vertices(model, pose[None])[0], model.skin_links[:, 0]
     surface = np.concatenate([surface, surface[model.triangles].mean(axis=1)])
     links = np.concatenate([links, links[model.triangles[:, 0]]])
-    views = [compare(surface, each, CELL_SHARE * stature) for each in subject.views]
+    views = [agreeing_points(surface, each, CELL_SHARE * stature) for each in subject.views]
     drawn, agrees = (np.concatenate(each) for each in zip(*views, strict=True))
     for part, names in PARTS.items():
         joints = [n for n, joint in enumerate(model.joint_names) if joint.split("_")[-1] in names]
@@ -121,7 +121,7 @@ def reject_parts(model: BodyModel, pose: Array, subject: SubjectFrame, stature: 
     return ""
 
 
-def compare(surface: Array, view: SubjectFrame, cell_m: float) -> tuple[Indices, Mask]:
+def agreeing_points(surface: Array, view: SubjectFrame, cell_m: float) -> tuple[Indices, Mask]:
     """Some points (N,) of a surface (V, 3) that face a camera, and which of them agree with its image (N,).
 
     They are the nearest ones in each cell of the body's image. Its outline is left out: noise and clothes

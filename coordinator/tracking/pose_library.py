@@ -21,7 +21,7 @@ from common.kinematics import link_transforms, pose_vertices
 from common.kinematics.rotations import euler_angles, euler_matrix
 from coordinator.bodies.tracked import Bodies, Size
 from coordinator.scene.planes import Planes
-from coordinator.tracking.descriptor import BOUND_CELLS, COLUMNS, ROWS, Image, compare, describe
+from coordinator.tracking.descriptor import BOUND_CELLS, COLUMNS, ROWS, Image, describe, fill_differences
 
 POSES = 3_000
 PERSON_CELL_M = 0.06  # side of a cell of the descriptor, for a person of reference stature
@@ -73,7 +73,7 @@ TILTS = (0.0, 25.0, 55.0)
 class PoseLibrary:
     """Poses (N, D) with the root at the origin, and their descriptors.
 
-    middles: Centre of each descriptor relative to the root, metres. `cells` have the layout for `compare`.
+    middles: Centre of each descriptor relative to the root, metres. cells: as `fill_differences` takes them.
     """
 
     poses: Array  # (N, D)
@@ -98,7 +98,7 @@ class PoseLibrary:
         image = np.empty((ROWS, COLUMNS), dtype=np.float32)
         for k, scale in enumerate(scales):
             cells = describe(seen / scale, self.cell_m, image, middles[k])
-            compare(self.cells, self.occupied, image, BOUND_CELLS * self.cell_m, difference[k])
+            fill_differences(self.cells, self.occupied, image, BOUND_CELLS * self.cell_m, difference[k])
             difference[k] /= cells + self.occupied
         scale_of = np.argmin(difference, axis=0)
         best = difference[scale_of, np.arange(len(scale_of))]
@@ -155,13 +155,13 @@ def displaced(
     for n, each in enumerate(poses):
         quarter = euler_matrix(np.array([0.0, 0.5 * np.pi * n, 0.0]))
         each[3:6] = euler_angles(euler_matrix(pose[3:6]) @ quarter, pose[3:6])
-    observed = middle_of(points @ turn.T, cell_m)
+    observed = seen_centre(points @ turn.T, cell_m)
     for each, surface in zip(poses, pose_vertices(model, poses)[:, :: stride(model)], strict=True):
-        each[:3] += (observed - middle_of(surface @ turn.T, cell_m)) @ turn
+        each[:3] += (observed - seen_centre(surface @ turn.T, cell_m)) @ turn
     return poses
 
 
-def middle_of(points: Array, cell_m: float) -> Array:
+def seen_centre(points: Array, cell_m: float) -> Array:
     """The centre (3,) of the points (P, 3) that are visible along the third axis, as in a descriptor."""
     middle = np.empty(3)
     image = np.empty((ROWS, COLUMNS), dtype=np.float32)

@@ -24,7 +24,7 @@ from coordinator.tracking.certainty.certainty import (
 )
 from coordinator.tracking.certainty.features import FrameContext, measure_features
 from coordinator.tracking.certainty.surface import seen_shares
-from coordinator.tracking.estimate import MAX_HYPOTHESES, UNKNOWN, Estimate, Status
+from coordinator.tracking.estimate import MAX_HYPOTHESES, POSE_UNKNOWN, Estimate, Status
 from coordinator.tracking.faults import faults_of
 from coordinator.tracking.state import TrackerState
 from coordinator.tracking.track_management import CHECK_INTERVAL_FRAMES, TrackManagement
@@ -102,7 +102,7 @@ def report(updated: Updated) -> Tracked:
         stage_seconds=updated.clock.seconds,
         seen_by=seen,
         faults=faults_of(cameras, updated.frame.time_s),
-        certainty=unknown_certainty(len(joints[0])) if status in UNKNOWN else certainty,
+        certainty=unknown_certainty(len(joints[0])) if status in POSE_UNKNOWN else certainty,
     )
     subject = None if updated.context is None else updated.context.subject
     return Tracked(estimate, updated.state, subject)

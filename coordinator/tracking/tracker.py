@@ -36,7 +36,7 @@ from coordinator.tracking.track_management import SEARCH_INTERVAL_FRAMES
 Ready = tuple[Segmented, CameraStates, list[Stopwatch]]
 """A segmented frame, the state of each camera, and a stopwatch for each person."""
 
-STEP_M = 0.8  # largest motion of a body between two frames
+LARGEST_MOTION_M = 0.8  # largest motion of a body between two frames
 
 Item = TypeVar("Item")
 
@@ -272,7 +272,7 @@ class Tracker:
         if (begun := target.begun) is not None:  # the person in whom the search ended
             found = tuple(sorted(found, key=lambda each: distance(each, middle_of(begun))))
         for each in found[:1]:
-            near = begun is not None or distance(each, target.last_seen) < STEP_M
+            near = begun is not None or distance(each, target.last_seen) < LARGEST_MOTION_M
             if each.pixels > pixels and (near or pixels < target.least_pixels):
                 if begun is None:
                     target.nothing_seen()

@@ -24,7 +24,7 @@ from coordinator.sources.live import LiveFrames
 from coordinator.sources.live_stream import LiveCamera
 from coordinator.stopwatch import Stopwatch
 from coordinator.tracking.detector import Detector
-from coordinator.tracking.estimate import UNKNOWN, Estimate
+from coordinator.tracking.estimate import POSE_UNKNOWN, Estimate
 from coordinator.tracking.particle_filter import Pace, Submitted
 from coordinator.tracking.refiner import Pending
 from coordinator.tracking.reporting import judge, report
@@ -336,7 +336,7 @@ def test_what_is_far_from_the_body_and_no_person_is_not_tracked(settings: Settin
     depth_m = np.where(frames[1].depth > 0, frames[1].metres() + 3.5, 0.0)
     status = [followed.track(frame_of(n, depth_m)).status for n in range(1, 6)]
     assert "tracked" not in status
-    assert status[-1] in UNKNOWN
+    assert status[-1] in POSE_UNKNOWN
 
 
 def test_nobody_is_there_until_somebody_comes() -> None:

@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 from common.activation import nearest_in
 from common.arrays import Array
 from common.body import BodyModel
+from common.camera import Lens
 from common.compiling import numba
 from common.frame import SubjectFrame
 from common.kinematics import joint_positions, pose_vertices
-
-Lens = tuple[float, float, float, float]  # fx, fy, cx, cy
 
 REGION_M = 0.12  # standard deviation of the weights of the surface around a joint by distance
 AGREES_M = 0.08  # largest difference between the surface and the depth measured there
@@ -30,14 +29,14 @@ def seen_shares(model: BodyModel, pose: Array, subject: SubjectFrame, stretch: f
     vertices, regions = pose_vertices(model, pose[None])[0], regions_of(model)
     areas = np.zeros((len(subject.views), 2, regions.shape[1]))
     for each, seen in zip(subject.views, areas, strict=True):
-        frame, camera = each.frame, each.frame.intrinsics
+        frame = each.frame
         add_areas(
             np.ascontiguousarray(frame.to_camera(vertices)),
             model.triangles,
             regions,
             np.array(frame.depth, order="C"),  # a kernel is compiled for one memory layout
             frame.depth_scale,
-            (camera.fx, camera.fy, camera.cx, camera.cy),
+            frame.intrinsics.lens,
             stretch,
             seen,
         )
