@@ -12,7 +12,6 @@ from common.arrays import Array
 from common.body import TRANSLATION, BodyModel
 from common.errors import InputError, check_choice
 from coordinator.bodies.angles import angles_of
-from coordinator.results.log import certainty_of
 from coordinator.tracking import estimate
 
 ROW = Markup('<tr><th>{}</th><td style="text-align: left">{}</td></tr>')
@@ -58,7 +57,7 @@ class Estimate(estimate.Estimate):
 
     def _of_joint(self, what: str, name: str) -> float:
         at = index_of(name, self.joint_names, "joint")
-        return float(getattr(certainty_of(self.model, self), what)[at])
+        return float(getattr(self.certainty, what)[at])
 
     def angle(self, name: str, *, degrees: bool = False) -> float:
         """An angle, radians unless `degrees`: the value nearest to zero, as there is only one frame.

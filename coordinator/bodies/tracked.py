@@ -80,13 +80,9 @@ class Bodies:
         active: Tracked degrees of freedom.
         measures: The size, if it is known.
         dof_names: All degrees of freedom.
+        people: Whether it is a person, who is detected in typical poses of people.
+        content: Hash of a known body.
     """
-
-    people = True
-    """Whether it is a person, who is detected in typical poses of people."""
-
-    content: str | None = None
-    """Hash of a known body."""
 
     def __init__(
         self,
@@ -94,11 +90,15 @@ class Bodies:
         start_dofs: tuple[str, ...],
         active: tuple[str, ...],
         measures: Size | None = None,
+        *,
         dof_names: tuple[str, ...] = HUMAN_DOFS,
+        people: bool = True,
+        content: str | None = None,
     ) -> None:
         self.full = lru_cache(SIZES)(build)
         self.for_start = lru_cache(SIZES)(self._for_start)
         self.start_dofs, self.active, self.measures, self.dof_names = start_dofs, active, measures, dof_names
+        self.people, self.content = people, content
 
     def tracked(self, size: Size, values: Mapping[str, float]) -> tuple[BodyModel, Array]:
         """The tracked body, with other degrees of freedom held at `values`, and its pose (D,) there."""
@@ -125,6 +125,12 @@ def one_body(
     model: BodyModel, start_dofs: tuple[str, ...], active: tuple[str, ...], measures: Size | None = None
 ) -> Bodies:
     """A known body with all its degrees of freedom: a robot, an object, or a person with known `measures`."""
-    bodies = Bodies(lambda *_: model, start_dofs, active, measures or Size(np.nan, np.nan), model.dof_names)
-    bodies.people, bodies.content = measures is not None, model.hash
-    return bodies
+    return Bodies(
+        lambda *_: model,
+        start_dofs,
+        active,
+        measures or Size(np.nan, np.nan),
+        dof_names=model.dof_names,
+        people=measures is not None,
+        content=model.hash,
+    )

@@ -129,10 +129,9 @@ def track_alone(source: Source, refiner: Refiner, settings: Settings, bodies: Bo
     rows = list[tuple[float, Array, Array, Array]]()
     next_s, jacobian = -np.inf, np.zeros(3)
     for (tracked,) in Tracker(refiner, settings, bodies).follow(source):
-        estimate, certainty = tracked.estimate, tracked.estimate.certainty
-        deviation = np.full(len(estimate.joint_positions), np.inf)
-        if certainty is not None and estimate.status not in POSE_UNKNOWN:
-            deviation = certainty.deviation
+        estimate, deviation = tracked.estimate, np.full(len(tracked.estimate.joint_positions), np.inf)
+        if estimate.status not in POSE_UNKNOWN:
+            deviation = estimate.certainty.deviation
             if tracked.subject is not None and estimate.time_s >= next_s:
                 next_s = estimate.time_s + BLOCK_S
                 jacobian = measure_jacobian(tracked, tracked.subject, refiner, settings, bodies)

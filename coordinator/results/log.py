@@ -29,7 +29,6 @@ from coordinator.results.configuration import RunConfiguration
 from coordinator.results.track import Track
 from coordinator.scene.planes import Planes
 from coordinator.scene.scene import Scene, SceneChanges
-from coordinator.tracking.certainty.certainty import Certainty, unknown_certainty
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.state import Checkpoint, Start, TrackerState
 
@@ -192,7 +191,6 @@ def assemble(
     for f, estimate in enumerate(estimates):
         count = len(estimate.hypothesis_weight)
         weight[f, :count], pose[f, :count] = estimate.hypothesis_weight, estimate.hypothesis_pose
-    certain = [certainty_of(model, estimate) for estimate in estimates]
     track = Track(
         frame=np.array([e.frame for e in estimates], dtype=np.int64),
         time_s=np.array([e.time_s for e in estimates], dtype=np.float64),
@@ -200,9 +198,9 @@ def assemble(
         pose=np.array([e.pose for e in estimates]).reshape(-1, dofs),
         joint_names=model.joint_names,
         joint_positions=np.array([e.joint_positions for e in estimates]).reshape(-1, joints, 3),
-        joint_deviation=np.array([one.deviation for one in certain]).reshape(-1, joints),
-        joint_off_probability=np.array([one.off_probability for one in certain]).reshape(-1, joints),
-        joint_seen=np.array([one.seen for one in certain]).reshape(-1, joints),
+        joint_deviation=np.array([e.certainty.deviation for e in estimates]).reshape(-1, joints),
+        joint_off_probability=np.array([e.certainty.off_probability for e in estimates]).reshape(-1, joints),
+        joint_seen=np.array([e.certainty.seen for e in estimates]).reshape(-1, joints),
         hypothesis_pose=pose,
         hypothesis_weight=weight,
         status=np.array([e.status for e in estimates], dtype="<U9"),
@@ -228,8 +226,3 @@ def seen_by_cameras(estimates: Sequence[Estimate], joints: int) -> dict[str, Any
         "joint_seen_by": np.array(shares),
         "camera_fault": np.array(faults, dtype=np.str_),
     }
-
-
-def certainty_of(model: BodyModel, estimate: Estimate) -> Certainty:
-    """The certainty of each joint (J,) of an estimate; NaN if unknown."""
-    return estimate.certainty or unknown_certainty(len(model.joint_names))

@@ -16,7 +16,7 @@ import pytest
 from common.kinematics import joint_positions
 from common.transport.opening import open_coordinator
 from coordinator.results.live_results import LiveResults, PackedOutlet, read_result
-from coordinator.tracking.certainty.certainty import Certainty
+from coordinator.tracking.certainty.certainty import Certainty, unknown_certainty
 from coordinator.tracking.estimate import Estimate, Status
 from tests.support.bodies import person
 
@@ -45,8 +45,9 @@ def estimate(frame: int, turn: float, status: Status = "tracked") -> Estimate:
     joints = joint_positions(person(), pose[None])[0]
     count = len(joints)
     certainty = Certainty(np.full(count, 0.75), np.full(count, 0.25), np.full(count, 0.05))
-    known = None if status == "lost" else certainty
-    return Estimate(frame, frame / 30.0, status, pose, joints, pose[None], np.ones(1), 0.01, certainty=known)
+    if status == "lost":
+        certainty = unknown_certainty(count)
+    return Estimate(frame, frame / 30.0, status, pose, joints, pose[None], np.ones(1), 0.01, certainty)
 
 
 def nobody(frame: int) -> Estimate:

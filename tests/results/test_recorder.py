@@ -22,7 +22,7 @@ from coordinator.results.log import Recorded, read_log, read_records
 from coordinator.results.recorder import Recorder
 from coordinator.results.track import read_track
 from coordinator.scene.scene import SceneChange
-from coordinator.tracking.certainty.certainty import Certainty
+from coordinator.tracking.certainty.certainty import Certainty, unknown_certainty
 from coordinator.tracking.estimate import Estimate, Status
 from coordinator.tracking.reporting import Tracked
 from coordinator.tracking.state import Checkpoint, Start, TrackerState
@@ -44,6 +44,7 @@ def estimate(number: int, hypotheses: int = 2, status: Status = "tracked") -> Es
     """An estimate whose values differ from those of every other."""
     rng = np.random.default_rng(number)
     poses = rng.normal(size=(hypotheses, len(DOFS)))
+    unknown = unknown_certainty(len(JOINTS))
     return Estimate(
         frame=number,
         time_s=number / 30,
@@ -53,7 +54,9 @@ def estimate(number: int, hypotheses: int = 2, status: Status = "tracked") -> Es
         hypothesis_pose=poses,
         hypothesis_weight=np.full(hypotheses, 1 / hypotheses),
         residual=float("nan") if status == "lost" else 0.01,
-        certainty=None if status == "lost" else Certainty(*rng.random((3, len(JOINTS)))),
+        certainty=unknown_certainty(len(JOINTS))
+        if status == "lost"
+        else Certainty(*rng.random((3, len(JOINTS)))),
         stage_seconds={"refine": rng.random()},
     )
 
@@ -134,8 +137,7 @@ def test_values_come_through_bit_by_bit_and_missing_hypotheses_are_nan(run: Path
         np.testing.assert_array_equal(track.hypothesis_weight[f, :count], each.hypothesis_weight)
         assert np.isnan(track.hypothesis_pose[f, count:]).all()
         for what in ("seen", "off_probability", "deviation"):
-            sure = np.nan if each.certainty is None else getattr(each.certainty, what)
-            np.testing.assert_array_equal(getattr(track, f"joint_{what}")[f], sure)
+            np.testing.assert_array_equal(getattr(track, f"joint_{what}")[f], getattr(each.certainty, what))
         assert np.isnan(track.hypothesis_weight[f, count:]).all()
 
 

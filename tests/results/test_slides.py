@@ -14,6 +14,7 @@ from coordinator.bodies.urdf import read_urdf
 from coordinator.pictures.plots import curves_of
 from coordinator.results.evaluation import Truth
 from coordinator.results.track import TrackedBody
+from coordinator.tracking.certainty.certainty import unknown_certainty
 from coordinator.tracking.estimate import Estimate
 from gepf.named import named
 from tests.support.runs import swing, write_run
@@ -44,7 +45,8 @@ def test_the_library_gives_metres_and_never_degrees(gantry: BodyModel, tmp_path:
     track = write_run(tmp_path / "run", gantry, poses)
     run = gepf.load(tmp_path / "run")
     joints = track.joint_positions[0]
-    plain = Estimate(0, 0.0, "tracked", poses[0], joints, poses[:1], np.ones(1), 0.01)
+    certainty = unknown_certainty(len(joints))
+    plain = Estimate(0, 0.0, "tracked", poses[0], joints, poses[:1], np.ones(1), 0.01, certainty)
     estimate = named(plain, gantry, {})
     for name in ("main_lift", "root_tx"):
         at = gantry.dof(name)

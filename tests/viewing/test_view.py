@@ -24,6 +24,7 @@ from coordinator.results.track import read_track, read_tracked_body
 from coordinator.sources import open_source
 from coordinator.synthesis.scenes import ARM_DOFS, SCENES
 from coordinator.synthesis.sequence import synthesise
+from coordinator.tracking.certainty.certainty import unknown_certainty
 from coordinator.tracking.estimate import Estimate
 from tests.support.live import KEY, plate_image
 from tests.support.processes.programs import in_thread
@@ -84,9 +85,9 @@ def test_live_frames_and_results_are_shown_as_they_come(
             for f, frame in enumerate(open_source(recorded[0])):
                 camera.put_blocking(encode_live(frame))
                 pose = track.pose[f]
-                known = Estimate(
-                    f, 0.0, "tracked", pose, track.joint_positions[f], pose[None], np.ones(1), 0.0
-                )
+                joints = track.joint_positions[f]
+                certainty = unknown_certainty(len(joints))
+                known = Estimate(f, 0.0, "tracked", pose, joints, pose[None], np.ones(1), 0.0, certainty)
                 LiveResults(PackedOutlet(results), run="r").put(known, model, {})
                 fetched.wait(2.0)  # so that the body is known when a later frame is shown
             LiveResults(PackedOutlet(results)).end()

@@ -9,13 +9,16 @@ import pytest
 from rich.console import Console
 
 from coordinator.commands.progress import FrameRate, Show, counted, describe
+from coordinator.tracking.certainty.certainty import unknown_certainty
 from coordinator.tracking.estimate import Estimate
 
 
 def estimate(residual: float = 0.0123) -> Estimate:
     """Three hypotheses, tracked."""
-    poses = np.zeros((3, 1))
-    return Estimate(0, 0.0, "tracked", poses[0], np.zeros((1, 3)), poses, np.full(3, 1 / 3), residual, {})
+    poses, weights = np.zeros((3, 1)), np.full(3, 1 / 3)
+    return Estimate(
+        0, 0.0, "tracked", poses[0], np.zeros((1, 3)), poses, weights, residual, unknown_certainty(1)
+    )
 
 
 def test_a_frame_is_described_in_one_line() -> None:
