@@ -26,8 +26,9 @@ class Estimate:
     distance between observed points and the most likely hypothesis, metres; NaN if nothing was observed.
     Until the body is found there are no hypotheses (M = 0), and pose and joints are NaN. `particles` is the
     number of refined particles. `why` is the reason to doubt the pose, as text; empty if there is none.
-    `certainty` is that of each joint. `seen_by` is the visible share (J,) of the surface around each joint for
-    each camera that shows the body. `faults` are those of cameras of a rig, each with its start in seconds.
+    `certainty` is that of each joint. `seen_by` is the visible share (J,) of the surface around each joint
+    for each camera that shows the body. `faults` are those of cameras of a rig, each with its start in
+    seconds.
     """
 
     frame: int

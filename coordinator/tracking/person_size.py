@@ -19,8 +19,8 @@ from coordinator.tracking.candidate_refinement import ITERATIONS
 from coordinator.tracking.estimate import MAX_HYPOTHESES
 from coordinator.tracking.refiner import Refiner, iterations
 from coordinator.tracking.reporting import judge
-from coordinator.tracking.size import INTERVAL_S, SizeEstimate, head_to_ankle, measure_stature
 from coordinator.tracking.state import Start
+from coordinator.tracking.stature import INTERVAL_S, StatureEstimate, head_to_ankle, measure_stature
 from coordinator.tracking.track_management import TrackManagement
 
 GIRTH_STEPS = np.array([0.85, 1.0, 1.15])  # factors; a parabola through their likelihoods is off by 1 %
@@ -32,13 +32,13 @@ class PersonSize:
     def __init__(self, bodies: Bodies, refiner: Refiner, *, measured: bool) -> None:
         self._bodies, self._refiner = bodies, refiner
         self._measured = measured and bodies.people and not bodies.measures
-        self.estimate: SizeEstimate | None = None  # None if the size is not estimated
+        self.estimate: StatureEstimate | None = None  # None if the size is not estimated
 
     def begin(self, start: Start, belief: Belief, subject: SubjectFrame, rules: RefineSettings) -> Start:
         """Begin to estimate: the start with the stature that the first frame shows."""
         if not (self._measured and start.is_free):
             return start
-        self.estimate = SizeEstimate()
+        self.estimate = StatureEstimate()
         stature = self._shown(start, start.pose, subject) or start.size.stature
         return self._fit_girth(start, stature, belief, subject, rules)
 

@@ -19,7 +19,7 @@ from coordinator.files import read_json
 from coordinator.scene.scene import SceneChanges
 from coordinator.tracking.faults import Agreement, CameraStates
 from coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise
-from coordinator.tracking.size import DEVIATION_SHARES, SizeEstimate
+from coordinator.tracking.stature import DEVIATION_SHARES, StatureEstimate
 from coordinator.tracking.track_management import TrackManagement
 
 
@@ -112,7 +112,7 @@ class Checkpoint:
     generator: str  # state of the random generator as JSON, which allows integers of any size
     scenes: SceneChanges  # changes by the frame; the whole scenes in a resumed run
     management: TrackManagement = field(default_factory=TrackManagement)
-    size: SizeEstimate | None = None  # of the person; None if it is not estimated
+    size: StatureEstimate | None = None  # of the person; None if it is not estimated
     cameras: CameraStates = field(default_factory=dict)
     doubted: tuple[str, ...] = ()  # cameras, when the next frame is segmented
     faulty: tuple[str, ...] = ()  # cameras at fault in the last frame that showed the body

@@ -54,9 +54,7 @@ def estimate(number: int, hypotheses: int = 2, status: Status = "tracked") -> Es
         hypothesis_pose=poses,
         hypothesis_weight=np.full(hypotheses, 1 / hypotheses),
         residual=float("nan") if status == "lost" else 0.01,
-        certainty=unknown_certainty(len(JOINTS))
-        if status == "lost"
-        else Certainty(*rng.random((3, len(JOINTS)))),
+        certainty=unknown if status == "lost" else Certainty(*rng.random((3, len(JOINTS)))),
         stage_seconds={"refine": rng.random()},
     )
 

@@ -149,7 +149,6 @@ def as_bytes(estimate: Estimate) -> list[bytes]:
     """All values of an estimate except times."""
     apart = ("stage_seconds", "certainty", "seen_by", "faults")
     names = [field.name for field in fields(Estimate) if field.name not in apart]
-    certainty = estimate.certainty
-    sure = [] if certainty is None else [getattr(certainty, field.name) for field in fields(Certainty)]
+    sure = [getattr(estimate.certainty, field.name) for field in fields(Certainty)]
     own = (getattr(estimate, name) for name in names)
     return [np.asarray(value).tobytes() for value in (*own, *sure, *estimate.seen_by.values())]

@@ -18,8 +18,8 @@ from coordinator.filters.gradient_enhanced import begin
 from coordinator.synthesis.noise import as_a_kinect
 from coordinator.tracking.person_size import PersonSize
 from coordinator.tracking.segmenter import Segmenter
-from coordinator.tracking.size import SizeEstimate, head_to_ankle, measure_stature
 from coordinator.tracking.state import Start
+from coordinator.tracking.stature import StatureEstimate, head_to_ankle, measure_stature
 from gepf.refiners import DirectRefiner
 from tests.support.people import (
     CAMERA,
@@ -112,7 +112,7 @@ def test_some_postures_show_no_stature(posture: dict[str, float]) -> None:
 
 def test_the_median_of_the_first_frames_becomes_the_stature_and_stays() -> None:
     """A few odd frames change nothing; only a whole window of another stature does."""
-    size, stature = SizeEstimate(), 1.8
+    size, stature = StatureEstimate(), 1.8
     for frame in range(20):
         size = size.add(1.9 if frame % 5 == 0 else 1.70, 0.1 * frame)
         stature = size.revise(stature)

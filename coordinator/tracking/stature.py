@@ -30,7 +30,7 @@ END_M = 0.06  # most by which a body that is too large exceeds the points at a j
 
 
 @dataclass(frozen=True, slots=True)
-class SizeEstimate:
+class StatureEstimate:
     """Statures (m) measured in the present window of frames; settled after the first full window."""
 
     statures: tuple[float, ...] = ()
