@@ -27,8 +27,8 @@ from coordinator.results.summary import PERSON, describe_failure, describe_statu
 from coordinator.sources.live_stream import is_topic, live_key
 from coordinator.sources.rig import live_cameras
 from coordinator.sources.ros2 import Node
-from coordinator.tracking.estimate import POSE_UNKNOWN
-from coordinator.tracking.faults import Kind, describe_changes
+from coordinator.tracking.cameras import describe_changes
+from coordinator.tracking.estimate import POSE_UNKNOWN, Fault
 from coordinator.tracking.reporting import Tracked
 from coordinator.tracking.tracker import Tracker
 
@@ -117,7 +117,7 @@ def track_frames(
     frames of a recording.
     """
     job, before, goes_on = given.job, recorder.frames, False
-    faults: Mapping[str, tuple[Kind, float]] = {}
+    faults: Mapping[str, tuple[Fault, float]] = {}
     with (
         open_node(job, show) as node,
         connect(job.pool, show.say) as workers,

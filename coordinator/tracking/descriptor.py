@@ -17,7 +17,7 @@ from common.compiling import numba
 Image = NDArray[np.float32]
 
 ROWS, COLUMNS = 40, 36
-NO_DEPTH = np.float32(1e3)  # depth of an empty cell
+VACANT = np.float32(1e3)  # depth of an empty cell
 BOUND_CELLS = 4.0  # largest difference of depth; an empty cell has this difference
 
 
@@ -37,11 +37,11 @@ def describe(points: Any, cell: float, image: Image, middle: Array) -> int:
     count = splat(points, cell, middle, image)
     total, depths = 0.0, image.ravel()
     for k in range(len(depths)):
-        if depths[k] < NO_DEPTH:
+        if depths[k] < VACANT:
             total += depths[k]
     middle[2] = total / max(count, 1)
     for k in range(len(depths)):
-        if depths[k] < NO_DEPTH:
+        if depths[k] < VACANT:
             depths[k] -= np.float32(middle[2])
     return count
 
@@ -49,13 +49,13 @@ def describe(points: Any, cell: float, image: Image, middle: Array) -> int:
 @numba.njit(cache=True, nogil=True)
 def splat(points: Any, cell: float, middle: Array, image: Image) -> int:
     """Fill image with the nearest depth in each cell around middle (3,); returns how many are filled."""
-    image[:] = NO_DEPTH
+    image[:] = VACANT
     count = 0
     for i in range(len(points)):
         column = int(np.floor((points[i, 0] - middle[0]) / cell + 0.5 * COLUMNS))
         row = int(np.floor((points[i, 1] - middle[1]) / cell + 0.5 * ROWS))
         if 0 <= column < COLUMNS and 0 <= row < ROWS:
-            if image[row, column] == NO_DEPTH:
+            if image[row, column] == VACANT:
                 count += 1
             image[row, column] = min(image[row, column], np.float32(points[i, 2]))
     return count
@@ -67,7 +67,7 @@ def centre(cell: float, image: Image, middle: Array) -> None:
     across, down, count = 0.0, 0.0, 0
     for row in range(ROWS):
         for column in range(COLUMNS):
-            if image[row, column] < NO_DEPTH:
+            if image[row, column] < VACANT:
                 across += column + 0.5 - 0.5 * COLUMNS
                 down += row + 0.5 - 0.5 * ROWS
                 count += 1
@@ -86,9 +86,9 @@ def fill_differences(cells: Image, occupied: Image, image: Image, bound: float, 
     for n in range(len(out)):
         out[n] = worst * occupied[n]
     for k in range(len(depths)):
-        if depths[k] < NO_DEPTH:
+        if depths[k] < VACANT:
             line, depth = cells[k], depths[k]
             for n in range(len(out)):
                 apart = line[n] - depth
-                both = worst if line[n] < NO_DEPTH else none
+                both = worst if line[n] < VACANT else none
                 out[n] += min(apart * apart, worst) - both

@@ -7,9 +7,11 @@ from typing import Literal
 
 from common.arrays import Array
 from coordinator.tracking.certainty.certainty import Certainty
-from coordinator.tracking.faults import Kind
 
 Status = Literal["tracked", "ambiguous", "lost", "searching", "absent"]
+
+Fault = Literal["gives no depth", "repeats an image", "contradicts the others"]
+"""Of a camera of a rig."""
 
 POSE_UNKNOWN = ("lost", "searching", "absent")
 """Status of frames without a valid pose. The pose is the last known one, a guess while the body is searched
@@ -44,4 +46,4 @@ class Estimate:
     particles: int = 0
     why: str = ""
     seen_by: dict[str, Array] = field(default_factory=dict)
-    faults: dict[str, tuple[Kind, float]] = field(default_factory=dict)
+    faults: dict[str, tuple[Fault, float]] = field(default_factory=dict)

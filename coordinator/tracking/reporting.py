@@ -14,6 +14,7 @@ from coordinator.bodies.angles import is_person
 from coordinator.filters.belief import Belief
 from coordinator.filters.motion import precisions
 from coordinator.stopwatch import Stopwatch
+from coordinator.tracking.cameras import faults_of
 from coordinator.tracking.certainty.certainty import (
     FIT,
     FLAGGED,
@@ -25,7 +26,6 @@ from coordinator.tracking.certainty.certainty import (
 from coordinator.tracking.certainty.features import FrameContext, measure_features
 from coordinator.tracking.certainty.surface import seen_shares
 from coordinator.tracking.estimate import MAX_HYPOTHESES, POSE_UNKNOWN, Estimate, Status
-from coordinator.tracking.faults import faults_of
 from coordinator.tracking.state import TrackerState
 from coordinator.tracking.track_management import CHECK_INTERVAL_FRAMES, TrackManagement
 

@@ -17,7 +17,7 @@ from common.kinematics import joint_positions
 from coordinator.bodies.tracked import USUAL_SIZE, Bodies, Size
 from coordinator.files import read_json
 from coordinator.scene.scene import SceneChanges
-from coordinator.tracking.faults import Agreement, CameraStates
+from coordinator.tracking.cameras import Agreement, CameraStates
 from coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise
 from coordinator.tracking.stature import DEVIATION_SHARES, StatureEstimate
 from coordinator.tracking.track_management import TrackManagement

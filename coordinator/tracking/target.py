@@ -23,11 +23,10 @@ from coordinator.filters.methods import apply_method
 from coordinator.scene.planes import Planes
 from coordinator.scene.scene import SceneChanges
 from coordinator.stopwatch import Stopwatch
-from coordinator.tracking.cameras import compare
+from coordinator.tracking.cameras import Agreement, CameraStates, compare, faults_of
 from coordinator.tracking.certainty.features import FrameContext
 from coordinator.tracking.detector import Detector, move_with_points
 from coordinator.tracking.estimate import Status
-from coordinator.tracking.faults import Agreement, CameraStates, faults_of
 from coordinator.tracking.gating import LEAST_PIXELS, gate_pose
 from coordinator.tracking.observation import POINTS, camera_points
 from coordinator.tracking.particle_filter import Encoders, Pace, ParticleFilter, Submitted

@@ -21,8 +21,7 @@ from coordinator.scene.scene import NOTHING, SETTLED_FRAMES
 from coordinator.scene.scope import Scope
 from coordinator.sources.live import LiveFrames
 from coordinator.stopwatch import Stopwatch
-from coordinator.tracking.cameras import watch
-from coordinator.tracking.faults import CameraStates
+from coordinator.tracking.cameras import CameraStates, watch
 from coordinator.tracking.observation import middle_of
 from coordinator.tracking.particle_filter import Encoders, Pace, Submitted
 from coordinator.tracking.preparation import rehearse

@@ -16,9 +16,8 @@ from common.kinematics import joint_positions
 from common.kinematics.rotations import euler_matrix
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
-from coordinator.tracking.cameras import compare, watch
+from coordinator.tracking.cameras import Agreement, CameraStates, compare, describe_changes, faults_of, watch
 from coordinator.tracking.estimate import Estimate
-from coordinator.tracking.faults import Agreement, CameraStates, describe_changes, faults_of
 from coordinator.tracking.observation import isolate
 from coordinator.tracking.tracker import Tracker
 from gepf.refiners import DirectRefiner

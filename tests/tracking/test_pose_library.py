@@ -11,7 +11,7 @@ from common.body import BodyModel
 from common.kinematics import joint_positions, pose_vertices
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
-from coordinator.tracking.descriptor import COLUMNS, NO_DEPTH, ROWS, describe, fill_differences
+from coordinator.tracking.descriptor import COLUMNS, ROWS, VACANT, describe, fill_differences
 from coordinator.tracking.pose_library import describe_poses, displaced, draw_people, look_straight
 from tests.support.people import STANDING
 
@@ -30,7 +30,7 @@ def test_a_descriptor_is_the_same_wherever_the_body_is() -> None:
     points = np.random.default_rng(0).uniform(-0.5, 0.5, (400, 3))
     image, middle, cells = described(points)
     moved, other, count = described(points + np.array([3 * CELL, -2 * CELL, 2.5]))
-    assert cells == count == np.count_nonzero(image < NO_DEPTH)
+    assert cells == count == np.count_nonzero(image < VACANT)
     np.testing.assert_allclose(other - middle, [3 * CELL, -2 * CELL, 2.5], atol=1e-9)
     same = np.isclose(image, moved, atol=1e-5)
     assert same.mean() > 0.99  # a point on a cell's edge may change sides by rounding
@@ -40,11 +40,11 @@ def test_descriptors_are_compared_as_the_definition_says() -> None:
     """The sum over cells of min(|dz|, bound)^2; a cell that only one of two fills counts the bound."""
     rng, bound = np.random.default_rng(1), 0.25
     images = rng.normal(0.0, 0.2, (5, ROWS, COLUMNS)).astype(np.float32)
-    images[rng.random(images.shape) < 0.7] = NO_DEPTH
+    images[rng.random(images.shape) < 0.7] = VACANT
     seen, out = images[0], np.empty(4, dtype=np.float32)
     others = images[1:]
     cells = np.ascontiguousarray(others.reshape(4, -1).T)
-    fill_differences(cells, (others < NO_DEPTH).sum(axis=(1, 2)).astype(np.float32), seen, bound, out)
+    fill_differences(cells, (others < VACANT).sum(axis=(1, 2)).astype(np.float32), seen, bound, out)
     difference = np.minimum(np.abs(others.astype(np.float64) - seen), bound) ** 2
     np.testing.assert_allclose(out, difference.sum(axis=(1, 2)), rtol=1e-4)
 
