@@ -25,6 +25,7 @@ from coordinator.tracking.certainty.surface import seen_shares
 from coordinator.tracking.estimate import POSE_UNKNOWN
 from coordinator.tracking.reporting import Updated, report
 from coordinator.tracking.segmenter import Segmenter
+from coordinator.tracking.state import first_state
 from coordinator.tracking.target import TargetTracker
 from gepf.refiners import DirectRefiner
 
@@ -74,7 +75,8 @@ def gather(
     if cut is not None:
         row = row_between(reference.joints, reference.names, cut, frames[0].intrinsics)
         frames = [cut_below(frame, row) for frame in frames]
-    segmenter, tracker = Segmenter(settings.points), TargetTracker(DirectRefiner(), settings, bodies)
+    state = first_state(bodies, None, settings.seed)
+    segmenter, tracker = Segmenter(settings.points), TargetTracker(DirectRefiner(), settings, bodies, state)
     rows: list[tuple[Array, Array, Mask, str]] = []
     for frame in frames[::every]:
         segmented = segmenter.segment(frame, [tracker.expected])

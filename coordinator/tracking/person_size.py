@@ -29,10 +29,12 @@ GIRTH_STEPS = np.array([0.85, 1.0, 1.15])  # factors; a parabola through their l
 class PersonSize:
     """Estimates the size of a person from the detection on, if it is to be measured and is not known."""
 
-    def __init__(self, bodies: Bodies, refiner: Refiner, *, measured: bool) -> None:
+    def __init__(
+        self, bodies: Bodies, refiner: Refiner, estimate: StatureEstimate | None = None, *, measured: bool
+    ) -> None:
         self._bodies, self._refiner = bodies, refiner
         self._measured = measured and bodies.people and not bodies.measures
-        self.estimate: StatureEstimate | None = None  # None if the size is not estimated
+        self.estimate = estimate  # None if the size is not estimated
 
     def begin(self, start: Start, belief: Belief, subject: SubjectFrame, rules: RefineSettings) -> Start:
         """Begin to estimate: the start with the stature that the first frame shows."""

@@ -18,6 +18,7 @@ from coordinator.tracking.observation import isolate
 from coordinator.tracking.refiner import LocalRefiner
 from coordinator.tracking.reporting import Updated, report
 from coordinator.tracking.segmenter import Segmenter
+from coordinator.tracking.state import first_state
 from coordinator.tracking.target import TargetTracker
 
 CAMERA = Intrinsics(80, 60, 60.0, 60.0, 39.5, 29.5)
@@ -49,8 +50,11 @@ def rehearse(settings: Settings, bodies: Bodies) -> None:
     depth = np.full((CAMERA.height, CAMERA.width), 4000, dtype=np.uint16)
     depth[10:40, 30:45] = 1e3 * distance_m + 5 * (np.arange(15) - 7) ** 2  # something before the wall
     start = {"root_tz": distance_m} if "root_tz" in bodies.dof_names else {}
-    target = TargetTracker(NoRefiner(), settings, bodies, start=start)
-    unknown, segmenter = TargetTracker(NoRefiner(), settings, bodies), Segmenter(1)
+    target, unknown = (
+        TargetTracker(NoRefiner(), settings, bodies, first_state(bodies, values, settings.seed))
+        for values in (start, None)
+    )
+    segmenter = Segmenter(1)
     for number, body in enumerate((None, target.expected)):
         room = DepthFrame(number, number / 30.0, depth, 1000.0, CAMERA)
         segmenter.segment(room, [body])

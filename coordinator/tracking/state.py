@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -20,7 +21,7 @@ from coordinator.scene.scene import SceneChanges
 from coordinator.tracking.cameras import Agreement, CameraStates
 from coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise
 from coordinator.tracking.stature import DEVIATION_SHARES, StatureEstimate
-from coordinator.tracking.track_management import TrackManagement
+from coordinator.tracking.track_management import GIVEN, TrackManagement
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,12 +60,6 @@ class Start:
     def roll(self) -> float:
         """The rotation of the image that makes the body upright: a multiple of pi / 2, radians."""
         return roll_of(self.model, self.pose, np.eye(3)) if self.found else 0.0
-
-
-def no_start(bodies: Bodies) -> Start:
-    """The start before a body is found."""
-    model, pose = bodies.tracked(bodies.measures or USUAL_SIZE, {})
-    return Start(model, np.full_like(pose, np.nan), Size(np.nan, np.nan), found=False)
 
 
 def start_at(
@@ -131,3 +126,14 @@ class TrackerState:
         """Standard deviation of the stature, metres, large until a frame shows it; 0 if not estimated."""
         size = self.checkpoint.size
         return DEVIATION_SHARES[bool(size.statures)] * self.start.size.stature if size else 0.0
+
+
+def first_state(bodies: Bodies, values: Mapping[str, float] | None, seed: int) -> TrackerState:
+    """The state before the first frame: a start at values by name, or None to detect the body."""
+    generator = json.dumps(np.random.default_rng(seed).bit_generator.state)
+    if values is not None:
+        start = start_at(values, bodies)
+        return TrackerState(start, Checkpoint({}, start.pose, None, generator, {}, GIVEN))
+    model, pose = bodies.tracked(bodies.measures or USUAL_SIZE, {})
+    start = Start(model, np.full_like(pose, np.nan), Size(np.nan, np.nan), found=False)
+    return TrackerState(start, Checkpoint({}, None, None, generator, {}))

@@ -7,7 +7,6 @@ them to the workers. `update` waits for the refined particles and updates the be
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from dataclasses import fields, replace
 
 import numpy as np
@@ -21,9 +20,8 @@ from coordinator.bodies.tracked import Bodies
 from coordinator.filters.belief import USUAL_INTERVAL, Belief
 from coordinator.filters.methods import apply_method
 from coordinator.scene.planes import Planes
-from coordinator.scene.scene import SceneChanges
 from coordinator.stopwatch import Stopwatch
-from coordinator.tracking.cameras import Agreement, CameraStates, compare, faults_of
+from coordinator.tracking.cameras import Agreement, compare, faults_of
 from coordinator.tracking.certainty.features import FrameContext
 from coordinator.tracking.detector import Detector, move_with_points
 from coordinator.tracking.estimate import Status
@@ -36,15 +34,15 @@ from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.reporting import Updated
 from coordinator.tracking.search import BodySearch
 from coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise, assume_noise, measure_noise
-from coordinator.tracking.state import Checkpoint, Start, TrackerState, no_start, start_at
-from coordinator.tracking.track_management import GIVEN, SEARCH_INTERVAL_FRAMES, TrackManagement
+from coordinator.tracking.state import Checkpoint, TrackerState
+from coordinator.tracking.track_management import SEARCH_INTERVAL_FRAMES, TrackManagement
 
 GONE_SHARE = 0.35  # of the body's pixels in the last good frame; with fewer it may have left
 WHOLE_SHARE = 0.85  # of the pixels in which the body was detected; with fewer, a part of it is missing
 
 
 class TargetTracker:
-    """Tracks one body from frame to frame; the arguments are those of `Tracker`, `state` is the body's own.
+    """Tracks one body from frame to frame, from a state on; the other arguments are those of `Tracker`.
 
     Settings that define the method replace those given here.
     """
@@ -54,42 +52,30 @@ class TargetTracker:
         refiner: Refiner,
         settings: Settings,
         bodies: Bodies,
-        *,
-        start: Mapping[str, float] | None = None,
+        state: TrackerState,
         motion: Encoders | None = None,
-        state: TrackerState | None = None,
     ) -> None:
         self._refiner = refiner
         self._settings = settings = apply_method(settings)
         self._filter = ParticleFilter(refiner, settings, motion)
-        self._given = start is not None
         self._detector = Detector(bodies, refiner, settings)
-        self.start: Start = no_start(bodies) if start is None else start_at(start, bodies)
-        self.management = TrackManagement() if start is None else GIVEN
-        self._belief: Belief | None = None
-        self._expected = self.start.pose if self._given else None  # (D,) where the next frame is segmented
-        self._time_s: float | None = None  # of the last frame that showed the body
         self._distance = 0.0  # of the subject in the present frame, metres
-        self._size = PersonSize(bodies, refiner, measured=settings.measure_person)
         self.searching = BodySearch()
         self.begun: SubjectFrame | None = None  # in which the body was detected, until the next frame
         # the frame of a search that has just ended, and the body in it
         self.found_in: tuple[SubjectFrame, SubjectFrame] | None = None
-        self.scenes = SceneChanges()  # what the last submitted frame changed in the scenes
-        self.cameras = CameraStates()  # after the last submitted frame
         self.aside: SubjectFrame | None = None  # what cameras that are left out show of the body
-        self.doubted: tuple[str, ...] = ()  # cameras, when the next frame is segmented
-        self._agreement = Agreement()
-        self._faulty = tuple[str, ...]()  # cameras at fault in the last frame that showed the body
-        if state is not None:
-            past = state.checkpoint
-            self.start, self.scenes, self.management = state.start, past.scenes, past.management
-            self._expected, self._time_s, self._size.estimate = past.expected, past.time_s, past.size
-            self.cameras, self.doubted, self._agreement = past.cameras, past.doubted, past.agreement
-            self._faulty = past.faulty
-            self._filter.rng.bit_generator.state = json.loads(past.generator)
-            if past.belief:
-                self._belief = replace(self._filter.begin(self.model, self.start.pose), **past.belief)
+        self.start, past = state.start, state.checkpoint
+        self.scenes = past.scenes  # what the last submitted frame changed in the scenes
+        self.cameras = past.cameras  # after the last submitted frame
+        self.management, self.doubted = past.management, past.doubted
+        self._expected, self._time_s = past.expected, past.time_s
+        self._agreement, self._faulty = past.agreement, past.faulty
+        self._size = PersonSize(bodies, refiner, past.size, measured=settings.measure_person)
+        self._filter.rng.bit_generator.state = json.loads(past.generator)
+        self._belief: Belief | None = None
+        if past.belief:
+            self._belief = replace(self._filter.begin(self.model, self.start.pose), **past.belief)
 
     @property
     def model(self) -> BodyModel:
@@ -162,7 +148,7 @@ class TargetTracker:
 
     def prepare(self) -> None:
         """Build what a first detection needs, unless the start is given."""
-        if not self._given:
+        if not self.start.found:
             self._detector.prepare()
 
     def submit(
@@ -236,7 +222,7 @@ class TargetTracker:
         with clock.stage("search"):
             points = camera_points(subject, max(1, len(subject.picked) // POINTS))
             self._distance = float(np.median(points[:, 2])) if len(points) else 0.0
-            if self._belief is None and self._given:
+            if self._belief is None and self.start.found:
                 self.start = replace(self.start, noise=self._measure_noise(subject))
                 self._belief = self._filter.begin(self.model, self.start.pose)
             elif self.searching.subject is None:

@@ -28,7 +28,7 @@ from coordinator.tracking.preparation import rehearse
 from coordinator.tracking.refiner import Refiner
 from coordinator.tracking.reporting import Tracked, Updated, report
 from coordinator.tracking.segmenter import Segmented, Segmenter
-from coordinator.tracking.state import TrackerState
+from coordinator.tracking.state import TrackerState, first_state
 from coordinator.tracking.target import TargetTracker
 from coordinator.tracking.track_management import SEARCH_INTERVAL_FRAMES
 
@@ -100,17 +100,12 @@ class Tracker:
         motion: Encoders | None = None,
         states: Sequence[TrackerState] | None = None,
     ) -> None:
-        past: Sequence[TrackerState | None] = states or [None] * people
+        states = states or [first_state(bodies, start, settings.seed)] * people
         self._refiner, self._settings, self._bodies = refiner, settings, bodies
         self._segmenter = Segmenter(settings.points, scope)
-        self._cameras = CameraStates()
-        if states:
-            self._segmenter.recall(states[0].checkpoint.scenes)
-            self._cameras = states[0].checkpoint.cameras
-        self._targets = tuple(
-            TargetTracker(refiner, settings, bodies, start=start, motion=motion, state=state)
-            for state in past
-        )
+        self._segmenter.recall(states[0].checkpoint.scenes)
+        self._cameras = states[0].checkpoint.cameras
+        self._targets = tuple(TargetTracker(refiner, settings, bodies, each, motion) for each in states)
 
     @property
     def states(self) -> list[TrackerState]:

@@ -20,7 +20,7 @@ from coordinator.stopwatch import Stopwatch
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.observation import isolate
 from coordinator.tracking.particle_filter import Submitted
-from coordinator.tracking.state import Checkpoint, TrackerState
+from coordinator.tracking.state import Checkpoint, TrackerState, first_state
 from coordinator.tracking.target import TargetTracker
 from gepf.refiners import DirectRefiner
 from tests.support.people import STANDING, OnePerson, as_bytes, empty, known, shown
@@ -61,7 +61,7 @@ def test_a_tracker_goes_on_bit_for_bit(method: str, *, room: bool, tmp_path: Pat
 
 def test_all_that_a_target_tracker_changes_is_in_its_state() -> None:
     """Attributes that tracking changes are those that are recorded; a new one fails here."""
-    target = TargetTracker(DirectRefiner(), preset("default"), known(), start=STANDING)
+    target = TargetTracker(DirectRefiner(), preset("default"), known(), first_state(known(), STANDING, 0))
     before, state = dict(vars(target)), target.state
     frame = shown("standing").frames[0]
     subject = isolate(frame, 1000)

@@ -29,7 +29,7 @@ from coordinator.tracking.particle_filter import Pace, Submitted
 from coordinator.tracking.refiner import Pending
 from coordinator.tracking.reporting import judge, report
 from coordinator.tracking.sensor_noise import NO_NOISE
-from coordinator.tracking.state import TrackerState
+from coordinator.tracking.state import TrackerState, first_state
 from coordinator.tracking.target import TargetTracker
 from coordinator.tracking.track_management import TrackManagement
 from coordinator.tracking.tracker import Tracker
@@ -239,7 +239,7 @@ def test_a_person_who_moves_during_a_live_search_is_tracked_soon_after(rates: di
     poses = [name_pose(human(1.82), raised(STANDING, min(n, 4), rates)) for n in numbers]
     images, joints = show(human(1.82), np.array(poses))
     frames = [replace(f, number=n, time_s=n / 30) for f, n in zip(images, numbers, strict=True)]
-    target = TargetTracker(DirectRefiner(), SETTINGS, known())
+    target = TargetTracker(DirectRefiner(), SETTINGS, known(), first_state(known(), None, 0))
     pace, estimates = Pace(1 / 30, is_late=True), list[Estimate]()
     for frame in frames:
         found = target.submit(frame, subject_of(frame, 2000), Planes(), Stopwatch(), pace)
@@ -264,7 +264,9 @@ def test_a_person_who_walks_during_a_live_search_is_tracked_whole() -> None:
 def test_a_live_search_that_fails_counts_as_in_a_recording() -> None:
     """What is no person is given up after as many searches, also if frames meanwhile show nobody else."""
     frame = frame_of(0, np.pad(np.full((40, 40), 2.5), ((100, 100), (150, 130))))
-    recorded, live = (TargetTracker(StillWorkers(), SETTINGS, people()) for _ in range(2))
+    recorded, live = (
+        TargetTracker(StillWorkers(), SETTINGS, people(), first_state(people(), None, 0)) for _ in range(2)
+    )
     before, *later = subject_of(frame, 2000), None, subject_of(frame, 2000)
     for _ in range(3):
         for _ in range(4):
