@@ -1,9 +1,4 @@
-"""The command `gepf`.
-
-Output for programs goes to stdout, everything else to stderr. Exit codes: 0 done, 2 wrong input of the user
-(one line on stderr), 3 done, but most frames were not tracked, 130 interrupted, 1 any other error. Modules
-that are slow to load are imported by the commands that need them.
-"""
+"""The command line as a whole: the file with options, the exit code, and what is wrong with a line."""
 
 from __future__ import annotations
 

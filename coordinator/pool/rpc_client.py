@@ -84,8 +84,8 @@ class RpcClient:
         self._alone_since: float | None = None  # start of the time without a worker
         self._alone_reported = False
         self._waits_for = ""  # missing data, as last reported
-        bus.watch(keys.of_worker("*", "lanes/*"), lambda *seen: self._inbox.put(partial(self._count, *seen)))
-        bus.watch(keys.of_worker("*", "alive"), lambda *seen: self._inbox.put(partial(self._notice, *seen)))
+        bus.watch(keys.of_worker("*", "lanes/*"), self._queued(self._count))
+        bus.watch(keys.of_worker("*", "alive"), self._queued(self._notice))
 
     @property
     def lanes(self) -> int:
@@ -127,6 +127,10 @@ class RpcClient:
         now = time.monotonic()
         if now >= self._next_poll:
             self._poll(now)
+
+    def _queued(self, handle: Callable[..., None]) -> Callable[..., None]:
+        """A function for threads of the bus, by which the coordinator's thread calls `handle` later."""
+        return lambda *event: self._inbox.put(partial(handle, *event))
 
     def _poll(self, now: float) -> None:
         """Check the workers, and send what is due."""
@@ -184,13 +188,9 @@ class RpcClient:
         for request in requests:
             whole, batch = self._refinements[request.batch.refinement].request, request.batch
             part = replace(whole, particles=whole.particles.part(batch.start, batch.stop))
-            self._senders[request.worker.name].send(
-                encode_request(part), partial(self._deliver, request.ticket, request.worker.name)
-            )
-
-    def _deliver(self, ticket: int, worker: str, ending: Ending, payload: bytes) -> None:
-        """A request has ended; called on a thread of the bus."""
-        self._inbox.put(partial(self._end, ticket, worker, ending, payload))
+            worker = request.worker.name
+            on_end = self._queued(partial(self._end, request.ticket, worker))
+            self._senders[worker].send(encode_request(part), on_end)
 
     def _end(self, ticket: int, worker: str, ending: Ending, payload: bytes) -> None:
         """A request has ended."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Generic, Self, TypeVar
+from typing import Generic, NamedTuple, Self, TypeVar
 
 import numpy as np
 
@@ -32,12 +32,17 @@ from coordinator.tracking.state import TrackerState, first_state
 from coordinator.tracking.target import TargetTracker
 from coordinator.tracking.track_management import SEARCH_INTERVAL_FRAMES
 
-Ready = tuple[Segmented, CameraStates, list[Stopwatch]]
-"""A segmented frame, the state of each camera, and a stopwatch for each person."""
-
 LARGEST_MOTION_M = 0.8  # largest motion of a body between two frames
 
 Item = TypeVar("Item")
+
+
+class Ready(NamedTuple):
+    """A segmented frame, the state of each camera, and a stopwatch for each person."""
+
+    segmented: Segmented
+    cameras: CameraStates
+    clocks: list[Stopwatch]
 
 
 class Lookahead(Generic[Item]):
@@ -134,51 +139,45 @@ class Tracker:
         look_ahead, waited = look_ahead and live is None, False
         upcoming, previous = Lookahead(map(self._segment, frames)), list[Updated]()
         try:
-            for segmented, cameras, clocks in upcoming:
+            for ready in upcoming:
                 late = live is not None and (upcoming.was_ahead or waited or live.is_ready)
                 pace = None if live is None else Pace(live.period_s, late)
                 followed = any(target.is_tracked for target in self._targets)
-                submitted = self._submit(segmented, cameras, clocks, pace)
+                submitted = self._submit(ready, pace)
                 # the workers are busy from here until the update
-                if previous:
-                    done, previous = [report(each) for each in previous], []
-                    yield done
+                yield from reported(previous)
                 if look_ahead or (live is not None and live.is_ready and followed):
                     self._send_ahead(upcoming)
                     self._search(wait=False)
                 pairs = zip(self._targets, submitted, strict=True)
                 previous = [one if isinstance(one, Updated) else target.update(one) for target, one in pairs]
                 if not look_ahead or not upcoming.is_ahead:
-                    done, previous = [report(each) for each in previous], []
-                    yield done
+                    yield from reported(previous)
                 if live is not None and not upcoming.is_ahead:
                     waited = live.is_ready
                     self._search_until_ready(live)
         except (Exception, KeyboardInterrupt):
-            if previous:
-                yield [report(each) for each in previous]
+            yield from reported(previous)
             raise
         finally:
             for target in self._targets:
                 target.searching.end()
-        if previous:
-            yield [report(each) for each in previous]
+        yield from reported(previous)
 
-    def _submit(
-        self, segmented: Segmented, cameras: CameraStates, clocks: list[Stopwatch], pace: Pace | None
-    ) -> list[Submitted | Updated]:
+    def _submit(self, ready: Ready, pace: Pace | None) -> list[Submitted | Updated]:
         """Predict the particles of each person, and send them to the workers."""
+        segmented = ready.segmented
         # a person in whom a search has just ended may still be among the candidates
         ended = any(target.begun is not None for target in self._targets)
         free, submitted = [] if ended else list(segmented.candidates), list[Submitted | Updated]()
         for n, target in enumerate(self._targets):
             subject = self._assign(n, segmented, free)
-            target.scenes, target.cameras = segmented.changes, cameras
+            target.scenes, target.cameras = segmented.changes, ready.cameras
             target.aside = segmented.aside[n]
             if n > 0:
                 target.scenes = {name: replace(s, learned=NOTHING) for name, s in target.scenes.items()}
             planes = segmented.planes(subject)
-            submitted.append(target.submit(segmented.frame, subject, planes, clocks[n], pace))
+            submitted.append(target.submit(segmented.frame, subject, planes, ready.clocks[n], pace))
             # the state of a first person who is already updated cannot change any more
             if target.found_in and isinstance(submitted[0], Submitted):
                 searched, person = target.found_in
@@ -192,7 +191,7 @@ class Tracker:
     def _send_ahead(self, upcoming: Lookahead[Ready]) -> None:
         """Segment the next frame, and send the workers the person's pixels before their turn."""
         ahead = upcoming.peek()
-        for subject, clock in () if ahead is None else zip(ahead[0].subjects, ahead[2], strict=True):
+        for subject, clock in zip(ahead.segmented.subjects, ahead.clocks, strict=True) if ahead else ():
             if subject is not None:
                 with clock.stage("publish"):
                     self._refiner.publish(subject)
@@ -223,7 +222,7 @@ class Tracker:
             doubted = [target.doubted for target in self._targets]
             self._cameras, frame = watch(self._cameras, frame, set().union(*doubted))
             segmented = self._segmenter.segment(frame, bodies, doubted=doubted, rejected=rejected, find=find)
-            return segmented, self._cameras, clocks
+            return Ready(segmented, self._cameras, clocks)
 
     def _assign(self, place: int, segmented: Segmented, free: list[SubjectFrame]) -> SubjectFrame | None:
         """Choose the subject of a person: a free candidate if the person is undetected or lost.
@@ -272,6 +271,14 @@ class Tracker:
                     target.nothing_seen()
                 return each
         return segmented.subjects[place]
+
+
+def reported(updated: list[Updated]) -> Iterator[list[Tracked]]:
+    """The reports of updated frames, if there are any; they are removed from the list."""
+    if updated:
+        done = [report(each) for each in updated]
+        updated.clear()
+        yield done
 
 
 def distance(subject: SubjectFrame, place: Array) -> float:
