@@ -44,6 +44,11 @@ class RefineSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return (self.noise_depth / (SOFT_NOISE_RATIO * self.likelihood_scale)) ** 2
 
     @property
+    def stretch(self) -> float:
+        """Ratio of lateral to depth noise: the noise is isotropic if depth is multiplied by it."""
+        return self.noise_lateral / self.noise_depth
+
+    @property
     def is_soft(self) -> bool:
         """Whether likelihoods are densities of the observed points instead of costs."""
         return self.sensor == "camera" and self.noise_depth > SOFT_NOISE_RATIO * self.noise_lateral

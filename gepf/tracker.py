@@ -67,8 +67,8 @@ class FrameLoop(Closing):
         self._camera, self._depth_scale, self._cameras = camera, depth_scale, dict[str, Intrinsics]()
         self._stack = ExitStack()
         refiner = open_refiner(workers, tls, self._stack)
-        self._make = partial(tracking.Tracker, refiner, bodies=bodies, people=people, start=start)
-        self._tracker = self._make(settings)
+        self._make = partial(tracking.Tracker, refiner, settings, bodies, people=people, start=start)
+        self._tracker = self._make()
 
     def close(self) -> None:
         """Stop the workers that this tracker started, and leave the pool."""
@@ -87,7 +87,7 @@ class FrameLoop(Closing):
         last = 0 if live is None else live.stream
         for stream, part in groupby(frames, lambda _: 0 if live is None else live.stream):
             if stream != last:
-                self._tracker, last = self._make(self._settings), stream
+                self._tracker, last = self._make(), stream
             for tracked in self._tracker.follow(part, look_ahead=look_ahead, live=live):
                 self._frames += 1
                 starts = [each.state.start for each in tracked]

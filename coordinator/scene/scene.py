@@ -154,12 +154,12 @@ class Scene:
         if not self._furnished:
             return self._change(NOTHING.pixels)
         outside = np.zeros(view.depth.shape, np.bool_) if people is None else people
-        known, growth = self._background > 0.0, self._growth or USUAL_GROWTH
-        pixels = learn_pixels(view.depth, growth, outside, self._background, self._nearer)
+        known = self._background > 0.0
+        pixels = learn_pixels(view.depth, view.growth, outside, self._background, self._nearer)
         moved = np.count_nonzero(known.ravel()[pixels]) > 0.5 * np.count_nonzero(view.depth)
         if moved:  # most of the image changed: the camera was moved
             self._background[:], self._nearer[:] = 0.0, 0
-            learn_pixels(view.depth, growth, outside, self._background, self._nearer)
+            learn_pixels(view.depth, view.growth, outside, self._background, self._nearer)
         if moved or self._seen <= 1:
             return self.all()
         return self._change(np.union1d(learned.pixels, pixels) if len(learned.pixels) else pixels)

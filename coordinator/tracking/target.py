@@ -188,8 +188,7 @@ class TargetTracker:
             proposal = self._filter.propose(self.model, self._belief, subject, self._time_s, pace)
         with clock.stage("refine"):
             rules = self._filter.pace(self._refine_settings, proposal.interval, pace)
-            stretch, past = rules.noise_lateral / rules.noise_depth, self._belief.reported
-            context = FrameContext(subject, past, proposal.interval, stretch, first)
+            context = FrameContext(subject, self._belief.reported, proposal.interval, rules.stretch, first)
             pending = self._filter.send(self.model, subject, proposal, rules)
         return Submitted(frame, rules, proposal, pending, context, detection, clock)
 

@@ -118,13 +118,13 @@ def observe_view(subject: SubjectFrame) -> Observation:
 
 def pack_views(observation: Observation, settings: RefineSettings) -> PackedViews:
     """Pack the observations of all cameras in the metric of the noise; the last ones are cached."""
-    return join_views(observation, settings.noise_lateral / settings.noise_depth)
+    return join_views(observation, settings.stretch)
 
 
 @lru_cache(FRAMES_KEPT)
-def join_views(observation: Observation, ratio: float) -> PackedViews:
-    """Pack the observations of all cameras with depth multiplied by a ratio."""
-    views, scale = observation.views, np.array([[1.0], [1.0], [ratio]], dtype=np.float32)
+def join_views(observation: Observation, stretch: float) -> PackedViews:
+    """Pack the observations of all cameras with depth multiplied by `stretch`."""
+    views, scale = observation.views, np.array([[1.0], [1.0], [stretch]], dtype=np.float32)
     points = [np.ascontiguousarray(each.points.T) * scale for each in views]
     columns = [np.ascontiguousarray(each.reshape(-1, TILE).T) for each in points]  # one per tile and axis
     padded, pixels = [each.shape[1] for each in points], [each.empty.size for each in views]

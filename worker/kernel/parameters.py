@@ -63,7 +63,7 @@ def pack_parameters(settings: RefineSettings) -> KernelParameters:
         camera,
         settings.damping,
         rest_weight(settings),
-        settings.noise_lateral / settings.noise_depth,
+        settings.stretch,
         OUTLIER_DISTANCE_M**2 if camera else 0.0,
         points / settings.noise_lateral**2 if soft else 1.0 / settings.likelihood_scale**2,
         points,
