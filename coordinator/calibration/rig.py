@@ -70,10 +70,10 @@ def calibrate(
                 "apart at best; record one person who moves in front of both"
             )
         poses[name] = found
-    return {name: judge(name, each) for name, each in poses.items()}
+    return {name: advised(name, each) for name, each in poses.items()}
 
 
-def judge(name: str, found: CameraPose) -> CameraPose:
+def advised(name: str, found: CameraPose) -> CameraPose:
     """A pose, with what would make its largest deviation smaller; InputError if it is not determined."""
     worst = int(np.argmax(found.deviations / LARGEST))
     advice = ADVICE[worst // 3].format(name)

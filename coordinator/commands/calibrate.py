@@ -55,7 +55,7 @@ def run_calibrate(options: CalibrateOptions, show: Show, connect: Connect) -> No
             }
     write_rig(out, cameras, deviations)
     for name, pose in list(found.items())[1:]:
-        sys.stdout.write(f"{name}: {describe(pose)}\n")
+        sys.stdout.write(f"{name}: {describe_pose(pose)}\n")
     show.say(f"the rig is in {out}; gepf track {out} --out run/ tracks with all cameras")
 
 
@@ -74,7 +74,7 @@ def open_all(sequences: Sequence[Path]) -> dict[str, Source]:
     return found
 
 
-def describe(pose: CameraPose) -> str:
+def describe_pose(pose: CameraPose) -> str:
     """A pose in one line, with its deviations if they are known."""
     rotation, position = pose.T_first_other[:3, :3], pose.T_first_other[:3, 3]
     away = float(np.linalg.norm(position))

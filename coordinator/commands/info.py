@@ -53,11 +53,11 @@ def run_info(options: InfoOptions, camera: CameraOptions) -> None:
         turn = each.T_rig_camera[:3, :3]
         gravity = None if each.gravity is None else turn.T @ each.gravity
         alone = each.changed(others=(), gravity=gravity)  # with gravity in its own frame
-        facts = describe(form, alone)
+        facts = describe_recording(form, alone)
         if not as_json:
             print_facts(facts)
         with loading():
-            view, found = look(alone)
+            view, found = find_people(alone)
         if options.picture is not None and each is source:
             from coordinator.pictures.film import save_png
             from coordinator.pictures.scene import draw_scene
@@ -91,7 +91,7 @@ def describe_tracked(run: Path, summary: Mapping[str, Any]) -> dict[str, object]
     }
 
 
-def look(source: Source) -> tuple[SceneView, list[Candidate]]:
+def find_people(source: Source) -> tuple[SceneView, list[Candidate]]:
     """The first frame with a likely person, and its candidates, the most likely first.
 
     If no frame has a likely person, the last frame with the most likely one.
@@ -178,7 +178,7 @@ def describe_place(source: Source) -> dict[str, object]:
     }
 
 
-def describe(form: Format, source: Source) -> dict[str, object]:
+def describe_recording(form: Format, source: Source) -> dict[str, object]:
     """Facts about a sequence by name, its depth from ten frames. Raises InputError for a damaged one."""
     camera = source.intrinsics
     chosen = np.unique(np.linspace(0, len(source) - 1, 10).astype(int)).tolist()

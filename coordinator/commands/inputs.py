@@ -20,7 +20,7 @@ from common.protocol.keys import check_stream
 from common.transport.channels import Publisher
 from coordinator.bodies.choice import choose_bodies
 from coordinator.commands.job import Job
-from coordinator.commands.progress import FrameRate, Show, counted, describe
+from coordinator.commands.progress import FrameRate, Show, counted, describe_frame
 from coordinator.commands.publish import play
 from coordinator.files import with_parent
 from coordinator.pool.zenoh_refiner import ZenohRefiner
@@ -90,11 +90,11 @@ class Input:
     def describe(self, tracked: Sequence[Tracked], rate: FrameRate) -> str:
         """A tracked frame in a short line; for live input, also what was left out and why."""
         others = "".join(f"; person {n} {each.estimate.status}" for n, each in enumerate(tracked[1:], 2))
-        if self.live is None:
-            return describe(tracked[0].estimate, rate.per_second, rate.latency_s) + others
-        counts, said = self.live.counts, describe(tracked[0].estimate, rate.latest_per_second, rate.latency_s)
-        left_out = ", ".join(f"{counts[kind]} {why}" for kind, why in LEFT_OUT.items() if counts[kind])
-        return said + others + (f"; left out: {left_out}" if left_out else "")
+        per_second = rate.per_second if self.live is None else rate.latest_per_second
+        said = describe_frame(tracked[0].estimate, per_second, rate.latency_s) + others
+        counts = {} if self.live is None else self.live.counts
+        left_out = ", ".join(f"{counts[kind]} {why}" for kind, why in LEFT_OUT.items() if counts.get(kind))
+        return said + (f"; left out: {left_out}" if left_out else "")
 
     def configure(self, recording: Mapping[str, object]) -> RunConfiguration:
         """The configuration of the run: what is tracked, and all options that affect the results."""

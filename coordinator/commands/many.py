@@ -144,7 +144,7 @@ def track_many(jobs: Sequence[Job], show: Show) -> int:
     ended = run_pool(jobs, show, quiet=show.console.quiet)
     table = Table("recording", "frames", "tracked", "seconds", "", box=None)
     for run in ended:
-        table.add_row(*describe_run(run))
+        table.add_row(*row_of(run))
     show.console.print(table)
     codes = [run.code for run in ended if run.code]
     return INTERRUPTED if INTERRUPTED in codes else min(codes, default=0)
@@ -188,7 +188,7 @@ def run_pool(jobs: Sequence[Job], show: Show, *, quiet: bool) -> list[Ended]:
     return [ended[job.out] for job in jobs]
 
 
-def describe_run(run: Ended) -> tuple[str, ...]:
+def row_of(run: Ended) -> tuple[str, ...]:
     """The row of one run in the table."""
     name, took = run.job.out.name, f"{run.seconds:.1f}"
     if run.code not in (0, NOT_TRACKED):

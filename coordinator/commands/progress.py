@@ -115,7 +115,7 @@ class FrameRate:
         return median(late for _, late in self._latest) if self._latest else None
 
 
-def describe(estimate: Estimate, rate: float | None, latency_s: float | None = None) -> str:
+def describe_frame(estimate: Estimate, rate: float | None, latency_s: float | None = None) -> str:
     """The state of a frame in a short line: rate, hypotheses, residual of the most likely, status."""
     how_fast = "" if rate is None else f"{rate:.1f} frames/s, "
     how_fast += "" if latency_s is None else f"latency {1000 * latency_s:.0f} ms, "

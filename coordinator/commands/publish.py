@@ -49,7 +49,7 @@ def run_publish(
         if source.others:
             raise InputError(f"{options.sequence} has several cameras; publish each with its own --key")
         numbers = select_frames(source.numbers, options.frames)
-    with open_session(reached, "subscriber", key, show) as bus:
+    with reach_partner(reached, "subscriber", key, show) as bus:
         publisher = bus.publish(key)
         if not publisher.has_subscriber:
             show.say(f"waiting for a subscriber of {key}")
@@ -69,7 +69,7 @@ def run_publish(
     show.say(f"{published} frames were published on {key}{dropped}")
 
 
-def open_session(reached: Pool, partner: str, key: str, show: Show) -> Bus:
+def reach_partner(reached: Pool, partner: str, key: str, show: Show) -> Bus:
     """A session at the endpoints, as soon as there is an answer; InputError without endpoints.
 
     `partner` is who is on the other side of the key. A program that only connects is a client: a router does

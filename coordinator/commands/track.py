@@ -16,7 +16,7 @@ from coordinator.commands.inputs import MEND_STREAM, LiveInput, RecordedInput
 from coordinator.commands.job import Job, choose_job, is_several
 from coordinator.commands.options import CameraOptions, SecurityOptions, TrackOptions
 from coordinator.commands.progress import FrameRate, Show, counted
-from coordinator.commands.publish import open_session
+from coordinator.commands.publish import reach_partner
 from coordinator.files import SUMMARY_FILE
 from coordinator.pool.zenoh_refiner import Connect, ZenohRefiner
 from coordinator.results.live_results import LiveResults, PackedOutlet
@@ -184,7 +184,7 @@ def open_node(job: Job, show: Show) -> Iterator[Node | None]:
     partner, topic = "subscriber", job.results
     if is_topic(key := live_key(job.sequence)):
         partner, topic = "publisher", key
-    with open_session(replace(job.pool, listen=None), partner, topic or "", show) as bus:
+    with reach_partner(replace(job.pool, listen=None), partner, topic or "", show) as bus:
         yield Node(bus, job.domain)
 
 

@@ -24,7 +24,7 @@ from coordinator.commands.console import INTERRUPTS
 from coordinator.commands.finished import find_sequence
 from coordinator.commands.options import SecurityOptions, ViewOptions
 from coordinator.commands.progress import Show
-from coordinator.commands.publish import open_session
+from coordinator.commands.publish import reach_partner
 from coordinator.pool.options import Pool
 from coordinator.results.live_results import Result, read_result, results_key
 from coordinator.results.track import filled, read_track, read_tracked_body
@@ -166,7 +166,7 @@ def view_live(options: ViewOptions, key: str, security: SecurityOptions, show: S
     check_stream(key, guarded=secured is not None)
     results = check_stream(options.results or results_key(key), guarded=secured is not None)
     reached = Pool(0, options.listen, options.connect, secured)
-    with open_session(reached, "publisher", key, show) as bus:
+    with reach_partner(reached, "publisher", key, show) as bus:
         told = bus.subscribe_newest(f"{results}/**", WAITING_FRAMES)  # several people have keys below it
         scene = LiveScene(bus.subscribe_newest(key, WAITING_FRAMES), told, show.say)
         recording, address = open_viewer(options, layout(live=True))

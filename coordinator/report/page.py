@@ -38,14 +38,14 @@ def describe_run(track: Track, summary: Summary) -> list[tuple[str, str]]:
         ("status", describe_status(track.status)),
         ("body", f"{model.get('name', 'unknown')}{stature}, {len(track.dof_names)} degrees of freedom"),
         ("method", f"{method}, preset {preset}, particles: {particles}"),
-        *describe_cameras(summary),
+        *list_cameras(summary),
         ("seed", str(summary.get("seed"))),
         ("speed", f"{summary.get('frame_rate', 0.0):.1f} frames a second"),
         ("service", f"{workers} worker{'s' * (workers != 1)}, {sent} batches, {again} sent again"),
     ]
 
 
-def describe_cameras(summary: Summary) -> Iterator[tuple[str, str]]:
+def list_cameras(summary: Summary) -> Iterator[tuple[str, str]]:
     """What each camera of a rig contributed, and its faults: names and texts."""
     for name, facts in summary.get("cameras", {}).items():
         faults = (f"; {f['fault']} from {f['from_s']:.1f} to {f['to_s']:.1f} s" for f in facts["faults"])
@@ -105,7 +105,7 @@ def write_report(run: Path, out: Path) -> None:
 
     InputError if it holds no finished run, or the page cannot be written.
     """
-    people = [describe_person(folder) for folder in people_in(run) or [run]]
+    people = [section_of(folder) for folder in people_in(run) or [run]]
     summary = read_summary(run)
     environment = Environment(
         loader=PackageLoader("coordinator.report", "."),
@@ -124,7 +124,7 @@ def write_report(run: Path, out: Path) -> None:
     write_atomically(out, lambda opened: opened.write(page.encode()))
 
 
-def describe_person(folder: Path) -> dict[str, Any]:
+def section_of(folder: Path) -> dict[str, Any]:
     """The data of the page for one person."""
     track, summary = read_track(folder), read_summary(folder)
     parts = {group: angle_curves(track, members) for group, members in group_angles(track.angle_names)}

@@ -97,12 +97,12 @@ def candidates(view: SceneView, known: Mask | None = None) -> list[Candidate]:
     if known is not None:
         free &= ~known
     parts = find_parts(view, free, STEP_M, LEAST_PART_M2)
-    found = [each for part in parts if (each := judge(view, part))]
+    found = [each for part in parts if (each := candidate_of(view, part))]
     rest = free.copy()
     for each in found:
         rest[each.part.window] &= ~each.part.uncut
     wider = find_parts(view, rest, REACH_M, PERSON_AREA_M2[0])
-    found += [each for part in wider if (each := judge(view, part))]
+    found += [each for part in wider if (each := candidate_of(view, part))]
     people, taken = list[Candidate](), np.zeros_like(free)
     for each in sorted(found, key=lambda each: -each.score):
         if 2 * np.count_nonzero(taken & each.mask) < np.count_nonzero(each.mask):
@@ -167,7 +167,7 @@ def cut(view: SceneView, part: Part) -> list[Part]:
         rest = part_of(view, others, part.window, part.uncut)
         if rest.height >= part.height - CELL_M:
             kept = cut(view, rest)
-            if any(judge(view, one) for one in kept):
+            if any(candidate_of(view, one) for one in kept):
                 return kept
     return [] if flat.share > FLAT_SHARE else [part]
 
@@ -258,7 +258,7 @@ def is_behind(view: SceneView, joined: Sequence[Part], part: Part) -> bool:
     return bool(np.any((between > 0.0) & (between < nearest)))
 
 
-def judge(view: SceneView, part: Part) -> Candidate | None:
+def candidate_of(view: SceneView, part: Part) -> Candidate | None:
     """The candidate of a part; None if it is too small, too short or too long.
 
     The score increases towards the middle of the image and with the height up to one metre.

@@ -52,7 +52,7 @@ class Calibration:
 
 def read_azure_kinect(path: Path, given: GivenCamera) -> Source:
     """Read the depth frames of an `.mkv`, numbered from 0; times are relative to the first frame."""
-    container = opened(path)
+    container = open_container(path)
     stream = depth_stream(container, path)
     stamps, samples = scan(container, stream, path)
     calibration = read_calibration(container, path)
@@ -96,7 +96,7 @@ class Frames:
             return
 
 
-def opened(path: Path) -> Any:
+def open_container(path: Path) -> Any:
     """Open the container; InputError if it is not one."""
     try:
         return av.open(str(path))

@@ -24,14 +24,14 @@ NOMINAL = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
 """The camera of the first Kinect, if the camera is unknown."""
 
 Positive = Annotated[float, Meta(gt=0)]
-Size = Annotated[int, Meta(ge=1, le=32_768)]
+Side = Annotated[int, Meta(ge=1, le=32_768)]
 
 
 class CameraFile(msgspec.Struct):
     """The content of `camera_intrinsic.json`; other keys are ignored."""
 
-    width: Size
-    height: Size
+    width: Side
+    height: Side
     intrinsic_matrix: Annotated[list[float], Meta(min_length=9, max_length=9)]  # column by column
     depth_scale: Positive
     fps: Positive = DEFAULT_FPS

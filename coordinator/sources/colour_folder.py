@@ -12,7 +12,7 @@ from common.camera import Intrinsics
 from common.errors import InputError
 from coordinator.sources.picture_folders import opened
 
-FORMATS = ("PNG", "JPEG")
+COLOUR_FORMATS = ("PNG", "JPEG")
 
 
 class ColourFolder:
@@ -33,7 +33,7 @@ class ColourFolder:
                 f"{path} has no colour frame {missing[0]} ({len(missing)} of {len(numbers)}); add it"
             )
         for number in numbers:
-            with opened(self._files[number], *FORMATS) as image:
+            with opened(self._files[number], *COLOUR_FORMATS) as image:
                 width, height = image.size
             if abs(width * camera.height / camera.width - height) > 1.0:
                 raise InputError(
@@ -42,5 +42,5 @@ class ColourFolder:
 
     def frame(self, number: int) -> Image.Image:
         """One frame, RGB; InputError if it is damaged."""
-        with opened(self._files[number], *FORMATS) as image:
+        with opened(self._files[number], *COLOUR_FORMATS) as image:
             return image.convert("RGB")

@@ -55,7 +55,7 @@ def decompressed(message: Any, *, is_inverse: bool) -> NDArray[np.generic]:
 def unpack_png(packed: bytes) -> NDArray[np.uint16]:
     """The image (H, W) of a 16-bit PNG."""
     with Image.open(BytesIO(packed), formats=["PNG"]) as image:
-        check_size(*image.size)
+        check_pixels(*image.size)
         if not image.mode.startswith("I"):
             raise ValueError(f"its PNG has pixels of type {image.mode}, not of 16 bits")
         return np.asarray(image).astype(np.uint16)
@@ -69,14 +69,14 @@ def unpack_rvl(packed: bytes) -> NDArray[np.uint16]:
     if len(words) < 2:
         raise ValueError("its RVL has no size")
     width, height = words[:2].tolist()
-    check_size(width, height)
+    check_pixels(width, height)
     flat = np.zeros(width * height, dtype=np.uint16)
     if not decode_rvl(words[2:].astype(np.int64), flat):
         raise ValueError("its RVL has not as many pixels as it says")
     return flat.reshape(height, width)
 
 
-def check_size(width: int, height: int) -> None:
+def check_pixels(width: int, height: int) -> None:
     """ValueError for an image without pixels, or with too many."""
     if not 0 < width * height <= MAX_PIXELS:
         raise ValueError(f"it has 1 to {MAX_PIXELS} pixels, not {width} by {height}")

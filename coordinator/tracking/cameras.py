@@ -74,7 +74,7 @@ def watch(
 
     `contradicting` are the cameras that are left out now. A camera without an image keeps its fault.
     """
-    found = [look(view, states.get(view.camera), frame.time_s) for view in frame.views]
+    found = [state_by_image(view, states.get(view.camera), frame.time_s) for view in frame.views]
     if all(each.fault for each in found):  # none is good: use those with depth, or else all
         used = REPEATS if any(each.fault == REPEATS for each in found) else NO_DEPTH
         found = [
@@ -91,7 +91,7 @@ def watch(
     return after, replace(views[0], others=tuple(views[1:]))
 
 
-def look(view: DepthFrame, before: CameraState | None, time_s: float) -> CameraState:
+def state_by_image(view: DepthFrame, before: CameraState | None, time_s: float) -> CameraState:
     """The state of a camera by its image alone, at the time of a frame."""
     image = zlib.crc32(view.depth[::8].tobytes())  # every eighth row
     if view.depth.any() and (before is None or before.image != image):

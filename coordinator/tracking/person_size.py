@@ -18,7 +18,7 @@ from coordinator.filters.belief import Belief
 from coordinator.tracking.candidate_refinement import ITERATIONS
 from coordinator.tracking.estimate import MAX_HYPOTHESES
 from coordinator.tracking.refiner import Refiner, iterations
-from coordinator.tracking.reporting import judge
+from coordinator.tracking.reporting import status_of
 from coordinator.tracking.state import Start
 from coordinator.tracking.stature import INTERVAL_S, StatureEstimate, head_to_ankle, measure_stature
 from coordinator.tracking.track_management import TrackManagement
@@ -60,7 +60,7 @@ class PersonSize:
         if self.estimate is None or 0.0 <= time_s - self.estimate.time_s < INTERVAL_S:
             return
         joints = joint_positions(start.model, poses)
-        if judge(management, weights[:MAX_HYPOTHESES], joints, joints[0], doubted=False) == "tracked":
+        if status_of(management, weights[:MAX_HYPOTHESES], joints, joints[0], doubted=False) == "tracked":
             stature = self._shown(start, poses[0], subject)
             if stature is not None:
                 self.estimate = self.estimate.add(stature, time_s)

@@ -87,7 +87,7 @@ def report(updated: Updated) -> Tracked:
         least = least_probability(certainty, faulty=faulty, new=new)
         doubt = explain_doubt(model.joint_names, certainty, least)
         doubted = bool(disputed or doubt)
-        status = updated.status or judge(management, weights, joints[1:], joints[0], doubted=doubted)
+        status = updated.status or status_of(management, weights, joints[1:], joints[0], doubted=doubted)
     estimate = Estimate(
         frame=updated.frame.number,
         time_s=updated.frame.time_s,
@@ -108,7 +108,7 @@ def report(updated: Updated) -> Tracked:
     return Tracked(estimate, updated.state, subject)
 
 
-def judge(
+def status_of(
     management: TrackManagement, weights: Array, joints: Array, reported: Array, *, doubted: bool
 ) -> Status:
     """Status of a frame that shows something, from weights (M,) and joints (M, J, 3), most likely first.

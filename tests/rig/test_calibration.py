@@ -8,7 +8,7 @@ import pytest
 from common.arrays import Array
 from common.camera import inverse, moved
 from common.errors import InputError
-from coordinator.calibration.rig import CameraPose, Motion, align, judge
+from coordinator.calibration.rig import CameraPose, Motion, advised, align
 from tests.support.rigs import around
 
 TRUE, OFFSET_S = around(70.0), 0.0123
@@ -82,7 +82,7 @@ def test_what_is_not_determined_is_refused_with_what_would_help() -> None:
     """A deviation of 3 degrees, 10 cm or 0.1 s; it is said which one, of which camera."""
     for place_of, what in ((0, "rotation"), (4, "position"), (6, "clock")):
         deviations = np.full(7, 1e-4)
-        assert judge("side", CameraPose(TRUE, 0.0, 0.0, deviations)).advice
+        assert advised("side", CameraPose(TRUE, 0.0, 0.0, deviations)).advice
         deviations[place_of] = 0.1
         with pytest.raises(InputError, match=f"the {what} of side is not determined; w"):
-            judge("side", CameraPose(TRUE, 0.0, 0.0, deviations))
+            advised("side", CameraPose(TRUE, 0.0, 0.0, deviations))

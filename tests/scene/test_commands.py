@@ -17,7 +17,7 @@ from common.kinematics import joint_positions, pose_vertices
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
 from coordinator.cli import main
-from coordinator.commands.info import describe_scene, look
+from coordinator.commands.info import describe_scene, find_people
 from coordinator.commands.job import choose_scope
 from coordinator.commands.options import TrackOptions
 from coordinator.scene.scope import Scope
@@ -85,7 +85,7 @@ def test_lists_are_lines_of_words(recording: Path, capsys: pytest.CaptureFixture
 
 def test_who_is_doubtful_is_said_to_be(recording: Path) -> None:
     """A candidate with a low score is listed as doubtful."""
-    view, found = look(open_source(recording))
+    view, found = find_people(open_source(recording))
     people = describe_scene(view, [replace(found[0], score=0.0)])["people"]
     assert isinstance(people, list)
     assert [each["may_be"] for each in people] == ["a person or furniture"]

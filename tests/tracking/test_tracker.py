@@ -27,7 +27,7 @@ from coordinator.tracking.detector import Detector
 from coordinator.tracking.estimate import POSE_UNKNOWN, Estimate
 from coordinator.tracking.particle_filter import Pace, Submitted
 from coordinator.tracking.refiner import Pending
-from coordinator.tracking.reporting import judge, report
+from coordinator.tracking.reporting import report, status_of
 from coordinator.tracking.sensor_noise import NO_NOISE
 from coordinator.tracking.state import TrackerState, first_state
 from coordinator.tracking.target import TargetTracker
@@ -372,7 +372,7 @@ def test_one_word_says_how_sure_it_is(
     """Searching: it may be anywhere. Lost: its pose explains nothing. Ambiguous: a rival is elsewhere."""
     joints = np.zeros((len(weights), 2, 3))
     joints[:, 1, 0] = away
-    assert judge(management, np.array(weights), joints, joints[reported], doubted=False) == word
+    assert status_of(management, np.array(weights), joints, joints[reported], doubted=False) == word
 
 
 def test_points_are_picked_evenly() -> None:

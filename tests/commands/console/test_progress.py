@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from coordinator.commands.progress import FrameRate, Show, counted, describe
+from coordinator.commands.progress import FrameRate, Show, counted, describe_frame
 from coordinator.tracking.certainty.certainty import unknown_certainty
 from coordinator.tracking.estimate import Estimate
 
@@ -23,10 +23,10 @@ def estimate(residual: float = 0.0123) -> Estimate:
 
 def test_a_frame_is_described_in_one_line() -> None:
     """Rate, hypotheses, residual in millimetres, status; and that nothing was seen."""
-    assert describe(estimate(), 7.25) == "7.2 frames/s, 3 hypotheses, residual 12.3 mm, tracked"
-    assert "residual nothing seen" in describe(estimate(float("nan")), 1.0)
-    assert describe(estimate(), 7.25, 0.034).startswith("7.2 frames/s, latency 34 ms, 3 hypotheses")
-    assert describe(estimate(), None) == "3 hypotheses, residual 12.3 mm, tracked"
+    assert describe_frame(estimate(), 7.25) == "7.2 frames/s, 3 hypotheses, residual 12.3 mm, tracked"
+    assert "residual nothing seen" in describe_frame(estimate(float("nan")), 1.0)
+    assert describe_frame(estimate(), 7.25, 0.034).startswith("7.2 frames/s, latency 34 ms, 3 hypotheses")
+    assert describe_frame(estimate(), None) == "3 hypotheses, residual 12.3 mm, tracked"
     assert [counted(count, "frame") for count in (0, 1, 2)] == ["0 frames", "1 frame", "2 frames"]
 
 

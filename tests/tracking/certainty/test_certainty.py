@@ -16,7 +16,7 @@ from coordinator.bodies.tracked import name_pose
 from coordinator.tracking.certainty.certainty import FIT, FLAGGED, Certainty
 from coordinator.tracking.certainty.features import Features
 from coordinator.tracking.certainty.surface import regions_of
-from coordinator.tracking.reporting import explain_doubt, judge, least_probability
+from coordinator.tracking.reporting import explain_doubt, least_probability, status_of
 from coordinator.tracking.track_management import TrackManagement
 from tests.support.bodies import person
 from tests.support.features import features_in
@@ -149,4 +149,4 @@ def test_status_follows_from_the_joints(off: list[float], faulty: bool, new: boo
     doubt = explain_doubt(("head", "left_knee", "left_hip"), certainty, least)
     assert doubt == (f"may be more than 15 cm off: {why}" if why else "")
     still = np.ones(1), np.zeros((1, 3, 3)), np.zeros((3, 3))
-    assert judge(TrackManagement(), *still, doubted=bool(doubt)) == ("ambiguous" if why else "tracked")
+    assert status_of(TrackManagement(), *still, doubted=bool(doubt)) == ("ambiguous" if why else "tracked")
