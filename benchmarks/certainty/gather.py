@@ -79,6 +79,7 @@ def gather(
     segmenter, tracker = Segmenter(settings.points), TargetTracker(DirectRefiner(), settings, bodies, state)
     rows: list[tuple[Array, Array, Mask, str]] = []
     for frame in frames[::every]:
+        tracker.begin_frame()
         segmented = segmenter.segment(frame, [tracker.expected])
         (subject,) = segmented.candidates[:1] or segmented.subjects
         submitted = tracker.submit(frame, subject, segmented.planes(subject), Stopwatch())

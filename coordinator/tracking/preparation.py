@@ -60,5 +60,6 @@ def rehearse(settings: Settings, bodies: Bodies) -> None:
         segmenter.segment(room, [body])
         shown = replace(room, depth=np.where(depth < 4000, depth, 0))
         for each in (target, unknown) if bodies.people else (target,):
+            each.begin_frame()
             updated = each.submit(shown, isolate(shown, 400), Planes(), Stopwatch())
             report(updated if isinstance(updated, Updated) else each.update(updated))

@@ -1,13 +1,15 @@
 """Tracks one body through frames that are already segmented.
 
-Each frame takes two steps. `submit` detects the body if its place is in doubt, predicts particles and sends
-them to the workers. `update` waits for the refined particles and updates the belief.
+Each frame takes three steps. `begin_frame` takes over the body that a search has found meanwhile. `submit`
+detects the body if its place is in doubt, predicts particles and sends them to the workers. `update` waits for
+the refined particles and updates the belief.
 """
 
 from __future__ import annotations
 
 import json
 from dataclasses import fields, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -41,6 +43,13 @@ GONE_SHARE = 0.35  # of the body's pixels in the last good frame; with fewer it 
 WHOLE_SHARE = 0.85  # of the pixels in which the body was detected; with fewer, a part of it is missing
 
 
+class Begun(NamedTuple):
+    """A body that has just been detected: the frame in which it was searched for, and its pixels in it."""
+
+    searched: SubjectFrame
+    person: SubjectFrame
+
+
 class TargetTracker:
     """Tracks one body from frame to frame, from a state on; the other arguments are those of `Tracker`.
 
@@ -61,9 +70,7 @@ class TargetTracker:
         self._detector = Detector(bodies, refiner, settings)
         self._distance = 0.0  # of the subject in the present frame, metres
         self.searching = BodySearch()
-        self.begun: SubjectFrame | None = None  # in which the body was detected, until the next frame
-        # the frame of a search that has just ended, and the body in it
-        self.found_in: tuple[SubjectFrame, SubjectFrame] | None = None
+        self.begun: Begun | None = None  # until the next frame
         self.aside: SubjectFrame | None = None  # what cameras that are left out show of the body
         self.start, past = state.start, state.checkpoint
         self.scenes = past.scenes  # what the last submitted frame changed in the scenes
@@ -124,7 +131,7 @@ class TargetTracker:
         """Whether so few pixels of the body are visible that it is searched for elsewhere."""
         least = max(self.least_pixels, GONE_SHARE * self.management.pixels)
         if self.begun is not None:
-            least = WHOLE_SHARE * self.begun.pixels
+            least = WHOLE_SHARE * self.begun.person.pixels
         return self._belief is not None and pixels < least and self._redetects
 
     def nothing_seen(self) -> None:
@@ -151,6 +158,11 @@ class TargetTracker:
         if not self.start.found:
             self._detector.prepare()
 
+    def begin_frame(self) -> None:
+        """Begin at the body that a search has found meanwhile, if it has; before a frame is segmented."""
+        self.begun = None
+        self._begin_if_found(SEARCH_INTERVAL_FRAMES)
+
     def submit(
         self,
         frame: DepthFrame,
@@ -161,8 +173,9 @@ class TargetTracker:
     ) -> Submitted | Updated:
         """Predict particles for the next frame and send them to the workers.
 
-        `update` must follow. If there is nothing to refine, the frame is updated at once. A live frame has
-        a pace and does not wait for a search for the body: it begins one, or takes the result of a later one.
+        `begin_frame` comes before, and `update` must follow. If there is nothing to refine, the frame is
+        updated at once. A live frame has a pace and does not wait for a search for the body: it begins one,
+        or takes the result of an earlier one.
         """
         first = self._belief is None or self.begun is not None
         expected = self._expected is not None or (first and self.searching.subject is not None)
@@ -173,9 +186,8 @@ class TargetTracker:
             detection, subject = self._detect(subject, planes, clock, live=pace is not None)
         if subject is not None and self._belief is not None and self.begun is not None:
             poses = np.vstack([self._belief.reported, self._belief.poses])
-            poses = move_with_points(self.model, poses, self.begun, subject)
+            poses = move_with_points(self.model, poses, self.begun.person, subject)
             self._belief = replace(self._belief, reported=poses[0], poses=poses[1:])
-        self.begun = None
         anywhere = self.management.is_lost and self._redetects
         self._expected = None if self._belief is None or anywhere else self._belief.reported
         self.doubted = self._agreement.contradicting
@@ -228,12 +240,12 @@ class TargetTracker:
                 self._begin_search(subject, planes)
             while not live and self.searching.advance():
                 pass
-            self.begin_if_found(SEARCH_INTERVAL_FRAMES if live else 1)
+            self._begin_if_found(SEARCH_INTERVAL_FRAMES if live else 1)
             detection = self.searching.take()
             if detection is not None:
                 detection = self._detector.transfer(detection, subject, self._refine_settings)
             if self.begun is not None and not live:
-                subject = self.begun
+                subject = self.begun.person
         with clock.stage("publish"):
             self._refiner.publish(subject)
         return detection, subject
@@ -256,7 +268,7 @@ class TargetTracker:
             search = self._detector.detect(subject, self._measure_noise(subject), planes)
             self.searching.begin(search, subject)
 
-    def begin_if_found(self, frames: int = SEARCH_INTERVAL_FRAMES) -> None:
+    def _begin_if_found(self, frames: int) -> None:
         """Begin at the result of a first search, in its frame, if it passes gating.
 
         Else the search counts as so many frames.
@@ -269,10 +281,9 @@ class TargetTracker:
             return
         self.start, self.management = detection.start, TrackManagement(why=detection.gate.why)
         self._belief = self._filter.believe(self.model, detection.candidates)
-        self.begun = subject = detection.subject
-        self.found_in = searched, subject
-        self.start = self._size.begin(self.start, self._belief, subject, self._refine_settings)
-        self._time_s, self._expected = subject.frame.time_s, self._belief.reported
+        self.begun = Begun(searched, detection.subject)
+        self.start = self._size.begin(self.start, self._belief, detection.subject, self._refine_settings)
+        self._time_s, self._expected = detection.subject.frame.time_s, self._belief.reported
 
     def _accept(self, belief: Belief, submitted: Submitted) -> None:
         """Gate the tracked hypotheses; replace them by a detection that explains the frame better."""

@@ -179,13 +179,12 @@ class Tracker:
             planes = segmented.planes(subject)
             submitted.append(target.submit(segmented.frame, subject, planes, ready.clocks[n], pace))
             # the state of a first person who is already updated cannot change any more
-            if target.found_in and isinstance(submitted[0], Submitted):
-                searched, person = target.found_in
+            if target.begun and isinstance(submitted[0], Submitted):
+                searched, person = target.begun
                 others = [each for each in segmented.candidates if each is not searched]
                 others += [each for k, each in enumerate(segmented.subjects) if each and k != n]
                 first = self._targets[0]
                 first.scenes = self._segmenter.learn_things(segmented, first.scenes, searched, person, others)
-            target.found_in = None
         return submitted
 
     def _send_ahead(self, upcoming: Lookahead[Ready]) -> None:
@@ -214,7 +213,7 @@ class Tracker:
         """A segmented frame, the state of each camera, and a stopwatch for each person in it."""
         clocks = [Stopwatch() for _ in self._targets]
         for target in self._targets:
-            target.begin_if_found()
+            target.begin_frame()
         with clocks[0].stage("segment"):
             bodies = [target.expected for target in self._targets]
             rejected = any(target.management.frames_searched > SETTLED_FRAMES for target in self._targets)
@@ -263,7 +262,7 @@ class Tracker:
         others = [each.expected for n, each in enumerate(self._targets) if n != place]
         found = self._segmenter.find_candidates(segmented, [each for each in others if each is not None])
         if (begun := target.begun) is not None:  # the person in whom the search ended
-            found = tuple(sorted(found, key=lambda each: distance(each, middle_of(begun))))
+            found = tuple(sorted(found, key=lambda each: distance(each, middle_of(begun.person))))
         for each in found[:1]:
             near = begun is not None or distance(each, target.last_seen) < LARGEST_MOTION_M
             if each.pixels > pixels and (near or pixels < target.least_pixels):

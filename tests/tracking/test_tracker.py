@@ -242,6 +242,7 @@ def test_a_person_who_moves_during_a_live_search_is_tracked_soon_after(rates: di
     target = TargetTracker(DirectRefiner(), SETTINGS, known(), first_state(known(), None, 0))
     pace, estimates = Pace(1 / 30, is_late=True), list[Estimate]()
     for frame in frames:
+        target.begin_frame()
         found = target.submit(frame, subject_of(frame, 2000), Planes(), Stopwatch(), pace)
         assert all(iter(target.searching.advance, False))
         if isinstance(found, Submitted):
