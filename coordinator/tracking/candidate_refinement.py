@@ -7,6 +7,8 @@ So a caller can do other work meanwhile. A stage that is dropped cancels its req
 from __future__ import annotations
 
 from collections.abc import Generator, Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -50,6 +52,20 @@ Group = tuple[Array, Indices]
 """Poses (N, D) that are refined together, and the places (N,) of their bodies in a list."""
 
 
+@dataclass(frozen=True, eq=False)
+class Query:
+    """The frame in which a body is searched for, how it is refined there, and the sizes that it may have."""
+
+    subject: SubjectFrame
+    settings: RefineSettings
+    sizes: Sequence[Size]
+
+    @cached_property
+    def few(self) -> SubjectFrame:
+        """The frame with few points."""
+        return thin(self.subject, FEW_POINTS)
+
+
 class CandidateRefiner:
     """Refines candidates of bodies of several sizes; `cell_m` is that of the coarse surface on few points."""
 
@@ -60,43 +76,30 @@ class CandidateRefiner:
         """The body of candidates of this size."""
         return coarsen(self._bodies.for_start(*size), self._cell_m)
 
-    def shortlist(
-        self, subject: SubjectFrame, groups: Iterable[Group], settings: RefineSettings, sizes: Sequence[Size]
-    ) -> Stages[Candidates]:
-        """The best distinct candidates of these sizes after both stages on few points."""
-        few = thin(subject, FEW_POINTS)
-        proposed = yield from self.on_few_points(few, groups, settings, sizes, ROUGH)
-        return (yield from self.on_few_points(few, [proposed.group], settings, sizes, FINE))
+    def shortlist(self, query: Query, groups: Iterable[Group]) -> Stages[Candidates]:
+        """The best distinct candidates after both stages on few points."""
+        proposed = yield from self.on_few_points(query, groups, ROUGH)
+        return (yield from self.on_few_points(query, [proposed.group], FINE))
 
-    def on_few_points(
-        self,
-        few: SubjectFrame,
-        groups: Iterable[Group],
-        settings: RefineSettings,
-        sizes: Sequence[Size],
-        effort: Round,
-    ) -> Stages[Candidates]:
-        """The best distinct candidates of these sizes after one stage, with a coarse surface."""
-        models = [self.coarse(size) for size in sizes]
-        closest = iterations(with_closest_points(settings), effort.iterations)
-        found = yield from self._refine(few, models, groups, closest)
+    def on_few_points(self, query: Query, groups: Iterable[Group], effort: Round) -> Stages[Candidates]:
+        """The best distinct candidates after one stage on few points, with a coarse surface."""
+        models = [self.coarse(size) for size in query.sizes]
+        closest = iterations(with_closest_points(query.settings), effort.iterations)
+        found = yield from self._refine(query.few, models, groups, closest)
         return found.distinct(models[0].joint_names, effort.kept)
 
-    def fit_size(
-        self, subject: SubjectFrame, found: Candidates, settings: RefineSettings, sizes: Sequence[Size]
-    ) -> Stages[tuple[Size, Array]]:
+    def fit_size(self, query: Query, found: Candidates) -> Stages[tuple[Size, Array]]:
         """The size and poses (N, D) that explain a frame best, of these candidates' sizes or between them."""
-        size, poses = sizes[found.sizes[0]], found.poses
-        if len(sizes) == 1:
+        size, poses = query.sizes[found.sizes[0]], found.poses
+        if len(query.sizes) == 1:
             return size, poses
-        then = iterations(settings, ITERATIONS)
         adult, statures = shape_space().statures[-1], size.stature * STATURE_STEPS
         maturities = MATURITIES if size.stature <= adult else MATURITIES[:1]
         pairs = [(each, m) for m in maturities for each in statures if m == 0.0 or each < adult]
         tried = [Size(each, size.girth, maturity) for each, maturity in pairs]
-        size, _ = yield from self._choose_size(subject, size, tried, poses[0], then)
+        size, _ = yield from self._choose_size(query, size, tried, poses[0])
         tried = [size._replace(girth=girth) for girth in GIRTHS]
-        size, best = yield from self._choose_size(subject, size, tried, poses[0], then)
+        size, best = yield from self._choose_size(query, size, tried, poses[0])
         return size, np.concatenate([best, poses])
 
     def as_tracked(
@@ -116,12 +119,7 @@ class CandidateRefiner:
         return found, gate_pose(found.log_likelihood[0], found.residual[0], settings)
 
     def _choose_size(
-        self,
-        subject: SubjectFrame,
-        present: Size,
-        tried: Sequence[Size],
-        pose: Array,
-        settings: RefineSettings,
+        self, query: Query, present: Size, tried: Sequence[Size], pose: Array
     ) -> Stages[tuple[Size, Array]]:
         """The likelihood-weighted mean of sizes with the maturity of the best, and its pose: (1, D).
 
@@ -131,7 +129,8 @@ class CandidateRefiner:
         """
         models = [self._bodies.for_start(*size) for size in tried]
         group = np.tile(pose, (len(tried), 1)), np.arange(len(tried))
-        found = yield from self._refine(subject, models, [group], settings)
+        settings = iterations(query.settings, ITERATIONS)
+        found = yield from self._refine(query.subject, models, [group], settings)
         if not len(found.poses):
             return present, pose[None]
         measures = np.array(tried)[found.sizes]

@@ -36,6 +36,7 @@ from coordinator.tracking.candidate_refinement import (
     VERTEX_SHARE,
     CandidateRefiner,
     Group,
+    Query,
     Stages,
     of_one,
 )
@@ -47,7 +48,7 @@ from coordinator.tracking.gating import (
     reject_points,
     reject_position,
 )
-from coordinator.tracking.observation import camera_points, middle_of, observed_points, thin, without_flat
+from coordinator.tracking.observation import camera_points, middle_of, observed_points, without_flat
 from coordinator.tracking.pose_candidates import Candidates, Detection, candidates_of, ordered
 from coordinator.tracking.pose_library import PoseLibrary, displaced, library_of, upright_rolls
 from coordinator.tracking.refiner import Refiner, iterations
@@ -100,40 +101,34 @@ class Detector:
         no body explains the frame, its largest flat part may be a seat. So the body is searched for again
         without its points.
         """
-        settings, rolls = assume_noise(self._refine, noise), upright_rolls(planes, self._rolls)
-        matched = self._match(subject, self._sizes, rolls)
-        shown, best = (
-            subject,
-            (yield from self._candidates.shortlist(subject, matched, settings, self._sizes)),
-        )
+        rolls = upright_rolls(planes, self._rolls)
+        query = Query(subject, assume_noise(self._refine, noise), self._sizes)
+        best = yield from self._candidates.shortlist(query, self._match(query, rolls))
+        shown = query
         for wider in subject.wider:
-            again = best.group, self._similar(wider, self._sizes, rolls[0], FURTHER)
-            other = yield from self._candidates.shortlist(wider, again, settings, self._sizes)
-            if gain(wider, other, settings) > gain(shown, best, settings):
-                shown, best = wider, other
-        found = yield from self._detect(shown, best, settings, noise, planes)
-        if found.gate.passes or not self._bodies.people:
-            return found
+            other = replace(query, subject=wider)
+            again = best.group, self._similar(other, rolls[0], FURTHER)
+            found = yield from self._candidates.shortlist(other, again)
+            if gain(other, found) > gain(shown, best):
+                shown, best = other, found
+        detected = yield from self._detect(shown, best, noise, planes)
+        if detected.gate.passes or not self._bodies.people:
+            return detected
         if (clear := without_flat(subject)) is subject:
-            return found
-        matched = self._match(clear, self._sizes, rolls)
-        best = yield from self._candidates.shortlist(clear, matched, settings, self._sizes)
-        without = yield from self._detect(clear, best, settings, noise, planes)
-        return without if without.gate.passes else found
+            return detected
+        query = replace(query, subject=clear)
+        best = yield from self._candidates.shortlist(query, self._match(query, rolls))
+        without = yield from self._detect(query, best, noise, planes)
+        return without if without.gate.passes else detected
 
-    def _detect(
-        self,
-        subject: SubjectFrame,
-        best: Candidates,
-        settings: RefineSettings,
-        noise: SensorNoise,
-        planes: Planes,
-    ) -> Search:
+    def _detect(self, query: Query, best: Candidates, noise: SensorNoise, planes: Planes) -> Search:
         """Detect an unknown body that explains all points of a frame, from its shortlist."""
-        size, found = yield from self._candidates.fit_size(subject, best, settings, self._sizes)
-        if len(subject.views) > 1 and len(self._sizes) > 1:  # few of the candidates had this size
-            matched = self._match(subject, [size], upright_rolls(planes, self._rolls), found[0])
-            found = (yield from self._candidates.shortlist(subject, matched, settings, [size])).poses
+        subject, settings = query.subject, query.settings
+        size, found = yield from self._candidates.fit_size(query, best)
+        if len(subject.views) > 1 and len(query.sizes) > 1:  # few of the candidates had this size
+            query = replace(query, sizes=[size])
+            matched = self._match(query, upright_rolls(planes, self._rolls), found[0])
+            found = (yield from self._candidates.shortlist(query, matched)).poses
         model = self._bodies.for_start(*size)
         start = start_at(pose_by_name(model, found[0]), self._bodies, size, noise)
         candidates, gate = yield from self._candidates.as_tracked(subject, start, found, settings)
@@ -168,8 +163,9 @@ class Detector:
         values = {**start.values, **pose_by_name(start.model, last)}
         model = self._bodies.for_start(*size)
         known = np.array([values.get(name, 0.0) for name in model.dof_names])
-        few, matched = thin(subject, FEW_POINTS), self._match(subject, [size], rolls, known)
-        proposed = yield from self._candidates.on_few_points(few, matched, settings, [size], ROUGH)
+        query = Query(subject, settings, [size])
+        matched = self._match(query, rolls, known)
+        proposed = yield from self._candidates.on_few_points(query, matched, ROUGH)
         limbs = layout_of(model).limbs
         if len(subject.views) > 1 and limbs:  # they show which limb is wrong
             mixed = [proposed.poses]
@@ -177,8 +173,8 @@ class Detector:
                 mixed.append(np.tile(known, (len(proposed.poses), 1)))
                 mixed[-1][:, limb.dofs] = proposed.poses[:, limb.dofs]
             group = of_one(np.concatenate(mixed))
-            proposed = yield from self._candidates.on_few_points(few, [group], settings, [size], ROUGH)
-        best = yield from self._candidates.on_few_points(few, [proposed.group], settings, [size], FINE)
+            proposed = yield from self._candidates.on_few_points(query, [group], ROUGH)
+        best = yield from self._candidates.on_few_points(query, [proposed.group], FINE)
         candidates, gate = yield from self._candidates.as_tracked(subject, start, best.poses, rules)
         return Detection(subject, start, candidates, gate)
 
@@ -205,35 +201,34 @@ class Detector:
         known = self._bodies.measures
         return [known] if known else [Size(stature, USUAL_GIRTH) for stature in STATURES_M]
 
-    def _match(
-        self, subject: SubjectFrame, sizes: Sequence[Size], rolls: Sequence[float], last: Array | None = None
-    ) -> Iterator[Group]:
+    def _match(self, query: Query, rolls: Sequence[float], last: Array | None = None) -> Iterator[Group]:
         """Candidates (N, D) and their sizes (N,): those of the first orientation, then all others.
 
         They are poses of the library that are similar to the observed points, and the last pose `last` (D,),
         moved and rotated.
         """
-        yield self._similar(subject, sizes, rolls[0], CANDIDATES)
-        others = [self._similar(subject, sizes, roll, FURTHER) for roll in rolls[1:]]
+        yield self._similar(query, rolls[0], CANDIDATES)
+        others = [self._similar(query, roll, FURTHER) for roll in rolls[1:]]
         if last is not None:
-            model, placed = self._bodies.for_start(*sizes[0]), subject.frame.T_rig_camera
-            poses = displaced(model, last, camera_points(subject), self._library.cell_m, placed)
-            others.append(of_one(poses))
+            model, placed = self._bodies.for_start(*query.sizes[0]), query.subject.frame.T_rig_camera
+            points = camera_points(query.subject)
+            others.append(of_one(displaced(model, last, points, self._library.cell_m, placed)))
         if others:
             poses, of = map(np.concatenate, zip(*others, strict=True))
             yield poses, of
 
-    def _similar(self, subject: SubjectFrame, sizes: Sequence[Size], roll: float, count: int) -> Group:
+    def _similar(self, query: Query, roll: float, count: int) -> Group:
         """Poses (N, D) of the library that are similar to the observed points, and their sizes (N,)."""
-        scales = [size.stature / self._usual.stature if self._bodies.people else 1.0 for size in sizes]
-        placed = subject.frame.T_rig_camera
-        return self._library.match(camera_points(subject), scales, roll, count, placed)
+        usual = self._usual.stature
+        scales = [size.stature / usual if self._bodies.people else 1.0 for size in query.sizes]
+        points, placed = camera_points(query.subject), query.subject.frame.T_rig_camera
+        return self._library.match(points, scales, roll, count, placed)
 
 
-def gain(subject: SubjectFrame, found: Candidates, settings: RefineSettings) -> float:
+def gain(query: Query, found: Candidates) -> float:
     """Log-likelihood of a subject's pixels with the best candidate, less that at the gate's residual."""
-    least = -0.5 * ((RESIDUAL_M + settings.noise_depth) / settings.likelihood_scale) ** 2
-    return subject.pixels * (float(found.log_likelihood[0]) - least)
+    least = -0.5 * ((RESIDUAL_M + query.settings.noise_depth) / query.settings.likelihood_scale) ** 2
+    return query.subject.pixels * (float(found.log_likelihood[0]) - least)
 
 
 def move_with_points(model: BodyModel, poses: Array, before: SubjectFrame, now: SubjectFrame) -> Array:

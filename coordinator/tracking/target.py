@@ -1,8 +1,8 @@
 """Tracks one body through frames that are already segmented.
 
 Each frame takes three steps. `begin_frame` takes over the body that a search has found meanwhile. `submit`
-detects the body if its place is in doubt, predicts particles and sends them to the workers. `update` waits for
-the refined particles and updates the belief.
+detects the body if its place is in doubt, predicts particles and sends them to the workers. `update` waits
+for the refined particles and updates the belief.
 """
 
 from __future__ import annotations
