@@ -108,11 +108,11 @@ def decode_frame(payload: bytes) -> SubjectFrame:
 def decode_view(frame_message: FrameMessage, message: ViewMessage) -> SubjectFrame:
     """One view of a frame, or ProtocolError."""
     frame = depth_frame(frame_message.number, frame_message.time_s, message)
-    placed = unpack("T_rig_camera", message.T_rig_camera, "<f8", (4, 4), {}, -LARGEST, LARGEST)
+    placed = unpack("T_rig_camera", message.T_rig_camera, "<f8", (4, 4), -LARGEST, LARGEST)
     if not is_rigid(placed):
         raise ProtocolError("T_rig_camera is not a rotation and a translation")
     check("the delay", message.delay_s, -LARGEST, LARGEST)
-    picked = unpack("picked", message.picked, "<u4", ("P",), {}, 0, frame.depth.size - 1)
+    picked = unpack("picked", message.picked, "<u4", ("P",), 0, frame.depth.size - 1)
     if np.any(picked[1:] <= picked[:-1]):
         raise ProtocolError("picked must be in ascending order")
     if not np.all(frame.depth.ravel()[picked]):
@@ -122,7 +122,7 @@ def decode_view(frame_message: FrameMessage, message: ViewMessage) -> SubjectFra
         raise ProtocolError(f"view {message.view} ends before it begins")
     kinds = None
     if message.kinds is not None:
-        kinds = unpack("kinds", message.kinds, "|u1", frame.depth.shape, {}, 0, UNMEASURED)
+        kinds = unpack("kinds", message.kinds, "|u1", frame.depth.shape, 0, UNMEASURED)
         if not np.array_equal(kinds == SUBJECT, frame.depth > 0):
             raise ProtocolError("kinds and depth disagree about the subject's pixels")
     frame = replace(frame, T_rig_camera=placed)
@@ -185,7 +185,7 @@ def depth_frame(number: int, time_s: float, message: ViewMessage | LiveFrameMess
     check_camera(camera, message.depth_scale)
     if not math.isfinite(time_s):
         raise ProtocolError("the frame's time must be finite")
-    depth = unpack("depth", message.depth, "<u2", (camera.height, camera.width), {})
+    depth = unpack("depth", message.depth, "<u2", (camera.height, camera.width))
     return DepthFrame(number, time_s, depth, message.depth_scale, camera)
 
 

@@ -77,13 +77,13 @@ def encode_request(request: RefineRequest) -> bytes:
 def decode_request(payload: bytes) -> RefineRequest:
     """A batch, or ProtocolError."""
     message = decode(payload, RequestMessage)
-    poses = unpack("poses", message.poses, "<f8", ("N", "D"), {}, -LARGEST, LARGEST)
+    poses = unpack("poses", message.poses, "<f8", ("N", "D"), -LARGEST, LARGEST)
     check("the number of poses", poses.shape[0], 1, MAX_PARTICLES)
     check("the number of a pose's values", poses.shape[1], 1, MAX_DOFS)
     check_settings(message.settings)
     velocity = None
     if message.velocity is not None:
-        velocity = unpack("velocity", message.velocity, "<f8", poses.shape[1:], {}, -LARGEST, LARGEST)
+        velocity = unpack("velocity", message.velocity, "<f8", poses.shape[1:], -LARGEST, LARGEST)
     particles = Particles(poses, message.settings, message.covariance, message.spare, velocity)
     return RefineRequest(message.run, message.frame, message.model, particles)
 
@@ -114,7 +114,7 @@ def decode_refined(payload: bytes, shape: tuple[int, ...], *, covariance: bool =
     message = decode(payload, ReplyMessage)
     if (message.covariance_roots is not None) != covariance:
         raise ProtocolError(f"the reply {'lacks' if covariance else 'has'} covariance_roots")
-    values = unpack("the reply", message.values, "<f8", (count * (dofs + 2),), {})
+    values = unpack("the reply", message.values, "<f8", (count * (dofs + 2),))
     end = count * dofs
     poses, log_likelihood, residual = values[:end], values[end : end + count], values[end + count :]
     check("the reply's poses", poses, -LARGEST, LARGEST)
@@ -124,7 +124,7 @@ def decode_refined(payload: bytes, shape: tuple[int, ...], *, covariance: bool =
     roots = None
     if message.covariance_roots is not None:  # no deviation is above 1 m or rad
         packed, what = (count, triangle_size(dofs)), "the reply's covariance_roots"
-        roots = unpack(what, message.covariance_roots, "<f4", packed, {}, -1.0, 1.0)
+        roots = unpack(what, message.covariance_roots, "<f4", packed, -1.0, 1.0)
         if not np.all(roots[:, np.cumsum(np.arange(1, dofs + 1)) - 1] > 0.0):
             raise ProtocolError(f"{what} have a diagonal that is not above zero")
     return Refined(poses.reshape(shape), log_likelihood, residual, roots)

@@ -75,7 +75,7 @@ def decode_model(payload: bytes) -> BodyModel:
     if not message.arrays.keys() == MODEL_ARRAYS.keys():
         raise ProtocolError("the model does not have the expected arrays")
     for name, (dtype, dims, least, most) in MODEL_ARRAYS.items():
-        values[name] = unpack(f"the model's {name}", message.arrays[name], dtype, dims, extents, least, most)
+        values[name] = unpack(f"the model's {name}", message.arrays[name], dtype, dims, least, most, extents)
     try:
         check_model(values, extents)
         model = BodyModel(**values)

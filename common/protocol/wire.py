@@ -102,16 +102,17 @@ def unpack(
     array: Array,
     dtype: str,
     dims: Dims,
-    extents: dict[str, int],
     least: float = -math.inf,
     most: float | str = math.inf,
+    extents: dict[str, int] | None = None,
 ) -> NDArray[Any]:
-    """A writable array of native byte order; `extents` holds the values of letters, and new ones are added.
+    """A writable array of native byte order, with values between `least` and `most`.
 
-    Its values are between `least` and `most`; a letter is the last index below its extent. Raises
-    ProtocolError if dtype or shape are not as expected, the bytes do not match the shape, or a value is
-    outside.
+    `extents` holds the values of letters, and new ones are added; for `most`, a letter is the last index
+    below its extent. Raises ProtocolError if dtype or shape are not as expected, the bytes do not match the
+    shape, or a value is outside.
     """
+    extents = {} if extents is None else extents
     if array.dtype != dtype:
         raise ProtocolError(f"{what} has dtype {array.dtype}, expected {dtype}")
     wanted = tuple(extents.get(dim, dim) if isinstance(dim, str) else dim for dim in dims)

@@ -11,6 +11,7 @@ from __future__ import annotations
 import zlib
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -54,6 +55,24 @@ class Agreement:
 
     contradicting: tuple[str, ...] = ()
     agreed_s: float = 0.0
+
+    def after(self, residuals: Mapping[str, float], noise_depth: float, interval_s: float) -> Self:
+        """The agreement after a frame, by the residuals of cameras that can be compared now, metres.
+
+        A camera contradicts the others if the pose does not explain its image. The camera that the pose
+        explains best does not. One that cannot be compared now keeps its last state.
+        """
+        if len(residuals) < 2:
+            return self
+        allowed = max(RESIDUAL_M + noise_depth, min(residuals.values()))
+        against = [name for name, residual in residuals.items() if residual > allowed]
+        unseen = [name for name in self.contradicting if name not in residuals]
+        agreed_s = self.agreed_s
+        if len(residuals) > len(against) + 1:
+            agreed_s += interval_s
+        elif agreed_s < CONFIRMED_S:
+            agreed_s = 0.0
+        return type(self)((*unseen, *against), agreed_s)
 
     def dispute(self, shown: Sequence[str]) -> str:
         """Why a pose by the cameras that are `shown` may be at a wrong place; empty if it is not.
@@ -99,22 +118,15 @@ def state_by_image(view: DepthFrame, before: CameraState | None, time_s: float) 
     return CameraState(image, before.good_s if before else time_s, REPEATS if view.depth.any() else NO_DEPTH)
 
 
-def compare(
-    model: BodyModel,
-    pose: Array,
-    frame: DepthFrame,
-    views: Sequence[SubjectFrame],
-    noise_depth: float,
-    before: Agreement,
-    interval_s: float,
-) -> Agreement:
-    """The agreement of cameras after a frame with this pose (D,), by what shows the body in their images.
+def camera_residuals(
+    model: BodyModel, pose: Array, frame: DepthFrame, views: Sequence[SubjectFrame], noise_depth: float
+) -> dict[str, float]:
+    """How badly a pose (D,) explains the image of each camera, by what shows the body there: metres.
 
-    A camera contradicts the others if the pose does not explain its image. The camera that the pose explains
-    best does not. One that cannot be compared now keeps its last state.
+    Empty for a single camera. Cameras that cannot be compared are left out.
     """
     if len(frame.views) < 2:
-        return before
+        return {}
     surface, second, third = pose_vertices(model, pose[None])[0][model.triangles[::3].T]
     normals = np.cross(second - surface, third - surface)
     offsets = np.sum(normals * surface, axis=1)
@@ -126,17 +138,7 @@ def compare(
             residuals[image.camera] = max(through, mean_distance(shown[image.camera], facing))
         elif through > RESIDUAL_M + noise_depth:
             residuals[image.camera] = through
-    if len(residuals) < 2:
-        return before
-    allowed = max(RESIDUAL_M + noise_depth, min(residuals.values()))
-    against = [name for name, residual in residuals.items() if residual > allowed]
-    unseen = [name for name in before.contradicting if name not in residuals]
-    agreed_s = before.agreed_s
-    if len(residuals) > len(against) + 1:
-        agreed_s += interval_s
-    elif agreed_s < CONFIRMED_S:
-        agreed_s = 0.0
-    return Agreement((*unseen, *against), agreed_s)
+    return residuals
 
 
 def seen_through(image: DepthFrame, surface: Array) -> float:

@@ -23,7 +23,7 @@ from coordinator.filters.belief import USUAL_INTERVAL, Belief
 from coordinator.filters.methods import apply_method
 from coordinator.scene.planes import Planes
 from coordinator.stopwatch import Stopwatch
-from coordinator.tracking.cameras import Agreement, compare, faults_of
+from coordinator.tracking.cameras import Agreement, camera_residuals, faults_of
 from coordinator.tracking.certainty.features import FrameContext
 from coordinator.tracking.detector import Detector, move_with_points
 from coordinator.tracking.estimate import Status
@@ -306,10 +306,11 @@ class TargetTracker:
             self.searching.end()  # it began without this camera
             self.management = self.management.checked_next()
         views = [*subject.views, *(self.aside.views if self.aside is not None else ())]
-        seen = self.model, self._belief.poses[0], submitted.frame, views, submitted.rules.noise_depth
+        pose, noise = self._belief.poses[0], submitted.rules.noise_depth
+        residuals = camera_residuals(self.model, pose, submitted.frame, views, noise)
         # the interval of the first frame includes the search, in which no cameras were compared
         interval = USUAL_INTERVAL if submitted.context.first else submitted.proposal.interval
-        self._agreement = compare(*seen, self._agreement, interval)
+        self._agreement = self._agreement.after(residuals, noise, interval)
         if self._belief is belief:
             self._size.measure(self.start, belief, self.management, subject)
 

@@ -16,7 +16,14 @@ from common.kinematics import joint_positions
 from common.kinematics.rotations import euler_matrix
 from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import name_pose
-from coordinator.tracking.cameras import Agreement, CameraStates, compare, describe_changes, faults_of, watch
+from coordinator.tracking.cameras import (
+    Agreement,
+    CameraStates,
+    camera_residuals,
+    describe_changes,
+    faults_of,
+    watch,
+)
 from coordinator.tracking.estimate import Estimate
 from coordinator.tracking.observation import isolate
 from coordinator.tracking.tracker import Tracker
@@ -205,5 +212,5 @@ def test_a_camera_that_sees_through_the_body_contradicts(
     subject = isolate(images["front"], 1000)
     assert subject is not None
     frame = together([images["front"], side])
-    found = compare(model, poses[0], frame, [subject], 0.01, Agreement(), 0.1)
-    assert found.contradicting == against
+    residuals = camera_residuals(model, poses[0], frame, [subject], 0.01)
+    assert Agreement().after(residuals, 0.01, 0.1).contradicting == against
