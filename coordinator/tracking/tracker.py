@@ -235,7 +235,8 @@ class Tracker:
             chosen = min(free, key=lambda each: distance(each, target.last_seen), default=None)
         elif target.misses(segmented.pixels(place)):
             chosen = self._find_elsewhere(place, segmented)
-        free[:] = [each for each in free if each is not chosen]
+        if chosen in free:
+            free.remove(chosen)
         return chosen
 
     def _assign_undetected(self, place: int, free: list[SubjectFrame]) -> SubjectFrame | None:
@@ -251,7 +252,7 @@ class Tracker:
         chosen = free[turn]
         if (searched := target.searching.subject) is not None:
             chosen = min(free, key=lambda each: distance(each, middle_of(searched)))
-        free[:] = [each for each in free if each is not chosen]
+        free.remove(chosen)
         alone = [replace(view, others=(), wider=()) for view in chosen.views]
         options = [chosen, *alone] if chosen.others else [chosen]
         return options[rounds % len(options)]

@@ -30,7 +30,7 @@ from worker.kernel.observation import Observation, pack_views, view_of
 from worker.kernel.parameters import pack_parameters
 from worker.kernel.soft import fisher_scoring_step
 from worker.kernel.surface import pack_model
-from worker.kernel.visibility import pose_body, pose_vertices, visible_vertices
+from worker.kernel.visibility import pose_body, pose_some, visible_vertices
 from worker.kernel.weighting import accumulate_correspondences
 from worker.kernel.workspace import Problem, Workspaces, make_workspaces, workspace_of
 
@@ -145,7 +145,7 @@ def correspond(v: int, renew: bool, pose: Array, problem: Problem, workspaces: W
         visible = visible_vertices(surface, workspace)  # 4b
         workspaces.counts[v] = len(visible)
     else:
-        pose_vertices(visible, pose, skeleton, surface, workspace)
+        pose_some(visible, pose, skeleton, surface, workspace)
     if len(visible) == 0 or observed.count == 0:
         workspace.sums[:] = 0.0
         return len(visible)

@@ -43,9 +43,7 @@ def pose_body(pose: Array, skeleton: Skeleton, surface: Surface, workspace: Work
 
 
 @numba.njit(cache=True, nogil=True)
-def pose_vertices(
-    some: Numbers, pose: Array, skeleton: Skeleton, surface: Surface, workspace: Workspace
-) -> None:
+def pose_some(some: Numbers, pose: Array, skeleton: Skeleton, surface: Surface, workspace: Workspace) -> None:
     """As `pose_body`, but fill .posed for some vertices only."""
     vertices, links, weights = surface.vertices, surface.skin_links, surface.skin_weights
     of_links, posed = pose_links(pose, skeleton, workspace), workspace.posed
@@ -103,7 +101,7 @@ def visible_vertices(surface: Surface, workspace: Workspace) -> Numbers:
 def draw(triangles: Numbers, which: bool, workspace: Workspace) -> DepthImage:
     """The depth image of workspace.posed, and, if `which`, the triangles; fills workspace.front."""
     focal = float(np.mean(workspace.posed[:, 2])) / PIXEL_M
-    left, top, right, bottom = project(workspace.posed, focal, workspace.image)
+    left, top, right, bottom = project_all(workspace.posed, focal, workspace.image)
     width = max(1, min(LARGEST_SIDE_PX, right - left + 1)) + SIDE - 1  # edges far off overflow
     height = max(1, min(LARGEST_SIDE_PX, bottom - top + 1)) + SIDE - 1
     seen = DepthImage(
@@ -118,7 +116,7 @@ def draw(triangles: Numbers, which: bool, workspace: Workspace) -> DepthImage:
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"nnan", "nsz"})
-def project(posed: Array, focal: float, image: Array) -> tuple[int, int, int, int]:
+def project_all(posed: Array, focal: float, image: Array) -> tuple[int, int, int, int]:
     """Fill image (V, 2) with pixels of posed (V, 3); returns the left, top, right and bottom edge of all."""
     left = top = np.inf
     right = bottom = -np.inf
