@@ -13,7 +13,7 @@ ROUNDED = 1e-3  # error of a rotation, or a unit vector, that is written with a 
 STRAIGHT_DOWN = 0.1  # sine of the angle between the line of sight and the vertical
 
 
-Lens = tuple[float, float, float, float]
+Pinhole = tuple[float, float, float, float]
 """fx, fy, cx, cy in pixels, as compiled code takes them."""
 
 
@@ -28,7 +28,7 @@ class Intrinsics(msgspec.Struct, frozen=True):
     cy: float
 
     @property
-    def lens(self) -> Lens:
+    def pinhole(self) -> Pinhole:
         """fx, fy, cx, cy."""
         return self.fx, self.fy, self.cx, self.cy
 

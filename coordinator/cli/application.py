@@ -1,4 +1,4 @@
-"""The command line as a whole: the file with options, the exit code, and what is wrong with a line."""
+"""The command line as a whole: the file with options, the exit code, and messages for wrong lines."""
 
 from __future__ import annotations
 

@@ -153,7 +153,7 @@ def track_many(jobs: Sequence[Job], show: Show) -> int:
 def run_pool(jobs: Sequence[Job], show: Show, *, quiet: bool) -> list[Ended]:
     """Track all runs with one pool and return their ends in order. With `quiet`, runs report only errors."""
     pool, ended = jobs[0].pool, dict[Path, Ended]()
-    running = dict[ForkServerProcess, tuple[Job, float]]()  # and when it began
+    running = dict[ForkServerProcess, tuple[Job, float]]()  # the run of each process, and when it began
     limit = max(2, pool.lanes + 1)  # lanes have work while a run is between two frames
     waiting, dashboard = list(reversed(jobs)), Dashboard(show, quiet=quiet)
     CONTEXT.set_forkserver_preload([__name__])

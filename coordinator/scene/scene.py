@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.arrays import Array, Mask
-from common.camera import NOT_MOVED, Intrinsics, Lens
+from common.camera import NOT_MOVED, Intrinsics, Pinhole
 from common.compiling import numba
 from common.frame import DepthFrame
 from coordinator.scene.noise import USUAL_GROWTH, fit_noise, margin_at
@@ -51,7 +51,7 @@ class SceneView:
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def mark_pixels(depth: Depth, background: Depth, lens: Lens, planes: Array, growth: float) -> Marks:
+def mark_pixels(depth: Depth, background: Depth, lens: Pinhole, planes: Array, growth: float) -> Marks:
     """NOT_MEASURED, FOREGROUND, BACKGROUND or ON_PLANE of each pixel (H, W); planes (P, 3).
 
     Depth beyond the background is foreground: a person may come through a door.
@@ -140,7 +140,7 @@ class Scene:
             growth=growth,
             planes=planes,
             background=self._background,
-            marks=mark_pixels(depth, self._background, camera.lens, planes.coefficients, growth),
+            marks=mark_pixels(depth, self._background, camera.pinhole, planes.coefficients, growth),
             furnished=self._furnished,
             excluded=excluded,
         )

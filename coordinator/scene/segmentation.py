@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.arrays import Array, Indices, Mask
-from common.camera import Lens, points_of, project
+from common.camera import Pinhole, points_of, project
 from common.compiling import numba
 from common.frame import EMPTY, HIDDEN, SUBJECT, UNKNOWN, UNMEASURED
 from coordinator.scene.noise import margin_at
@@ -70,13 +70,13 @@ def measure_distances(view: SceneView, surface: Array) -> Depth:
     metres = np.float32(CELL_M) * np.sqrt(np.arange(far + 1, dtype=np.float32))
     metres[REACH_CELLS**2 + 1 :] = np.inf
     return look_up(
-        view.depth, view.camera.lens, window_of(view, surface), low, np.minimum(squares, far), metres
+        view.depth, view.camera.pinhole, window_of(view, surface), low, np.minimum(squares, far), metres
     )
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def look_up(
-    depth: Depth, lens: Lens, window: Window, low: Array, squares: NDArray[np.uint8], metres: Depth
+    depth: Depth, lens: Pinhole, window: Window, low: Array, squares: NDArray[np.uint8], metres: Depth
 ) -> Depth:
     """Distances (H, W) in a window, infinite outside, from a grid of squares with origin `low` (3,)."""
     found = np.full(depth.shape, np.inf, dtype=np.float32)
@@ -176,7 +176,7 @@ def window_of(view: SceneView, surface: Array) -> Window:
     nearest = surface[:, 2] - REACH_M
     if nearest.min() <= 0.0:
         return 0, 0, width, height
-    fx, fy, cx, cy = view.camera.lens
+    fx, fy, cx, cy = view.camera.pinhole
     u, v = cx + fx * surface[:, 0] / surface[:, 2], cy + fy * surface[:, 1] / surface[:, 2]
     across, along = REACH_M * fx / nearest, REACH_M * fy / nearest
     left, right = np.clip([(u - across).min(), (u + across).max() + 2.0], 0.0, width).astype(int).tolist()

@@ -1,7 +1,7 @@
 """The stages of a search for a body: refinement of candidates, first on few points, then with other sizes.
 
-A stage is a generator that yields its requests when they are sent, and needs their results when it goes on.
-So a caller can do other work meanwhile. A stage that is dropped cancels its requests.
+A search is a generator. For each stage it yields the requests when they are sent, and needs their results
+when it goes on. So a caller can do other work meanwhile. A search that is dropped cancels its requests.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from coordinator.bodies.tracked import Bodies, Size, coarsen
 from coordinator.tracking.gating import Gate, gate_pose
 from coordinator.tracking.observation import thin
 from coordinator.tracking.pose_candidates import Candidates, candidates_of, ordered
-from coordinator.tracking.refiner import Pending, Refiner, Stage, iterations, with_closest_points
+from coordinator.tracking.refiner import Pending, Refiner, Requests, iterations, with_closest_points
 from coordinator.tracking.state import Start
 
 STATURE_STEPS = np.array([0.91, 0.955, 1.0, 1.045, 1.09])  # factors of the best stature so far
@@ -35,18 +35,18 @@ VERTEX_SHARE = 0.009  # of stature: rms distance of a surface from the nearest v
 REQUEST_ITERATIONS = 150  # of ICP in one request: about 10 ms on one lane
 
 
-class Round(NamedTuple):
-    """The effort of a stage on few points."""
+class Effort(NamedTuple):
+    """What a stage on few points does."""
 
     iterations: int
     kept: int  # distinct candidates that it leaves
 
 
-ROUGH, FINE = Round(3, 16), Round(ITERATIONS, 4)
+ROUGH, FINE = Effort(3, 16), Effort(ITERATIONS, 4)
 
 T = TypeVar("T")
-Stages = Generator[Stage, None, T]
-"""Yields each stage when it is sent, and returns the result."""
+Search = Generator[Requests, None, T]
+"""A search, or some stages of it: yields the requests of each stage, and returns the result."""
 
 Group = tuple[Array, Indices]
 """Poses (N, D) that are refined together, and the places (N,) of their bodies in a list."""
@@ -66,7 +66,7 @@ class Query:
         return thin(self.subject, FEW_POINTS)
 
 
-class CandidateRefiner:
+class CandidateStages:
     """Refines candidates of bodies of several sizes; `cell_m` is that of the coarse surface on few points."""
 
     def __init__(self, bodies: Bodies, refiner: Refiner, cell_m: float) -> None:
@@ -76,19 +76,19 @@ class CandidateRefiner:
         """The body of candidates of this size."""
         return coarsen(self._bodies.for_start(*size), self._cell_m)
 
-    def shortlist(self, query: Query, groups: Iterable[Group]) -> Stages[Candidates]:
+    def shortlist(self, query: Query, groups: Iterable[Group]) -> Search[Candidates]:
         """The best distinct candidates after both stages on few points."""
         proposed = yield from self.on_few_points(query, groups, ROUGH)
         return (yield from self.on_few_points(query, [proposed.group], FINE))
 
-    def on_few_points(self, query: Query, groups: Iterable[Group], effort: Round) -> Stages[Candidates]:
+    def on_few_points(self, query: Query, groups: Iterable[Group], effort: Effort) -> Search[Candidates]:
         """The best distinct candidates after one stage on few points, with a coarse surface."""
         models = [self.coarse(size) for size in query.sizes]
         closest = iterations(with_closest_points(query.settings), effort.iterations)
         found = yield from self._refine(query.few, models, groups, closest)
         return found.distinct(models[0].joint_names, effort.kept)
 
-    def fit_size(self, query: Query, found: Candidates) -> Stages[tuple[Size, Array]]:
+    def fit_size(self, query: Query, found: Candidates) -> Search[tuple[Size, Array]]:
         """The size and poses (N, D) that explain a frame best, of these candidates' sizes or between them."""
         size, poses = query.sizes[found.sizes[0]], found.poses
         if len(query.sizes) == 1:
@@ -104,7 +104,7 @@ class CandidateRefiner:
 
     def as_tracked(
         self, subject: SubjectFrame, start: Start, poses: Array, settings: RefineSettings
-    ) -> Stages[tuple[Candidates, Gate]]:
+    ) -> Search[tuple[Candidates, Gate]]:
         """Convert poses (N, D) of the detected body to the tracked body and refine them; held values stay.
 
         Also returns the gate of the best.
@@ -120,7 +120,7 @@ class CandidateRefiner:
 
     def _choose_size(
         self, query: Query, present: Size, tried: Sequence[Size], pose: Array
-    ) -> Stages[tuple[Size, Array]]:
+    ) -> Search[tuple[Size, Array]]:
         """The likelihood-weighted mean of sizes with the maturity of the best, and its pose: (1, D).
 
         If none is visible, the present size and the given pose. The likelihood measures distances to the
@@ -146,7 +146,7 @@ class CandidateRefiner:
         models: Sequence[BodyModel],
         groups: Iterable[Group],
         settings: RefineSettings,
-    ) -> Stages[Candidates]:
+    ) -> Search[Candidates]:
         """Refine poses of these bodies, in requests of bounded duration.
 
         Each group is sent as soon as it is known.

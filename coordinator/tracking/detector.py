@@ -6,7 +6,7 @@ then of several girths, and the remaining ones as the tracked body. The first tw
 coarse surface. The others use all points and the whole surface, because a coarse surface does not show the
 girth.
 
-`CandidateRefiner` does the stages. A search that is dropped cancels its requests.
+`CandidateStages` does the stages.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ from coordinator.tracking.candidate_refinement import (
     ITERATIONS,
     ROUGH,
     VERTEX_SHARE,
-    CandidateRefiner,
+    CandidateStages,
     Group,
     Query,
-    Stages,
+    Search,
     of_one,
 )
 from coordinator.tracking.gating import (
@@ -58,8 +58,6 @@ from coordinator.tracking.state import Start, roll_of, start_at
 STATURES_M = (0.82, 0.9, 0.98, 1.07, 1.16, 1.26, 1.38, 1.5, 1.62, 1.74, 1.86, 1.98)
 USUAL_GIRTH = GIRTHS[1]
 CANDIDATES, FURTHER = 100, 15  # in the first orientation; in each other one, and for each wider mask
-
-Search = Stages[Detection]
 
 
 class Detector:
@@ -85,15 +83,15 @@ class Detector:
         return library_of(self._bodies, self._usual)
 
     @cached_property
-    def _candidates(self) -> CandidateRefiner:
-        return CandidateRefiner(self._bodies, self._refiner, self._library.cell_m)
+    def _stages(self) -> CandidateStages:
+        return CandidateStages(self._bodies, self._refiner, self._library.cell_m)
 
     def prepare(self) -> None:
         """Build the pose library and the bodies of candidates."""
         for size in self._sizes:
-            self._candidates.coarse(size)
+            self._stages.coarse(size)
 
-    def detect(self, subject: SubjectFrame, noise: SensorNoise, planes: Planes) -> Search:
+    def detect(self, subject: SubjectFrame, noise: SensorNoise, planes: Planes) -> Search[Detection]:
         """Detect an unknown body in a frame, given the camera's noise and the planes of the room.
 
         Of the masks of what may be the person's, the one is used in which a body explains most. In the wider
@@ -103,12 +101,12 @@ class Detector:
         """
         rolls = upright_rolls(planes, self._rolls)
         query = Query(subject, assume_noise(self._refine, noise), self._sizes)
-        best = yield from self._candidates.shortlist(query, self._match(query, rolls))
+        best = yield from self._stages.shortlist(query, self._match(query, rolls))
         shown = query
         for wider in subject.wider:
             other = replace(query, subject=wider)
             again = best.group, self._similar(other, rolls[0], FURTHER)
-            found = yield from self._candidates.shortlist(other, again)
+            found = yield from self._stages.shortlist(other, again)
             if gain(other, found) > gain(shown, best):
                 shown, best = other, found
         detected = yield from self._detect(shown, best, noise, planes)
@@ -117,21 +115,23 @@ class Detector:
         if (clear := without_flat(subject)) is subject:
             return detected
         query = replace(query, subject=clear)
-        best = yield from self._candidates.shortlist(query, self._match(query, rolls))
+        best = yield from self._stages.shortlist(query, self._match(query, rolls))
         without = yield from self._detect(query, best, noise, planes)
         return without if without.gate.passes else detected
 
-    def _detect(self, query: Query, best: Candidates, noise: SensorNoise, planes: Planes) -> Search:
+    def _detect(
+        self, query: Query, best: Candidates, noise: SensorNoise, planes: Planes
+    ) -> Search[Detection]:
         """Detect an unknown body that explains all points of a frame, from its shortlist."""
         subject, settings = query.subject, query.settings
-        size, found = yield from self._candidates.fit_size(query, best)
+        size, found = yield from self._stages.fit_size(query, best)
         if len(subject.views) > 1 and len(query.sizes) > 1:  # few of the candidates had this size
             query = replace(query, sizes=[size])
             matched = self._match(query, upright_rolls(planes, self._rolls), found[0])
-            found = (yield from self._candidates.shortlist(query, matched)).poses
+            found = (yield from self._stages.shortlist(query, matched)).poses
         model = self._bodies.for_start(*size)
         start = start_at(pose_by_name(model, found[0]), self._bodies, size, noise)
-        candidates, gate = yield from self._candidates.as_tracked(subject, start, found, settings)
+        candidates, gate = yield from self._stages.as_tracked(subject, start, found, settings)
         if self._bodies.people:
             gate = gate.against(reject_points(subject, size.stature))
             some, between = observed_points(subject, FEW_POINTS), VERTEX_SHARE * size.stature
@@ -146,7 +146,7 @@ class Detector:
 
     def redetect(
         self, subject: SubjectFrame, start: Start, rules: RefineSettings, last: Array, *, lost: bool
-    ) -> Search:
+    ) -> Search[Detection]:
         """Redetect a known body anywhere; `last` (D,) is its last pose.
 
         For a person who is not lost and has the same orientation as at the start, only that one is searched.
@@ -165,7 +165,7 @@ class Detector:
         known = np.array([values.get(name, 0.0) for name in model.dof_names])
         query = Query(subject, settings, [size])
         matched = self._match(query, rolls, known)
-        proposed = yield from self._candidates.on_few_points(query, matched, ROUGH)
+        proposed = yield from self._stages.on_few_points(query, matched, ROUGH)
         limbs = layout_of(model).limbs
         if len(subject.views) > 1 and limbs:  # they show which limb is wrong
             mixed = [proposed.poses]
@@ -173,9 +173,9 @@ class Detector:
                 mixed.append(np.tile(known, (len(proposed.poses), 1)))
                 mixed[-1][:, limb.dofs] = proposed.poses[:, limb.dofs]
             group = of_one(np.concatenate(mixed))
-            proposed = yield from self._candidates.on_few_points(query, [group], ROUGH)
-        best = yield from self._candidates.on_few_points(query, [proposed.group], FINE)
-        candidates, gate = yield from self._candidates.as_tracked(subject, start, best.poses, rules)
+            proposed = yield from self._stages.on_few_points(query, [group], ROUGH)
+        best = yield from self._stages.on_few_points(query, [proposed.group], FINE)
+        candidates, gate = yield from self._stages.as_tracked(subject, start, best.poses, rules)
         return Detection(subject, start, candidates, gate)
 
     def transfer(self, detection: Detection, now: SubjectFrame, rules: RefineSettings) -> Detection:

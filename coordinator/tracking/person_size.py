@@ -1,7 +1,7 @@
-"""The size of a tracked person: stature in frames with status `tracked`, girth at each new stature.
+"""The size of a tracked person: stature from head to soles in `tracked` frames, girth at each new stature.
 
-A first frame that does not show the stature from head to soles, as of a person who sits, shows it less well:
-by the body whose surface fits best.
+If the first frame does not show head and soles, as of a person who sits, the first stature is that with which
+the surface of the body is nearest to the points.
 
 One camera hardly determines the girth, so it stays as detected, with the detected stature. Cameras on several
 sides determine it sharply. At a wrong girth they contradict each other.
@@ -33,7 +33,7 @@ from coordinator.tracking.state import Start
 from coordinator.tracking.stature import INTERVAL_S, StatureEstimate, head_to_ankle, measure_stature
 from coordinator.tracking.track_management import TrackManagement
 
-STATURE_STEPS = np.array([0.94, 1.0, 1.06])  # factors; detected statures are off by 5 %
+FIT_STEPS = np.array([0.94, 1.0, 1.06])  # factors of the detected stature, which is off by 3 to 11 %
 GIRTH_STEPS = np.array([0.85, 1.0, 1.15])  # factors; a parabola through their likelihoods is off by 1 %
 
 
@@ -48,11 +48,11 @@ class PersonSize:
         self.estimate = estimate  # None if the size is not estimated
 
     def begin(self, start: Start, belief: Belief, subject: SubjectFrame, rules: RefineSettings) -> Start:
-        """Begin to estimate: the start with the stature that the first frame shows, or else fits."""
+        """Begin to estimate: the start with the stature of the first frame, from head to soles or fitted."""
         if not (self._measured and start.is_free):
             return start
         self.estimate = StatureEstimate()
-        stature = self._shown(start, start.pose, subject) or self._fit_stature(start, subject, rules)
+        stature = self._shown(start, start.pose, subject) or self._fit_stature(start, belief, subject, rules)
         return self._fit_girth(start, stature, belief, subject, rules)
 
     def revise(
@@ -94,17 +94,20 @@ class PersonSize:
         step = best_step(GIRTH_STEPS, np.array([each.log_likelihood[0] for _, each in refined]))
         return start.with_size(size._replace(girth=float(size.girth * step)), self._bodies)
 
-    def _fit_stature(self, start: Start, subject: SubjectFrame, rules: RefineSettings) -> float:
+    def _fit_stature(
+        self, start: Start, belief: Belief, subject: SubjectFrame, rules: RefineSettings
+    ) -> float:
         """The stature (m) with which the surface of the body is nearest to the points of the first frame.
 
         There is no prior of the pose: it would prefer the stature with which the body is straightest.
         """
-        sizes = [start.size._replace(stature=each) for each in start.size.stature * STATURE_STEPS]
+        sizes = [start.size._replace(stature=each) for each in start.size.stature * FIT_STEPS]
         settings = msgspec.structs.replace(iterations(rules, ITERATIONS), pose_deviation=0.0)
-        refined = self._refine(start, sizes, subject, Particles(start.pose[None], settings))
+        refined = self._refine(start, sizes, subject, Particles(belief.reported[None], settings))
         points = observed_points(subject, FEW_POINTS)
         costs = np.array([surface_cost(model, each.poses[0], points) for model, each in refined])
-        return float(start.size.stature * best_step(STATURE_STEPS, -costs))
+        visible = np.isfinite([each.log_likelihood[0] for _, each in refined])
+        return float(start.size.stature * best_step(FIT_STEPS, np.where(visible, -costs, -np.inf)))
 
     def _refine(
         self, start: Start, sizes: Sequence[Size], subject: SubjectFrame, particles: Particles

@@ -75,15 +75,15 @@ class LocalRefiner(Refiner):
         """Refine particles on a frame."""
 
     def publish(self, subject: SubjectFrame) -> None:
-        """There are no workers."""
+        """Do nothing: there are no workers."""
 
     def submit(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Pending:
         """Keep particles, to be refined on a frame."""
         return LocalRequest(partial(self.refine, subject, model, particles))
 
 
-Stage = tuple[Pending, ...]
-"""The requests of one stage of a search, which are with the workers."""
+Requests = tuple[Pending, ...]
+"""The requests of one stage of a search that were sent to the workers."""
 
 
 def iterations(settings: RefineSettings, count: int) -> RefineSettings:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from common.frame import SubjectFrame
-from coordinator.tracking.detector import Search
+from coordinator.tracking.candidate_refinement import Search
 from coordinator.tracking.pose_candidates import Detection
-from coordinator.tracking.refiner import Stage
+from coordinator.tracking.refiner import Requests
 
 
 class BodySearch:
@@ -13,11 +13,11 @@ class BodySearch:
 
     def __init__(self) -> None:
         self.subject: SubjectFrame | None = None  # in which the body is searched for
-        self._search: Search | None = None  # None also when done
-        self._sent: Stage = ()  # to the workers
+        self._search: Search[Detection] | None = None  # None also when done
+        self._sent: Requests = ()  # to the workers
         self._found: Detection | None = None
 
-    def begin(self, search: Search, subject: SubjectFrame) -> None:
+    def begin(self, search: Search[Detection], subject: SubjectFrame) -> None:
         """Begin another search."""
         self.subject, self._search, self._sent, self._found = subject, search, (), None
 

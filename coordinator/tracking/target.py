@@ -154,7 +154,7 @@ class TargetTracker:
         return self._expected is None and not (self._belief is None and self.searching.runs)
 
     def prepare(self) -> None:
-        """Build what a first detection needs, unless the start is given."""
+        """Build what a first detection needs, unless the body is known already."""
         if not self.start.found:
             self._detector.prepare()
 

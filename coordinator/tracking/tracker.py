@@ -190,7 +190,9 @@ class Tracker:
     def _send_ahead(self, upcoming: Lookahead[Ready]) -> None:
         """Segment the next frame, and send the workers the person's pixels before their turn."""
         ahead = upcoming.peek()
-        for subject, clock in zip(ahead.segmented.subjects, ahead.clocks, strict=True) if ahead else ():
+        if ahead is None:
+            return
+        for subject, clock in zip(ahead.segmented.subjects, ahead.clocks, strict=True):
             if subject is not None:
                 with clock.stage("publish"):
                     self._refiner.publish(subject)

@@ -20,7 +20,8 @@ from coordinator.bodies.human.template import human
 from coordinator.bodies.tracked import Bodies, Size, name_pose, one_body
 from coordinator.bodies.urdf import read_urdf
 from coordinator.scene.planes import Planes
-from coordinator.tracking.detector import Detector, Search
+from coordinator.tracking.candidate_refinement import Search
+from coordinator.tracking.detector import Detector
 from coordinator.tracking.gating import Gate
 from coordinator.tracking.pose_candidates import Candidates, Detection
 from coordinator.tracking.pose_library import draw_any
@@ -51,7 +52,7 @@ NAMES = MODEL.joint_names
 FRONT, BACK = 0.0, np.pi  # of the root's turn
 
 
-def complete(search: Search) -> Detection:
+def complete(search: Search[Detection]) -> Detection:
     """Run a search to its end."""
     while True:
         try:

@@ -132,7 +132,7 @@ def join_views(observation: Observation, stretch: float) -> PackedViews:
     extents = [
         (starts[0][v], padded[v], each.count, starts[1][v], *each.empty.shape) for v, each in enumerate(views)
     ]
-    lenses = [(*each.camera.lens, each.delay_s) for each in views]
+    lenses = [(*each.camera.pinhole, each.delay_s) for each in views]
     return PackedViews(
         points=np.concatenate([each.ravel() for each in points]),
         tiles=np.concatenate([side(each, axis=0) for each in columns for side in (np.min, np.max)]),

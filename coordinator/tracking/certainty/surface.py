@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from common.activation import nearest_in
 from common.arrays import Array
 from common.body import BodyModel
-from common.camera import Lens
+from common.camera import Pinhole
 from common.compiling import numba
 from common.frame import SubjectFrame
 from common.kinematics import joint_positions, pose_vertices
@@ -36,7 +36,7 @@ def seen_shares(model: BodyModel, pose: Array, subject: SubjectFrame, stretch: f
             regions,
             np.array(frame.depth, order="C"),  # a kernel is compiled for one memory layout
             frame.depth_scale,
-            frame.intrinsics.lens,
+            frame.intrinsics.pinhole,
             stretch,
             seen,
         )
@@ -50,7 +50,7 @@ def add_areas(
     regions: Array,
     depth: NDArray[np.uint16],
     scale: float,
-    lens: Lens,
+    lens: Pinhole,
     stretch: float,
     areas: Array,
 ) -> None:
@@ -77,7 +77,7 @@ def add_areas(
 
 @numba.njit(cache=True, nogil=True)
 def is_shown(
-    x: float, y: float, z: float, depth: NDArray[np.uint16], scale: float, lens: Lens, stretch: float
+    x: float, y: float, z: float, depth: NDArray[np.uint16], scale: float, lens: Pinhole, stretch: float
 ) -> bool:
     """Whether the subject's depth (H, W) was measured at a point or next to it."""
     fx, fy, cx, cy = lens
