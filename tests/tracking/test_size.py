@@ -155,23 +155,6 @@ def test_cameras_on_both_sides_show_the_girth(yaws: tuple[float, ...], girth: fl
     assert found.size.girth == pytest.approx(girth, rel=0.03)
 
 
-@pytest.mark.parametrize("scale", [0.95, 1.0, 1.05])
-@pytest.mark.parametrize("yaw", [0.0, 40.0])
-def test_the_first_frame_of_a_seated_person_shows_the_stature_by_the_surface(
-    scale: float, yaw: float
-) -> None:
-    """Whatever stature was detected, nearly all of its error is removed."""
-    body = BODIES.tracked(Size(STATURE, 1.0), {})[0]
-    pose = name_pose(body, {n: v for n, v in SITTING.items() if n in body.dof_names})
-    frame = seen_from(body, [pose], {"camera": around(yaw)})
-    detected = Size(scale * STATURE, 1.0)
-    model = BODIES.tracked(detected, {})[0]
-    start, size = Start(model, pose, detected), PersonSize(BODIES, DirectRefiner(), measured=True)
-    found = size.begin(start, begin(model, pose, SETTINGS.filter), subject_of(frame, 3000), SETTINGS.refine)
-    assert found.size.stature == pytest.approx(STATURE, rel=0.015)
-    assert found.size.girth == 1.0
-
-
 def test_a_stature_that_is_not_wanted_is_not_measured() -> None:
     """A run without measuring keeps the body that was detected."""
     still, settings = shown("standing").frames[0], msgspec.structs.replace(SETTINGS, measure_person=False)
