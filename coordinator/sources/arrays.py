@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from common.errors import InputError
 from coordinator.files import read_arrays
-from coordinator.sources.camera import DEFAULT_FPS, MILLIMETRES, GivenCamera, pinhole
+from coordinator.sources.camera import DEFAULT_FPS, MILLIMETRES, GivenCamera, intrinsics_of
 from coordinator.sources.source import FARTHEST_M, UNITS_PER_METRE, Source, to_units
 
 logger = logging.getLogger(__name__)
@@ -43,7 +43,7 @@ class ArraySource(Source):
         if not 0 < fps < np.inf:
             raise InputError(f"{name}: {fps} frames a second is not valid; give a positive number")
         units, scale = whole_depth(array, depth_scale, name)
-        camera = pinhole(matrix, array.shape[2], array.shape[1], name)
+        camera = intrinsics_of(matrix, array.shape[2], array.shape[1], name)
         super().__init__(name, camera, range(len(units)), units.__getitem__, scale, fps)
 
 

@@ -42,7 +42,7 @@ def read_camera(path: Path) -> tuple[Intrinsics, float, float]:
     missing = "add --intrinsics fx,fy,cx,cy (pixels), or write it (docs/formats.md)"
     camera = read_json(path, CameraFile, "correct that entry", missing)
     matrix = np.reshape(camera.intrinsic_matrix, (3, 3)).T
-    intrinsics = pinhole(matrix, camera.width, camera.height, f"{path}, read column by column")
+    intrinsics = intrinsics_of(matrix, camera.width, camera.height, f"{path}, read column by column")
     return intrinsics, camera.depth_scale, camera.fps
 
 
@@ -53,7 +53,7 @@ def write_camera(path: Path, camera: Intrinsics, depth_scale: float, fps: float 
     path.write_bytes(msgspec.json.format(msgspec.json.encode(content)) + b"\n")
 
 
-def pinhole(matrix: ArrayLike, width: int, height: int, name: str) -> Intrinsics:
+def intrinsics_of(matrix: ArrayLike, width: int, height: int, name: str) -> Intrinsics:
     """Intrinsics from a matrix (3, 3); InputError if it is not that of a pinhole camera without skew."""
     values = np.asarray(matrix)
     if values.shape != (3, 3) or values.dtype.kind not in "iuf" or min(width, height) < 1:
@@ -83,7 +83,7 @@ class GivenCamera:
 
     def camera(self, shape: tuple[int, ...], path: Path) -> Intrinsics:
         """The user's camera for images of a shape (H, W); InputError as for `matrix`."""
-        return pinhole(self.matrix(path), shape[1], shape[0], str(path))
+        return intrinsics_of(self.matrix(path), shape[1], shape[0], str(path))
 
 
 AS_RECORDED = GivenCamera()

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from common.camera import Intrinsics
 from common.errors import InputError
-from coordinator.sources.camera import MILLIMETRES, GivenCamera, pinhole
+from coordinator.sources.camera import MILLIMETRES, GivenCamera, intrinsics_of
 from coordinator.sources.ros_images import COMPRESSED, ENCODINGS, FLOATS, IMAGE, encoding_of, pixels
 from coordinator.sources.source import Source, rate_of
 
@@ -109,7 +109,7 @@ def camera_of(bag: Bag, topic: str) -> Intrinsics:
 def camera_in(info: Any, name: str) -> Intrinsics:
     """The camera of a camera_info, of ROS 1 or ROS 2; InputError if it is not calibrated."""
     matrix = np.reshape(info.K if hasattr(info, "K") else info.k, (3, 3))
-    return pinhole(matrix, info.width, info.height, f"{name}: camera_info, from a calibrated camera")
+    return intrinsics_of(matrix, info.width, info.height, f"{name}: camera_info, from a calibrated camera")
 
 
 def units_of(bag: Bag, topic: str) -> float:
