@@ -17,7 +17,7 @@ setup: $(STAMP) ## virtual environment in .venv with gepf, gepf-worker and the t
 $(STAMP): pyproject.toml constraints.txt .ci/setup
 	@.ci/setup .venv
 	@# pip compiles nothing: what is loaded here starts in half the time from now on
-	@PYTHONDONTWRITEBYTECODE= $(BIN)/python -c 'import open3d, coordinator.commands.demo, worker.service'
+	@PYTHONDONTWRITEBYTECODE= $(BIN)/python -c 'import open3d, gepf.coordinator.commands.demo, gepf.worker.service'
 	@echo 'setup: compiling the kernels, about a minute' >&2
 	@export PYTHONDONTWRITEBYTECODE=; $(KERNELS)
 	@touch $@

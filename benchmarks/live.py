@@ -33,15 +33,15 @@ from numpy.typing import NDArray
 
 from benchmarks.costs.service import processor_seconds
 from benchmarks.running import add_data, command_line, keep
-from common.arrays import Array
-from common.camera import Intrinsics
-from common.frame import DepthFrame
-from common.protocol.frames import LIVE_END, encode_live
-from common.transport.bus import Bus
-from common.transport.opening import open_worker
-from coordinator.results.track import read_track
-from coordinator.sources import open_source
-from coordinator.sources.picture_folders import read_depth
+from gepf.common.arrays import Array
+from gepf.common.camera import Intrinsics
+from gepf.common.frame import DepthFrame
+from gepf.common.protocol.frames import LIVE_END, encode_live
+from gepf.common.transport.bus import Bus
+from gepf.common.transport.opening import open_worker
+from gepf.coordinator.results.track import read_track
+from gepf.coordinator.sources import open_source
+from gepf.coordinator.sources.picture_folders import read_depth
 
 KEY, RESULTS = "camera/depth", "camera/results"
 SEQUENCES = ("skinned/dance", "skinned/turn", "rooms/table", "rooms/second", "real_rooms/ist_um")
@@ -248,12 +248,14 @@ TRACKED = ("--publish", RESULTS, "--no-pictures", "--idle-timeout", "120")
 
 def start(*arguments: str) -> subprocess.Popen[bytes]:
     """A `gepf` process."""
-    return subprocess.Popen([sys.executable, "-m", "coordinator.cli", *arguments], stdout=subprocess.DEVNULL)
+    return subprocess.Popen(
+        [sys.executable, "-m", "gepf.coordinator.cli", *arguments], stdout=subprocess.DEVNULL
+    )
 
 
 def start_worker(endpoint: str) -> subprocess.Popen[bytes]:
     """A worker of one lane."""
-    return subprocess.Popen([sys.executable, "-m", "worker.cli", "--lanes", "1", "--connect", endpoint])
+    return subprocess.Popen([sys.executable, "-m", "gepf.worker.cli", "--lanes", "1", "--connect", endpoint])
 
 
 def kill(processes: dict[str, subprocess.Popen[bytes]]) -> None:

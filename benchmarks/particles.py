@@ -14,9 +14,9 @@ from matplotlib.figure import Figure
 
 from benchmarks.running import command_line, keep, measured
 from benchmarks.tracking import bodies_of, follow, prepare
-from common.settings import preset
-from coordinator.sources import open_source
-from coordinator.tracking.tracker import Tracker
+from gepf.common.settings import preset
+from gepf.coordinator.sources import open_source
+from gepf.coordinator.tracking.tracker import Tracker
 from gepf.refiners import DirectRefiner
 
 RATES = (1, 3)  # every n-th frame of 30 a second

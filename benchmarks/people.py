@@ -35,11 +35,11 @@ from benchmarks.running import (
     settings_with,
 )
 from benchmarks.tracking import Outcome, near_percent, prepare, track
-from common.arrays import Array
-from common.errors import InputError
-from common.settings import Settings
-from coordinator.pictures.plots import styled
-from coordinator.sources.camera import DEFAULT_FPS
+from gepf.common.arrays import Array
+from gepf.common.errors import InputError
+from gepf.common.settings import Settings
+from gepf.coordinator.pictures.plots import styled
+from gepf.coordinator.sources.camera import DEFAULT_FPS
 
 COLOURS = {30.0: "#1b1f27", 15.0: "#2f9e44", 10.0: "#3b82c4", 6.0: "#e8590c"}  # by frames a second
 

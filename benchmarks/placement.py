@@ -18,7 +18,7 @@ from benchmarks.people import DEFAULT, Trial, pool, run_trials
 from benchmarks.recordings import JOINTS, find_people
 from benchmarks.running import add_data, add_processes, command_line, keep, measured
 from benchmarks.tracking import Outcome, near_percent
-from common.arrays import Array
+from gepf.common.arrays import Array
 
 Mapped = Callable[[Array], Array]
 """Joints (F, 13, 3) as tracked -> as the reference has them."""

@@ -17,12 +17,12 @@ import numpy as np
 import scipy.io
 from scipy.ndimage import distance_transform_edt
 
-from common.arrays import Array, Indices, Mask
-from common.camera import pixels_at
-from common.errors import InputError
-from common.frame import DepthFrame
-from coordinator.results.evaluation import read_truth
-from coordinator.sources import open_source
+from gepf.common.arrays import Array, Indices, Mask
+from gepf.common.camera import pixels_at
+from gepf.common.errors import InputError
+from gepf.common.frame import DepthFrame
+from gepf.coordinator.results.evaluation import read_truth
+from gepf.coordinator.sources import open_source
 
 SKINNED = ("dance", "turn", "dance_clean")
 HARD_ACTIONS = (5, 12, 14, 15, 17, 21, 25, 26)

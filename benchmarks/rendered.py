@@ -18,9 +18,9 @@ from benchmarks.people import Row, Trial, run_trials
 from benchmarks.recordings import Recording
 from benchmarks.running import add_processes, command_line, keep, measured
 from benchmarks.tracking import near_percent
-from common.arrays import Array
-from coordinator.files import TRUTH_FILE
-from coordinator.synthesis.sequence import PERSON, synthesise
+from gepf.common.arrays import Array
+from gepf.coordinator.files import TRUTH_FILE
+from gepf.coordinator.synthesis.sequence import PERSON, synthesise
 
 ROWS = (
     Row("gepf, 20 particles"),

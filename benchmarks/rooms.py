@@ -31,9 +31,9 @@ from benchmarks.running import (
     screen,
 )
 from benchmarks.tracking import Outcome, near_percent, prepare, track
-from common.errors import InputError
-from common.settings import preset
-from coordinator.tracking.estimate import POSE_UNKNOWN
+from gepf.common.errors import InputError
+from gepf.common.settings import preset
+from gepf.coordinator.tracking.estimate import POSE_UNKNOWN
 
 SUBJECTS = (1, 3)
 EVERYBODY = ("plain", "cluttered")  # rooms of all recordings

@@ -18,11 +18,11 @@ from typing import Any, TypeVar
 import msgspec
 from rich.console import Console
 
-from common.errors import InputError
-from common.settings import Settings
-from coordinator.files import write_atomically
-from coordinator.filters.methods import settings_for
-from coordinator.results.configuration import versions
+from gepf.common.errors import InputError
+from gepf.common.settings import Settings
+from gepf.coordinator.files import write_atomically
+from gepf.coordinator.filters.methods import settings_for
+from gepf.coordinator.results.configuration import versions
 
 ROOT = Path(__file__).parent.parent
 DATA = ROOT.parent / "shared" / "data"

@@ -19,14 +19,14 @@ from rich.table import Table
 from benchmarks.recordings import Recording, choose, find_people, read_frames, read_reference
 from benchmarks.running import add_data, command_line, keep, measured, screen
 from benchmarks.tracking import follow, prepare
-from common.arrays import Array
-from common.camera import Intrinsics
-from common.frame import DepthFrame
-from common.settings import preset
-from coordinator.bodies.tracked import Bodies
-from coordinator.results.evaluation import positions
-from coordinator.tracking.estimate import Estimate
-from coordinator.tracking.tracker import Tracker
+from gepf.common.arrays import Array
+from gepf.common.camera import Intrinsics
+from gepf.common.frame import DepthFrame
+from gepf.common.settings import preset
+from gepf.coordinator.bodies.tracked import Bodies
+from gepf.coordinator.results.evaluation import positions
+from gepf.coordinator.tracking.estimate import Estimate
+from gepf.coordinator.tracking.tracker import Tracker
 from gepf.refiners import DirectRefiner
 
 PARTS = ("starts", "gaps", "real", "situations")

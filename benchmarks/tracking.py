@@ -10,17 +10,17 @@ from functools import cache
 import numpy as np
 
 from benchmarks.recordings import Recording, read_frames, read_reference
-from common.arrays import Array, Mask
-from common.frame import DepthFrame
-from common.settings import Settings
-from coordinator.bodies.choice import choose_bodies
-from coordinator.bodies.tracked import Bodies
-from coordinator.results.evaluation import NEAR_M, positions
-from coordinator.results.summary import count_status
-from coordinator.tracking.reporting import Tracked
-from coordinator.tracking.tracker import Tracker
+from gepf.common.arrays import Array, Mask
+from gepf.common.frame import DepthFrame
+from gepf.common.settings import Settings
+from gepf.coordinator.bodies.choice import choose_bodies
+from gepf.coordinator.bodies.tracked import Bodies
+from gepf.coordinator.results.evaluation import NEAR_M, positions
+from gepf.coordinator.results.summary import count_status
+from gepf.coordinator.tracking.reporting import Tracked
+from gepf.coordinator.tracking.tracker import Tracker
 from gepf.refiners import DirectRefiner
-from worker.cli import load_kernel
+from gepf.worker.cli import load_kernel
 
 
 @dataclass(frozen=True, slots=True, eq=False)

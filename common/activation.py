@@ -6,9 +6,9 @@ from collections.abc import Container, Iterable
 
 import numpy as np
 
-from common.arrays import Array, Indices
-from common.body import BodyModel, find_balls, surface_carriers
-from common.kinematics import dof_transforms, joint_positions, pose_vertices
+from gepf.common.arrays import Array, Indices
+from gepf.common.body import BodyModel, find_balls, surface_carriers
+from gepf.common.kinematics import dof_transforms, joint_positions, pose_vertices
 
 
 def activate(model: BodyModel, active: Iterable[str], held: Array) -> BodyModel:

@@ -16,8 +16,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from common.arrays import Array, Indices, Mask
-from common.errors import InputError
+from gepf.common.arrays import Array, Indices, Mask
+from gepf.common.errors import InputError
 
 ROOT_DOFS = ("root_tx", "root_ty", "root_tz", "root_rx", "root_ry", "root_rz")
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from common.errors import ProtocolError
-from common.settings import RefineSettings
+from gepf.common.errors import ProtocolError
+from gepf.common.settings import RefineSettings
 
 MAX_BYTES = 64 * 2**20  # of a message
 MAX_PIXELS = 2**23  # of a frame

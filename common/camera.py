@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from common.arrays import Array, Indices, Mask
+from gepf.common.arrays import Array, Indices, Mask
 
 NOT_MOVED = np.eye(4)  # T_rig_camera of a camera alone
 ROUNDED = 1e-3  # error of a rotation, or a unit vector, that is written with a few digits

@@ -1,7 +1,7 @@
 """Numba, with kernels that are recompiled when the source of anything they call has changed.
 
 Numba keeps a compiled kernel as long as its own file does not change, although the kernel includes functions
-and constants of other files. Here a kernel is kept as long as no file of these packages changes that its file
+and constants of other files. Here a kernel is kept as long as no file of this package changes that its file
 imports, directly or indirectly. Modules with kernels import `numba` from here. Kernels of other packages in
 the same process use numba's own cache, or the one that the user configured.
 """
@@ -17,27 +17,27 @@ from typing import Any
 import numba
 from numba.core import caching
 
-from common.errors import InputError
+from gepf.common.errors import InputError
 
 __all__ = ["numba"]
 
-PACKAGES = ("common", "worker", "coordinator", "gepf")
-ROOT = Path(__file__).resolve().parents[1]
-IMPORT = re.compile(rf"^ *from ((?:{'|'.join(PACKAGES)})[\w.]*) import (\([^)]*\)|[^\n#]+)", re.MULTILINE)
+PACKAGE = Path(__file__).parents[1]
+"""The folder of `gepf`. Links in it are not followed: in a checkout they lead to the folders beside it."""
+IMPORT = re.compile(rf"^ *from ({PACKAGE.name}[\w.]*) import (\([^)]*\)|[^\n#]+)", re.MULTILINE)
 SETTING = "CACHE_LOCATOR_CLASSES"
 
 
 def is_ours(file: Path) -> bool:
-    """Whether a file exists and belongs to these packages."""
-    return file.is_file() and any(file.is_relative_to(ROOT / package) for package in PACKAGES)
+    """Whether a file exists and belongs to this package."""
+    return file.is_file() and file.is_relative_to(PACKAGE)
 
 
 @cache
 def imported_by(file: Path) -> frozenset[Path]:
-    """Files of these packages that a file imports."""
+    """Files of this package that a file imports."""
     found = set[Path]()
     for module, names in IMPORT.findall(file.read_text(encoding="utf-8")):
-        place = ROOT.joinpath(*module.split("."))
+        place = PACKAGE.parent.joinpath(*module.split("."))
         if place.is_dir():
             found.add(place / "__init__.py")
             found |= {place / f"{name}.py" for name in re.findall(r"\w+", names)}
@@ -76,11 +76,11 @@ class BySources:
     @classmethod
     def from_function(cls, py_func: Any, py_file: str) -> Any:
         """The locator of a function; None if it is not ours, or its folder is not writable."""
-        ours = is_ours(Path(py_file).resolve())
+        ours = is_ours(Path(py_file))
         return super().from_function(py_func, py_file) if ours else None  # type: ignore[misc]
 
     def get_source_stamp(self) -> Any:
-        return sources(Path(self._py_file).resolve())
+        return sources(Path(self._py_file))
 
     def get_disambiguator(self) -> str:
         return f"{self._lineno}-{self.get_source_stamp().hex()[:16]}"
@@ -104,7 +104,7 @@ class Nowhere:
     @classmethod
     def from_function(cls, _: object, py_file: str) -> None:
         """Raise InputError for one of our functions."""
-        if is_ours(Path(py_file).resolve()):
+        if is_ours(Path(py_file)):
             raise InputError(
                 f"compiled kernels cannot be kept beside {py_file}; name a writable folder in NUMBA_CACHE_DIR"
             )

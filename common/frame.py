@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from common.arrays import Array
-from common.camera import NOT_MOVED, Intrinsics, inverse, moved
+from gepf.common.arrays import Array
+from gepf.common.camera import NOT_MOVED, Intrinsics, inverse, moved
 
 
 @dataclass(frozen=True, slots=True, eq=False)

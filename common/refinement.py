@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from common.arrays import Array, Indices
-from common.settings import RefineSettings
+from gepf.common.arrays import Array, Indices
+from gepf.common.settings import RefineSettings
 
 WEAK_TURN, WEAK_SLIDE = float(np.radians(30.0)), 0.05
 """Standard deviations, radians and metres, of the weak prior in every covariance of a pose."""

@@ -6,7 +6,7 @@ from typing import Literal
 
 import msgspec
 
-from common.errors import check_choice
+from gepf.common.errors import check_choice
 
 SOFT_NOISE_RATIO = 4.0
 """Ratio of depth noise to lateral noise above which correspondences are soft; they are ten times slower."""
@@ -19,7 +19,7 @@ Sensor = Literal["distance", "camera"]
 """Sensor model: only the distances of observed points, or a complete model of the camera.
 
 The complete model also has empty space, outliers, and, if depth noise dominates, soft correspondences with
-the same number of additional iterations. `worker.kernel.parameters` has the constants of both.
+the same number of additional iterations. `gepf.worker.kernel.parameters` has the constants of both.
 """
 
 

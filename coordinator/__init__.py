@@ -2,4 +2,4 @@
 
 from __future__ import annotations
 
-import common  # noqa: F401 before numba: it says where compiled kernels are kept
+import gepf.common  # noqa: F401 before numba: it says where compiled kernels are kept

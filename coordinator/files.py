@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from common.errors import InputError
+from gepf.common.errors import InputError
 
 T = TypeVar("T")
 

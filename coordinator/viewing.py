@@ -7,16 +7,16 @@ import rerun as rr
 import rerun.blueprint as rrb
 from matplotlib.colors import to_rgb
 
-from common.arrays import Array
-from common.body import ROTATION, BodyModel, vertex_normals
-from common.camera import Intrinsics, level_from_camera
-from common.frame import DepthFrame
-from common.kinematics import joint_positions, pose_vertices
-from coordinator.pictures.overlay import OTHERS_COLOUR, SKELETON_COLOUR, bones
-from coordinator.pictures.plots import STATUS
-from coordinator.pictures.shading import MODEL_COLOUR, Colour
-from coordinator.results.track import Track
-from coordinator.tracking.certainty.certainty import FLAGGED
+from gepf.common.arrays import Array
+from gepf.common.body import ROTATION, BodyModel, vertex_normals
+from gepf.common.camera import Intrinsics, level_from_camera
+from gepf.common.frame import DepthFrame
+from gepf.common.kinematics import joint_positions, pose_vertices
+from gepf.coordinator.pictures.overlay import OTHERS_COLOUR, SKELETON_COLOUR, bones
+from gepf.coordinator.pictures.plots import STATUS
+from gepf.coordinator.pictures.shading import MODEL_COLOUR, Colour
+from gepf.coordinator.results.track import Track
+from gepf.coordinator.tracking.certainty.certainty import FLAGGED
 
 NUMBER, SINCE = "frame", "time"  # timelines: number of the frame, seconds since the start
 

@@ -18,6 +18,7 @@ COPY LICENSE README.md constraints.txt pyproject.toml ./
 COPY docker/finish.sh docker/
 COPY common common
 COPY coordinator coordinator
+COPY gepf gepf
 COPY worker worker
 # For packages through a mirror or proxy: its pip.conf and, at /run/secrets/ca, its certificate authority.
 RUN --mount=type=secret,id=pip,target=/etc/pip.conf --mount=type=secret,id=ca \
@@ -29,7 +30,7 @@ ARG KERNEL_CPU=x86-64-v3
 ENV NUMBA_CPU_NAME=${KERNEL_CPU} \
     NUMBA_CPU_FEATURES="" \
     NUMBA_CACHE_DIR=/opt/gepf/kernels
-RUN /opt/gepf/bin/python -I -c "from worker.cli import load_kernel; load_kernel()"
+RUN /opt/gepf/bin/python -I -c "from gepf.worker.cli import load_kernel; load_kernel()"
 
 # Only the files are copied, so files that the steps above removed are in no layer of the image.
 FROM scratch

@@ -16,20 +16,20 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from common.body import BodyModel as BodyModel
-    from common.camera import Intrinsics as Intrinsics
-    from common.errors import GepfError as GepfError
-    from common.errors import InputError as InputError
-    from common.frame import DepthFrame as DepthFrame
-    from common.settings import Settings as Settings
-    from common.settings import preset as preset
-    from coordinator.bodies.human.measures import Measures as Measures
-    from coordinator.filters.methods import settings_for as settings_for
-    from coordinator.pool.options import Pool as Pool
-    from coordinator.security.access import TlsFiles as TlsFiles
-    from coordinator.sources import ArraySource as ArraySource
-    from coordinator.sources import Source as Source
-    from coordinator.sources import open_source as open_source
+    from gepf.common.body import BodyModel as BodyModel
+    from gepf.common.camera import Intrinsics as Intrinsics
+    from gepf.common.errors import GepfError as GepfError
+    from gepf.common.errors import InputError as InputError
+    from gepf.common.frame import DepthFrame as DepthFrame
+    from gepf.common.settings import Settings as Settings
+    from gepf.common.settings import preset as preset
+    from gepf.coordinator.bodies.human.measures import Measures as Measures
+    from gepf.coordinator.filters.methods import settings_for as settings_for
+    from gepf.coordinator.pool.options import Pool as Pool
+    from gepf.coordinator.security.access import TlsFiles as TlsFiles
+    from gepf.coordinator.sources import ArraySource as ArraySource
+    from gepf.coordinator.sources import Source as Source
+    from gepf.coordinator.sources import open_source as open_source
     from gepf.live_source import LiveSource as LiveSource
     from gepf.live_source import live as live
     from gepf.named import Estimate as Estimate
@@ -40,16 +40,16 @@ if TYPE_CHECKING:
     from gepf.tracker import track as track
 
 _PUBLIC = {
-    "common.body": ("BodyModel",),
-    "common.camera": ("Intrinsics",),
-    "common.errors": ("GepfError", "InputError"),
-    "common.frame": ("DepthFrame",),
-    "common.settings": ("Settings", "preset"),
-    "coordinator.bodies.human.measures": ("Measures",),
-    "coordinator.filters.methods": ("settings_for",),
-    "coordinator.pool.options": ("Pool",),
-    "coordinator.security.access": ("TlsFiles",),
-    "coordinator.sources": ("ArraySource", "Source", "open_source"),
+    "gepf.common.body": ("BodyModel",),
+    "gepf.common.camera": ("Intrinsics",),
+    "gepf.common.errors": ("GepfError", "InputError"),
+    "gepf.common.frame": ("DepthFrame",),
+    "gepf.common.settings": ("Settings", "preset"),
+    "gepf.coordinator.bodies.human.measures": ("Measures",),
+    "gepf.coordinator.filters.methods": ("settings_for",),
+    "gepf.coordinator.pool.options": ("Pool",),
+    "gepf.coordinator.security.access": ("TlsFiles",),
+    "gepf.coordinator.sources": ("ArraySource", "Source", "open_source"),
     "gepf.live_source": ("LiveSource", "live"),
     "gepf.named": ("Estimate",),
     "gepf.run": ("Run", "load"),

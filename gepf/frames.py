@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
-from common.camera import Intrinsics, is_rigid
-from common.errors import InputError, ProtocolError
-from common.frame import DepthFrame
-from common.protocol.frames import check_camera
+from gepf.common.camera import Intrinsics, is_rigid
+from gepf.common.errors import InputError, ProtocolError
+from gepf.common.frame import DepthFrame
+from gepf.common.protocol.frames import check_camera
 
 
 def check_frame(frame: DepthFrame, cameras: dict[str, Intrinsics]) -> DepthFrame:

@@ -7,17 +7,17 @@ from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
-from common.closing import Closing
-from common.errors import InputError
-from common.frame import DepthFrame
-from common.protocol.keys import check_stream
-from common.transport.bus import Bus
-from common.transport.opening import open_coordinator
-from coordinator.pool.options import Pool
-from coordinator.security.access import TlsFiles
-from coordinator.sources.live import LiveFrames, from_first_seen
-from coordinator.sources.live_stream import LiveCamera
-from coordinator.sources.rig import live_cameras
+from gepf.common.closing import Closing
+from gepf.common.errors import InputError
+from gepf.common.frame import DepthFrame
+from gepf.common.protocol.keys import check_stream
+from gepf.common.transport.bus import Bus
+from gepf.common.transport.opening import open_coordinator
+from gepf.coordinator.pool.options import Pool
+from gepf.coordinator.security.access import TlsFiles
+from gepf.coordinator.sources.live import LiveFrames, from_first_seen
+from gepf.coordinator.sources.live_stream import LiveCamera
+from gepf.coordinator.sources.rig import live_cameras
 from gepf.refiners import said_in_python, secure
 
 log = logging.getLogger("gepf")

@@ -8,11 +8,11 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 from markupsafe import Markup
 
-from common.arrays import Array
-from common.body import TRANSLATION, BodyModel
-from common.errors import InputError, check_choice
-from coordinator.bodies.angles import angles_of
-from coordinator.tracking import estimate
+from gepf.common.arrays import Array
+from gepf.common.body import TRANSLATION, BodyModel
+from gepf.common.errors import InputError, check_choice
+from gepf.coordinator.bodies.angles import angles_of
+from gepf.coordinator.tracking import estimate
 
 ROW = Markup('<tr><th>{}</th><td style="text-align: left">{}</td></tr>')
 

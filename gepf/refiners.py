@@ -11,18 +11,18 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from functools import lru_cache
 
-from common.body import BodyModel
-from common.errors import InputError
-from common.frame import SubjectFrame
-from common.recent import FRAMES_KEPT
-from common.refinement import Particles, Refined
-from common.transport.session import Security
-from coordinator.pool.options import Pool
-from coordinator.pool.zenoh_refiner import ZenohRefiner
-from coordinator.security.access import TlsFiles, choose_security
-from coordinator.tracking.refiner import LocalRefiner, Refiner
-from worker.kernel.icp import refine
-from worker.kernel.observation import observe
+from gepf.common.body import BodyModel
+from gepf.common.errors import InputError
+from gepf.common.frame import SubjectFrame
+from gepf.common.recent import FRAMES_KEPT
+from gepf.common.refinement import Particles, Refined
+from gepf.common.transport.session import Security
+from gepf.coordinator.pool.options import Pool
+from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
+from gepf.coordinator.security.access import TlsFiles, choose_security
+from gepf.coordinator.tracking.refiner import LocalRefiner, Refiner
+from gepf.worker.kernel.icp import refine
+from gepf.worker.kernel.observation import observe
 
 log = logging.getLogger("gepf")
 

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from common.arrays import Array
-from common.body import ROOT_DOFS
-from common.errors import InputError
-from coordinator.bodies.swing_twist import isb_angles, isb_names
-from coordinator.exports import export_run
-from coordinator.exports.recorded import RecordedRun, read_run
-from coordinator.results.angles import sliding_joints
-from coordinator.results.csv_file import write_csv
-from coordinator.results.summary import read_summary
+from gepf.common.arrays import Array
+from gepf.common.body import ROOT_DOFS
+from gepf.common.errors import InputError
+from gepf.coordinator.bodies.swing_twist import isb_angles, isb_names
+from gepf.coordinator.exports import export_run
+from gepf.coordinator.exports.recorded import RecordedRun, read_run
+from gepf.coordinator.results.angles import sliding_joints
+from gepf.coordinator.results.csv_file import write_csv
+from gepf.coordinator.results.summary import read_summary
 from gepf.named import index_of, refuse_degrees, table
 
 if TYPE_CHECKING:
@@ -105,7 +105,7 @@ class Run:
 
     def _repr_html_(self) -> str:
         """The main facts, for notebooks."""
-        from coordinator.report.page import describe_run
+        from gepf.coordinator.report.page import describe_run
 
         return table(describe_run(self.track, self.summary)[:4])  # frames, status, body, method
 
@@ -132,7 +132,7 @@ class Run:
 
     def report(self, path: str | Path | None = None) -> Path:
         """Write the HTML report of the run to `path`, by default into its folder, and return the path."""
-        from coordinator.report.page import write_report
+        from gepf.coordinator.report.page import write_report
 
         page = Path(path) if path else self.folder / "report.html"
         write_report(self.folder, page)
@@ -140,7 +140,7 @@ class Run:
 
     def plot(self, names: Iterable[str] | None = None) -> Figure:
         """A figure of angles (`names`, or all) in degrees over seconds, each with its deviation."""
-        from coordinator.pictures.plots import angle_curves, plot_curves
+        from gepf.coordinator.pictures.plots import angle_curves, plot_curves
 
         chosen = self.angle_names if names is None else tuple(names)
         for name in chosen:

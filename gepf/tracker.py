@@ -15,30 +15,30 @@ import numpy as np
 from numpy.typing import ArrayLike
 from rich.progress import track as progress
 
-from common.body import BodyModel
-from common.camera import Intrinsics
-from common.closing import Closing
-from common.cores import usable_cores
-from common.errors import InputError
-from common.frame import DepthFrame
-from common.settings import Settings, preset
-from coordinator.bodies.choice import bodies_of, choose_bodies, choose_model, person
-from coordinator.bodies.human.dofs import HUMAN
-from coordinator.bodies.human.measures import Measures
-from coordinator.bodies.tracked import Bodies
-from coordinator.files import with_parent
-from coordinator.filters.methods import apply_method
-from coordinator.results.log import assemble, floor_up
-from coordinator.results.recorder import save_run
-from coordinator.results.summary import PERSON
-from coordinator.results.track import TrackedBody
-from coordinator.security.access import TlsFiles
-from coordinator.sources import open_source
-from coordinator.sources.arrays import ArraySource, median_depth
-from coordinator.sources.camera import DEFAULT_FPS
-from coordinator.sources.source import FARTHEST_M
-from coordinator.tracking import tracker as tracking
-from coordinator.tracking.state import read_start, start_at
+from gepf.common.body import BodyModel
+from gepf.common.camera import Intrinsics
+from gepf.common.closing import Closing
+from gepf.common.cores import usable_cores
+from gepf.common.errors import InputError
+from gepf.common.frame import DepthFrame
+from gepf.common.settings import Settings, preset
+from gepf.coordinator.bodies.choice import bodies_of, choose_bodies, choose_model, person
+from gepf.coordinator.bodies.human.dofs import HUMAN
+from gepf.coordinator.bodies.human.measures import Measures
+from gepf.coordinator.bodies.tracked import Bodies
+from gepf.coordinator.files import with_parent
+from gepf.coordinator.filters.methods import apply_method
+from gepf.coordinator.results.log import assemble, floor_up
+from gepf.coordinator.results.recorder import save_run
+from gepf.coordinator.results.summary import PERSON
+from gepf.coordinator.results.track import TrackedBody
+from gepf.coordinator.security.access import TlsFiles
+from gepf.coordinator.sources import open_source
+from gepf.coordinator.sources.arrays import ArraySource, median_depth
+from gepf.coordinator.sources.camera import DEFAULT_FPS
+from gepf.coordinator.sources.source import FARTHEST_M
+from gepf.coordinator.tracking import tracker as tracking
+from gepf.coordinator.tracking.state import read_start, start_at
 from gepf.frames import check_frame
 from gepf.live_source import LiveSource
 from gepf.named import Estimate, named

@@ -20,15 +20,15 @@ from typing import Annotated, NoReturn
 import typer
 from typer import Option
 
-from common.bounds import MAX_PARTICLES
-from common.cores import usable_cores
-from common.errors import GepfError, InputError
-from common.protocol.keys import check_name
-from common.transport.credentials import Credentials, check_holder, holder_of, read_credentials
-from common.transport.endpoints import check_endpoint
-from common.transport.session import Security
-from worker.connection import Identity, check_admission, check_alive, connect_to
-from worker.service import Kernel, Service
+from gepf.common.bounds import MAX_PARTICLES
+from gepf.common.cores import usable_cores
+from gepf.common.errors import GepfError, InputError
+from gepf.common.protocol.keys import check_name
+from gepf.common.transport.credentials import Credentials, check_holder, holder_of, read_credentials
+from gepf.common.transport.endpoints import check_endpoint
+from gepf.common.transport.session import Security
+from gepf.worker.connection import Identity, check_admission, check_alive, connect_to
+from gepf.worker.service import Kernel, Service
 
 log = logging.getLogger("gepf-worker")
 
@@ -137,9 +137,9 @@ def serve_session(identity: Identity, kernel: Kernel) -> bool:
 
 def load_kernel(lanes: int = 1) -> Kernel:
     """The compiled kernel with this number of lanes."""
-    from worker.kernel.observation import observe_for
-    from worker.lanes import Lanes
-    from worker.warm_up import warm_up
+    from gepf.worker.kernel.observation import observe_for
+    from gepf.worker.lanes import Lanes
+    from gepf.worker.warm_up import warm_up
 
     kernel = Kernel(observe_for, Lanes(lanes).refine, lanes)
     warm_up(kernel)

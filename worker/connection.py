@@ -10,11 +10,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import count
 
-from common.errors import BusError, InputError
-from common.protocol import keys
-from common.transport.bus import Bus
-from common.transport.opening import open_worker
-from common.transport.session import Security
+from gepf.common.errors import BusError, InputError
+from gepf.common.protocol import keys
+from gepf.common.transport.bus import Bus
+from gepf.common.transport.opening import open_worker
+from gepf.common.transport.session import Security
 
 SEEN_WITHIN_S = 5.0  # until a session sees the token of another
 

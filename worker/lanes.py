@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor, wait
 
-from common.body import BodyModel
-from common.refinement import Particles, Refined
-from worker.kernel.icp import pack_batch, refine_some, refined
-from worker.kernel.observation import Observation
+from gepf.common.body import BodyModel
+from gepf.common.refinement import Particles, Refined
+from gepf.worker.kernel.icp import pack_batch, refine_some, refined
+from gepf.worker.kernel.observation import Observation
 
 
 class Lanes:
@@ -18,7 +18,7 @@ class Lanes:
         self._threads = ThreadPoolExecutor(count)  # threads start when they are needed
 
     def refine(self, model: BodyModel, observation: Observation, particles: Particles) -> Refined:
-        """Refine particles; arguments, results and errors are those of `worker.kernel.icp.refine`.
+        """Refine particles; arguments, results and errors are those of `gepf.worker.kernel.icp.refine`.
 
         Exceptions and interrupts of a lane are raised when all lanes have returned.
         """

@@ -11,16 +11,16 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
-from common.body import BodyModel
-from common.errors import BusError, ProtocolError
-from common.frame import SubjectFrame
-from common.protocol import keys
-from common.protocol.frames import decode_frame
-from common.protocol.messages import RefineRequest
-from common.protocol.models import decode_model
-from common.recent import FRAMES_KEPT, MODELS_KEPT, put_recent
-from common.settings import RefineSettings
-from common.transport.bus import Bus
+from gepf.common.body import BodyModel
+from gepf.common.errors import BusError, ProtocolError
+from gepf.common.frame import SubjectFrame
+from gepf.common.protocol import keys
+from gepf.common.protocol.frames import decode_frame
+from gepf.common.protocol.messages import RefineRequest
+from gepf.common.protocol.models import decode_model
+from gepf.common.recent import FRAMES_KEPT, MODELS_KEPT, put_recent
+from gepf.common.settings import RefineSettings
+from gepf.common.transport.bus import Bus
 
 FRAME_DELAY_S = 0.2  # longest delay of a published frame after the first request for it
 

@@ -21,17 +21,17 @@ from functools import partial
 from queue import Empty, Queue
 from typing import Any, NamedTuple
 
-from common.body import BodyModel
-from common.errors import BusError, ProtocolError
-from common.frame import SubjectFrame
-from common.protocol import keys
-from common.protocol.frames import number_of
-from common.protocol.messages import RefineRequest, decode_request, encode_refined, encode_refusal
-from common.refinement import Particles, Refined
-from common.settings import RefineSettings
-from common.transport.bus import Bus
-from common.transport.channels import IncomingRequest
-from worker.memory import Memory
+from gepf.common.body import BodyModel
+from gepf.common.errors import BusError, ProtocolError
+from gepf.common.frame import SubjectFrame
+from gepf.common.protocol import keys
+from gepf.common.protocol.frames import number_of
+from gepf.common.protocol.messages import RefineRequest, decode_request, encode_refined, encode_refusal
+from gepf.common.refinement import Particles, Refined
+from gepf.common.settings import RefineSettings
+from gepf.common.transport.bus import Bus
+from gepf.common.transport.channels import IncomingRequest
+from gepf.worker.memory import Memory
 
 LOOK_S = 0.2  # between checks for the end, if no signal interrupts the wait for a request
 SILENCE_S = 10.0  # without a request before the coordinator is checked

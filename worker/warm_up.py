@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from common.body import ROOT_DOFS, ROTATION, TRANSLATION, BodyModel
-from common.camera import Intrinsics
-from common.frame import DepthFrame, SubjectFrame
-from common.protocol.frames import decode_frame, encode_frame
-from common.protocol.models import decode_model, encode_model
-from common.refinement import Particles
-from common.settings import RefineSettings
-from worker.service import Kernel
+from gepf.common.body import ROOT_DOFS, ROTATION, TRANSLATION, BodyModel
+from gepf.common.camera import Intrinsics
+from gepf.common.frame import DepthFrame, SubjectFrame
+from gepf.common.protocol.frames import decode_frame, encode_frame
+from gepf.common.protocol.models import decode_model, encode_model
+from gepf.common.refinement import Particles
+from gepf.common.settings import RefineSettings
+from gepf.worker.service import Kernel
 
 
 def warm_up(kernel: Kernel) -> None:

@@ -40,9 +40,9 @@ from benchmarks.running import (
     settings_with,
 )
 from benchmarks.tracking import prepare
-from common.errors import InputError
-from coordinator.bodies.tracked import Bodies
-from coordinator.tracking.certainty.certainty import FIT
+from gepf.common.errors import InputError
+from gepf.coordinator.bodies.tracked import Bodies
+from gepf.coordinator.tracking.certainty.certainty import FIT
 
 EVERY = [1, 2, 3]  # n-th of 30 frames a second
 FIT_SUBJECTS = (1, 2)

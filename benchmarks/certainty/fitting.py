@@ -10,9 +10,9 @@ from scipy.optimize import minimize
 from scipy.special import expit
 
 from benchmarks.certainty.gather import Gathered
-from common.arrays import Array, Mask
-from coordinator.tracking.certainty.certainty import OFF, Fit
-from coordinator.tracking.certainty.features import Features
+from gepf.common.arrays import Array, Mask
+from gepf.coordinator.tracking.certainty.certainty import OFF, Fit
+from gepf.coordinator.tracking.certainty.features import Features
 
 RIDGE = 100.0  # joints without information, for each weight of a feature of unit deviation
 ONE_DEVIATION = 0.683  # share of the joints that should lie within it

@@ -10,23 +10,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.recordings import Recording, choose, find_people, read_frames, read_reference
-from common.arrays import Array, Mask
-from common.camera import Intrinsics
-from common.frame import DepthFrame
-from common.kinematics import joint_positions
-from common.settings import Settings
-from coordinator.bodies.tracked import Bodies
-from coordinator.files import TRUTH_FILE
-from coordinator.results.evaluation import positions
-from coordinator.stopwatch import Stopwatch
-from coordinator.synthesis.sequence import PERSON, synthesise
-from coordinator.tracking.certainty.features import Features, measure_features
-from coordinator.tracking.certainty.surface import seen_shares
-from coordinator.tracking.estimate import POSE_UNKNOWN
-from coordinator.tracking.reporting import Updated, report
-from coordinator.tracking.segmenter import Segmenter
-from coordinator.tracking.state import first_state
-from coordinator.tracking.target import TargetTracker
+from gepf.common.arrays import Array, Mask
+from gepf.common.camera import Intrinsics
+from gepf.common.frame import DepthFrame
+from gepf.common.kinematics import joint_positions
+from gepf.common.settings import Settings
+from gepf.coordinator.bodies.tracked import Bodies
+from gepf.coordinator.files import TRUTH_FILE
+from gepf.coordinator.results.evaluation import positions
+from gepf.coordinator.stopwatch import Stopwatch
+from gepf.coordinator.synthesis.sequence import PERSON, synthesise
+from gepf.coordinator.tracking.certainty.features import Features, measure_features
+from gepf.coordinator.tracking.certainty.surface import seen_shares
+from gepf.coordinator.tracking.estimate import POSE_UNKNOWN
+from gepf.coordinator.tracking.reporting import Updated, report
+from gepf.coordinator.tracking.segmenter import Segmenter
+from gepf.coordinator.tracking.state import first_state
+from gepf.coordinator.tracking.target import TargetTracker
 from gepf.refiners import DirectRefiner
 
 ROOMS = ("skinned", "three_cameras", "rooms")  # folders of rendered recordings

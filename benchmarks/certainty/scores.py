@@ -10,8 +10,8 @@ from rich.table import Table
 
 from benchmarks.certainty.fitting import joints_of
 from benchmarks.certainty.gather import Gathered
-from common.arrays import Array, Mask
-from coordinator.tracking.certainty.certainty import FLAGGED, OFF, SUSPECTED, Fit
+from gepf.common.arrays import Array, Mask
+from gepf.coordinator.tracking.certainty.certainty import FLAGGED, OFF, SUSPECTED, Fit
 
 FALSE_ALARMS = (0.01, 0.02, 0.05, 0.1, 0.2)
 SHOWN = 0.5  # share of its surface; a joint with more is visible

@@ -19,12 +19,12 @@ import small_gicp
 
 from benchmarks.costs.standing import Case, standing
 from benchmarks.running import command_line, keep, processor
-from common.arrays import Array
-from common.refinement import Particles
-from common.settings import RefineSettings, preset
-from coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise
+from gepf.common.arrays import Array
+from gepf.common.refinement import Particles
+from gepf.common.settings import RefineSettings, preset
+from gepf.coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise
+from gepf.worker.kernel.icp import refine
 from tests.support.kernel import plain_path
-from worker.kernel.icp import refine
 
 POINTS, ITERATIONS, ROUNDS, PLAIN_ROUNDS = 10_000, 3, 51, 3
 NOISES = {"clean": NO_NOISE, "15 cm noise": SensorNoise(depth=0.15, lateral=0.01)}

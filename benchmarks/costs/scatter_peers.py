@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from common.arrays import Array
-from coordinator.pool.scheduler import split
+from gepf.common.arrays import Array
+from gepf.coordinator.pool.scheduler import split
 
 Depth = NDArray[np.uint16]
 Frame = Callable[[Depth, Array], Array]

@@ -26,15 +26,15 @@ from numpy.typing import NDArray
 from benchmarks.costs.scatter_peers import Frame, process_pool, ray_tasks
 from benchmarks.costs.standing import Case, standing
 from benchmarks.running import command_line, keep
-from common.arrays import Array
-from common.body import BodyModel
-from common.camera import Intrinsics
-from common.frame import DepthFrame, SubjectFrame
-from common.refinement import Particles, Refined
-from common.settings import RefineSettings, preset
-from coordinator.pool.options import WORKER_COMMAND, Pool
-from coordinator.pool.zenoh_refiner import ZenohRefiner
-from worker.lanes import Lanes
+from gepf.common.arrays import Array
+from gepf.common.body import BodyModel
+from gepf.common.camera import Intrinsics
+from gepf.common.frame import DepthFrame, SubjectFrame
+from gepf.common.refinement import Particles, Refined
+from gepf.common.settings import RefineSettings, preset
+from gepf.coordinator.pool.options import WORKER_COMMAND, Pool
+from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
+from gepf.worker.lanes import Lanes
 
 SHAPE = (512, 512)  # of a 16-bit depth image: 512 KB
 PARTICLES = (20, 100, 1000)

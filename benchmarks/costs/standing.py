@@ -6,22 +6,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from common.activation import activate
-from common.arrays import Array
-from common.body import BodyModel
-from common.camera import Intrinsics
-from common.frame import DepthFrame, SubjectFrame
-from common.kinematics import joint_positions, pose_vertices
-from common.settings import RefineSettings
-from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
-from coordinator.synthesis.noise import add_noise
-from coordinator.synthesis.rendering import DepthRenderer
-from coordinator.tracking.observation import isolate
-from coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise
-from worker.kernel.observation import Observation, observe, pack_views
-from worker.kernel.surface import pack_model
-from worker.kernel.visibility import pose_body, visible_vertices
-from worker.kernel.workspace import make_workspaces
+from gepf.common.activation import activate
+from gepf.common.arrays import Array
+from gepf.common.body import BodyModel
+from gepf.common.camera import Intrinsics
+from gepf.common.frame import DepthFrame, SubjectFrame
+from gepf.common.kinematics import joint_positions, pose_vertices
+from gepf.common.settings import RefineSettings
+from gepf.coordinator.bodies.human.template import DEFAULT_ACTIVE, human
+from gepf.coordinator.synthesis.noise import add_noise
+from gepf.coordinator.synthesis.rendering import DepthRenderer
+from gepf.coordinator.tracking.observation import isolate
+from gepf.coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise
+from gepf.worker.kernel.observation import Observation, observe, pack_views
+from gepf.worker.kernel.surface import pack_model
+from gepf.worker.kernel.visibility import pose_body, visible_vertices
+from gepf.worker.kernel.workspace import make_workspaces
 
 CAMERA = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
 UNITS_PER_METRE = 1000.0

@@ -11,13 +11,13 @@ import sys
 import threading
 import time
 
-from common.body import BodyModel
-from common.frame import SubjectFrame
-from common.refinement import Particles, Refined
-from common.settings import RefineSettings
-from common.transport.opening import open_worker
-from coordinator.tracking.preparation import unmoved
-from worker.service import Kernel, Service
+from gepf.common.body import BodyModel
+from gepf.common.frame import SubjectFrame
+from gepf.common.refinement import Particles, Refined
+from gepf.common.settings import RefineSettings
+from gepf.common.transport.opening import open_worker
+from gepf.coordinator.tracking.preparation import unmoved
+from gepf.worker.service import Kernel, Service
 
 
 def waiting(seconds: float, lanes: int) -> Kernel:

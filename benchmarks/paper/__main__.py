@@ -26,7 +26,7 @@ from benchmarks.running import (
     run_forked,
     screen,
 )
-from worker.cli import load_kernel
+from gepf.worker.cli import load_kernel
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

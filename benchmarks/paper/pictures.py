@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from benchmarks.paper.runs import Run
 from benchmarks.paper.scores import RowScore
-from coordinator.pictures.plots import styled
+from gepf.coordinator.pictures.plots import styled
 
 COLOURS = ("#e8590c", "#3b82c4", "#2f9e44", "#9c36b5", "#1b1f27")
 DEGREES = (1, 2, 5, 10, 20, 50)

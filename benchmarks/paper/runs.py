@@ -14,24 +14,24 @@ from numpy.typing import NDArray
 
 from benchmarks.running import settings_with
 from benchmarks.tracking import follow
-from common.arrays import Array
-from common.body import ROOT_DOFS, BodyModel
-from common.errors import InputError
-from common.frame import DepthFrame
-from common.kinematics import joint_positions
-from common.settings import Settings
-from coordinator.bodies.choice import choose_bodies
-from coordinator.filters.baselines import Annealed
-from coordinator.results.evaluation import angle_error_deg, best_hypothesis, positions
-from coordinator.sources.source import to_units
-from coordinator.synthesis.noise import add_noise
-from coordinator.synthesis.scenes import ARM_DOFS, SCENES, Scene
-from coordinator.synthesis.sequence import DEPTH_SCALE, render
-from coordinator.tracking.estimate import Estimate
-from coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise, assume_noise
-from coordinator.tracking.tracker import Tracker
+from gepf.common.arrays import Array
+from gepf.common.body import ROOT_DOFS, BodyModel
+from gepf.common.errors import InputError
+from gepf.common.frame import DepthFrame
+from gepf.common.kinematics import joint_positions
+from gepf.common.settings import Settings
+from gepf.coordinator.bodies.choice import choose_bodies
+from gepf.coordinator.filters.baselines import Annealed
+from gepf.coordinator.results.evaluation import angle_error_deg, best_hypothesis, positions
+from gepf.coordinator.sources.source import to_units
+from gepf.coordinator.synthesis.noise import add_noise
+from gepf.coordinator.synthesis.scenes import ARM_DOFS, SCENES, Scene
+from gepf.coordinator.synthesis.sequence import DEPTH_SCALE, render
+from gepf.coordinator.tracking.estimate import Estimate
+from gepf.coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise, assume_noise
+from gepf.coordinator.tracking.tracker import Tracker
 from gepf.refiners import DirectRefiner
-from worker.kernel.parameters import pack_parameters
+from gepf.worker.kernel.parameters import pack_parameters
 
 NONE, HEAVY, STEREO = NO_NOISE, SensorNoise(0.15, 0.01), SensorNoise(0.02, 0.003)
 

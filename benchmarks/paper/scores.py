@@ -9,12 +9,12 @@ import numpy as np
 from rich.table import Table
 
 from benchmarks.paper.runs import Row, Run
-from common.arrays import Array, Mask
-from common.camera import back_project
-from common.kinematics import joint_positions, pose_vertices
-from coordinator.results.evaluation import LOST_M, Errors, lost_from, to_the_end
-from coordinator.synthesis.rendering import DepthRenderer
-from coordinator.synthesis.scenes import Scene
+from gepf.common.arrays import Array, Mask
+from gepf.common.camera import back_project
+from gepf.common.kinematics import joint_positions, pose_vertices
+from gepf.coordinator.results.evaluation import LOST_M, Errors, lost_from, to_the_end
+from gepf.coordinator.synthesis.rendering import DepthRenderer
+from gepf.coordinator.synthesis.scenes import Scene
 
 SETTLED = {"clean": 10, "turn": 0}  # frames that do not count: tracking starts with a wrong pose
 USUALLY_SETTLED = 30

@@ -5,8 +5,8 @@
 Functions of a `BodyModel` are imported from here, compiled kernels from their modules.
 """
 
-from common.kinematics.chain import dof_transforms, joint_positions, link_transforms, pose_vertices
-from common.kinematics.manifold import difference, natural_angles, retract, within_limits
+from gepf.common.kinematics.chain import dof_transforms, joint_positions, link_transforms, pose_vertices
+from gepf.common.kinematics.manifold import difference, natural_angles, retract, within_limits
 
 __all__ = [
     "difference",

@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from common.arrays import Array, Indices
-from common.body import TRANSLATION, BodyModel
-from common.compiling import numba
-from common.kinematics.rotations import fill_rotation
+from gepf.common.arrays import Array, Indices
+from gepf.common.body import TRANSLATION, BodyModel
+from gepf.common.compiling import numba
+from gepf.common.kinematics.rotations import fill_rotation
 
 
 def contiguous(values: Array) -> Array:

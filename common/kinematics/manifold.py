@@ -11,11 +11,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from common.arrays import Array, Indices, Mask
-from common.body import BodyModel
-from common.compiling import numba
-from common.kinematics.chain import contiguous
-from common.kinematics.rotations import (
+from gepf.common.arrays import Array, Indices, Mask
+from gepf.common.body import BodyModel
+from gepf.common.compiling import numba
+from gepf.common.kinematics.chain import contiguous
+from gepf.common.kinematics.rotations import (
     euler_angles,
     fill_euler_matrix,
     fill_rotation,

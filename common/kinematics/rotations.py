@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from common.arrays import Array
-from common.compiling import numba
+from gepf.common.arrays import Array
+from gepf.common.compiling import numba
 
 Angles = tuple[float, float, float]
 

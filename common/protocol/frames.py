@@ -9,11 +9,11 @@ from typing import Annotated, ClassVar
 import msgspec
 import numpy as np
 
-from common.bounds import LARGEST, MAX_CAMERAS, MAX_PIXELS, SMALLEST
-from common.camera import ROUNDED, Intrinsics, is_rigid
-from common.errors import ProtocolError
-from common.frame import SUBJECT, UNMEASURED, DepthFrame, SubjectFrame
-from common.protocol.wire import LIVE, Array, Message, Natural, check, decode, encode, pack, unpack
+from gepf.common.bounds import LARGEST, MAX_CAMERAS, MAX_PIXELS, SMALLEST
+from gepf.common.camera import ROUNDED, Intrinsics, is_rigid
+from gepf.common.errors import ProtocolError
+from gepf.common.frame import SUBJECT, UNMEASURED, DepthFrame, SubjectFrame
+from gepf.common.protocol.wire import LIVE, Array, Message, Natural, check, decode, encode, pack, unpack
 
 Pixel = Annotated[int, msgspec.Meta(gt=-(2**31), lt=2**31)]
 

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import re
 
-from common.errors import InputError
+from gepf.common.errors import InputError
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 GUARDED = "gepf/live/"

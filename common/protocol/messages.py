@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import msgspec
 import numpy as np
 
-from common.bounds import (
+from gepf.common.bounds import (
     LARGEST,
     LARGEST_LOG_LIKELIHOOD,
     MAX_DOFS,
@@ -18,11 +18,11 @@ from common.bounds import (
     POSITIVE_SETTINGS,
     SMALLEST,
 )
-from common.errors import ProtocolError
-from common.protocol.keys import NAME
-from common.protocol.wire import Array, Hash, Message, Natural, check, decode, encode, pack, unpack
-from common.refinement import Particles, Refined, triangle_size
-from common.settings import RefineSettings
+from gepf.common.errors import ProtocolError
+from gepf.common.protocol.keys import NAME
+from gepf.common.protocol.wire import Array, Hash, Message, Natural, check, decode, encode, pack, unpack
+from gepf.common.refinement import Particles, Refined, triangle_size
+from gepf.common.settings import RefineSettings
 
 RunName = Annotated[str, msgspec.Meta(pattern=rf"^{NAME.pattern}\Z")]
 

@@ -8,10 +8,10 @@ from typing import Annotated, Any
 import msgspec
 import numpy as np
 
-from common.body import ROTATION, TRANSLATION, BodyModel
-from common.bounds import LARGEST, MAX_DOFS
-from common.errors import ProtocolError
-from common.protocol.wire import Array, Dims, Hash, Message, decode, encode, pack, unpack
+from gepf.common.body import ROTATION, TRANSLATION, BodyModel
+from gepf.common.bounds import LARGEST, MAX_DOFS
+from gepf.common.errors import ProtocolError
+from gepf.common.protocol.wire import Array, Dims, Hash, Message, decode, encode, pack, unpack
 
 Name = Annotated[str, msgspec.Meta(max_length=200)]
 Names = Annotated[tuple[Name, ...], msgspec.Meta(max_length=10_000)]

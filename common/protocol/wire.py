@@ -16,8 +16,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from common.bounds import MAX_BYTES
-from common.errors import ProtocolError, VersionError
+from gepf.common.bounds import MAX_BYTES
+from gepf.common.errors import ProtocolError, VersionError
 
 PROTOCOL = 15  # version of messages and kernel, which coordinator and workers share
 LIVE = 1  # version of frames and results of live input, which other programs also use: docs/live.md

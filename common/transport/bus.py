@@ -12,8 +12,8 @@ from collections.abc import Callable
 import zenoh
 from zenoh import handlers
 
-from common.closing import Closing
-from common.transport.channels import ANSWER_S, IncomingRequest, Publisher, RequestSender, mapped
+from gepf.common.closing import Closing
+from gepf.common.transport.channels import ANSWER_S, IncomingRequest, Publisher, RequestSender, mapped
 
 
 class Bus(Closing):

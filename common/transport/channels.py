@@ -10,8 +10,8 @@ from typing import Literal
 import zenoh
 from zenoh import handlers
 
-from common.closing import Closing
-from common.errors import BusError
+from gepf.common.closing import Closing
+from gepf.common.errors import BusError
 
 ANSWER_S = 2.0  # for quick answers of other programs
 Ending = Literal["reply", "refusal", "nothing"]

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from common.errors import InputError
+from gepf.common.errors import InputError
 
 MEND = "make a new one with gepf certificates"
 

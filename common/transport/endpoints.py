@@ -11,9 +11,9 @@ import socket
 import ssl
 from contextlib import suppress
 
-from common.errors import InputError
-from common.transport.channels import ANSWER_S
-from common.transport.credentials import MEND, Credentials
+from gepf.common.errors import InputError
+from gepf.common.transport.channels import ANSWER_S
+from gepf.common.transport.credentials import MEND, Credentials
 
 ENDPOINT = re.compile(r"(tcp|tls|udp|quic|ws|unixsock-stream)/\S+")
 ENCRYPTED, LOCAL = "tls", "unixsock-stream"

@@ -8,11 +8,11 @@ from typing import Any
 
 import zenoh
 
-from common.errors import BusError, InputError
-from common.transport.bus import Bus
-from common.transport.channels import ANSWER_S, bus_error
-from common.transport.endpoints import why_refused
-from common.transport.session import Security, session_settings
+from gepf.common.errors import BusError, InputError
+from gepf.common.transport.bus import Bus
+from gepf.common.transport.channels import ANSWER_S, bus_error
+from gepf.common.transport.endpoints import why_refused
+from gepf.common.transport.session import Security, session_settings
 
 UNREACHABLE = "Unable to connect"  # start of Zenoh's message if no endpoint answers
 

@@ -14,9 +14,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from common.bounds import MAX_BYTES
-from common.protocol import keys
-from common.transport.credentials import Credentials
+from gepf.common.bounds import MAX_BYTES
+from gepf.common.protocol import keys
+from gepf.common.transport.credentials import Credentials
 
 LEASE_MS = 1_000  # a peer that is silent for this time is disconnected
 RETRY_MS = (100, 1_000)  # between attempts to connect, first and longest

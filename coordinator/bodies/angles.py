@@ -21,12 +21,12 @@ from functools import cache, cached_property
 
 import numpy as np
 
-from common.arrays import Array, Mask
-from common.body import ROOT_DOFS, ROTATION, BodyModel
-from common.camera import level_from_camera
-from coordinator.bodies.human.dofs import JOINT_ANGLES
-from coordinator.bodies.human.skeleton import ARM_TILT, Dof, build_skeleton
-from coordinator.bodies.swing_twist import (
+from gepf.common.arrays import Array, Mask
+from gepf.common.body import ROOT_DOFS, ROTATION, BodyModel
+from gepf.common.camera import level_from_camera
+from gepf.coordinator.bodies.human.dofs import JOINT_ANGLES
+from gepf.coordinator.bodies.human.skeleton import ARM_TILT, Dof, build_skeleton
+from gepf.coordinator.bodies.swing_twist import (
     FARTHEST,
     compose,
     nearest_swing,

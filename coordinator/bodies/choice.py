@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from common.body import ROOT_DOFS, BodyModel, unknown_dof
-from common.errors import InputError
-from coordinator.bodies.human.dofs import HUMAN, HUMAN_DOFS
-from coordinator.bodies.human.measures import DEVIATION, Measures
-from coordinator.bodies.human.shape_space import shape_space
-from coordinator.bodies.human.template import DEFAULT_ACTIVE, human, human_of
-from coordinator.bodies.tracked import Bodies, Size, one_body
-from coordinator.files import read_json
+from gepf.common.body import ROOT_DOFS, BodyModel, unknown_dof
+from gepf.common.errors import InputError
+from gepf.coordinator.bodies.human.dofs import HUMAN, HUMAN_DOFS
+from gepf.coordinator.bodies.human.measures import DEVIATION, Measures
+from gepf.coordinator.bodies.human.shape_space import shape_space
+from gepf.coordinator.bodies.human.template import DEFAULT_ACTIVE, human, human_of
+from gepf.coordinator.bodies.tracked import Bodies, Size, one_body
+from gepf.coordinator.files import read_json
 
 PERSON_SUFFIX = ".json"
 JOINTS = "joints"
@@ -68,7 +68,7 @@ def load_body(model: str) -> BodyModel:
     path = Path(model)
     if path.suffix == PERSON_SUFFIX:
         return human_of(read_person(path))
-    from coordinator.bodies.urdf import read_urdf
+    from gepf.coordinator.bodies.urdf import read_urdf
 
     return read_urdf(path)
 

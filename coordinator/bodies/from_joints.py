@@ -1,7 +1,7 @@
 """Angles of a person from joint positions alone, as in many truths: elbows, knees, shoulders and hips.
 
-They have the names and definitions of `coordinator.bodies.angles`, except that trunk and pelvis have a common
-axis here, from the centre of the hips to that of the shoulders.
+They have the names and definitions of `gepf.coordinator.bodies.angles`, except that trunk and pelvis have a
+common axis here, from the centre of the hips to that of the shoulders.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from common.arrays import Array
+from gepf.common.arrays import Array
 
 Places = Mapping[str, Array]  # (F, 3) of each joint
 

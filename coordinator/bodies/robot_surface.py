@@ -17,8 +17,8 @@ import trimesh
 import yourdfpy
 from scipy.spatial import cKDTree
 
-from common.arrays import Array, Indices
-from common.errors import InputError
+from gepf.common.arrays import Array, Indices
+from gepf.common.errors import InputError
 
 VERTICES = 4_500  # approximate number for a whole body
 SHARP_RAD = np.radians(30.0)

@@ -22,7 +22,7 @@ from math import tau
 
 import numpy as np
 
-from common.arrays import Array, Mask
+from gepf.common.arrays import Array, Mask
 
 FARTHEST = np.radians(270.0)
 """Largest rotation of a person's joint to either side; larger values are reduced by a full turn."""

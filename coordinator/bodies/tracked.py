@@ -9,11 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from common.activation import activate
-from common.arrays import Array
-from common.body import BodyModel
-from coordinator.bodies.human.dofs import HUMAN_DOFS
-from coordinator.bodies.human.measures import REFERENCE_STATURE
+from gepf.common.activation import activate
+from gepf.common.arrays import Array
+from gepf.common.body import BodyModel
+from gepf.coordinator.bodies.human.dofs import HUMAN_DOFS
+from gepf.coordinator.bodies.human.measures import REFERENCE_STATURE
 
 SIZES = 64  # bodies that are kept
 

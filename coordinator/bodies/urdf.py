@@ -16,8 +16,8 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import yourdfpy
 
-from common.arrays import Array
-from common.body import (
+from gepf.common.arrays import Array
+from gepf.common.body import (
     REST_FROM_URDF,
     ROOT_DOFS,
     ROTATION,
@@ -26,9 +26,9 @@ from common.body import (
     find_balls,
     surface_carriers,
 )
-from common.camera import rigid
-from common.errors import InputError
-from coordinator.bodies.robot_surface import joined, link_surfaces, load_urdf
+from gepf.common.camera import rigid
+from gepf.common.errors import InputError
+from gepf.coordinator.bodies.robot_surface import joined, link_surfaces, load_urdf
 
 XACRO = "http://www.ros.org/wiki/xacro"
 

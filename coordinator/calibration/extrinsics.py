@@ -11,9 +11,9 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 from scipy.spatial.transform import Rotation
 
-from common.arrays import Array
-from common.camera import inverse, rigid
-from common.errors import InputError
+from gepf.common.arrays import Array
+from gepf.common.camera import inverse, rigid
+from gepf.common.errors import InputError
 
 CameraExtrinsics = tuple[Array, float]
 """T_world_camera (4, 4), metres, and the clock offset in seconds, that added to the camera's time gives the

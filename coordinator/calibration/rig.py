@@ -15,22 +15,22 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from common.arrays import Array
-from common.camera import inverse, moved, rigid
-from common.errors import InputError
-from common.frame import SubjectFrame
-from common.kinematics import joint_positions
-from common.refinement import Particles
-from common.settings import Settings
-from coordinator.bodies.tracked import Bodies
-from coordinator.sources.source import Source
-from coordinator.tracking.candidate_refinement import ITERATIONS
-from coordinator.tracking.estimate import POSE_UNKNOWN
-from coordinator.tracking.person_size import GIRTH_STEPS
-from coordinator.tracking.refiner import Refiner, iterations
-from coordinator.tracking.reporting import Tracked
-from coordinator.tracking.sensor_noise import assume_noise
-from coordinator.tracking.tracker import Tracker
+from gepf.common.arrays import Array
+from gepf.common.camera import inverse, moved, rigid
+from gepf.common.errors import InputError
+from gepf.common.frame import SubjectFrame
+from gepf.common.kinematics import joint_positions
+from gepf.common.refinement import Particles
+from gepf.common.settings import Settings
+from gepf.coordinator.bodies.tracked import Bodies
+from gepf.coordinator.sources.source import Source
+from gepf.coordinator.tracking.candidate_refinement import ITERATIONS
+from gepf.coordinator.tracking.estimate import POSE_UNKNOWN
+from gepf.coordinator.tracking.person_size import GIRTH_STEPS
+from gepf.coordinator.tracking.refiner import Refiner, iterations
+from gepf.coordinator.tracking.reporting import Tracked
+from gepf.coordinator.tracking.sensor_noise import assume_noise
+from gepf.coordinator.tracking.tracker import Tracker
 
 MISFIT_M = 0.09  # largest mean residual of joints of the same person
 LARGEST = np.repeat([np.radians(1.0), 0.02, 0.008], (3, 3, 1))  # deviations; with larger ones it is a guess

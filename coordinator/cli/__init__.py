@@ -11,7 +11,7 @@ import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # for small matrices, more only take cores from workers
 
-from coordinator.cli.application import main
-from coordinator.cli.commands import app
+from gepf.coordinator.cli.application import main
+from gepf.coordinator.cli.commands import app
 
 __all__ = ["app", "main"]

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from common.errors import InputError
-from coordinator.cli.commands import app
-from coordinator.commands.console import DEBUG, INTERRUPTED, exit_code
+from gepf.common.errors import InputError
+from gepf.coordinator.cli.commands import app
+from gepf.coordinator.commands.console import DEBUG, INTERRUPTED, exit_code
 
 
 def use_config(context: typer.Context, given: Path | None) -> None:
@@ -57,7 +57,7 @@ def defaults_of(command: Any, table: Mapping[str, Any], place: str) -> dict[str,
 
 
 if TYPE_CHECKING:
-    from coordinator.pool.zenoh_refiner import Connect
+    from gepf.coordinator.pool.zenoh_refiner import Connect
 
 EXAMPLES = """A first run:
 

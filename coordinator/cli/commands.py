@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
-from common.errors import InputError
-from coordinator.commands import options as given
-from coordinator.commands.console import loading, say
-from coordinator.commands.options import CameraOptions, Quiet, SecurityOptions
+from gepf.common.errors import InputError
+from gepf.coordinator.commands import options as given
+from gepf.coordinator.commands.console import loading, say
+from gepf.coordinator.commands.options import CameraOptions, Quiet, SecurityOptions
 
 
 def grouped(command: Callable[..., None]) -> Callable[..., None]:
@@ -56,7 +56,7 @@ def parameters_of(kind: Any) -> list[inspect.Parameter]:
 
 
 if TYPE_CHECKING:
-    from coordinator.commands.progress import Show
+    from gepf.coordinator.commands.progress import Show
 
 TRACK, SEQUENCES, HOSTS, FINISHED = "Track", "Sequences and bodies", "Many hosts", "Look, compare, export"
 
@@ -68,7 +68,7 @@ def on_stderr(*, quiet: bool = False) -> Show:
     """Progress on stderr, unless the user wants none."""
     from rich.console import Console
 
-    from coordinator.commands.progress import Show
+    from gepf.coordinator.commands.progress import Show
 
     return Show(Console(stderr=True, quiet=quiet))
 
@@ -80,7 +80,7 @@ def demo(options: given.DemoOptions, quiet: Quiet = False) -> None:
     show = on_stderr(quiet=quiet)
     show.say("rendering a scene and tracking it in two ways; loading")
     with loading():
-        from coordinator.commands.demo import run_demo
+        from gepf.coordinator.commands.demo import run_demo
 
     run_demo(options.out, show, options.scene)
 
@@ -94,8 +94,8 @@ def track(
     show = on_stderr(quiet=options.quiet)
     show.say(f"tracking {', '.join(map(str, options.sequences))} into {options.out}; loading")
     with loading():
-        from coordinator.commands.track import run_track
-        from coordinator.pool.zenoh_refiner import ZenohRefiner
+        from gepf.coordinator.commands.track import run_track
+        from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
     code = run_track(options, camera, security, show, context.obj or ZenohRefiner)
     raise typer.Exit(code)
 
@@ -104,7 +104,7 @@ def track(
 @grouped
 def info(options: given.InfoOptions, camera: CameraOptions) -> None:
     """Show facts about a sequence and its scene: camera, depth, floor, walls, people; or about a run."""
-    from coordinator.commands.info import run_info
+    from gepf.coordinator.commands.info import run_info
 
     run_info(options, camera)
 
@@ -116,8 +116,8 @@ def calibrate(context: typer.Context, options: given.CalibrateOptions, quiet: Qu
     show = on_stderr(quiet=quiet)
     show.say(f"calibrating {len(options.sequences)} cameras; loading")
     with loading():
-        from coordinator.commands.calibrate import run_calibrate
-        from coordinator.pool.zenoh_refiner import ZenohRefiner
+        from gepf.coordinator.commands.calibrate import run_calibrate
+        from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
     run_calibrate(options, show, context.obj or ZenohRefiner)
 
 
@@ -125,7 +125,7 @@ def calibrate(context: typer.Context, options: given.CalibrateOptions, quiet: Qu
 @grouped
 def synth(options: given.SynthOptions, quiet: Quiet = False) -> None:
     """Render a sequence with ground truth and, unless the person is to be detected, a start pose."""
-    from coordinator.synthesis.sequence import synthesise
+    from gepf.coordinator.synthesis.sequence import synthesise
 
     with on_stderr(quiet=quiet).steps("rendering frame") as advance:
         synthesise(**asdict(options), advance=advance)
@@ -137,11 +137,11 @@ app.add_typer(model_app, name="model", rich_help_panel=SEQUENCES)
 @model_app.command()
 def dofs(model: given.Body = "human") -> None:
     """List a body's degrees of freedom, for --dof and init.json."""
-    from coordinator.bodies.human.dofs import HUMAN, HUMAN_DOFS
+    from gepf.coordinator.bodies.human.dofs import HUMAN, HUMAN_DOFS
 
     names = HUMAN_DOFS
     if model != HUMAN:  # a person's are known without the body, which takes seconds to build
-        from coordinator.bodies.choice import choose_model, load_body
+        from gepf.coordinator.bodies.choice import choose_model, load_body
 
         names = load_body(choose_model(model)).dof_names
     sys.stdout.write("".join(f"{name}\n" for name in names))
@@ -153,7 +153,7 @@ def publish(
     options: given.PublishOptions, camera: CameraOptions, security: SecurityOptions, quiet: Quiet = False
 ) -> None:
     """Publish a camera, or a recorded sequence in real time, as input for gepf track zenoh:KEY."""
-    from coordinator.commands.publish import run_publish
+    from gepf.coordinator.commands.publish import run_publish
 
     run_publish(options, camera, security, on_stderr(quiet=quiet))
 
@@ -162,8 +162,8 @@ def publish(
 @grouped
 def certificates(options: given.CertificatesOptions) -> None:
     """Create certificates for an authority, coordinator, router and workers."""
-    from coordinator.security.access import choose_names
-    from coordinator.security.certificates import make_certificates
+    from gepf.coordinator.security.access import choose_names
+    from gepf.coordinator.security.certificates import make_certificates
 
     hosts = tuple(host.strip() for host in options.hosts.split(",") if host.strip())
     new = make_certificates(options.out, choose_names(options.workers), hosts, options.days, options.mount)
@@ -177,8 +177,8 @@ def router(options: given.RouterOptions, security: SecurityOptions) -> None:
     """Run a router between coordinators and workers until it is stopped."""
     import signal
 
-    from common.transport.opening import open_router
-    from common.transport.session import ROUTER
+    from gepf.common.transport.opening import open_router
+    from gepf.common.transport.session import ROUTER
 
     secured = security.choose(options.listen, options.connect, holder=ROUTER)
     stop = {signal.SIGTERM, signal.SIGINT}
@@ -192,7 +192,7 @@ def router(options: given.RouterOptions, security: SecurityOptions) -> None:
 @grouped
 def evaluate(options: given.EvaluateOptions) -> None:
     """Compare runs with ground truth; prints one JSON object, or with --csv a table."""
-    from coordinator.commands.evaluate import run_evaluate
+    from gepf.coordinator.commands.evaluate import run_evaluate
 
     run_evaluate(options)
 
@@ -201,7 +201,7 @@ def evaluate(options: given.EvaluateOptions) -> None:
 @grouped
 def export(options: given.ExportOptions, quiet: Quiet = False) -> None:
     """Write the angles and poses of a run for other programs."""
-    from coordinator.exports import export_run
+    from gepf.coordinator.exports import export_run
 
     out, form, smooth = options.out, options.form, options.smooth
     track = export_run(options.run, form, out, smooth_hz=smooth, force=options.force).track
@@ -218,7 +218,7 @@ def export(options: given.ExportOptions, quiet: Quiet = False) -> None:
 def pictures(options: given.PicturesOptions, quiet: Quiet = False) -> None:
     """Draw the pictures of a run again, into its folder."""
     with loading():
-        from coordinator.commands.finished import run_pictures
+        from gepf.coordinator.commands.finished import run_pictures
     run_pictures(options, on_stderr(quiet=quiet))
 
 
@@ -229,7 +229,7 @@ def view(options: given.ViewOptions, security: SecurityOptions, quiet: Quiet = F
     if str(options.run).startswith("zenoh:"):
         # only when no other program wants to: even loading would slow down a tracker on this host
         os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
-    from coordinator.commands.view import run_view
+    from gepf.coordinator.commands.view import run_view
 
     run_view(options, security, on_stderr(quiet=quiet))
 
@@ -238,6 +238,6 @@ def view(options: given.ViewOptions, security: SecurityOptions, quiet: Quiet = F
 @grouped
 def report(options: given.ReportOptions, quiet: Quiet = False) -> None:
     """Write one HTML page about a run: animation, angles with deviations, timings, settings."""
-    from coordinator.commands.finished import run_report
+    from gepf.coordinator.commands.finished import run_report
 
     run_report(options.run, options.out, on_stderr(quiet=quiet))

@@ -9,20 +9,20 @@ from pathlib import Path
 
 import numpy as np
 
-from common.bounds import MAX_CAMERAS
-from common.errors import InputError
-from common.settings import preset
-from coordinator.bodies.choice import choose_bodies
-from coordinator.bodies.human.dofs import HUMAN
-from coordinator.calibration.extrinsics import read_poses
-from coordinator.calibration.rig import CameraPose, calibrate
-from coordinator.commands.options import CalibrateOptions
-from coordinator.commands.progress import Show
-from coordinator.files import require_new, with_parent
-from coordinator.pool.options import Pool
-from coordinator.pool.zenoh_refiner import Connect
-from coordinator.sources import Source, open_source
-from coordinator.sources.rig import RigCamera, find_fault, write_rig
+from gepf.common.bounds import MAX_CAMERAS
+from gepf.common.errors import InputError
+from gepf.common.settings import preset
+from gepf.coordinator.bodies.choice import choose_bodies
+from gepf.coordinator.bodies.human.dofs import HUMAN
+from gepf.coordinator.calibration.extrinsics import read_poses
+from gepf.coordinator.calibration.rig import CameraPose, calibrate
+from gepf.coordinator.commands.options import CalibrateOptions
+from gepf.coordinator.commands.progress import Show
+from gepf.coordinator.files import require_new, with_parent
+from gepf.coordinator.pool.options import Pool
+from gepf.coordinator.pool.zenoh_refiner import Connect
+from gepf.coordinator.sources import Source, open_source
+from gepf.coordinator.sources.rig import RigCamera, find_fault, write_rig
 
 
 def run_calibrate(options: CalibrateOptions, show: Show, connect: Connect) -> None:

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import NoReturn
 
-from common.errors import GepfError, InputError
+from gepf.common.errors import GepfError, InputError
 
 NOT_TRACKED = 3  # exit code: done, but most frames were not tracked
 INTERRUPTED = 128 + signal.SIGINT

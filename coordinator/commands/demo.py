@@ -19,20 +19,20 @@ import msgspec
 import numpy as np
 from rich.table import Table
 
-from common.errors import GepfError, InputError, check_choice
-from common.settings import Settings
-from coordinator.commands.console import NOT_TRACKED
-from coordinator.commands.job import Job
-from coordinator.commands.many import run_pool
-from coordinator.commands.progress import Show
-from coordinator.files import FILM_FILE, TRUTH_FILE
-from coordinator.filters.methods import settings_for
-from coordinator.pool.options import Pool
-from coordinator.results.evaluation import NEAR_M, measure_errors, overall, read_truth
-from coordinator.results.track import read_track
-from coordinator.synthesis.scenes import ARM_DOFS
-from coordinator.synthesis.sequence import PERSON, synthesise
-from coordinator.tracking.sensor_noise import SensorNoise
+from gepf.common.errors import GepfError, InputError, check_choice
+from gepf.common.settings import Settings
+from gepf.coordinator.commands.console import NOT_TRACKED
+from gepf.coordinator.commands.job import Job
+from gepf.coordinator.commands.many import run_pool
+from gepf.coordinator.commands.progress import Show
+from gepf.coordinator.files import FILM_FILE, TRUTH_FILE
+from gepf.coordinator.filters.methods import settings_for
+from gepf.coordinator.pool.options import Pool
+from gepf.coordinator.results.evaluation import NEAR_M, measure_errors, overall, read_truth
+from gepf.coordinator.results.track import read_track
+from gepf.coordinator.synthesis.scenes import ARM_DOFS
+from gepf.coordinator.synthesis.sequence import PERSON, synthesise
+from gepf.coordinator.tracking.sensor_noise import SensorNoise
 
 ARM = "arm"
 LANES = Pool(2)

@@ -9,16 +9,16 @@ from pathlib import Path
 
 import msgspec
 
-from common.camera import NOT_MOVED
-from common.errors import InputError
-from coordinator.commands.finished import camera_in, find_sequence, own_truth
-from coordinator.commands.options import EvaluateOptions
-from coordinator.results.configuration import digest_frame
-from coordinator.results.evaluation import Evaluation, evaluate, read_truth
-from coordinator.results.summary import read_summary
-from coordinator.results.track import TRACK_FILE, read_track
-from coordinator.sources import open_source
-from coordinator.sources.picture_folders import is_tum
+from gepf.common.camera import NOT_MOVED
+from gepf.common.errors import InputError
+from gepf.coordinator.commands.finished import camera_in, find_sequence, own_truth
+from gepf.coordinator.commands.options import EvaluateOptions
+from gepf.coordinator.results.configuration import digest_frame
+from gepf.coordinator.results.evaluation import Evaluation, evaluate, read_truth
+from gepf.coordinator.results.summary import read_summary
+from gepf.coordinator.results.track import TRACK_FILE, read_track
+from gepf.coordinator.sources import open_source
+from gepf.coordinator.sources.picture_folders import is_tum
 
 logger = logging.getLogger(__name__)
 

@@ -6,18 +6,18 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from common.errors import InputError
-from coordinator.commands.console import loading
-from coordinator.commands.options import PicturesOptions
-from coordinator.commands.progress import Show
-from coordinator.files import HYPOTHESES_FILE
-from coordinator.results.configuration import CAMERA_GIVEN, PATH, PEOPLE
-from coordinator.results.evaluation import Truth, read_truth
-from coordinator.results.summary import people_in, read_summary
-from coordinator.results.track import read_track, read_tracked_body
-from coordinator.sources import Source, open_source
-from coordinator.sources.camera import GivenCamera
-from coordinator.sources.colour_folder import ColourFolder
+from gepf.common.errors import InputError
+from gepf.coordinator.commands.console import loading
+from gepf.coordinator.commands.options import PicturesOptions
+from gepf.coordinator.commands.progress import Show
+from gepf.coordinator.files import HYPOTHESES_FILE
+from gepf.coordinator.results.configuration import CAMERA_GIVEN, PATH, PEOPLE
+from gepf.coordinator.results.evaluation import Truth, read_truth
+from gepf.coordinator.results.summary import people_in, read_summary
+from gepf.coordinator.results.track import read_track, read_tracked_body
+from gepf.coordinator.sources import Source, open_source
+from gepf.coordinator.sources.camera import GivenCamera
+from gepf.coordinator.sources.colour_folder import ColourFolder
 
 
 def run_pictures(options: PicturesOptions, show: Show) -> None:
@@ -43,11 +43,11 @@ def draw_pictures(
     track, body = read_track(out), read_tracked_body(out)
     with show.steps("drawing pictures") as advance:
         if source is None:
-            from coordinator.pictures.plots import draw_hypotheses
+            from gepf.coordinator.pictures.plots import draw_hypotheses
 
             draw_hypotheses(track, body, None, out / HYPOTHESES_FILE)
             return [out / HYPOTHESES_FILE]
-        from coordinator.pictures.run import draw_run
+        from gepf.coordinator.pictures.run import draw_run
 
         return draw_run(source, body, track, out, truth, colours, advance)
 
@@ -79,6 +79,6 @@ def run_report(run: Path, out: Path | None, show: Show) -> None:
     if not people_in(run):
         read_track(run)
     with loading():
-        from coordinator.report.page import write_report
+        from gepf.coordinator.report.page import write_report
     write_report(run, page)
     show.say(f"the report is in {page}")

@@ -11,19 +11,19 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from common.errors import InputError
-from coordinator.bodies.human.measures import Measures
-from coordinator.commands.console import loading
-from coordinator.commands.options import CameraOptions, InfoOptions
-from coordinator.files import LOG_FILE
-from coordinator.results.summary import FOUND, PERSON_FILE, find_summary
-from coordinator.results.track import read_track
-from coordinator.sources import Format, Source, find_format
-from coordinator.sources.camera import doubts
+from gepf.common.errors import InputError
+from gepf.coordinator.bodies.human.measures import Measures
+from gepf.coordinator.commands.console import loading
+from gepf.coordinator.commands.options import CameraOptions, InfoOptions
+from gepf.coordinator.files import LOG_FILE
+from gepf.coordinator.results.summary import FOUND, PERSON_FILE, find_summary
+from gepf.coordinator.results.track import read_track
+from gepf.coordinator.sources import Format, Source, find_format
+from gepf.coordinator.sources.camera import doubts
 
 if TYPE_CHECKING:
-    from coordinator.scene.candidates import Candidate
-    from coordinator.scene.scene import SceneView
+    from gepf.coordinator.scene.candidates import Candidate
+    from gepf.coordinator.scene.scene import SceneView
 
 logger = logging.getLogger(__name__)
 
@@ -59,8 +59,8 @@ def run_info(options: InfoOptions, camera: CameraOptions) -> None:
         with loading():
             view, found = find_people(alone)
         if options.picture is not None and each is source:
-            from coordinator.pictures.film import save_png
-            from coordinator.pictures.scene import draw_scene
+            from gepf.coordinator.pictures.film import save_png
+            from gepf.coordinator.pictures.scene import draw_scene
 
             save_png(draw_scene(view, found), options.picture)
         scene = describe_scene(view, found)
@@ -96,8 +96,8 @@ def find_people(source: Source) -> tuple[SceneView, list[Candidate]]:
 
     If no frame has a likely person, the last frame with the most likely one.
     """
-    from coordinator.scene.candidates import candidates
-    from coordinator.scene.scene import Scene
+    from gepf.coordinator.scene.candidates import candidates
+    from gepf.coordinator.scene.scene import Scene
 
     scene = Scene(up=None if source.gravity is None else -source.gravity)
     for number in source.numbers[:60]:
@@ -112,7 +112,7 @@ def find_people(source: Source) -> tuple[SceneView, list[Candidate]]:
 
 def describe_scene(view: SceneView, found: list[Candidate]) -> dict[str, object]:
     """Facts by name: floor, walls and candidates."""
-    from coordinator.scene.noise import sigma
+    from gepf.coordinator.scene.noise import sigma
 
     planes = view.planes
     walls = planes.coefficients[1 if planes.has_floor else 0 :]

@@ -14,17 +14,17 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from common.errors import InputError
-from common.frame import DepthFrame
-from common.protocol.keys import check_stream
-from common.transport.channels import Publisher
-from coordinator.bodies.choice import choose_bodies
-from coordinator.commands.job import Job
-from coordinator.commands.progress import FrameRate, Show, counted, describe_frame
-from coordinator.commands.publish import play
-from coordinator.files import with_parent
-from coordinator.pool.zenoh_refiner import ZenohRefiner
-from coordinator.results.configuration import (
+from gepf.common.errors import InputError
+from gepf.common.frame import DepthFrame
+from gepf.common.protocol.keys import check_stream
+from gepf.common.transport.channels import Publisher
+from gepf.coordinator.bodies.choice import choose_bodies
+from gepf.coordinator.commands.job import Job
+from gepf.coordinator.commands.progress import FrameRate, Show, counted, describe_frame
+from gepf.coordinator.commands.publish import play
+from gepf.coordinator.files import with_parent
+from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
+from gepf.coordinator.results.configuration import (
     AUTOMATIC,
     CAMERA_GIVEN,
     PATH,
@@ -34,22 +34,22 @@ from coordinator.results.configuration import (
     digest_frame,
     versions,
 )
-from coordinator.results.evaluation import Truth, read_truth
-from coordinator.results.live_results import results_key
-from coordinator.sources import Source, open_source
-from coordinator.sources.background import check_size, read_background
-from coordinator.sources.camera import AS_RECORDED
-from coordinator.sources.colour_folder import ColourFolder
-from coordinator.sources.devices.device import AttachedCamera, vendor_of
-from coordinator.sources.frame_recorder import FrameRecorder
-from coordinator.sources.joint_states import JointStates
-from coordinator.sources.live import LiveFrames, from_first_seen
-from coordinator.sources.live_stream import LiveCamera, colour_key, is_topic
-from coordinator.sources.ros2 import Node
-from coordinator.sources.ros2_input import DepthTopic, JointTopic
-from coordinator.sources.source import select_frames
-from coordinator.tracking.reporting import Tracked
-from coordinator.tracking.state import read_start
+from gepf.coordinator.results.evaluation import Truth, read_truth
+from gepf.coordinator.results.live_results import results_key
+from gepf.coordinator.sources import Source, open_source
+from gepf.coordinator.sources.background import check_size, read_background
+from gepf.coordinator.sources.camera import AS_RECORDED
+from gepf.coordinator.sources.colour_folder import ColourFolder
+from gepf.coordinator.sources.devices.device import AttachedCamera, vendor_of
+from gepf.coordinator.sources.frame_recorder import FrameRecorder
+from gepf.coordinator.sources.joint_states import JointStates
+from gepf.coordinator.sources.live import LiveFrames, from_first_seen
+from gepf.coordinator.sources.live_stream import LiveCamera, colour_key, is_topic
+from gepf.coordinator.sources.ros2 import Node
+from gepf.coordinator.sources.ros2_input import DepthTopic, JointTopic
+from gepf.coordinator.sources.source import select_frames
+from gepf.coordinator.tracking.reporting import Tracked
+from gepf.coordinator.tracking.state import read_start
 
 Streams = Generator[Iterator[DepthFrame], None, None]
 

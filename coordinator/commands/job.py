@@ -9,21 +9,21 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from common.errors import InputError
-from common.protocol.keys import check_stream
-from common.settings import Settings
-from coordinator.bodies.choice import choose_model
-from coordinator.bodies.human.dofs import HUMAN
-from coordinator.commands.options import CameraOptions, SecurityOptions, TrackOptions
-from coordinator.filters.methods import settings_for
-from coordinator.pool.options import Pool
-from coordinator.results.configuration import AUTOMATIC
-from coordinator.scene.scope import WAYS, Scope
-from coordinator.sources.camera import AS_RECORDED, GivenCamera
-from coordinator.sources.joint_states import JointStates, read_joint_states
-from coordinator.sources.live_stream import is_topic, live_key
-from coordinator.sources.rig import live_cameras
-from coordinator.sources.ros2_input import JointTopic
+from gepf.common.errors import InputError
+from gepf.common.protocol.keys import check_stream
+from gepf.common.settings import Settings
+from gepf.coordinator.bodies.choice import choose_model
+from gepf.coordinator.bodies.human.dofs import HUMAN
+from gepf.coordinator.commands.options import CameraOptions, SecurityOptions, TrackOptions
+from gepf.coordinator.filters.methods import settings_for
+from gepf.coordinator.pool.options import Pool
+from gepf.coordinator.results.configuration import AUTOMATIC
+from gepf.coordinator.scene.scope import WAYS, Scope
+from gepf.coordinator.sources.camera import AS_RECORDED, GivenCamera
+from gepf.coordinator.sources.joint_states import JointStates, read_joint_states
+from gepf.coordinator.sources.live_stream import is_topic, live_key
+from gepf.coordinator.sources.rig import live_cameras
+from gepf.coordinator.sources.ros2_input import JointTopic
 
 T = TypeVar("T")
 

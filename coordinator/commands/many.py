@@ -25,15 +25,15 @@ from rich.console import Console
 from rich.progress import TaskID
 from rich.table import Table
 
-from common.errors import InputError
-from coordinator.commands.console import INTERRUPTED, INTERRUPTS, NOT_TRACKED, exit_code
-from coordinator.commands.job import Job, is_list
-from coordinator.commands.progress import Advance, Show, bars_on
-from coordinator.commands.track import track
-from coordinator.pool.local_worker import shared_pool
-from coordinator.pool.zenoh_refiner import ZenohRefiner
-from coordinator.results.summary import read_summary
-from coordinator.sources.rig import live_cameras
+from gepf.common.errors import InputError
+from gepf.coordinator.commands.console import INTERRUPTED, INTERRUPTS, NOT_TRACKED, exit_code
+from gepf.coordinator.commands.job import Job, is_list
+from gepf.coordinator.commands.progress import Advance, Show, bars_on
+from gepf.coordinator.commands.track import track
+from gepf.coordinator.pool.local_worker import shared_pool
+from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
+from gepf.coordinator.results.summary import read_summary
+from gepf.coordinator.sources.rig import live_cameras
 
 CONTEXT = multiprocessing.get_context("forkserver")
 

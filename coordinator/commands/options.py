@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from common.bounds import LARGEST, MAX_PARTICLES, SMALLEST
+from gepf.common.bounds import LARGEST, MAX_PARTICLES, SMALLEST
 
 if TYPE_CHECKING:
-    from common.transport.session import Security
-    from coordinator.sources.camera import GivenCamera
+    from gepf.common.transport.session import Security
+    from gepf.coordinator.sources.camera import GivenCamera
 
 
 def option(metavar: str, text: str, *names: str, default: Any = None, panel: str = "", **limits: Any) -> Any:
@@ -60,7 +60,7 @@ class CameraOptions:
 
     def choose(self) -> GivenCamera:
         """These parameters; InputError if they are invalid."""
-        from coordinator.sources.camera import parse_camera
+        from gepf.coordinator.sources.camera import parse_camera
 
         return parse_camera(self.intrinsics, self.depth_scale)
 
@@ -78,7 +78,7 @@ class SecurityOptions:
 
     def choose(self, listen: str | None, connect: str | None, **holder: str) -> Security | None:
         """Certificates and access rules for these endpoints; InputError if they do not fit together."""
-        from coordinator.security.access import TlsFiles, choose_security
+        from gepf.coordinator.security.access import TlsFiles, choose_security
 
         files = TlsFiles(self.tls_ca, self.tls_cert, self.tls_key)
         return choose_security(listen, connect, files, insecure=self.insecure, **holder)

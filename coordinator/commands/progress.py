@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Protocol
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from coordinator.commands.console import INTERRUPTS
-from coordinator.stopwatch import NOTICE_S
+from gepf.coordinator.commands.console import INTERRUPTS
+from gepf.coordinator.stopwatch import NOTICE_S
 
 if TYPE_CHECKING:
-    from coordinator.tracking.estimate import Estimate
+    from gepf.coordinator.tracking.estimate import Estimate
 
 
 class Advance(Protocol):

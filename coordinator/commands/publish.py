@@ -8,20 +8,20 @@ from itertools import count
 
 import imageio.v3 as iio
 
-from common.errors import InputError
-from common.frame import DepthFrame
-from common.protocol.frames import LIVE_END, encode_colour, encode_live
-from common.protocol.keys import check_stream
-from common.transport.bus import Bus
-from common.transport.opening import open_coordinator, open_worker
-from coordinator.commands.console import INTERRUPTS
-from coordinator.commands.options import CameraOptions, PublishOptions, SecurityOptions
-from coordinator.commands.progress import Show
-from coordinator.pool.options import Pool
-from coordinator.sources import open_source
-from coordinator.sources.devices.device import AttachedCamera, Shot, vendor_of
-from coordinator.sources.live_stream import colour_key
-from coordinator.sources.source import select_frames
+from gepf.common.errors import InputError
+from gepf.common.frame import DepthFrame
+from gepf.common.protocol.frames import LIVE_END, encode_colour, encode_live
+from gepf.common.protocol.keys import check_stream
+from gepf.common.transport.bus import Bus
+from gepf.common.transport.opening import open_coordinator, open_worker
+from gepf.coordinator.commands.console import INTERRUPTS
+from gepf.coordinator.commands.options import CameraOptions, PublishOptions, SecurityOptions
+from gepf.coordinator.commands.progress import Show
+from gepf.coordinator.pool.options import Pool
+from gepf.coordinator.sources import open_source
+from gepf.coordinator.sources.devices.device import AttachedCamera, Shot, vendor_of
+from gepf.coordinator.sources.live_stream import colour_key
+from gepf.coordinator.sources.source import select_frames
 
 Put = Callable[[bytes], None]
 

@@ -9,28 +9,28 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 
-from common.errors import InputError, SilentWorkers
-from coordinator.commands.console import INTERRUPTS, NOT_TRACKED
-from coordinator.commands.finished import draw_pictures
-from coordinator.commands.inputs import MEND_STREAM, LiveInput, RecordedInput
-from coordinator.commands.job import Job, choose_job, is_several
-from coordinator.commands.options import CameraOptions, SecurityOptions, TrackOptions
-from coordinator.commands.progress import FrameRate, Show, counted
-from coordinator.commands.publish import reach_partner
-from coordinator.files import SUMMARY_FILE
-from coordinator.pool.zenoh_refiner import Connect, ZenohRefiner
-from coordinator.results.live_results import LiveResults, PackedOutlet
-from coordinator.results.log import RecordedPerson
-from coordinator.results.recorder import Recorder, is_complete
-from coordinator.results.ros2_results import RosOutlet
-from coordinator.results.summary import PERSON, describe_failure, describe_status, folder_of
-from coordinator.sources.live_stream import is_topic, live_key
-from coordinator.sources.rig import live_cameras
-from coordinator.sources.ros2 import Node
-from coordinator.tracking.cameras import describe_changes
-from coordinator.tracking.estimate import POSE_UNKNOWN, Fault
-from coordinator.tracking.reporting import Tracked
-from coordinator.tracking.tracker import Tracker
+from gepf.common.errors import InputError, SilentWorkers
+from gepf.coordinator.commands.console import INTERRUPTS, NOT_TRACKED
+from gepf.coordinator.commands.finished import draw_pictures
+from gepf.coordinator.commands.inputs import MEND_STREAM, LiveInput, RecordedInput
+from gepf.coordinator.commands.job import Job, choose_job, is_several
+from gepf.coordinator.commands.options import CameraOptions, SecurityOptions, TrackOptions
+from gepf.coordinator.commands.progress import FrameRate, Show, counted
+from gepf.coordinator.commands.publish import reach_partner
+from gepf.coordinator.files import SUMMARY_FILE
+from gepf.coordinator.pool.zenoh_refiner import Connect, ZenohRefiner
+from gepf.coordinator.results.live_results import LiveResults, PackedOutlet
+from gepf.coordinator.results.log import RecordedPerson
+from gepf.coordinator.results.recorder import Recorder, is_complete
+from gepf.coordinator.results.ros2_results import RosOutlet
+from gepf.coordinator.results.summary import PERSON, describe_failure, describe_status, folder_of
+from gepf.coordinator.sources.live_stream import is_topic, live_key
+from gepf.coordinator.sources.rig import live_cameras
+from gepf.coordinator.sources.ros2 import Node
+from gepf.coordinator.tracking.cameras import describe_changes
+from gepf.coordinator.tracking.estimate import POSE_UNKNOWN, Fault
+from gepf.coordinator.tracking.reporting import Tracked
+from gepf.coordinator.tracking.tracker import Tracker
 
 
 def run_track(
@@ -42,7 +42,7 @@ def run_track(
     """
     job = choose_job(options, camera, security)
     if is_several(options):
-        from coordinator.commands.many import choose_runs, track_many
+        from gepf.coordinator.commands.many import choose_runs, track_many
 
         jobs = choose_runs(job, options.sequences)
         code = track_many(jobs, show)

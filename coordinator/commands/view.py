@@ -12,27 +12,27 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from common.body import BodyModel
-from common.errors import BusError, GepfError, InputError, ProtocolError
-from common.frame import DepthFrame
-from common.protocol.frames import decode_live, number_of
-from common.protocol.keys import check_stream
-from common.protocol.models import decode_model
-from common.recent import MODELS_KEPT, put_recent
-from common.transport.bus import Bus
-from coordinator.commands.console import INTERRUPTS
-from coordinator.commands.finished import find_sequence
-from coordinator.commands.options import SecurityOptions, ViewOptions
-from coordinator.commands.progress import Show
-from coordinator.commands.publish import reach_partner
-from coordinator.pool.options import Pool
-from coordinator.results.live_results import Result, read_result, results_key
-from coordinator.results.track import filled, read_track, read_tracked_body
-from coordinator.sources.camera import DEFAULT_FPS
-from coordinator.sources.frame_recorder import WAITING_FRAMES
-from coordinator.sources.live_stream import is_topic, live_key
-from coordinator.stopwatch import NOTICE_S
-from coordinator.viewing import FrameLog, PersonLog, layout
+from gepf.common.body import BodyModel
+from gepf.common.errors import BusError, GepfError, InputError, ProtocolError
+from gepf.common.frame import DepthFrame
+from gepf.common.protocol.frames import decode_live, number_of
+from gepf.common.protocol.keys import check_stream
+from gepf.common.protocol.models import decode_model
+from gepf.common.recent import MODELS_KEPT, put_recent
+from gepf.common.transport.bus import Bus
+from gepf.coordinator.commands.console import INTERRUPTS
+from gepf.coordinator.commands.finished import find_sequence
+from gepf.coordinator.commands.options import SecurityOptions, ViewOptions
+from gepf.coordinator.commands.progress import Show
+from gepf.coordinator.commands.publish import reach_partner
+from gepf.coordinator.pool.options import Pool
+from gepf.coordinator.results.live_results import Result, read_result, results_key
+from gepf.coordinator.results.track import filled, read_track, read_tracked_body
+from gepf.coordinator.sources.camera import DEFAULT_FPS
+from gepf.coordinator.sources.frame_recorder import WAITING_FRAMES
+from gepf.coordinator.sources.live_stream import is_topic, live_key
+from gepf.coordinator.stopwatch import NOTICE_S
+from gepf.coordinator.viewing import FrameLog, PersonLog, layout
 
 Take = Callable[[], list[tuple[str, bytes]]]
 """Returns new messages with their keys."""

@@ -7,9 +7,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import BinaryIO
 
-from common.errors import check_choice
-from coordinator.exports.recorded import RecordedRun, read_run
-from coordinator.files import require_new, write_atomically
+from gepf.common.errors import check_choice
+from gepf.coordinator.exports.recorded import RecordedRun, read_run
+from gepf.coordinator.files import require_new, write_atomically
 
 Export = Callable[[RecordedRun, BinaryIO], None]
 
@@ -42,6 +42,6 @@ def export_run(
     require_new(path, force=force)
     run = read_run(folder, smooth_hz)
     module, _, name = EXPORTS[form].partition(".")
-    write: Export = getattr(import_module(f"coordinator.exports.{module}"), name)
+    write: Export = getattr(import_module(f"gepf.coordinator.exports.{module}"), name)
     write_atomically(path, lambda file: write(run, file))
     return run

@@ -13,11 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from common.activation import nearest_in
-from common.arrays import Array
-from common.body import ROTATION, BodyModel
-from common.kinematics import dof_transforms
-from coordinator.exports.recorded import CAMERA_TO_Y_UP
+from gepf.common.activation import nearest_in
+from gepf.common.arrays import Array
+from gepf.common.body import ROTATION, BodyModel
+from gepf.common.kinematics import dof_transforms
+from gepf.coordinator.exports.recorded import CAMERA_TO_Y_UP
 
 WORLD = "world"
 LARGEST_OFFSET_M = 0.05  # of a joint from the centre of rotation of its bone

@@ -14,9 +14,9 @@ from typing import BinaryIO
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from common.arrays import Array
-from coordinator.exports.bones import Bone, bones_of, children, motion_of, offset, slides
-from coordinator.exports.recorded import CAMERA_TO_Y_UP, RecordedRun
+from gepf.common.arrays import Array
+from gepf.coordinator.exports.bones import Bone, bones_of, children, motion_of, offset, slides
+from gepf.coordinator.exports.recorded import CAMERA_TO_Y_UP, RecordedRun
 
 ORDER = "ZXY"
 TIP = "0.000000 5.000000 0.000000"  # centimetres from the last joint of a limb to the end of its bone

@@ -15,9 +15,9 @@ from typing import BinaryIO
 import numpy as np
 from ezc3d import c3d
 
-from common.arrays import Array
-from coordinator.bodies.angles import angles_of
-from coordinator.exports.recorded import CAMERA_TO_OPENSIM, RecordedRun
+from gepf.common.arrays import Array
+from gepf.coordinator.bodies.angles import angles_of
+from gepf.coordinator.exports.recorded import CAMERA_TO_OPENSIM, RecordedRun
 
 
 def write_c3d(run: RecordedRun, file: BinaryIO) -> None:

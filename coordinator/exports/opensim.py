@@ -19,11 +19,11 @@ from typing import BinaryIO
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from common.arrays import Array
-from common.kinematics.rotations import euler_angles
-from coordinator.bodies.angles import MIRROR, Angles, SphericalJoint, is_person, person_angles
-from coordinator.exports.recorded import CAMERA_TO_OPENSIM, RecordedRun
-from coordinator.results.angles import sliding_joints
+from gepf.common.arrays import Array
+from gepf.common.kinematics.rotations import euler_angles
+from gepf.coordinator.bodies.angles import MIRROR, Angles, SphericalJoint, is_person, person_angles
+from gepf.coordinator.exports.recorded import CAMERA_TO_OPENSIM, RecordedRun
+from gepf.coordinator.results.angles import sliding_joints
 
 BALLS = {
     # a joint's first angle: OpenSim's coordinates about Z, X, Y

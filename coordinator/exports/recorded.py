@@ -7,10 +7,17 @@ from pathlib import Path
 
 import numpy as np
 
-from common.arrays import Array, Mask
-from common.camera import level_from_camera
-from coordinator.results.track import Track, TrackedBody, filled, read_track, read_tracked_body, where_missing
-from coordinator.sources.source import rate_of
+from gepf.common.arrays import Array, Mask
+from gepf.common.camera import level_from_camera
+from gepf.coordinator.results.track import (
+    Track,
+    TrackedBody,
+    filled,
+    read_track,
+    read_tracked_body,
+    where_missing,
+)
+from gepf.coordinator.sources.source import rate_of
 
 CAMERA_TO_Y_UP = np.diag([1.0, -1.0, -1.0])
 """Half a turn about x: y up, and a person who faces the camera looks along +z, their left at +x."""
@@ -60,7 +67,7 @@ def read_run(folder: Path, smooth_hz: float | None = None) -> RecordedRun:
     found = read_track(folder)
     track = filled(found)
     if smooth_hz is not None:
-        from coordinator.exports.smoothing import smooth_track  # loads slowly
+        from gepf.coordinator.exports.smoothing import smooth_track  # loads slowly
 
         track = smooth_track(track, read_tracked_body(folder).model, smooth_hz)
     return RecordedRun(folder.resolve().name, track, folder, found.placed, smooth_hz)

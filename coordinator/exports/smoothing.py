@@ -14,12 +14,12 @@ import numpy as np
 from scipy.signal import butter, filtfilt
 from scipy.spatial.transform import Rotation
 
-from common.arrays import Array
-from common.body import ROTATION, BodyModel
-from common.errors import InputError
-from common.kinematics.rotations import euler_angles, handedness
-from coordinator.exports.bones import continuous
-from coordinator.results.track import Track
+from gepf.common.arrays import Array
+from gepf.common.body import ROTATION, BodyModel
+from gepf.common.errors import InputError
+from gepf.common.kinematics.rotations import euler_angles, handedness
+from gepf.coordinator.exports.bones import continuous
+from gepf.coordinator.results.track import Track
 
 
 def smooth_track(track: Track, model: BodyModel, cutoff_hz: float) -> Track:

@@ -8,9 +8,9 @@ from typing import BinaryIO
 import msgspec
 import numpy as np
 
-from coordinator.exports.recorded import RecordedRun
-from coordinator.results.csv_file import write_csv
-from coordinator.results.track import Track
+from gepf.coordinator.exports.recorded import RecordedRun
+from gepf.coordinator.results.csv_file import write_csv
+from gepf.coordinator.results.track import Track
 
 
 def export_csv(run: RecordedRun, file: BinaryIO) -> None:

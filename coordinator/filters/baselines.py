@@ -6,12 +6,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from common.arrays import Array
-from common.body import ROTATION, BodyModel
-from common.kinematics import difference, retract
-from common.refinement import Refined
-from common.settings import FilterSettings
-from coordinator.filters.belief import Belief, Observation, Proposal, draw_ancestors, mean_pose, normalise
+from gepf.common.arrays import Array
+from gepf.common.body import ROTATION, BodyModel
+from gepf.common.kinematics import difference, retract
+from gepf.common.refinement import Refined
+from gepf.common.settings import FilterSettings
+from gepf.coordinator.filters.belief import (
+    Belief,
+    Observation,
+    Proposal,
+    draw_ancestors,
+    mean_pose,
+    normalise,
+)
 
 
 def begin(model: BodyModel, pose: Array, settings: FilterSettings) -> Belief:  # noqa: ARG001 as all methods

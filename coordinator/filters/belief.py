@@ -7,10 +7,10 @@ from typing import Generic, Self, TypeVar
 
 import numpy as np
 
-from common.arrays import Array, Indices
-from common.body import BodyModel
-from common.kinematics import difference, joint_positions, retract
-from common.settings import RefineSettings
+from gepf.common.arrays import Array, Indices
+from gepf.common.body import BodyModel
+from gepf.common.kinematics import difference, joint_positions, retract
+from gepf.common.settings import RefineSettings
 
 USUAL_INTERVAL = 1.0 / 30.0  # seconds between frames
 USUAL_SPEED = 1.8  # metres per second, root mean square over the joints of the reported pose

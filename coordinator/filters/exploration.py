@@ -14,11 +14,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from common.arrays import Array, Indices, Mask
-from common.body import ROTATION, BodyModel
-from common.compiling import numba
-from common.kinematics import link_transforms
-from common.kinematics.chain import blend_each
+from gepf.common.arrays import Array, Indices, Mask
+from gepf.common.body import ROTATION, BodyModel
+from gepf.common.compiling import numba
+from gepf.common.kinematics import link_transforms
+from gepf.common.kinematics.chain import blend_each
 
 FEWEST = 8  # particles of a frame that the prediction explains; with 5, hidden limbs are worse
 DATA_DRIVEN_SHARE = 0.4  # of the particles

@@ -16,14 +16,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from common.arrays import Array, Indices, Mask
-from common.body import ROTATION, BodyModel
-from common.kinematics import difference, retract
-from common.refinement import Refined, lower_triangular
-from common.settings import FilterSettings
-from coordinator.filters.belief import Belief, Observation, Proposal, choose_reported, draw_ancestors
-from coordinator.filters.exploration import choose_count, choose_kinds, explain, propose_limbs
-from coordinator.filters.motion import draw_noise, fuse_with_prediction
+from gepf.common.arrays import Array, Indices, Mask
+from gepf.common.body import ROTATION, BodyModel
+from gepf.common.kinematics import difference, retract
+from gepf.common.refinement import Refined, lower_triangular
+from gepf.common.settings import FilterSettings
+from gepf.coordinator.filters.belief import Belief, Observation, Proposal, choose_reported, draw_ancestors
+from gepf.coordinator.filters.exploration import choose_count, choose_kinds, explain, propose_limbs
+from gepf.coordinator.filters.motion import draw_noise, fuse_with_prediction
 
 MERGE_VARIANCES = 2.0 / 3.0  # squared Mahalanobis distance per degree of freedom
 REDUCTION = 0.1  # share by which step 7 reduces every covariance in each frame

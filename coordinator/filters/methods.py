@@ -13,14 +13,14 @@ from typing import Any, get_args
 import msgspec
 import numpy as np
 
-from common.arrays import Array
-from common.body import BodyModel
-from common.errors import InputError, check_choice
-from common.refinement import Refined
-from common.settings import Descent, FilterSettings, RefineSettings, Sensor, Settings, preset
-from coordinator.filters import baselines, gradient_enhanced
-from coordinator.filters.baselines import Annealed, Condensation
-from coordinator.filters.belief import USUAL_INTERVAL, Belief, Observation, Proposal
+from gepf.common.arrays import Array
+from gepf.common.body import BodyModel
+from gepf.common.errors import InputError, check_choice
+from gepf.common.refinement import Refined
+from gepf.common.settings import Descent, FilterSettings, RefineSettings, Sensor, Settings, preset
+from gepf.coordinator.filters import baselines, gradient_enhanced
+from gepf.coordinator.filters.baselines import Annealed, Condensation
+from gepf.coordinator.filters.belief import USUAL_INTERVAL, Belief, Observation, Proposal
 
 Begin = Callable[[BodyModel, Array, FilterSettings], Belief]
 Propose = Callable[[BodyModel, Any, Observation, FilterSettings, np.random.Generator], Proposal[Any]]

@@ -6,12 +6,12 @@ from functools import lru_cache
 
 import numpy as np
 
-from common.arrays import Array, Indices, Mask
-from common.body import ROOT_DOFS, ROTATION, BodyModel
-from common.compiling import numba
-from common.kinematics import difference, retract, within_limits
-from common.refinement import WEAK_SLIDE, WEAK_TURN
-from coordinator.filters.belief import USUAL_INTERVAL
+from gepf.common.arrays import Array, Indices, Mask
+from gepf.common.body import ROOT_DOFS, ROTATION, BodyModel
+from gepf.common.compiling import numba
+from gepf.common.kinematics import difference, retract, within_limits
+from gepf.common.refinement import WEAK_SLIDE, WEAK_TURN
+from gepf.coordinator.filters.belief import USUAL_INTERVAL
 
 UNEXPECTED_TURN = float(np.radians(15.0))
 """Standard deviation of a joint angle around its prediction after a usual interval. Prismatic joints have

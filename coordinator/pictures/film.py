@@ -11,8 +11,8 @@ import av
 import numpy as np
 from PIL import Image
 
-from common.arrays import Array
-from coordinator.files import write_atomically
+from gepf.common.arrays import Array
+from gepf.coordinator.files import write_atomically
 
 TICK_S = Fraction(1, 1000)
 """Resolution of time in a film: milliseconds."""

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 from PIL import Image, ImageDraw
 
-from common.arrays import Array, Mask
-from common.body import BodyModel
-from common.camera import NOT_MOVED, Intrinsics, moved, project
-from common.kinematics import joint_positions
-from coordinator.pictures.plots import STATUS
-from coordinator.pictures.shading import BACKGROUND, Colour, draw_body
-from coordinator.results.track import Track
-from coordinator.tracking.certainty.certainty import FLAGGED
+from gepf.common.arrays import Array, Mask
+from gepf.common.body import BodyModel
+from gepf.common.camera import NOT_MOVED, Intrinsics, moved, project
+from gepf.common.kinematics import joint_positions
+from gepf.coordinator.pictures.plots import STATUS
+from gepf.coordinator.pictures.shading import BACKGROUND, Colour, draw_body
+from gepf.coordinator.results.track import Track
+from gepf.coordinator.tracking.certainty.certainty import FLAGGED
 
 FINER = 2  # the picture is drawn at this multiple and averaged
 MARGIN_M = 0.25  # around the joints: half a torso, a hand, the top of the head

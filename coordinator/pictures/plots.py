@@ -14,12 +14,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from common.arrays import Array
-from common.body import ROOT_DOFS, TRANSLATION
-from coordinator.bodies.angles import angles_of
-from coordinator.results.angles import measure, near_to
-from coordinator.results.evaluation import Truth
-from coordinator.results.track import Track, TrackedBody, filled
+from gepf.common.arrays import Array
+from gepf.common.body import ROOT_DOFS, TRANSLATION
+from gepf.coordinator.bodies.angles import angles_of
+from gepf.coordinator.results.angles import measure, near_to
+from gepf.coordinator.results.evaluation import Truth
+from gepf.coordinator.results.track import Track, TrackedBody, filled
 
 REPORTED, HYPOTHESIS, TRUE = "#e8590c", "#3b82c4", "#1b1f27"
 STATUS = {

@@ -7,18 +7,18 @@ from pathlib import Path
 
 from PIL import Image
 
-from common.body import BodyModel
-from common.camera import inverse
-from common.frame import DepthFrame
-from coordinator.files import FILM_FILE, HYPOTHESES_FILE, SHEET_FILE
-from coordinator.pictures.film import save_png, spread, tile, write_film
-from coordinator.pictures.overlay import FINER, View, paint, view_around
-from coordinator.pictures.plots import draw_hypotheses
-from coordinator.pictures.shading import shade_depth
-from coordinator.results.evaluation import Truth
-from coordinator.results.track import Track, TrackedBody
-from coordinator.sources.colour_folder import ColourFolder
-from coordinator.sources.source import Source
+from gepf.common.body import BodyModel
+from gepf.common.camera import inverse
+from gepf.common.frame import DepthFrame
+from gepf.coordinator.files import FILM_FILE, HYPOTHESES_FILE, SHEET_FILE
+from gepf.coordinator.pictures.film import save_png, spread, tile, write_film
+from gepf.coordinator.pictures.overlay import FINER, View, paint, view_around
+from gepf.coordinator.pictures.plots import draw_hypotheses
+from gepf.coordinator.pictures.shading import shade_depth
+from gepf.coordinator.results.evaluation import Truth
+from gepf.coordinator.results.track import Track, TrackedBody
+from gepf.coordinator.sources.colour_folder import ColourFolder
+from gepf.coordinator.sources.source import Source
 
 
 def draw_run(

@@ -8,9 +8,9 @@ import numpy as np
 from PIL import Image, ImageDraw
 from scipy.ndimage import binary_erosion
 
-from coordinator.pictures.shading import Colour, shade_depth
-from coordinator.scene.candidates import Candidate
-from coordinator.scene.scene import ON_PLANE, SceneView, mark_pixels
+from gepf.coordinator.pictures.shading import Colour, shade_depth
+from gepf.coordinator.scene.candidates import Candidate
+from gepf.coordinator.scene.scene import ON_PLANE, SceneView, mark_pixels
 
 FLOOR: Colour = (70, 150, 90)
 WALL: Colour = (80, 110, 170)

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 from scipy.ndimage import gaussian_filter
 
-from common.arrays import Array
-from common.body import BodyModel
-from common.camera import NOT_MOVED, Intrinsics, moved, project
-from common.kinematics import pose_vertices
+from gepf.common.arrays import Array
+from gepf.common.body import BodyModel
+from gepf.common.camera import NOT_MOVED, Intrinsics, moved, project
+from gepf.common.kinematics import pose_vertices
 
 Colour = tuple[int, int, int]
 

@@ -10,11 +10,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from common.errors import BusError
-from common.transport.channels import ANSWER_S
-from common.transport.endpoints import LOCAL
-from common.transport.opening import open_router
-from coordinator.pool.options import Pool
+from gepf.common.errors import BusError
+from gepf.common.transport.channels import ANSWER_S
+from gepf.common.transport.endpoints import LOCAL
+from gepf.common.transport.opening import open_router
+from gepf.coordinator.pool.options import Pool
 
 THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 FAILED_STARTS = 3  # successive starts without service before the run ends

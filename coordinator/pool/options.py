@@ -6,10 +6,10 @@ import sys
 from collections import Counter
 from dataclasses import dataclass, field
 
-from common.cores import usable_cores
-from common.transport.session import Security
+from gepf.common.cores import usable_cores
+from gepf.common.transport.session import Security
 
-WORKER_COMMAND = (sys.executable, "-m", "worker.cli")
+WORKER_COMMAND = (sys.executable, "-P", "-m", "gepf.worker.cli")
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,16 +9,16 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from queue import Empty, SimpleQueue
 
-from common.errors import NoWorkers, ProtocolError, SilentWorkers, VersionError
-from common.protocol import keys
-from common.protocol.messages import RefineRequest, decode_refined, decode_refusal, encode_request
-from common.refinement import Refined, concatenate
-from common.transport.bus import Bus
-from common.transport.channels import Ending, RequestSender
-from coordinator.pool.local_worker import LocalWorker
-from coordinator.pool.options import Pool
-from coordinator.pool.scheduler import REQUEST_TIMEOUT_S, TICK_S, Outcome, Request, Scheduler
-from coordinator.stopwatch import NOTICE_S
+from gepf.common.errors import NoWorkers, ProtocolError, SilentWorkers, VersionError
+from gepf.common.protocol import keys
+from gepf.common.protocol.messages import RefineRequest, decode_refined, decode_refusal, encode_request
+from gepf.common.refinement import Refined, concatenate
+from gepf.common.transport.bus import Bus
+from gepf.common.transport.channels import Ending, RequestSender
+from gepf.coordinator.pool.local_worker import LocalWorker
+from gepf.coordinator.pool.options import Pool
+from gepf.coordinator.pool.scheduler import REQUEST_TIMEOUT_S, TICK_S, Outcome, Request, Scheduler
+from gepf.coordinator.stopwatch import NOTICE_S
 
 
 @dataclass(slots=True, eq=False)

@@ -18,8 +18,8 @@ from dataclasses import dataclass, field
 from itertools import accumulate, pairwise
 from typing import Literal
 
-from common.bounds import MAX_PARTICLES
-from common.errors import ProtocolError, SilentWorkers
+from gepf.common.bounds import MAX_PARTICLES
+from gepf.common.errors import ProtocolError, SilentWorkers
 
 MAX_IN_FLIGHT = 2  # requests at one worker, and spare ones per lane: the next one is there when one ends
 TICK_S = 0.1  # between checks of the clock; no request is late before

@@ -9,23 +9,23 @@ from contextlib import AbstractContextManager, ExitStack
 from dataclasses import replace
 from pathlib import Path
 
-from common.body import BodyModel
-from common.closing import Closing
-from common.frame import SubjectFrame
-from common.protocol import keys
-from common.protocol.frames import encode_frame
-from common.protocol.messages import RefineRequest
-from common.protocol.models import encode_model
-from common.recent import FRAMES_KEPT, MODELS_KEPT, put_recent
-from common.refinement import Particles
-from common.transport.bus import Bus
-from common.transport.channels import Publisher
-from common.transport.endpoints import LOCAL, protocol_of
-from common.transport.opening import open_coordinator
-from coordinator.pool.local_worker import LocalWorker, private_folder
-from coordinator.pool.options import Pool, PoolStatistics
-from coordinator.pool.rpc_client import Refinement, RpcClient
-from coordinator.tracking.refiner import Refiner
+from gepf.common.body import BodyModel
+from gepf.common.closing import Closing
+from gepf.common.frame import SubjectFrame
+from gepf.common.protocol import keys
+from gepf.common.protocol.frames import encode_frame
+from gepf.common.protocol.messages import RefineRequest
+from gepf.common.protocol.models import encode_model
+from gepf.common.recent import FRAMES_KEPT, MODELS_KEPT, put_recent
+from gepf.common.refinement import Particles
+from gepf.common.transport.bus import Bus
+from gepf.common.transport.channels import Publisher
+from gepf.common.transport.endpoints import LOCAL, protocol_of
+from gepf.common.transport.opening import open_coordinator
+from gepf.coordinator.pool.local_worker import LocalWorker, private_folder
+from gepf.coordinator.pool.options import Pool, PoolStatistics
+from gepf.coordinator.pool.rpc_client import Refinement, RpcClient
+from gepf.coordinator.tracking.refiner import Refiner
 
 
 class Publication:

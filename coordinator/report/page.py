@@ -15,13 +15,13 @@ from jinja2 import Environment, PackageLoader, select_autoescape
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from coordinator.bodies.angles import is_person
-from coordinator.files import FILM_FILE, HYPOTHESES_FILE, SHEET_FILE, write_atomically
-from coordinator.pictures.plots import SIDES, Curve, angle_curves, plot_curves, styled
-from coordinator.results.configuration import flatten
-from coordinator.results.summary import describe_status, people_in, read_summary
-from coordinator.results.track import Track, read_track
-from coordinator.tracking.certainty.certainty import FLAGGED
+from gepf.coordinator.bodies.angles import is_person
+from gepf.coordinator.files import FILM_FILE, HYPOTHESES_FILE, SHEET_FILE, write_atomically
+from gepf.coordinator.pictures.plots import SIDES, Curve, angle_curves, plot_curves, styled
+from gepf.coordinator.results.configuration import flatten
+from gepf.coordinator.results.summary import describe_status, people_in, read_summary
+from gepf.coordinator.results.track import Track, read_track
+from gepf.coordinator.tracking.certainty.certainty import FLAGGED
 
 Summary = dict[str, Any]
 
@@ -108,7 +108,7 @@ def write_report(run: Path, out: Path) -> None:
     people = [section_of(folder) for folder in people_in(run) or [run]]
     summary = read_summary(run)
     environment = Environment(
-        loader=PackageLoader("coordinator.report", "."),
+        loader=PackageLoader("gepf.coordinator.report", "."),
         autoescape=select_autoescape(default=True),
         trim_blocks=True,
         lstrip_blocks=True,

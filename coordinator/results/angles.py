@@ -17,11 +17,11 @@ from pathlib import Path
 
 import numpy as np
 
-from common.arrays import Array
-from common.body import TRANSLATION
-from coordinator.bodies.angles import Angles, is_person
-from coordinator.results.track import MODEL_FILE, Track, filled, read_tracked_body
-from coordinator.sources.camera import DEFAULT_FPS
+from gepf.common.arrays import Array
+from gepf.common.body import TRANSLATION
+from gepf.coordinator.bodies.angles import Angles, is_person
+from gepf.coordinator.results.track import MODEL_FILE, Track, filled, read_tracked_body
+from gepf.coordinator.sources.camera import DEFAULT_FPS
 
 SPREAD_FACTOR = 2.0
 """From the spread of hypotheses to the error, which is larger because there are few particles: for the same

@@ -10,7 +10,7 @@ from typing import Any
 
 import msgspec
 
-from common.frame import DepthFrame
+from gepf.common.frame import DepthFrame
 
 PACKAGES = ("gepf", "eclipse-zenoh", "msgpack", "msgspec", "numba", "numpy", "scipy")
 PEOPLE = "people"  # the requested number, if it is not one

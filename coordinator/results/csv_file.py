@@ -11,9 +11,9 @@ from typing import BinaryIO
 
 import numpy as np
 
-from common.arrays import Array
-from coordinator.bodies.swing_twist import isb_angles, isb_names
-from coordinator.results.track import Track
+from gepf.common.arrays import Array
+from gepf.coordinator.bodies.swing_twist import isb_angles, isb_names
+from gepf.coordinator.results.track import Track
 
 Columns = dict[str, Array]
 

@@ -14,13 +14,13 @@ from typing import Annotated
 import msgspec
 import numpy as np
 
-from common.arrays import Array, Indices, Mask
-from common.body import ROOT_DOFS
-from common.camera import NOT_MOVED, moved
-from common.errors import InputError
-from coordinator.bodies.from_joints import angles_from_joints
-from coordinator.files import file_layout, read_arrays
-from coordinator.results.track import Track
+from gepf.common.arrays import Array, Indices, Mask
+from gepf.common.body import ROOT_DOFS
+from gepf.common.camera import NOT_MOVED, moved
+from gepf.common.errors import InputError
+from gepf.coordinator.bodies.from_joints import angles_from_joints
+from gepf.coordinator.files import file_layout, read_arrays
+from gepf.coordinator.results.track import Track
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -13,19 +13,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 import msgspec
 import numpy as np
 
-from common.arrays import Array
-from common.body import BodyModel
-from common.errors import ProtocolError
-from common.protocol.keys import of_run
-from common.protocol.wire import LIVE
-from common.transport.channels import Publisher
-from coordinator.bodies.angles import Angles, angles_of
-from coordinator.results.log import assemble
-from coordinator.results.track import Track
-from coordinator.tracking.estimate import Estimate, Status
+from gepf.common.arrays import Array
+from gepf.common.body import BodyModel
+from gepf.common.errors import ProtocolError
+from gepf.common.protocol.keys import of_run
+from gepf.common.protocol.wire import LIVE
+from gepf.common.transport.channels import Publisher
+from gepf.coordinator.bodies.angles import Angles, angles_of
+from gepf.coordinator.results.log import assemble
+from gepf.coordinator.results.track import Track
+from gepf.coordinator.tracking.estimate import Estimate, Status
 
 if TYPE_CHECKING:  # it imports this module
-    from coordinator.results.ros2_results import RosOutlet
+    from gepf.coordinator.results.ros2_results import RosOutlet
 
 KIND, END = "estimate", "estimates-end"
 

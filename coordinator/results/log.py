@@ -19,18 +19,18 @@ from typing import Any, BinaryIO, get_origin
 import msgspec
 import numpy as np
 
-from common.arrays import Array
-from common.body import BodyModel
-from common.errors import InputError
-from coordinator.bodies.angles import angles_of
-from coordinator.pool.options import PoolStatistics
-from coordinator.results.angles import with_angles
-from coordinator.results.configuration import RunConfiguration
-from coordinator.results.track import Track
-from coordinator.scene.planes import Planes
-from coordinator.scene.scene import Scene, SceneChanges
-from coordinator.tracking.estimate import Estimate
-from coordinator.tracking.state import Checkpoint, Start, TrackerState
+from gepf.common.arrays import Array
+from gepf.common.body import BodyModel
+from gepf.common.errors import InputError
+from gepf.coordinator.bodies.angles import angles_of
+from gepf.coordinator.pool.options import PoolStatistics
+from gepf.coordinator.results.angles import with_angles
+from gepf.coordinator.results.configuration import RunConfiguration
+from gepf.coordinator.results.track import Track
+from gepf.coordinator.scene.planes import Planes
+from gepf.coordinator.scene.scene import Scene, SceneChanges
+from gepf.coordinator.tracking.estimate import Estimate
+from gepf.coordinator.tracking.state import Checkpoint, Start, TrackerState
 
 HEAD = struct.Struct("<II")
 FORM = 16

@@ -14,15 +14,15 @@ from typing import Any, Self
 import msgspec
 import numpy as np
 
-from common.errors import InputError
-from common.settings import Settings
-from coordinator.bodies.human.dofs import HUMAN
-from coordinator.bodies.human.measures import DEVIATION
-from coordinator.files import LOG_FILE, SUMMARY_FILE, sync_folder, write_atomically, write_json
-from coordinator.pool.options import PoolStatistics
-from coordinator.results.configuration import RunConfiguration, differences, versions
-from coordinator.results.csv_file import write_csv
-from coordinator.results.log import (
+from gepf.common.errors import InputError
+from gepf.common.settings import Settings
+from gepf.coordinator.bodies.human.dofs import HUMAN
+from gepf.coordinator.bodies.human.measures import DEVIATION
+from gepf.coordinator.files import LOG_FILE, SUMMARY_FILE, sync_folder, write_atomically, write_json
+from gepf.coordinator.pool.options import PoolStatistics
+from gepf.coordinator.results.configuration import RunConfiguration, differences, versions
+from gepf.coordinator.results.csv_file import write_csv
+from gepf.coordinator.results.log import (
     Entry,
     Opening,
     Recorded,
@@ -32,7 +32,7 @@ from coordinator.results.log import (
     floor_up,
     read_log,
 )
-from coordinator.results.summary import (
+from gepf.coordinator.results.summary import (
     PERSON,
     PERSON_FILE,
     count_status,
@@ -42,7 +42,7 @@ from coordinator.results.summary import (
     summarise,
     summarise_all,
 )
-from coordinator.results.track import (
+from gepf.coordinator.results.track import (
     MODEL_FILE,
     TRACK_FILE,
     Track,
@@ -50,8 +50,8 @@ from coordinator.results.track import (
     write_track,
     write_tracked_body,
 )
-from coordinator.tracking.reporting import Tracked
-from coordinator.tracking.state import TrackerState
+from gepf.coordinator.tracking.reporting import Tracked
+from gepf.coordinator.tracking.state import TrackerState
 
 CSV_FILE = "poses.csv"
 RESULTS = (TRACK_FILE, SUMMARY_FILE, CSV_FILE)

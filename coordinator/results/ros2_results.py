@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from common.arrays import Array
-from common.body import REST_FROM_URDF, TRANSLATION, BodyModel
-from common.kinematics import link_transforms, pose_vertices
-from coordinator.bodies.tracked import coarsen
-from coordinator.results.live_results import ResultMessage
-from coordinator.sources.ros2 import Node
-from coordinator.tracking.certainty.certainty import FLAGGED
-from coordinator.tracking.estimate import POSE_UNKNOWN
+from gepf.common.arrays import Array
+from gepf.common.body import REST_FROM_URDF, TRANSLATION, BodyModel
+from gepf.common.kinematics import link_transforms, pose_vertices
+from gepf.coordinator.bodies.tracked import coarsen
+from gepf.coordinator.results.live_results import ResultMessage
+from gepf.coordinator.sources.ros2 import Node
+from gepf.coordinator.tracking.certainty.certainty import FLAGGED
+from gepf.coordinator.tracking.estimate import POSE_UNKNOWN
 
 JOINTS, FRAMES = "sensor_msgs/msg/JointState", "tf2_msgs/msg/TFMessage"
 CERTAINTY, MARKERS = "diagnostic_msgs/msg/DiagnosticArray", "visualization_msgs/msg/MarkerArray"

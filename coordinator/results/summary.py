@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Any, get_args
 import msgspec
 import numpy as np
 
-from common.errors import InputError
-from coordinator.bodies.human.shape_space import shape_space
-from coordinator.files import SUMMARY_FILE
-from coordinator.results.configuration import versions
-from coordinator.tracking.estimate import Estimate, Status
+from gepf.common.errors import InputError
+from gepf.coordinator.bodies.human.shape_space import shape_space
+from gepf.coordinator.files import SUMMARY_FILE
+from gepf.coordinator.results.configuration import versions
+from gepf.coordinator.tracking.estimate import Estimate, Status
 
 if TYPE_CHECKING:  # it loads the compiler, which is slow
-    from coordinator.results.log import Recorded, RecordedPerson
-    from coordinator.tracking.state import TrackerState
+    from gepf.coordinator.results.log import Recorded, RecordedPerson
+    from gepf.coordinator.tracking.state import TrackerState
 
 STATUSES = get_args(Status)
 PERSON_FILE = "person.json"  # the estimated size, for --model

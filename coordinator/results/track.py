@@ -12,11 +12,11 @@ from typing import Annotated, Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from common.arrays import Array, Indices, Mask
-from common.body import BodyModel
-from common.errors import InputError
-from coordinator.files import LOG_FILE, file_layout, read_arrays
-from coordinator.tracking.estimate import POSE_UNKNOWN
+from gepf.common.arrays import Array, Indices, Mask
+from gepf.common.body import BodyModel
+from gepf.common.errors import InputError
+from gepf.coordinator.files import LOG_FILE, file_layout, read_arrays
+from gepf.coordinator.tracking.estimate import POSE_UNKNOWN
 
 TRACK_FILE = "track.npz"
 

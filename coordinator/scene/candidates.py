@@ -17,12 +17,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import binary_dilation, minimum_filter
 
-from common.arrays import Array, Mask
-from common.camera import Intrinsics, points_of
-from coordinator.scene.flatness import FLAT_SHARE, LEAST_PART_M2, SAMPLED, Flat, find_flat
-from coordinator.scene.planes import extents
-from coordinator.scene.scene import FOREGROUND, PERSON_LENGTH_M, SceneView
-from coordinator.scene.segmentation import (
+from gepf.common.arrays import Array, Mask
+from gepf.common.camera import Intrinsics, points_of
+from gepf.coordinator.scene.flatness import FLAT_SHARE, LEAST_PART_M2, SAMPLED, Flat, find_flat
+from gepf.coordinator.scene.planes import extents
+from gepf.coordinator.scene.scene import FOREGROUND, PERSON_LENGTH_M, SceneView
+from gepf.coordinator.scene.segmentation import (
     CELL_M,
     LEAST_AREA_M2,
     NEAR_M,

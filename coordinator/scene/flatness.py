@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, uniform_filter
 
-from common.arrays import Array, Mask
-from common.camera import Intrinsics, points_of
-from coordinator.scene.planes import count_points, draw_planes, lie_on, refine_best, to_rays
-from coordinator.scene.segmentation import STEP_M, label_parts, measure_components
+from gepf.common.arrays import Array, Mask
+from gepf.common.camera import Intrinsics, points_of
+from gepf.coordinator.scene.planes import count_points, draw_planes, lie_on, refine_best, to_rays
+from gepf.coordinator.scene.segmentation import STEP_M, label_parts, measure_components
 
 FLAT_SHARE = 0.5  # of points in one plane, above which an object is flat and not a person
 LEAST_PART_M2 = 0.008  # visible area of the smallest part of a person or of furniture

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from common.arrays import Array
-from common.compiling import numba
+from gepf.common.arrays import Array
+from gepf.common.compiling import numba
 
 LEAST = 0.001  # metres, at any distance
 GROWTH = (0.0003, 0.03)  # metres per square metre of distance: smallest and largest

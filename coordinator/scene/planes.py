@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from common.arrays import Array, Indices, Mask
-from common.camera import Intrinsics, level_from_camera
-from common.compiling import numba
-from coordinator.scene.noise import DEVIATIONS, sigma
+from gepf.common.arrays import Array, Indices, Mask
+from gepf.common.camera import Intrinsics, level_from_camera
+from gepf.common.compiling import numba
+from gepf.coordinator.scene.noise import DEVIATIONS, sigma
 
 SAMPLED_ACROSS = 80  # points per row of the image for fitting planes
 DRAWN_PLANES = 2_000  # samples of RANSAC, of three points each

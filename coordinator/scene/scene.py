@@ -12,12 +12,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from common.arrays import Array, Mask
-from common.camera import NOT_MOVED, Intrinsics, Pinhole
-from common.compiling import numba
-from common.frame import DepthFrame
-from coordinator.scene.noise import USUAL_GROWTH, fit_noise, margin_at
-from coordinator.scene.planes import Planes, extents, find_planes, refit, sample_rays, to_points
+from gepf.common.arrays import Array, Mask
+from gepf.common.camera import NOT_MOVED, Intrinsics, Pinhole
+from gepf.common.compiling import numba
+from gepf.common.frame import DepthFrame
+from gepf.coordinator.scene.noise import USUAL_GROWTH, fit_noise, margin_at
+from gepf.coordinator.scene.planes import Planes, extents, find_planes, refit, sample_rays, to_points
 
 Depth = NDArray[np.float32]
 Marks = NDArray[np.uint8]

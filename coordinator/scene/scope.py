@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from common.arrays import Array, Mask
-from common.frame import DepthFrame
-from coordinator.scene.candidates import Candidate
-from coordinator.scene.scene import SceneView
+from gepf.common.arrays import Array, Mask
+from gepf.common.frame import DepthFrame
+from gepf.coordinator.scene.candidates import Candidate
+from gepf.coordinator.scene.scene import SceneView
 
 MOVED_SHARE = 0.2  # of a person's pixels; least share with a known background if the person moved
 WAYS = ("best", "nearest", "largest", "moving")

@@ -13,12 +13,12 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
-from common.arrays import Array, Indices, Mask
-from common.camera import Pinhole, points_of, project
-from common.compiling import numba
-from common.frame import EMPTY, HIDDEN, SUBJECT, UNKNOWN, UNMEASURED
-from coordinator.scene.noise import margin_at
-from coordinator.scene.scene import FOREGROUND, NOT_MEASURED, ON_PLANE, Depth, SceneView
+from gepf.common.arrays import Array, Indices, Mask
+from gepf.common.camera import Pinhole, points_of, project
+from gepf.common.compiling import numba
+from gepf.common.frame import EMPTY, HIDDEN, SUBJECT, UNKNOWN, UNMEASURED
+from gepf.coordinator.scene.noise import margin_at
+from gepf.coordinator.scene.scene import FOREGROUND, NOT_MEASURED, ON_PLANE, Depth, SceneView
 
 Labels = NDArray[np.uint8]
 Window = tuple[int, int, int, int]  # left, top, right, bottom in pixels, half-open

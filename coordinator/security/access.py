@@ -8,11 +8,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from common.errors import InputError
-from common.protocol.keys import check_name
-from common.transport.credentials import check_holder, read_credentials
-from common.transport.endpoints import check_endpoint, check_listening
-from common.transport.session import COORDINATOR, ROUTER, Security
+from gepf.common.errors import InputError
+from gepf.common.protocol.keys import check_name
+from gepf.common.transport.credentials import check_holder, read_credentials
+from gepf.common.transport.endpoints import check_endpoint, check_listening
+from gepf.common.transport.session import COORDINATOR, ROUTER, Security
 
 ROSTER = "workers.txt"
 

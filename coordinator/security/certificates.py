@@ -28,10 +28,10 @@ from cryptography.hazmat.primitives.serialization import (
 )
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
-from common.errors import InputError
-from common.transport.credentials import Credentials
-from common.transport.session import COORDINATOR, ROUTER, Security, session_settings
-from coordinator.security.access import ROSTER, list_workers
+from gepf.common.errors import InputError
+from gepf.common.transport.credentials import Credentials
+from gepf.common.transport.session import COORDINATOR, ROUTER, Security, session_settings
+from gepf.coordinator.security.access import ROSTER, list_workers
 
 CLOCK_SKEW = dt.timedelta(hours=1)  # by which the clock of another host may be slow
 AUTHORITY = "ca"

@@ -6,15 +6,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from common.errors import InputError
-from coordinator.sources.arrays import ArraySource, read_npy, read_npz
-from coordinator.sources.camera import AS_RECORDED, GivenCamera
-from coordinator.sources.picture_folders import holds_pictures, is_tum, read_pictures
-from coordinator.sources.point_clouds import SUFFIXES, read_clouds
-from coordinator.sources.rig import read_rig
-from coordinator.sources.ros_bag import is_bag, read_ros_bag
-from coordinator.sources.source import Source
-from coordinator.sources.utd_mhad import read_utd_mhad
+from gepf.common.errors import InputError
+from gepf.coordinator.sources.arrays import ArraySource, read_npy, read_npz
+from gepf.coordinator.sources.camera import AS_RECORDED, GivenCamera
+from gepf.coordinator.sources.picture_folders import holds_pictures, is_tum, read_pictures
+from gepf.coordinator.sources.point_clouds import SUFFIXES, read_clouds
+from gepf.coordinator.sources.rig import read_rig
+from gepf.coordinator.sources.ros_bag import is_bag, read_ros_bag
+from gepf.coordinator.sources.source import Source
+from gepf.coordinator.sources.utd_mhad import read_utd_mhad
 
 __all__ = ["ArraySource", "Format", "Source", "find_format", "open_source"]
 
@@ -30,7 +30,7 @@ class Format:
 
 def open_azure_kinect(path: Path, given: GivenCamera) -> Source:
     """Open an `.mkv` with PyAV, which is slow to load."""
-    from coordinator.sources.azure_kinect import read_azure_kinect
+    from gepf.coordinator.sources.azure_kinect import read_azure_kinect
 
     return read_azure_kinect(path, given)
 

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from common.errors import InputError
-from coordinator.files import read_arrays
-from coordinator.sources.camera import DEFAULT_FPS, MILLIMETRES, GivenCamera, intrinsics_of
-from coordinator.sources.source import FARTHEST_M, UNITS_PER_METRE, Source, to_units
+from gepf.common.errors import InputError
+from gepf.coordinator.files import read_arrays
+from gepf.coordinator.sources.camera import DEFAULT_FPS, MILLIMETRES, GivenCamera, intrinsics_of
+from gepf.coordinator.sources.source import FARTHEST_M, UNITS_PER_METRE, Source, to_units
 
 logger = logging.getLogger(__name__)
 

@@ -18,12 +18,12 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from common.arrays import Array
-from common.camera import Intrinsics
-from common.errors import InputError
-from coordinator.sources.camera import MILLIMETRES, GivenCamera
-from coordinator.sources.lens import Lens
-from coordinator.sources.source import Source, downward, rate_of
+from gepf.common.arrays import Array
+from gepf.common.camera import Intrinsics
+from gepf.common.errors import InputError
+from gepf.coordinator.sources.camera import MILLIMETRES, GivenCamera
+from gepf.coordinator.sources.lens import Lens
+from gepf.coordinator.sources.source import Source, downward, rate_of
 
 MODES = {
     # depth mode: size of the sensor after binning, then left and top of the used part

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from common.errors import InputError
-from coordinator.sources import Source, open_source
-from coordinator.sources.picture_folders import read_depth
+from gepf.common.errors import InputError
+from gepf.coordinator.sources import Source, open_source
+from gepf.coordinator.sources.picture_folders import read_depth
 
 
 def read_background(asked: str, source: Source | None) -> NDArray[np.float32]:

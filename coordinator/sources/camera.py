@@ -12,10 +12,10 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import ArrayLike
 
-from common.bounds import LARGEST, SMALLEST
-from common.camera import Intrinsics
-from common.errors import InputError
-from coordinator.files import read_json
+from gepf.common.bounds import LARGEST, SMALLEST
+from gepf.common.camera import Intrinsics
+from gepf.common.errors import InputError
+from gepf.coordinator.files import read_json
 
 DEFAULT_FPS = 30.0
 MILLIMETRES = 1000.0  # per metre

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from PIL import Image
 
-from common.camera import Intrinsics
-from common.errors import InputError
-from coordinator.sources.picture_folders import opened
+from gepf.common.camera import Intrinsics
+from gepf.common.errors import InputError
+from gepf.coordinator.sources.picture_folders import opened
 
 COLOUR_FORMATS = ("PNG", "JPEG")
 

@@ -10,15 +10,15 @@ from pathlib import Path
 
 from PIL import Image
 
-from common.errors import ProtocolError
-from common.frame import DepthFrame
-from common.protocol.frames import decode_colour
-from common.recent import put_recent
-from coordinator.files import CAMERA_FILE
-from coordinator.sources.camera import write_camera
-from coordinator.sources.live_stream import LiveCamera, find_misfit
-from coordinator.sources.picture_folders import TIMES_FILE
-from coordinator.sources.rig import RIG_FILE, RigCamera, write_rig
+from gepf.common.errors import ProtocolError
+from gepf.common.frame import DepthFrame
+from gepf.common.protocol.frames import decode_colour
+from gepf.common.recent import put_recent
+from gepf.coordinator.files import CAMERA_FILE
+from gepf.coordinator.sources.camera import write_camera
+from gepf.coordinator.sources.live_stream import LiveCamera, find_misfit
+from gepf.coordinator.sources.picture_folders import TIMES_FILE
+from gepf.coordinator.sources.rig import RIG_FILE, RigCamera, write_rig
 
 WAITING_FRAMES = 60  # largest number that wait to be written: 40 MB of 640 x 480
 

@@ -16,10 +16,10 @@ from pathlib import Path
 
 import numpy as np
 
-from common.arrays import Array
-from common.body import unknown_dof
-from common.errors import InputError
-from coordinator.sources.ros_bag import Bag, depth_topic, is_bag
+from gepf.common.arrays import Array
+from gepf.common.body import unknown_dof
+from gepf.common.errors import InputError
+from gepf.coordinator.sources.ros_bag import Bag, depth_topic, is_bag
 
 logger = logging.getLogger(__name__)
 

@@ -9,8 +9,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from common.arrays import Indices
-from common.camera import Intrinsics
+from gepf.common.arrays import Indices
+from gepf.common.camera import Intrinsics
 
 
 @dataclass(frozen=True)

@@ -8,12 +8,12 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
-from common.errors import ProtocolError
-from common.frame import DepthFrame
-from common.protocol.frames import decode_live
-from common.recent import FRAMES_KEPT, put_recent
-from coordinator.sources.live_stream import ORDER, LiveCamera, LiveStream
-from coordinator.stopwatch import NOTICE_S
+from gepf.common.errors import ProtocolError
+from gepf.common.frame import DepthFrame
+from gepf.common.protocol.frames import decode_live
+from gepf.common.recent import FRAMES_KEPT, put_recent
+from gepf.coordinator.sources.live_stream import ORDER, LiveCamera, LiveStream
+from gepf.coordinator.stopwatch import NOTICE_S
 
 COUNTED = ("received", "skipped", "rejected", "malformed")
 """Received frames are tracked, skipped because a newer one came, or rejected if they do not fit the stream.

@@ -10,11 +10,11 @@ from itertools import pairwise
 from pathlib import Path
 from statistics import median
 
-from common.arrays import Array
-from common.camera import NOT_MOVED
-from common.frame import DepthFrame
-from common.protocol.keys import check_stream
-from coordinator.sources.devices.device import vendor_of
+from gepf.common.arrays import Array
+from gepf.common.camera import NOT_MOVED
+from gepf.common.frame import DepthFrame
+from gepf.common.protocol.keys import check_stream
+from gepf.coordinator.sources.devices.device import vendor_of
 
 SCHEME, ROS_SCHEME = "zenoh:", "ros2:"
 NEW_STREAM_FRAMES = 5  # that fit each other

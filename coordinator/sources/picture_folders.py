@@ -23,11 +23,11 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from common.camera import Intrinsics
-from common.errors import InputError
-from coordinator.files import CAMERA_FILE, SUMMARY_FILE
-from coordinator.sources.camera import DEFAULT_FPS, MILLIMETRES, NOMINAL, GivenCamera, read_camera
-from coordinator.sources.source import Source, rate_of
+from gepf.common.camera import Intrinsics
+from gepf.common.errors import InputError
+from gepf.coordinator.files import CAMERA_FILE, SUMMARY_FILE
+from gepf.coordinator.sources.camera import DEFAULT_FPS, MILLIMETRES, NOMINAL, GivenCamera, read_camera
+from gepf.coordinator.sources.source import Source, rate_of
 
 logger = logging.getLogger(__name__)
 

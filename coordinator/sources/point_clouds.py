@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from common.arrays import Array
-from common.camera import Intrinsics, project
-from common.errors import InputError
-from coordinator.files import CAMERA_FILE
-from coordinator.sources.camera import DEFAULT_FPS, NOMINAL, GivenCamera, read_camera
-from coordinator.sources.source import Source
+from gepf.common.arrays import Array
+from gepf.common.camera import Intrinsics, project
+from gepf.common.errors import InputError
+from gepf.coordinator.files import CAMERA_FILE
+from gepf.coordinator.sources.camera import DEFAULT_FPS, NOMINAL, GivenCamera, read_camera
+from gepf.coordinator.sources.source import Source
 
 SUFFIXES = (".ply", ".pcd")
 LARGEST_MISFIT_PX = 0.05  # error of the pixels of a pinhole camera

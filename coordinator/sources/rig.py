@@ -12,15 +12,15 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from common.arrays import Array
-from common.bounds import LARGEST, MAX_CAMERAS
-from common.camera import is_rigid
-from common.errors import InputError
-from coordinator.files import read_json, write_json
-from coordinator.sources.camera import AS_RECORDED, GivenCamera
-from coordinator.sources.devices.device import vendor_of
-from coordinator.sources.live_stream import SILENT_INTERVALS, LiveCamera, is_topic, live_key
-from coordinator.sources.source import Source
+from gepf.common.arrays import Array
+from gepf.common.bounds import LARGEST, MAX_CAMERAS
+from gepf.common.camera import is_rigid
+from gepf.common.errors import InputError
+from gepf.coordinator.files import read_json, write_json
+from gepf.coordinator.sources.camera import AS_RECORDED, GivenCamera
+from gepf.coordinator.sources.devices.device import vendor_of
+from gepf.coordinator.sources.live_stream import SILENT_INTERVALS, LiveCamera, is_topic, live_key
+from gepf.coordinator.sources.source import Source
 
 logger = logging.getLogger(__name__)
 
@@ -121,7 +121,7 @@ def live_cameras(sequence: Path) -> tuple[LiveCamera, ...]:
 
 def read_rig(path: Path, given: GivenCamera) -> Source:
     """Open the recordings of a rig as one source: frames of the first camera, with those of the others."""
-    from coordinator.sources import open_source
+    from gepf.coordinator.sources import open_source
 
     if given != AS_RECORDED:
         raise InputError(f"--intrinsics and --depth-scale do not fit the rig {path}; leave them out")

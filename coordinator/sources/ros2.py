@@ -14,9 +14,9 @@ from collections.abc import Callable
 from itertools import count
 from typing import Any
 
-from common.errors import ProtocolError
-from common.transport.bus import Bus
-from common.transport.channels import Publisher
+from gepf.common.errors import ProtocolError
+from gepf.common.transport.bus import Bus
+from gepf.common.transport.channels import Publisher
 
 TOKENS = "@ros2_lv"
 QOS = "::,10:,:,:,,"  # reliable, volatile, the last ten messages

@@ -8,17 +8,17 @@ from itertools import count
 
 import numpy as np
 
-from common.arrays import Array
-from common.errors import InputError, ProtocolError
-from common.frame import DepthFrame
-from common.protocol.frames import check_camera
-from coordinator.sources.camera import MILLIMETRES
-from coordinator.sources.joint_states import STATES, JointStates
-from coordinator.sources.live import LiveFrames
-from coordinator.sources.ros2 import SECOND_NS, Node, nanoseconds
-from coordinator.sources.ros_bag import CAMERA, camera_in
-from coordinator.sources.ros_images import COMPRESSED, IMAGE, pixels
-from coordinator.sources.source import UNITS_PER_METRE, to_units
+from gepf.common.arrays import Array
+from gepf.common.errors import InputError, ProtocolError
+from gepf.common.frame import DepthFrame
+from gepf.common.protocol.frames import check_camera
+from gepf.coordinator.sources.camera import MILLIMETRES
+from gepf.coordinator.sources.joint_states import STATES, JointStates
+from gepf.coordinator.sources.live import LiveFrames
+from gepf.coordinator.sources.ros2 import SECOND_NS, Node, nanoseconds
+from gepf.coordinator.sources.ros_bag import CAMERA, camera_in
+from gepf.coordinator.sources.ros_images import COMPRESSED, IMAGE, pixels
+from gepf.coordinator.sources.source import UNITS_PER_METRE, to_units
 
 TRANSPORT = "/compressedDepth"  # end of the topic of compressed images
 

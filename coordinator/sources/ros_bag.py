@@ -16,11 +16,11 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from common.camera import Intrinsics
-from common.errors import InputError
-from coordinator.sources.camera import MILLIMETRES, GivenCamera, intrinsics_of
-from coordinator.sources.ros_images import COMPRESSED, ENCODINGS, FLOATS, IMAGE, encoding_of, pixels
-from coordinator.sources.source import Source, rate_of
+from gepf.common.camera import Intrinsics
+from gepf.common.errors import InputError
+from gepf.coordinator.sources.camera import MILLIMETRES, GivenCamera, intrinsics_of
+from gepf.coordinator.sources.ros_images import COMPRESSED, ENCODINGS, FLOATS, IMAGE, encoding_of, pixels
+from gepf.coordinator.sources.source import Source, rate_of
 
 Result = TypeVar("Result")
 

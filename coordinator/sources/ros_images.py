@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from common.bounds import MAX_PIXELS
+from gepf.common.bounds import MAX_PIXELS
 
 IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 FLOATS = "32FC1"  # metres
@@ -63,7 +63,7 @@ def unpack_png(packed: bytes) -> NDArray[np.uint16]:
 
 def unpack_rvl(packed: bytes) -> NDArray[np.uint16]:
     """The image (H, W) of RVL after its width and height."""
-    from coordinator.sources.rvl import decode_rvl  # it loads the compiler
+    from gepf.coordinator.sources.rvl import decode_rvl  # it loads the compiler
 
     words = np.frombuffer(packed, "<u4", len(packed) // 4)
     if len(words) < 2:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from common.arrays import Indices
-from common.compiling import numba
+from gepf.common.arrays import Indices
+from gepf.common.compiling import numba
 
 
 @numba.njit(cache=True, nogil=True)

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from common.arrays import Array
-from common.camera import NOT_MOVED, Intrinsics
-from common.errors import InputError
-from common.frame import DepthFrame
-from coordinator.files import START_FILE, TRUTH_FILE
-from coordinator.sources.camera import DEFAULT_FPS
+from gepf.common.arrays import Array
+from gepf.common.camera import NOT_MOVED, Intrinsics
+from gepf.common.errors import InputError
+from gepf.common.frame import DepthFrame
+from gepf.coordinator.files import START_FILE, TRUTH_FILE
+from gepf.coordinator.sources.camera import DEFAULT_FPS
 
 UNITS_PER_METRE = 5000.0  # for metres: steps of 0.2 mm
 ROUNDING_S = 1e-4  # of times in files

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from common.camera import Intrinsics
-from common.errors import InputError
-from coordinator.sources.camera import MILLIMETRES, GivenCamera
-from coordinator.sources.source import Source
+from gepf.common.camera import Intrinsics
+from gepf.common.errors import InputError
+from gepf.coordinator.sources.camera import MILLIMETRES, GivenCamera
+from gepf.coordinator.sources.source import Source
 
 KINECT = Intrinsics(320, 240, 285.63, 285.63, 160.0, 120.0)
 VARIABLE = "d_depth"

@@ -12,9 +12,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import distance_transform_edt, map_coordinates, maximum_filter, minimum_filter
 
-from common.arrays import Array
-from common.camera import Intrinsics, back_project
-from coordinator.tracking.sensor_noise import SensorNoise
+from gepf.common.arrays import Array
+from gepf.common.camera import Intrinsics, back_project
+from gepf.coordinator.tracking.sensor_noise import SensorNoise
 
 FARTHEST = 6.0  # standard deviations, the largest noise
 KINECT_STEP = 2.85e-3  # of inverse depth, 1/m

@@ -12,14 +12,14 @@ from functools import cache
 
 import numpy as np
 
-from common.arrays import Array
-from common.body import BodyModel
-from common.camera import Intrinsics
-from common.kinematics import joint_positions, pose_vertices
-from coordinator.bodies.human.measures import LENGTHS, Measures
-from coordinator.bodies.human.template import human, human_of
-from coordinator.sources.camera import DEFAULT_FPS
-from coordinator.synthesis.scenes import Scene, animate
+from gepf.common.arrays import Array
+from gepf.common.body import BodyModel
+from gepf.common.camera import Intrinsics
+from gepf.common.kinematics import joint_positions, pose_vertices
+from gepf.coordinator.bodies.human.measures import LENGTHS, Measures
+from gepf.coordinator.bodies.human.template import human, human_of
+from gepf.coordinator.sources.camera import DEFAULT_FPS
+from gepf.coordinator.synthesis.scenes import Scene, animate
 
 Ranges = dict[str, tuple[float, float]]
 

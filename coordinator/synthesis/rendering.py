@@ -12,10 +12,10 @@ import os
 import numpy as np
 from numpy.typing import NDArray
 
-from common.arrays import Array
-from common.camera import Intrinsics
-from common.closing import Closing
-from common.errors import GepfError
+from gepf.common.arrays import Array
+from gepf.common.camera import Intrinsics
+from gepf.common.closing import Closing
+from gepf.common.errors import GepfError
 
 NEAR_M, FAR_M = 0.2, 20.0  # with a 24-bit buffer: 1.5 um at 2 m, 40 um at 10 m
 OPENGL_FROM_CAMERA = np.array([1.0, -1.0, -1.0])  # OpenGL looks along -z, with y up

@@ -18,14 +18,14 @@ from functools import cache
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from common.arrays import Array, Indices
-from common.body import ROOT_DOFS, ROTATION, BodyModel
-from common.camera import Intrinsics
-from common.errors import InputError
-from common.kinematics import pose_vertices
-from coordinator.bodies.human.template import human
-from coordinator.sources.camera import DEFAULT_FPS
-from coordinator.synthesis.rendering import fit_in_view
+from gepf.common.arrays import Array, Indices
+from gepf.common.body import ROOT_DOFS, ROTATION, BodyModel
+from gepf.common.camera import Intrinsics
+from gepf.common.errors import InputError
+from gepf.common.kinematics import pose_vertices
+from gepf.coordinator.bodies.human.template import human
+from gepf.coordinator.sources.camera import DEFAULT_FPS
+from gepf.coordinator.synthesis.rendering import fit_in_view
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -14,22 +14,22 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from common.arrays import Array
-from common.body import TRANSLATION, BodyModel
-from common.bounds import MAX_CAMERAS
-from common.errors import InputError, check_choice
-from common.kinematics import joint_positions, pose_vertices
-from coordinator.bodies.choice import load_body
-from coordinator.files import CAMERA_FILE, START_FILE, TRUTH_FILE, with_parent, write_json
-from coordinator.sources.camera import write_camera
-from coordinator.sources.rig import RIG_FILE, RigCamera, write_rig
-from coordinator.sources.source import to_units
-from coordinator.synthesis.noise import add_noise
-from coordinator.synthesis.person_scene import person, two
-from coordinator.synthesis.rendering import DepthRenderer
-from coordinator.synthesis.scenes import ROAM_FRAMES, SCENES, Scene, roam
-from coordinator.synthesis.surround import Seen, furnished, surround
-from coordinator.tracking.sensor_noise import SensorNoise
+from gepf.common.arrays import Array
+from gepf.common.body import TRANSLATION, BodyModel
+from gepf.common.bounds import MAX_CAMERAS
+from gepf.common.errors import InputError, check_choice
+from gepf.common.kinematics import joint_positions, pose_vertices
+from gepf.coordinator.bodies.choice import load_body
+from gepf.coordinator.files import CAMERA_FILE, START_FILE, TRUTH_FILE, with_parent, write_json
+from gepf.coordinator.sources.camera import write_camera
+from gepf.coordinator.sources.rig import RIG_FILE, RigCamera, write_rig
+from gepf.coordinator.sources.source import to_units
+from gepf.coordinator.synthesis.noise import add_noise
+from gepf.coordinator.synthesis.person_scene import person, two
+from gepf.coordinator.synthesis.rendering import DepthRenderer
+from gepf.coordinator.synthesis.scenes import ROAM_FRAMES, SCENES, Scene, roam
+from gepf.coordinator.synthesis.surround import Seen, furnished, surround
+from gepf.coordinator.tracking.sensor_noise import SensorNoise
 
 ROAM, PERSON, TWO = "roam", "person", "two"
 Surface = tuple[NDArray[np.floating], NDArray[np.integer]]

@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from common.arrays import Array
-from common.body import ROOT_DOFS
-from common.camera import inverse, moved
-from common.errors import InputError
-from common.kinematics import pose_vertices
-from common.kinematics.rotations import euler_angles, euler_matrix
-from coordinator.synthesis.scenes import Scene
+from gepf.common.arrays import Array
+from gepf.common.body import ROOT_DOFS
+from gepf.common.camera import inverse, moved
+from gepf.common.errors import InputError
+from gepf.common.kinematics import pose_vertices
+from gepf.common.kinematics.rotations import euler_angles, euler_matrix
+from gepf.coordinator.synthesis.scenes import Scene
 
 ROOM_M, ROOM_HEIGHT_M = 2.2, 2.7  # from the person to the walls; seen from outside, walls are not drawn
 

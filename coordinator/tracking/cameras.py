@@ -16,14 +16,14 @@ from typing import Self
 import numpy as np
 from scipy.spatial import cKDTree
 
-from common.arrays import Array
-from common.body import BodyModel
-from common.camera import pixels_at
-from common.frame import DepthFrame, SubjectFrame
-from common.kinematics import pose_vertices
-from coordinator.tracking.estimate import Fault
-from coordinator.tracking.gating import RESIDUAL_M
-from coordinator.tracking.observation import camera_points
+from gepf.common.arrays import Array
+from gepf.common.body import BodyModel
+from gepf.common.camera import pixels_at
+from gepf.common.frame import DepthFrame, SubjectFrame
+from gepf.common.kinematics import pose_vertices
+from gepf.coordinator.tracking.estimate import Fault
+from gepf.coordinator.tracking.gating import RESIDUAL_M
+from gepf.coordinator.tracking.observation import camera_points
 
 NO_DEPTH: Fault = "gives no depth"
 REPEATS: Fault = "repeats an image"

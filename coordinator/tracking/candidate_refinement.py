@@ -13,18 +13,18 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from common.arrays import Array, Indices
-from common.body import BodyModel
-from common.frame import SubjectFrame
-from common.refinement import Particles
-from common.settings import RefineSettings
-from coordinator.bodies.human.shape_space import shape_space
-from coordinator.bodies.tracked import Bodies, Size, coarsen
-from coordinator.tracking.gating import Gate, gate_pose
-from coordinator.tracking.observation import thin
-from coordinator.tracking.pose_candidates import Candidates, candidates_of, ordered
-from coordinator.tracking.refiner import Pending, Refiner, Requests, iterations, with_closest_points
-from coordinator.tracking.state import Start
+from gepf.common.arrays import Array, Indices
+from gepf.common.body import BodyModel
+from gepf.common.frame import SubjectFrame
+from gepf.common.refinement import Particles
+from gepf.common.settings import RefineSettings
+from gepf.coordinator.bodies.human.shape_space import shape_space
+from gepf.coordinator.bodies.tracked import Bodies, Size, coarsen
+from gepf.coordinator.tracking.gating import Gate, gate_pose
+from gepf.coordinator.tracking.observation import thin
+from gepf.coordinator.tracking.pose_candidates import Candidates, candidates_of, ordered
+from gepf.coordinator.tracking.refiner import Pending, Refiner, Requests, iterations, with_closest_points
+from gepf.coordinator.tracking.state import Start
 
 STATURE_STEPS = np.array([0.91, 0.955, 1.0, 1.045, 1.09])  # factors of the best stature so far
 GIRTHS = (0.9, 1.05, 1.2, 1.4)

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from common.arrays import Array
-from common.compiling import numba
+from gepf.common.arrays import Array
+from gepf.common.compiling import numba
 
 Image = NDArray[np.float32]
 

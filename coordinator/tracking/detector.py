@@ -18,16 +18,16 @@ from functools import cached_property
 import msgspec
 import numpy as np
 
-from common.arrays import Array
-from common.body import ROOT_DOFS, BodyModel
-from common.frame import SubjectFrame
-from common.refinement import Particles
-from common.settings import RefineSettings, Settings, preset
-from coordinator.bodies.human.measures import REFERENCE_STATURE
-from coordinator.bodies.tracked import Bodies, Size, pose_by_name
-from coordinator.filters.exploration import layout_of
-from coordinator.scene.planes import Planes
-from coordinator.tracking.candidate_refinement import (
+from gepf.common.arrays import Array
+from gepf.common.body import ROOT_DOFS, BodyModel
+from gepf.common.frame import SubjectFrame
+from gepf.common.refinement import Particles
+from gepf.common.settings import RefineSettings, Settings, preset
+from gepf.coordinator.bodies.human.measures import REFERENCE_STATURE
+from gepf.coordinator.bodies.tracked import Bodies, Size, pose_by_name
+from gepf.coordinator.filters.exploration import layout_of
+from gepf.coordinator.scene.planes import Planes
+from gepf.coordinator.tracking.candidate_refinement import (
     FEW_POINTS,
     FINE,
     GIRTHS,
@@ -40,7 +40,7 @@ from coordinator.tracking.candidate_refinement import (
     Search,
     of_one,
 )
-from coordinator.tracking.gating import (
+from gepf.coordinator.tracking.gating import (
     RESIDUAL_M,
     gate_pose,
     reject_parts,
@@ -48,12 +48,12 @@ from coordinator.tracking.gating import (
     reject_points,
     reject_position,
 )
-from coordinator.tracking.observation import camera_points, middle_of, observed_points, without_flat
-from coordinator.tracking.pose_candidates import Candidates, Detection, candidates_of, ordered
-from coordinator.tracking.pose_library import PoseLibrary, displaced, library_of, upright_rolls
-from coordinator.tracking.refiner import Refiner, iterations
-from coordinator.tracking.sensor_noise import SensorNoise, assume_noise
-from coordinator.tracking.state import Start, roll_of, start_at
+from gepf.coordinator.tracking.observation import camera_points, middle_of, observed_points, without_flat
+from gepf.coordinator.tracking.pose_candidates import Candidates, Detection, candidates_of, ordered
+from gepf.coordinator.tracking.pose_library import PoseLibrary, displaced, library_of, upright_rolls
+from gepf.coordinator.tracking.refiner import Refiner, iterations
+from gepf.coordinator.tracking.sensor_noise import SensorNoise, assume_noise
+from gepf.coordinator.tracking.state import Start, roll_of, start_at
 
 STATURES_M = (0.82, 0.9, 0.98, 1.07, 1.16, 1.26, 1.38, 1.5, 1.62, 1.74, 1.86, 1.98)
 USUAL_GIRTH = GIRTHS[1]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
-from common.arrays import Array
-from coordinator.tracking.certainty.certainty import Certainty
+from gepf.common.arrays import Array
+from gepf.coordinator.tracking.certainty.certainty import Certainty
 
 Status = Literal["tracked", "ambiguous", "lost", "searching", "absent"]
 

@@ -8,13 +8,13 @@ from typing import Self
 import numpy as np
 from scipy.ndimage import generate_binary_structure, maximum_filter, minimum_filter
 
-from common.arrays import Array, Indices, Mask
-from common.body import BodyModel
-from common.camera import pixels_at
-from common.frame import EMPTY, SubjectFrame
-from common.kinematics import pose_vertices
-from common.settings import SOFT_NOISE_RATIO, RefineSettings
-from coordinator.tracking.observation import observed_points
+from gepf.common.arrays import Array, Indices, Mask
+from gepf.common.body import BodyModel
+from gepf.common.camera import pixels_at
+from gepf.common.frame import EMPTY, SubjectFrame
+from gepf.common.kinematics import pose_vertices
+from gepf.common.settings import SOFT_NOISE_RATIO, RefineSettings
+from gepf.coordinator.tracking.observation import observed_points
 
 RESIDUAL_M = 0.03  # largest mean distance of observed points, in addition to the camera's noise
 MISFIT_M = 0.028  # root of the mean cost, which includes model surface in empty space

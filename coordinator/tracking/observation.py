@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from common.arrays import Array
-from common.frame import SUBJECT, UNKNOWN, DepthFrame, SubjectFrame
-from coordinator.filters.belief import USUAL_INTERVAL, Observation
-from coordinator.scene.flatness import FLAT_SHARE, LEAST_PART_M2, find_flat
-from coordinator.scene.noise import fit_noise
-from coordinator.scene.segmentation import Labels, Window, slices
+from gepf.common.arrays import Array
+from gepf.common.frame import SUBJECT, UNKNOWN, DepthFrame, SubjectFrame
+from gepf.coordinator.filters.belief import USUAL_INTERVAL, Observation
+from gepf.coordinator.scene.flatness import FLAT_SHARE, LEAST_PART_M2, find_flat
+from gepf.coordinator.scene.noise import fit_noise
+from gepf.coordinator.scene.segmentation import Labels, Window, slices
 
 Cut = tuple[DepthFrame, Window, Labels | None]
 """An image, its window that shows a subject, and the labels of the window's pixels; None: all that have depth

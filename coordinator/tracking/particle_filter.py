@@ -8,26 +8,26 @@ from typing import TYPE_CHECKING, Any, Union
 import msgspec
 import numpy as np
 
-from common.arrays import Array
-from common.body import BodyModel
-from common.bounds import MAX_ITERATIONS
-from common.frame import DepthFrame, SubjectFrame
-from common.kinematics import difference, natural_angles
-from common.refinement import Particles
-from common.settings import RefineSettings, Settings
-from coordinator.filters.belief import Belief, Proposal
-from coordinator.filters.exploration import FEWEST
-from coordinator.filters.gradient_enhanced import Hypotheses
-from coordinator.filters.methods import METHODS, pace_iterations
-from coordinator.sources.joint_states import JointStates
-from coordinator.stopwatch import Stopwatch
-from coordinator.tracking.certainty.features import FrameContext
-from coordinator.tracking.observation import filter_observation
-from coordinator.tracking.pose_candidates import Candidates, Detection
-from coordinator.tracking.refiner import Pending, Refiner
+from gepf.common.arrays import Array
+from gepf.common.body import BodyModel
+from gepf.common.bounds import MAX_ITERATIONS
+from gepf.common.frame import DepthFrame, SubjectFrame
+from gepf.common.kinematics import difference, natural_angles
+from gepf.common.refinement import Particles
+from gepf.common.settings import RefineSettings, Settings
+from gepf.coordinator.filters.belief import Belief, Proposal
+from gepf.coordinator.filters.exploration import FEWEST
+from gepf.coordinator.filters.gradient_enhanced import Hypotheses
+from gepf.coordinator.filters.methods import METHODS, pace_iterations
+from gepf.coordinator.sources.joint_states import JointStates
+from gepf.coordinator.stopwatch import Stopwatch
+from gepf.coordinator.tracking.certainty.features import FrameContext
+from gepf.coordinator.tracking.observation import filter_observation
+from gepf.coordinator.tracking.pose_candidates import Candidates, Detection
+from gepf.coordinator.tracking.refiner import Pending, Refiner
 
 if TYPE_CHECKING:  # it loads the bus
-    from coordinator.sources.ros2_input import JointTopic
+    from gepf.coordinator.sources.ros2_input import JointTopic
 
 Encoders = Union[JointStates, "JointTopic"]
 """Values of joints over time."""

@@ -8,20 +8,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from common.arrays import Array
-from common.frame import SubjectFrame
-from common.kinematics import joint_positions
-from common.refinement import Particles
-from common.settings import RefineSettings
-from coordinator.bodies.tracked import Bodies
-from coordinator.filters.belief import Belief
-from coordinator.tracking.candidate_refinement import ITERATIONS
-from coordinator.tracking.estimate import MAX_HYPOTHESES
-from coordinator.tracking.refiner import Refiner, iterations
-from coordinator.tracking.reporting import status_of
-from coordinator.tracking.state import Start
-from coordinator.tracking.stature import INTERVAL_S, StatureEstimate, head_to_ankle, measure_stature
-from coordinator.tracking.track_management import TrackManagement
+from gepf.common.arrays import Array
+from gepf.common.frame import SubjectFrame
+from gepf.common.kinematics import joint_positions
+from gepf.common.refinement import Particles
+from gepf.common.settings import RefineSettings
+from gepf.coordinator.bodies.tracked import Bodies
+from gepf.coordinator.filters.belief import Belief
+from gepf.coordinator.tracking.candidate_refinement import ITERATIONS
+from gepf.coordinator.tracking.estimate import MAX_HYPOTHESES
+from gepf.coordinator.tracking.refiner import Refiner, iterations
+from gepf.coordinator.tracking.reporting import status_of
+from gepf.coordinator.tracking.state import Start
+from gepf.coordinator.tracking.stature import INTERVAL_S, StatureEstimate, head_to_ankle, measure_stature
+from gepf.coordinator.tracking.track_management import TrackManagement
 
 GIRTH_STEPS = np.array([0.85, 1.0, 1.15])  # factors; a parabola through their likelihoods is off by 1 %
 

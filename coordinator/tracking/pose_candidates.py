@@ -7,14 +7,14 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from common.arrays import Array, Indices, Mask
-from common.body import BodyModel
-from common.frame import SubjectFrame
-from common.kinematics import joint_positions, natural_angles
-from common.refinement import Refined
-from coordinator.tracking.certainty.certainty import OFF
-from coordinator.tracking.gating import Gate
-from coordinator.tracking.state import Start
+from gepf.common.arrays import Array, Indices, Mask
+from gepf.common.body import BodyModel
+from gepf.common.frame import SubjectFrame
+from gepf.common.kinematics import joint_positions, natural_angles
+from gepf.common.refinement import Refined
+from gepf.coordinator.tracking.certainty.certainty import OFF
+from gepf.coordinator.tracking.gating import Gate
+from gepf.coordinator.tracking.state import Start
 
 DISTINCT_M = 0.05  # mean distance of the joints; nearer candidates are the same
 SURER_LOG_LIKELIHOOD = 1.0  # by which a detection must explain a frame better than the track does

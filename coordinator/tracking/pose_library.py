@@ -1,7 +1,7 @@
 """Poses in which a body can be detected, each with its descriptor.
 
 Poses of people are drawn around modes: typical poses of arms, legs and trunk, in degrees, with the signs of
-`coordinator.bodies.human`, within the limits of the joints.
+`gepf.coordinator.bodies.human`, within the limits of the joints.
 """
 
 from __future__ import annotations
@@ -13,15 +13,15 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from common.arrays import Array, Indices
-from common.body import ROTATION, BodyModel
-from common.camera import NOT_MOVED, moved
-from common.compiling import numba
-from common.kinematics import link_transforms, pose_vertices
-from common.kinematics.rotations import euler_angles, euler_matrix
-from coordinator.bodies.tracked import Bodies, Size
-from coordinator.scene.planes import Planes
-from coordinator.tracking.descriptor import BOUND_CELLS, COLUMNS, ROWS, Image, describe, fill_differences
+from gepf.common.arrays import Array, Indices
+from gepf.common.body import ROTATION, BodyModel
+from gepf.common.camera import NOT_MOVED, moved
+from gepf.common.compiling import numba
+from gepf.common.kinematics import link_transforms, pose_vertices
+from gepf.common.kinematics.rotations import euler_angles, euler_matrix
+from gepf.coordinator.bodies.tracked import Bodies, Size
+from gepf.coordinator.scene.planes import Planes
+from gepf.coordinator.tracking.descriptor import BOUND_CELLS, COLUMNS, ROWS, Image, describe, fill_differences
 
 POSES = 3_000
 PERSON_CELL_M = 0.06  # side of a cell of the descriptor, for a person of reference stature

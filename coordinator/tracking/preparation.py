@@ -6,20 +6,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from common.body import BodyModel
-from common.camera import Intrinsics
-from common.frame import DepthFrame, SubjectFrame
-from common.refinement import Particles, Refined, triangle_size
-from common.settings import Settings
-from coordinator.bodies.tracked import Bodies
-from coordinator.scene.planes import Planes
-from coordinator.stopwatch import Stopwatch
-from coordinator.tracking.observation import isolate
-from coordinator.tracking.refiner import LocalRefiner
-from coordinator.tracking.reporting import Updated, report
-from coordinator.tracking.segmenter import Segmenter
-from coordinator.tracking.state import first_state
-from coordinator.tracking.target import TargetTracker
+from gepf.common.body import BodyModel
+from gepf.common.camera import Intrinsics
+from gepf.common.frame import DepthFrame, SubjectFrame
+from gepf.common.refinement import Particles, Refined, triangle_size
+from gepf.common.settings import Settings
+from gepf.coordinator.bodies.tracked import Bodies
+from gepf.coordinator.scene.planes import Planes
+from gepf.coordinator.stopwatch import Stopwatch
+from gepf.coordinator.tracking.observation import isolate
+from gepf.coordinator.tracking.refiner import LocalRefiner
+from gepf.coordinator.tracking.reporting import Updated, report
+from gepf.coordinator.tracking.segmenter import Segmenter
+from gepf.coordinator.tracking.state import first_state
+from gepf.coordinator.tracking.target import TargetTracker
 
 CAMERA = Intrinsics(80, 60, 60.0, 60.0, 39.5, 29.5)
 

@@ -9,10 +9,10 @@ from typing import Protocol
 
 import msgspec
 
-from common.body import BodyModel
-from common.frame import SubjectFrame
-from common.refinement import Particles, Refined
-from common.settings import SOFT_NOISE_RATIO, RefineSettings
+from gepf.common.body import BodyModel
+from gepf.common.frame import SubjectFrame
+from gepf.common.refinement import Particles, Refined
+from gepf.common.settings import SOFT_NOISE_RATIO, RefineSettings
 
 
 class Pending(Protocol):

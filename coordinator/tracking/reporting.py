@@ -6,16 +6,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from common.arrays import Array
-from common.body import BodyModel
-from common.frame import DepthFrame, SubjectFrame
-from common.kinematics import joint_positions, retract
-from coordinator.bodies.angles import is_person
-from coordinator.filters.belief import Belief
-from coordinator.filters.motion import precisions
-from coordinator.stopwatch import Stopwatch
-from coordinator.tracking.cameras import faults_of
-from coordinator.tracking.certainty.certainty import (
+from gepf.common.arrays import Array
+from gepf.common.body import BodyModel
+from gepf.common.frame import DepthFrame, SubjectFrame
+from gepf.common.kinematics import joint_positions, retract
+from gepf.coordinator.bodies.angles import is_person
+from gepf.coordinator.filters.belief import Belief
+from gepf.coordinator.filters.motion import precisions
+from gepf.coordinator.stopwatch import Stopwatch
+from gepf.coordinator.tracking.cameras import faults_of
+from gepf.coordinator.tracking.certainty.certainty import (
     FIT,
     FLAGGED,
     OFF,
@@ -23,11 +23,11 @@ from coordinator.tracking.certainty.certainty import (
     Certainty,
     unknown_certainty,
 )
-from coordinator.tracking.certainty.features import FrameContext, measure_features
-from coordinator.tracking.certainty.surface import seen_shares
-from coordinator.tracking.estimate import MAX_HYPOTHESES, POSE_UNKNOWN, Estimate, Status
-from coordinator.tracking.state import TrackerState
-from coordinator.tracking.track_management import CHECK_INTERVAL_FRAMES, TrackManagement
+from gepf.coordinator.tracking.certainty.features import FrameContext, measure_features
+from gepf.coordinator.tracking.certainty.surface import seen_shares
+from gepf.coordinator.tracking.estimate import MAX_HYPOTHESES, POSE_UNKNOWN, Estimate, Status
+from gepf.coordinator.tracking.state import TrackerState
+from gepf.coordinator.tracking.track_management import CHECK_INTERVAL_FRAMES, TrackManagement
 
 HIDDEN_SHARE = 0.5  # a joint that is seen less than this is hidden
 RIVAL_WEIGHT = 0.5  # least weight of a rival, relative to the most likely hypothesis

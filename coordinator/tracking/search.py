@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from common.frame import SubjectFrame
-from coordinator.tracking.candidate_refinement import Search
-from coordinator.tracking.pose_candidates import Detection
-from coordinator.tracking.refiner import Requests
+from gepf.common.frame import SubjectFrame
+from gepf.coordinator.tracking.candidate_refinement import Search
+from gepf.coordinator.tracking.pose_candidates import Detection
+from gepf.coordinator.tracking.refiner import Requests
 
 
 class BodySearch:

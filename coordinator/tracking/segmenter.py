@@ -8,14 +8,14 @@ from functools import reduce
 
 import numpy as np
 
-from common.arrays import Array, Mask
-from common.camera import points_of
-from common.frame import DepthFrame, SubjectFrame
-from coordinator.scene.candidates import Candidate, candidates
-from coordinator.scene.planes import Planes
-from coordinator.scene.scene import Scene, SceneChange, SceneChanges, SceneView
-from coordinator.scene.scope import Scope
-from coordinator.scene.segmentation import (
+from gepf.common.arrays import Array, Mask
+from gepf.common.camera import points_of
+from gepf.common.frame import DepthFrame, SubjectFrame
+from gepf.coordinator.scene.candidates import Candidate, candidates
+from gepf.coordinator.scene.planes import Planes
+from gepf.coordinator.scene.scene import Scene, SceneChange, SceneChanges, SceneView
+from gepf.coordinator.scene.scope import Scope
+from gepf.coordinator.scene.segmentation import (
     NEAR_M,
     STEP_M,
     is_missing,
@@ -25,7 +25,7 @@ from coordinator.scene.segmentation import (
     segment_body,
     segment_masks,
 )
-from coordinator.tracking.observation import Cut, depth_in, depth_of, outline, subject_of
+from gepf.coordinator.tracking.observation import Cut, depth_in, depth_of, outline, subject_of
 
 Shown = tuple[Cut, ...]
 """What shows a person who is not tracked in an image: with more and more of what may be the person's."""

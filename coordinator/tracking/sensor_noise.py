@@ -9,10 +9,10 @@ import msgspec
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
-from common.arrays import Mask
-from common.frame import DepthFrame
-from common.settings import RefineSettings
-from coordinator.scene.noise import GROWTH, LEAST, fit_noise, sigma
+from gepf.common.arrays import Mask
+from gepf.common.frame import DepthFrame
+from gepf.common.settings import RefineSettings
+from gepf.coordinator.scene.noise import GROWTH, LEAST, fit_noise, sigma
 
 OUTLINE_BLUR = 4.0  # pixels; an outline averaged over them is smooth
 
@@ -21,7 +21,7 @@ OUTLINE_BLUR = 4.0  # pixels; an outline averaged over them is smooth
 class SensorNoise:
     """Standard deviations of a measured point along the line of sight and across it, metres, at a distance.
 
-    The first grows with the square of the distance (`coordinator.scene.noise`), the second linearly.
+    The first grows with the square of the distance (`gepf.coordinator.scene.noise`), the second linearly.
     """
 
     depth: float

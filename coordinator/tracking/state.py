@@ -10,18 +10,18 @@ from typing import Self
 
 import numpy as np
 
-from common.arrays import Array
-from common.body import ROOT_DOFS, BodyModel, unknown_dof
-from common.bounds import LARGEST
-from common.errors import InputError
-from common.kinematics import joint_positions
-from coordinator.bodies.tracked import USUAL_SIZE, Bodies, Size
-from coordinator.files import read_json
-from coordinator.scene.scene import SceneChanges
-from coordinator.tracking.cameras import Agreement, CameraStates
-from coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise
-from coordinator.tracking.stature import DEVIATION_SHARES, StatureEstimate
-from coordinator.tracking.track_management import GIVEN, TrackManagement
+from gepf.common.arrays import Array
+from gepf.common.body import ROOT_DOFS, BodyModel, unknown_dof
+from gepf.common.bounds import LARGEST
+from gepf.common.errors import InputError
+from gepf.common.kinematics import joint_positions
+from gepf.coordinator.bodies.tracked import USUAL_SIZE, Bodies, Size
+from gepf.coordinator.files import read_json
+from gepf.coordinator.scene.scene import SceneChanges
+from gepf.coordinator.tracking.cameras import Agreement, CameraStates
+from gepf.coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise
+from gepf.coordinator.tracking.stature import DEVIATION_SHARES, StatureEstimate
+from gepf.coordinator.tracking.track_management import GIVEN, TrackManagement
 
 
 @dataclass(frozen=True, slots=True, eq=False)

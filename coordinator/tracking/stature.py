@@ -13,11 +13,11 @@ from typing import Self
 
 import numpy as np
 
-from common.arrays import Array
-from common.body import BodyModel
-from common.camera import pixels_at, points_of
-from common.frame import EMPTY, HIDDEN, SubjectFrame
-from common.kinematics import joint_positions
+from gepf.common.arrays import Array
+from gepf.common.body import BodyModel
+from gepf.common.camera import pixels_at, points_of
+from gepf.common.frame import EMPTY, HIDDEN, SubjectFrame
+from gepf.common.kinematics import joint_positions
 
 INTERVAL_S = 0.095  # shortest time between measured frames: errors of successive frames are correlated
 WINDOW_FRAMES = 15  # medians of two successive windows differ by less than 1 cm (subjects 1 and 2)

@@ -13,31 +13,31 @@ from typing import NamedTuple
 
 import numpy as np
 
-from common.arrays import Array
-from common.body import BodyModel
-from common.frame import DepthFrame, SubjectFrame
-from common.kinematics import joint_positions, pose_vertices
-from common.settings import RefineSettings, Settings
-from coordinator.bodies.tracked import Bodies
-from coordinator.filters.belief import USUAL_INTERVAL, Belief
-from coordinator.filters.methods import apply_method
-from coordinator.scene.planes import Planes
-from coordinator.stopwatch import Stopwatch
-from coordinator.tracking.cameras import Agreement, camera_residuals, faults_of
-from coordinator.tracking.certainty.features import FrameContext
-from coordinator.tracking.detector import Detector, move_with_points
-from coordinator.tracking.estimate import Status
-from coordinator.tracking.gating import LEAST_PIXELS, gate_pose
-from coordinator.tracking.observation import POINTS, camera_points
-from coordinator.tracking.particle_filter import Encoders, Pace, ParticleFilter, Submitted
-from coordinator.tracking.person_size import PersonSize
-from coordinator.tracking.pose_candidates import SURER_LOG_LIKELIHOOD, Detection
-from coordinator.tracking.refiner import Refiner
-from coordinator.tracking.reporting import Updated
-from coordinator.tracking.search import BodySearch
-from coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise, assume_noise, measure_noise
-from coordinator.tracking.state import Checkpoint, TrackerState
-from coordinator.tracking.track_management import SEARCH_INTERVAL_FRAMES, TrackManagement
+from gepf.common.arrays import Array
+from gepf.common.body import BodyModel
+from gepf.common.frame import DepthFrame, SubjectFrame
+from gepf.common.kinematics import joint_positions, pose_vertices
+from gepf.common.settings import RefineSettings, Settings
+from gepf.coordinator.bodies.tracked import Bodies
+from gepf.coordinator.filters.belief import USUAL_INTERVAL, Belief
+from gepf.coordinator.filters.methods import apply_method
+from gepf.coordinator.scene.planes import Planes
+from gepf.coordinator.stopwatch import Stopwatch
+from gepf.coordinator.tracking.cameras import Agreement, camera_residuals, faults_of
+from gepf.coordinator.tracking.certainty.features import FrameContext
+from gepf.coordinator.tracking.detector import Detector, move_with_points
+from gepf.coordinator.tracking.estimate import Status
+from gepf.coordinator.tracking.gating import LEAST_PIXELS, gate_pose
+from gepf.coordinator.tracking.observation import POINTS, camera_points
+from gepf.coordinator.tracking.particle_filter import Encoders, Pace, ParticleFilter, Submitted
+from gepf.coordinator.tracking.person_size import PersonSize
+from gepf.coordinator.tracking.pose_candidates import SURER_LOG_LIKELIHOOD, Detection
+from gepf.coordinator.tracking.refiner import Refiner
+from gepf.coordinator.tracking.reporting import Updated
+from gepf.coordinator.tracking.search import BodySearch
+from gepf.coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise, assume_noise, measure_noise
+from gepf.coordinator.tracking.state import Checkpoint, TrackerState
+from gepf.coordinator.tracking.track_management import SEARCH_INTERVAL_FRAMES, TrackManagement
 
 GONE_SHARE = 0.35  # of the body's pixels in the last good frame; with fewer it may have left
 WHOLE_SHARE = 0.85  # of the pixels in which the body was detected; with fewer, a part of it is missing

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Self
 
-from coordinator.tracking.gating import Gate
+from gepf.coordinator.tracking.gating import Gate
 
 LOST_RESIDUAL = 1.3  # normalised; above it a frame is badly explained. Usual frames are below 1.2
 PATIENCE_FRAMES = 2  # after more successive badly explained frames the body is searched for

@@ -13,24 +13,24 @@ from typing import Generic, NamedTuple, Self, TypeVar
 
 import numpy as np
 
-from common.arrays import Array
-from common.frame import DepthFrame, SubjectFrame
-from common.settings import Settings
-from coordinator.bodies.tracked import Bodies
-from coordinator.scene.scene import NOTHING, SETTLED_FRAMES
-from coordinator.scene.scope import Scope
-from coordinator.sources.live import LiveFrames
-from coordinator.stopwatch import Stopwatch
-from coordinator.tracking.cameras import CameraStates, watch
-from coordinator.tracking.observation import middle_of
-from coordinator.tracking.particle_filter import Encoders, Pace, Submitted
-from coordinator.tracking.preparation import rehearse
-from coordinator.tracking.refiner import Refiner
-from coordinator.tracking.reporting import Tracked, Updated, report
-from coordinator.tracking.segmenter import Segmented, Segmenter
-from coordinator.tracking.state import TrackerState, first_state
-from coordinator.tracking.target import TargetTracker
-from coordinator.tracking.track_management import SEARCH_INTERVAL_FRAMES
+from gepf.common.arrays import Array
+from gepf.common.frame import DepthFrame, SubjectFrame
+from gepf.common.settings import Settings
+from gepf.coordinator.bodies.tracked import Bodies
+from gepf.coordinator.scene.scene import NOTHING, SETTLED_FRAMES
+from gepf.coordinator.scene.scope import Scope
+from gepf.coordinator.sources.live import LiveFrames
+from gepf.coordinator.stopwatch import Stopwatch
+from gepf.coordinator.tracking.cameras import CameraStates, watch
+from gepf.coordinator.tracking.observation import middle_of
+from gepf.coordinator.tracking.particle_filter import Encoders, Pace, Submitted
+from gepf.coordinator.tracking.preparation import rehearse
+from gepf.coordinator.tracking.refiner import Refiner
+from gepf.coordinator.tracking.reporting import Tracked, Updated, report
+from gepf.coordinator.tracking.segmenter import Segmented, Segmenter
+from gepf.coordinator.tracking.state import TrackerState, first_state
+from gepf.coordinator.tracking.target import TargetTracker
+from gepf.coordinator.tracking.track_management import SEARCH_INTERVAL_FRAMES
 
 LARGEST_MOTION_M = 0.8  # largest motion of a body between two frames
 

@@ -8,7 +8,7 @@ import pytest
 from benchmarks.certainty.fitting import distances, fit
 from benchmarks.certainty.gather import Gathered
 from benchmarks.certainty.scores import score
-from coordinator.tracking.certainty.features import Features
+from gepf.coordinator.tracking.certainty.features import Features
 
 FRAMES, JOINTS = 4_000, 6
 STEEPNESS = 1.5

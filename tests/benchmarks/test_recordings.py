@@ -9,8 +9,8 @@ import pytest
 import scipy.io
 
 from benchmarks.recordings import JOINTS, Recording, fits_bones, fits_depth, read_reference, read_skeleton
-from common.camera import Intrinsics
-from common.frame import DepthFrame
+from gepf.common.camera import Intrinsics
+from gepf.common.frame import DepthFrame
 
 CAMERA = Intrinsics(40, 30, 30.0, 30.0, 20.0, 15.0)
 LEFT_WRIST_ROW, RIGHT_KNEE_ROW = 6, 17  # of the data set's skeleton

@@ -16,9 +16,9 @@ from benchmarks.people import GROUPS, Row, Trial
 from benchmarks.recordings import JOINTS, Recording
 from benchmarks.running import Crash, run_forked, settings_with
 from benchmarks.tracking import Outcome
-from common.arrays import Array
-from common.errors import InputError
-from common.settings import PRESETS, FilterSettings, RefineSettings
+from gepf.common.arrays import Array
+from gepf.common.errors import InputError
+from gepf.common.settings import PRESETS, FilterSettings, RefineSettings
 
 FRAMES = 30
 

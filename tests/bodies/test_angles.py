@@ -10,16 +10,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from common.arrays import Array
-from common.body import ROOT_DOFS, BodyModel
-from common.kinematics import joint_positions
-from coordinator.bodies.angles import Angles, angles_of, person_angles
-from coordinator.bodies.choice import choose_bodies
-from coordinator.bodies.from_joints import angles_from_joints
-from coordinator.bodies.human.template import human
-from coordinator.bodies.swing_twist import isb_shoulder, nearest_swing, swing_twist
-from coordinator.bodies.tracked import Size, name_pose
-from coordinator.bodies.urdf import read_urdf
+from gepf.common.arrays import Array
+from gepf.common.body import ROOT_DOFS, BodyModel
+from gepf.common.kinematics import joint_positions
+from gepf.coordinator.bodies.angles import Angles, angles_of, person_angles
+from gepf.coordinator.bodies.choice import choose_bodies
+from gepf.coordinator.bodies.from_joints import angles_from_joints
+from gepf.coordinator.bodies.human.template import human
+from gepf.coordinator.bodies.swing_twist import isb_shoulder, nearest_swing, swing_twist
+from gepf.coordinator.bodies.tracked import Size, name_pose
+from gepf.coordinator.bodies.urdf import read_urdf
 
 DOWN, LEFT, FRONT = np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, -1.0])
 ARM = ("l_shoulder_flexion", "l_shoulder_abduct", "l_shoulder_twisting")

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from common.activation import activate
-from common.arrays import Array, Indices
-from common.body import BodyModel
-from common.kinematics import joint_positions, pose_vertices
-from coordinator.bodies.human.dofs import JOINT_ANGLES
-from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
+from gepf.common.activation import activate
+from gepf.common.arrays import Array, Indices
+from gepf.common.body import BodyModel
+from gepf.common.kinematics import joint_positions, pose_vertices
+from gepf.coordinator.bodies.human.dofs import JOINT_ANGLES
+from gepf.coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 
 SIDES = {"left": "l", "right": "r"}
 LEFTWARD, FORWARD, UPWARD = (1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, -1.0, 0.0)

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from coordinator.cli import main
-from coordinator.results.track import read_track
+from gepf.coordinator.cli import main
+from gepf.coordinator.results.track import read_track
 from tests.support.stand_ins import Direct
 
 FRAMES = "4"

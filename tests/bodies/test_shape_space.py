@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 import trimesh
 
-from coordinator.bodies.choice import choose_bodies, load_body
-from coordinator.bodies.human.measures import Measures
-from coordinator.bodies.human.shape_space import shape_space
-from coordinator.bodies.human.template import human, human_of
-from coordinator.bodies.tracked import Size, coarsen
+from gepf.coordinator.bodies.choice import choose_bodies, load_body
+from gepf.coordinator.bodies.human.measures import Measures
+from gepf.coordinator.bodies.human.shape_space import shape_space
+from gepf.coordinator.bodies.human.template import human, human_of
+from gepf.coordinator.bodies.tracked import Size, coarsen
 from tests.support.refusals import refused
 
 LENGTHS = {"trunk": 0.53, "shoulder_width": 0.31, "hip_width": 0.16, "forearm": 0.22, "upper_arm": 0.33}

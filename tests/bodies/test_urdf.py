@@ -10,9 +10,9 @@ import trimesh
 import yourdfpy
 from scipy.spatial import cKDTree
 
-from common.body import REST_FROM_URDF, ROOT_DOFS, ROTATION, TRANSLATION
-from common.kinematics import joint_positions, link_transforms
-from coordinator.bodies.urdf import read_urdf
+from gepf.common.body import REST_FROM_URDF, ROOT_DOFS, ROTATION, TRANSLATION
+from gepf.common.kinematics import joint_positions, link_transforms
+from gepf.coordinator.bodies.urdf import read_urdf
 from tests.support.refusals import refused
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from common.camera import Intrinsics
-from coordinator.bodies.human.template import human
-from coordinator.cli import main
+from gepf.common.camera import Intrinsics
+from gepf.coordinator.bodies.human.template import human
+from gepf.coordinator.cli import main
 from tests.support.recordings import write_open3d
 from tests.support.runs import swing, write_run
 from tests.support.stand_ins import no_workers
@@ -201,7 +201,7 @@ def test_bodies_list_their_degrees_of_freedom(capsys: pytest.CaptureFixture[str]
 
 def test_the_process_itself_ends_with_two_and_one_line(tmp_path: Path) -> None:
     """In a shell: no traceback, no box, nothing on stdout."""
-    code = "import sys; from coordinator.cli import main; sys.exit(main())"
+    code = "import sys; from gepf.coordinator.cli import main; sys.exit(main())"
     for arguments, says in (
         (["track", str(tmp_path / "nowhere"), "--out", str(tmp_path / "out")], "no such file or folder"),
         (["track", "--points", "x"], "--points"),

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 import gepf
-from common.arrays import Array
-from common.camera import back_project, inverse, moved
-from common.kinematics import joint_positions
-from common.kinematics.rotations import euler_matrix
-from coordinator.bodies.human.template import human
-from coordinator.bodies.tracked import name_pose
-from coordinator.cli import main
+from gepf.common.arrays import Array
+from gepf.common.camera import back_project, inverse, moved
+from gepf.common.kinematics import joint_positions
+from gepf.common.kinematics.rotations import euler_matrix
+from gepf.coordinator.bodies.human.template import human
+from gepf.coordinator.bodies.tracked import name_pose
+from gepf.coordinator.cli import main
 from tests.support.people import CAMERA, STANDING, raised, rendered
 from tests.support.recordings import write_open3d
 from tests.support.rooms import along

@@ -10,10 +10,10 @@ from typing import Any
 
 import pytest
 
-from common.errors import BusError
-from coordinator.cli import main
-from coordinator.pool.options import Pool
-from coordinator.results.track import Track, read_track
+from gepf.common.errors import BusError
+from gepf.coordinator.cli import main
+from gepf.coordinator.pool.options import Pool
+from gepf.coordinator.results.track import Track, read_track
 from tests.support.stand_ins import Desk, desk, sequence, workers  # noqa: F401 fixtures
 
 Tracked = Callable[..., tuple[Track, dict[str, Any]]]

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from typer.main import get_command
 
-from coordinator.cli import app, main
-from coordinator.cli.application import defaults_of
+from gepf.coordinator.cli import app, main
+from gepf.coordinator.cli.application import defaults_of
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from coordinator.commands.console import describe_fault
+from gepf.coordinator.commands.console import describe_fault
 from tests.support.processes.place import Place, recorded
 from tests.support.processes.programs import is_alive, wait_until
 from tests.support.processes.warm_processes import end

@@ -8,8 +8,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from coordinator.cli import main
-from coordinator.results.track import read_track
+from gepf.coordinator.cli import main
+from gepf.coordinator.results.track import read_track
 from tests.support.people import shown
 from tests.support.recordings import write_open3d
 from tests.support.rooms import CABINET, CAMERA, Room

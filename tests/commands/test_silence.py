@@ -11,22 +11,22 @@ import msgspec
 import pytest
 from rich.console import Console
 
-from common.body import BodyModel
-from common.errors import SilentWorkers
-from common.frame import SubjectFrame
-from common.protocol import keys
-from common.refinement import Particles
-from common.transport.channels import IncomingRequest
-from common.transport.opening import open_router, open_worker
-from coordinator.commands.job import Job
-from coordinator.commands.progress import Show
-from coordinator.commands.track import track
-from coordinator.filters.methods import settings_for
-from coordinator.pool.options import Pool
-from coordinator.pool.rpc_client import Refinement
-from coordinator.pool.zenoh_refiner import ZenohRefiner
-from coordinator.results.live_results import END, KIND
-from coordinator.results.track import read_track
+from gepf.common.body import BodyModel
+from gepf.common.errors import SilentWorkers
+from gepf.common.frame import SubjectFrame
+from gepf.common.protocol import keys
+from gepf.common.refinement import Particles
+from gepf.common.transport.channels import IncomingRequest
+from gepf.common.transport.opening import open_router, open_worker
+from gepf.coordinator.commands.job import Job
+from gepf.coordinator.commands.progress import Show
+from gepf.coordinator.commands.track import track
+from gepf.coordinator.filters.methods import settings_for
+from gepf.coordinator.pool.options import Pool
+from gepf.coordinator.pool.rpc_client import Refinement
+from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
+from gepf.coordinator.results.live_results import END, KIND
+from gepf.coordinator.results.track import read_track
 from tests.support.live import listening
 from tests.support.processes.programs import INSTANT, wait_until
 from tests.support.processes.serving import MODEL, PARTICLES, frame

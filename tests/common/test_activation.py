@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from common.activation import activate
-from common.arrays import Array
-from common.body import ROTATION, TRANSLATION, BodyModel, find_balls
-from common.kinematics import joint_positions, pose_vertices
-from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
+from gepf.common.activation import activate
+from gepf.common.arrays import Array
+from gepf.common.body import ROTATION, TRANSLATION, BodyModel, find_balls
+from gepf.common.kinematics import joint_positions, pose_vertices
+from gepf.coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from tests.support.bodies import person, puppet
 
 seeds = st.integers(0, 2**32 - 1)

@@ -12,21 +12,21 @@ import pytest
 from tests.support.processes.programs import CACHE, fresh_python
 
 ROOT = Path(__file__).parents[2]
-CALLER = """from common.compiling import numba
-from worker.callee import twice
+CALLER = """from gepf.common.compiling import numba
+from gepf.worker.callee import twice
 
 @numba.njit(cache=True)
 def four_times(x):
     return twice(twice(x))
 """
-CALLEE = """from common.compiling import numba
-from worker.constants import FACTOR
+CALLEE = """from gepf.common.compiling import numba
+from gepf.worker.constants import FACTOR
 
 @numba.njit(cache=True)
 def twice(x):
     return FACTOR * x
 """
-RUN = "from worker.caller import four_times as f; print(f(1), sum(f.stats.cache_hits.values()))"
+RUN = "from gepf.worker.caller import four_times as f; print(f(1), sum(f.stats.cache_hits.values()))"
 
 
 @pytest.fixture
@@ -34,7 +34,11 @@ def checkout(tmp_path: Path) -> Path:
     """A kernel that calls one of another file, which takes a constant from a third."""
     shutil.copytree(ROOT / "common", tmp_path / "common", ignore=shutil.ignore_patterns("__pycache__"))
     (tmp_path / "pyproject.toml").touch()
+    (tmp_path / "gepf").mkdir()
+    (tmp_path / "gepf" / "__init__.py").touch()
     (tmp_path / "worker").mkdir()
+    for folder in ("common", "worker"):
+        (tmp_path / "gepf" / folder).symlink_to(tmp_path / folder)
     for name, text in (
         ("__init__", ""),
         ("caller", CALLER),
@@ -75,15 +79,15 @@ def test_a_process_that_was_killed_leaves_no_earlier_kernel_behind(checkout: Pat
 @pytest.mark.slow
 def test_kernels_of_other_packages_are_kept_as_numba_keeps_them(checkout: Path) -> None:
     """Whether gepf is loaded beside them or not, and however their source is encoded."""
-    theirs = CALLEE.replace("common.compiling import numba", "numba import njit").replace(
+    theirs = CALLEE.replace("gepf.common.compiling import numba", "numba import njit").replace(
         "numba.njit", "njit"
     )
     text = "# -*- coding: latin-1 -*-\n# caf\xe9\n" + theirs.replace(
-        "from worker.constants import FACTOR", "FACTOR = 2"
+        "from gepf.worker.constants import FACTOR", "FACTOR = 2"
     )
     (checkout / "theirs.py").write_bytes(text.encode("latin-1"))
     use = "from theirs import twice as f; print(f(1), sum(f.stats.cache_hits.values()))"
-    beside = f"import common.compiling; {use}"
+    beside = f"import gepf.common.compiling; {use}"
     assert [fresh_python(checkout, code).stdout.strip() for code in (use, beside, use)] == [
         "2 0",
         "2 1",

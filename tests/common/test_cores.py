@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from common.cores import usable_cores
+from gepf.common.cores import usable_cores
 
 ALLOWED = len(os.sched_getaffinity(0))
 

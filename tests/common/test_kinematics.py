@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from common.arrays import Array
-from common.body import ROTATION, TRANSLATION, BodyModel
-from common.kinematics import (
+from gepf.common.arrays import Array
+from gepf.common.body import ROTATION, TRANSLATION, BodyModel
+from gepf.common.kinematics import (
     difference,
     dof_transforms,
     joint_positions,

@@ -13,15 +13,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from common.errors import ProtocolError
-from common.frame import EMPTY, SUBJECT, UNMEASURED, SubjectFrame
-from common.protocol import messages
-from common.protocol.frames import decode_frame, decode_live, encode_frame
-from common.protocol.models import decode_model, encode_model
 from examples import live_publisher
+from gepf.common.errors import ProtocolError
+from gepf.common.frame import EMPTY, SUBJECT, UNMEASURED, SubjectFrame
+from gepf.common.protocol import messages
+from gepf.common.protocol.frames import decode_frame, decode_live, encode_frame
+from gepf.common.protocol.models import decode_model, encode_model
+from gepf.worker.warm_up import tiny_frame, tiny_model
 from tests.support.answers import sure
 from tests.support.messages import COUNT, DOFS, KINDS, POSES, tiny_refined, tiny_request, tiny_sure
-from worker.warm_up import tiny_frame, tiny_model
 
 NAMES = {"sure-reply": "reply"}  # of messages on the wire, where that is not the name of the case
 

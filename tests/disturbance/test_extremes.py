@@ -10,22 +10,22 @@ import msgspec
 import numpy as np
 import pytest
 
-from common.arrays import Array
-from common.bounds import LARGEST, LARGEST_LOG_LIKELIHOOD, MOST_PIXELS, check_work
-from common.errors import ProtocolError
-from common.protocol.messages import decode_refined, encode_refined
-from common.refinement import Particles, Refined, triangle_size
-from common.settings import RefineSettings, preset
-from coordinator.filters.gradient_enhanced import begin
+from gepf.common.arrays import Array
+from gepf.common.bounds import LARGEST, LARGEST_LOG_LIKELIHOOD, MOST_PIXELS, check_work
+from gepf.common.errors import ProtocolError
+from gepf.common.protocol.messages import decode_refined, encode_refined
+from gepf.common.refinement import Particles, Refined, triangle_size
+from gepf.common.settings import RefineSettings, preset
+from gepf.coordinator.filters.gradient_enhanced import begin
+from gepf.worker.kernel.icp import refine
+from gepf.worker.kernel.observation import observe, pack_views
+from gepf.worker.kernel.surface import pack_model
+from gepf.worker.kernel.visibility import DepthImage, rasterise
+from gepf.worker.kernel.workspace import LARGEST_SIDE_PX, make_workspaces
+from gepf.worker.warm_up import tiny_frame, tiny_model
 from tests.support.extremes import Extremes
 from tests.support.filtering import advance
 from tests.support.processes.serving import MODEL, POSES
-from worker.kernel.icp import refine
-from worker.kernel.observation import observe, pack_views
-from worker.kernel.surface import pack_model
-from worker.kernel.visibility import DepthImage, rasterise
-from worker.kernel.workspace import LARGEST_SIDE_PX, make_workspaces
-from worker.warm_up import tiny_frame, tiny_model
 
 
 @pytest.mark.parametrize(

@@ -20,24 +20,24 @@ import numpy as np
 import psutil  # type: ignore[import-untyped]
 import pytest
 
-from common.errors import ProtocolError
-from common.protocol import keys, messages
-from common.protocol.frames import encode_frame
-from common.protocol.models import decode_model, encode_model
-from common.settings import preset
-from common.transport.bus import Bus
-from common.transport.channels import IncomingRequest
-from common.transport.opening import open_worker
-from coordinator.pool.options import Pool
-from coordinator.pool.zenoh_refiner import ZenohRefiner
+from gepf.common.errors import ProtocolError
+from gepf.common.protocol import keys, messages
+from gepf.common.protocol.frames import encode_frame
+from gepf.common.protocol.models import decode_model, encode_model
+from gepf.common.settings import preset
+from gepf.common.transport.bus import Bus
+from gepf.common.transport.channels import IncomingRequest
+from gepf.common.transport.opening import open_worker
+from gepf.coordinator.pool.options import Pool
+from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
+from gepf.worker.kernel.icp import refine
+from gepf.worker.kernel.observation import observe, observe_for
+from gepf.worker.service import Kernel, Service
+from gepf.worker.warm_up import tiny_frame, warm_up
 from tests.support.extremes import Extremes
 from tests.support.messages import KINDS, Mutator
 from tests.support.processes.instant_worker import KERNEL
 from tests.support.processes.serving import MODEL, REQUEST, expected, refined_bytes, running, serving
-from worker.kernel.icp import refine
-from worker.kernel.observation import observe, observe_for
-from worker.service import Kernel, Service
-from worker.warm_up import tiny_frame, warm_up
 
 Messages = Generator[str, None, None]  # what became of each
 

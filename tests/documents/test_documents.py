@@ -23,10 +23,10 @@ import pytest
 import typer
 from typer.main import get_command
 
-from coordinator.cli import app
+from gepf.coordinator.cli import app
+from gepf.worker.cli import work
 from tests.support.processes.certificates import free_port
 from tests.support.processes.programs import wait_until
-from worker.cli import work
 
 ROOT = Path(__file__).parents[2]
 README = ROOT / "README.md"
@@ -260,4 +260,4 @@ def test_the_base_install_is_what_a_worker_imports() -> None:
     declared = {re.split(r"[^\w-]", requirement)[0] for requirement in PROJECT["dependencies"]}
     files = [file for room in ("common", "worker") for file in (ROOT / room).rglob("*.py")]
     foreign = {name for file in files for name in imported(file)} - set(sys.stdlib_module_names)
-    assert (foreign - {"common", "worker"}) | BEHIND == {MODULES.get(name, name) for name in declared}
+    assert (foreign - {"gepf"}) | BEHIND == {MODULES.get(name, name) for name in declared}

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from common.arrays import Array
-from common.errors import InputError
-from common.kinematics import joint_positions
-from coordinator.cli import main
-from coordinator.exports import export_run
-from coordinator.exports.recorded import CAMERA_TO_OPENSIM, read_run
-from coordinator.exports.smoothing import smooth_track
-from coordinator.results.track import Track, write_track
+from gepf.common.arrays import Array
+from gepf.common.errors import InputError
+from gepf.common.kinematics import joint_positions
+from gepf.coordinator.cli import main
+from gepf.coordinator.exports import export_run
+from gepf.coordinator.exports.recorded import CAMERA_TO_OPENSIM, read_run
+from gepf.coordinator.exports.smoothing import smooth_track
+from gepf.coordinator.results.track import Track, write_track
 from tests.support.bodies import hinges, person
 from tests.support.export_readers import c3d_points
 from tests.support.runs import RATE, swing, write_and_export, write_run

@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from common.arrays import Array
-from common.body import BodyModel
-from common.camera import Intrinsics
-from common.kinematics.rotations import euler_angles, euler_matrix
-from coordinator.exports import export_run
-from coordinator.exports.recorded import CAMERA_TO_Y_UP, read_run
-from coordinator.results.log import floor_up
-from coordinator.scene.scene import Scene
-from coordinator.tracking.pose_library import upright_rolls
-from coordinator.tracking.segmenter import Segmenter
-from coordinator.viewing import layout
+from gepf.common.arrays import Array
+from gepf.common.body import BodyModel
+from gepf.common.camera import Intrinsics
+from gepf.common.kinematics.rotations import euler_angles, euler_matrix
+from gepf.coordinator.exports import export_run
+from gepf.coordinator.exports.recorded import CAMERA_TO_Y_UP, read_run
+from gepf.coordinator.results.log import floor_up
+from gepf.coordinator.scene.scene import Scene
+from gepf.coordinator.tracking.pose_library import upright_rolls
+from gepf.coordinator.tracking.segmenter import Segmenter
+from gepf.coordinator.viewing import layout
 from tests.support.bodies import person, puppet, random_body
 from tests.support.export_readers import bvh_joints, c3d_points, read_gltf, world_matrices
 from tests.support.rooms import HEIGHT, Room

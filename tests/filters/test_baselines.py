@@ -11,20 +11,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from common.arrays import Array
-from common.camera import Intrinsics
-from common.frame import DepthFrame
-from common.kinematics import retract
-from common.refinement import Refined
-from common.settings import FilterSettings
-from coordinator.bodies.choice import choose_bodies
-from coordinator.bodies.human.template import human
-from coordinator.bodies.tracked import pose_by_name
-from coordinator.filters.baselines import Annealed, Condensation, find_power, survival
-from coordinator.filters.belief import mean_pose
-from coordinator.filters.methods import METHODS, Method, baseline, settings_for
-from coordinator.synthesis.scenes import ARM_DOFS, arm
-from coordinator.tracking.estimate import MAX_HYPOTHESES
+from gepf.common.arrays import Array
+from gepf.common.camera import Intrinsics
+from gepf.common.frame import DepthFrame
+from gepf.common.kinematics import retract
+from gepf.common.refinement import Refined
+from gepf.common.settings import FilterSettings
+from gepf.coordinator.bodies.choice import choose_bodies
+from gepf.coordinator.bodies.human.template import human
+from gepf.coordinator.bodies.tracked import pose_by_name
+from gepf.coordinator.filters.baselines import Annealed, Condensation, find_power, survival
+from gepf.coordinator.filters.belief import mean_pose
+from gepf.coordinator.filters.methods import METHODS, Method, baseline, settings_for
+from gepf.coordinator.synthesis.scenes import ARM_DOFS, arm
+from gepf.coordinator.tracking.estimate import MAX_HYPOTHESES
 from gepf.refiners import DirectRefiner
 from tests.support.bodies import hinges, puppet
 from tests.support.filtering import INTERVAL, advance

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from common.arrays import Array, Indices
-from common.body import BodyModel
-from common.kinematics import pose_vertices
-from coordinator.filters import exploration
-from coordinator.filters.exploration import explain
+from gepf.common.arrays import Array, Indices
+from gepf.common.body import BodyModel
+from gepf.common.kinematics import pose_vertices
+from gepf.coordinator.filters import exploration
+from gepf.coordinator.filters.exploration import explain
 from tests.support.bodies import hinges, puppet
 
 MODEL = puppet()

@@ -11,21 +11,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from common.arrays import Array
-from common.body import ROTATION, TRANSLATION
-from common.kinematics import difference
-from common.refinement import Refined
-from common.settings import FilterSettings, preset
-from coordinator.filters.belief import choose_reported, draw_ancestors, normalise
-from coordinator.filters.exploration import choose_count, choose_kinds
-from coordinator.filters.gradient_enhanced import (
+from gepf.common.arrays import Array
+from gepf.common.body import ROTATION, TRANSLATION
+from gepf.common.kinematics import difference
+from gepf.common.refinement import Refined
+from gepf.common.settings import FilterSettings, preset
+from gepf.coordinator.filters.belief import choose_reported, draw_ancestors, normalise
+from gepf.coordinator.filters.exploration import choose_count, choose_kinds
+from gepf.coordinator.filters.gradient_enhanced import (
     Hypotheses,
     begin,
     estimate_covariances,
     merge_by_angle,
     propose,
 )
-from coordinator.filters.motion import draw_noise
+from gepf.coordinator.filters.motion import draw_noise
 from tests.support.bodies import hinges, puppet
 from tests.support.filtering import INTERVAL, NOTHING_SEEN, advance
 

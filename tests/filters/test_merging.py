@@ -11,11 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from common.body import ROTATION
-from common.kinematics import difference, retract
-from common.refinement import Refined, lower_triangular
-from common.settings import preset
-from coordinator.filters.gradient_enhanced import (
+from gepf.common.body import ROTATION
+from gepf.common.kinematics import difference, retract
+from gepf.common.refinement import Refined, lower_triangular
+from gepf.common.settings import preset
+from gepf.coordinator.filters.gradient_enhanced import (
     begin,
     estimate_covariances,
     merge_by_covariance,

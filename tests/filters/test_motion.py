@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from common.arrays import Array
-from common.body import ROOT_DOFS, ROTATION, BodyModel
-from common.kinematics import difference
-from common.refinement import Refined, lower_triangular
-from common.settings import preset
-from coordinator.filters.belief import Observation
-from coordinator.filters.gradient_enhanced import begin, propose, update
-from coordinator.filters.motion import fuse_with_prediction
+from gepf.common.arrays import Array
+from gepf.common.body import ROOT_DOFS, ROTATION, BodyModel
+from gepf.common.kinematics import difference
+from gepf.common.refinement import Refined, lower_triangular
+from gepf.common.settings import preset
+from gepf.coordinator.filters.belief import Observation
+from gepf.coordinator.filters.gradient_enhanced import begin, propose, update
+from gepf.coordinator.filters.motion import fuse_with_prediction
 from tests.support.bodies import puppet
 from tests.support.filtering import INTERVAL, NOTHING_SEEN
 

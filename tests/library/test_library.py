@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 import gepf
-from coordinator.bodies.human.measures import Measures
-from coordinator.bodies.human.template import human_of
+from gepf.coordinator.bodies.human.measures import Measures
+from gepf.coordinator.bodies.human.template import human_of
 from tests.support.pairs import pair
 from tests.support.people import CAMERA, SETTINGS, STANDING, as_bytes, shown
 from tests.support.refusals import refused

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 
 import gepf
-from common.protocol.frames import LIVE_END, encode_live
+from gepf.common.protocol.frames import LIVE_END, encode_live
 from tests.support.live import KEY, publishing, until_released
 from tests.support.people import SETTINGS, STANDING, as_bytes, shown
 from tests.support.processes.warm_processes import gepf as gepf_command

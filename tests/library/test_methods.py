@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import gepf
-from coordinator.cli import main
-from coordinator.filters.methods import METHODS
-from coordinator.results.track import read_track
+from gepf.coordinator.cli import main
+from gepf.coordinator.filters.methods import METHODS
+from gepf.coordinator.results.track import read_track
 from tests.support.small_sequence import MOVING, write_small_sequence
 from tests.support.stand_ins import Direct
 

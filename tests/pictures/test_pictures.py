@@ -14,23 +14,23 @@ from hypothesis import strategies as st
 from PIL import Image, ImageColor
 from scipy.ndimage import binary_dilation
 
-from common.activation import activate
-from common.arrays import Array
-from common.body import BodyModel
-from common.camera import Intrinsics, project
-from common.kinematics import pose_vertices
-from coordinator.bodies.angles import angles_of
-from coordinator.pictures.film import spread, tile, write_film
-from coordinator.pictures.overlay import View, paint, view_around
-from coordinator.pictures.plots import STATUS, angle_curves, curves_of, plot_curves
-from coordinator.pictures.run import draw_run
-from coordinator.pictures.shading import draw_body, shade_depth
-from coordinator.results.evaluation import Truth, read_truth
-from coordinator.results.track import Track, TrackedBody
-from coordinator.sources import Source, open_source
-from coordinator.synthesis.rendering import DepthRenderer
-from coordinator.synthesis.scenes import ARM_DOFS, SCENES
-from coordinator.synthesis.sequence import synthesise
+from gepf.common.activation import activate
+from gepf.common.arrays import Array
+from gepf.common.body import BodyModel
+from gepf.common.camera import Intrinsics, project
+from gepf.common.kinematics import pose_vertices
+from gepf.coordinator.bodies.angles import angles_of
+from gepf.coordinator.pictures.film import spread, tile, write_film
+from gepf.coordinator.pictures.overlay import View, paint, view_around
+from gepf.coordinator.pictures.plots import STATUS, angle_curves, curves_of, plot_curves
+from gepf.coordinator.pictures.run import draw_run
+from gepf.coordinator.pictures.shading import draw_body, shade_depth
+from gepf.coordinator.results.evaluation import Truth, read_truth
+from gepf.coordinator.results.track import Track, TrackedBody
+from gepf.coordinator.sources import Source, open_source
+from gepf.coordinator.synthesis.rendering import DepthRenderer
+from gepf.coordinator.synthesis.scenes import ARM_DOFS, SCENES
+from gepf.coordinator.synthesis.sequence import synthesise
 from tests.support.bodies import person
 from tests.support.runs import make_track, swing, write_run
 

@@ -13,21 +13,21 @@ from typing import Any, cast
 
 import pytest
 
-from common.errors import BusError
-from common.protocol import keys
-from common.protocol.frames import encode_frame
-from common.protocol.messages import encode_request
-from common.refinement import Refined
-from common.transport.bus import Bus
-from common.transport.opening import open_router, open_worker
-from coordinator.pool.options import Pool
-from coordinator.pool.zenoh_refiner import ZenohRefiner
+from gepf.common.errors import BusError
+from gepf.common.protocol import keys
+from gepf.common.protocol.frames import encode_frame
+from gepf.common.protocol.messages import encode_request
+from gepf.common.refinement import Refined
+from gepf.common.transport.bus import Bus
+from gepf.common.transport.opening import open_router, open_worker
+from gepf.coordinator.pool.options import Pool
+from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
+from gepf.worker.memory import Memory
+from gepf.worker.service import Kernel, Service
 from tests.support.answers import as_bytes
 from tests.support.processes.instant_worker import observe, refine
 from tests.support.processes.programs import wait_until
 from tests.support.processes.serving import MODEL, PARTICLES, REQUEST, expected, frame, refined_bytes, running
-from worker.memory import Memory
-from worker.service import Kernel, Service
 
 
 def test_memory_is_bounded_and_freed() -> None:

@@ -13,18 +13,19 @@ from typing import Any
 
 import pytest
 
-from common.errors import InputError, NoWorkers, ProtocolError
-from common.frame import SubjectFrame
-from common.protocol import keys
-from common.protocol.messages import decode_refusal, encode_refusal, encode_request
-from common.protocol.wire import PROTOCOL
-from common.refinement import Particles
-from common.settings import RefineSettings
-from common.transport.bus import Bus
-from common.transport.channels import IncomingRequest
-from common.transport.opening import open_coordinator, open_worker
-from coordinator.pool.options import Pool
-from coordinator.pool.zenoh_refiner import ZenohRefiner
+from gepf.common.errors import InputError, NoWorkers, ProtocolError
+from gepf.common.frame import SubjectFrame
+from gepf.common.protocol import keys
+from gepf.common.protocol.messages import decode_refusal, encode_refusal, encode_request
+from gepf.common.protocol.wire import PROTOCOL
+from gepf.common.refinement import Particles
+from gepf.common.settings import RefineSettings
+from gepf.common.transport.bus import Bus
+from gepf.common.transport.channels import IncomingRequest
+from gepf.common.transport.opening import open_coordinator, open_worker
+from gepf.coordinator.pool.options import Pool
+from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
+from gepf.worker.service import Kernel
 from tests.support.answers import as_bytes
 from tests.support.processes.instant_worker import observe, refine
 from tests.support.processes.serving import (
@@ -39,7 +40,6 @@ from tests.support.processes.serving import (
     refined_bytes,
     serving,
 )
-from worker.service import Kernel
 
 
 @pytest.mark.parametrize("workers", [1, 2, 3])
@@ -249,7 +249,7 @@ def test_runs_that_share_a_pool_say_once_that_it_is_not_ready(
     endpoint: str, lanes: int, says: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """They wait for the pool's local worker, if it has one; the line says where others can connect."""
-    monkeypatch.setattr("coordinator.pool.rpc_client.NOTICE_S", 0.1)
+    monkeypatch.setattr("gepf.coordinator.pool.rpc_client.NOTICE_S", 0.1)
     shared = Pool(lanes, listen="tcp/host:7447", connect="tcp/router:7447", shared_at=endpoint)
     options = replace(shared, worker_timeout=0.6)
     said: list[str] = []

@@ -17,18 +17,18 @@ import numpy as np
 import psutil  # type: ignore[import-untyped]
 import pytest
 
-from common.body import BodyModel
-from common.errors import BusError
-from common.refinement import Particles, Refined
-from coordinator.pool.options import Pool
-from coordinator.pool.zenoh_refiner import ZenohRefiner
-from coordinator.tracking.preparation import unmoved
+from gepf.common.body import BodyModel
+from gepf.common.errors import BusError
+from gepf.common.refinement import Particles, Refined
+from gepf.coordinator.pool.options import Pool
+from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
+from gepf.coordinator.tracking.preparation import unmoved
+from gepf.worker.cli import exit_with, serve
+from gepf.worker.connection import Identity
+from gepf.worker.service import Kernel
 from tests.support.processes.programs import INSTANT, is_alive, started, wait_until
 from tests.support.processes.serving import MODEL, PARTICLES, expected, frame, pool, refined_bytes
 from tests.support.processes.warm_processes import end, start
-from worker.cli import exit_with, serve
-from worker.connection import Identity
-from worker.service import Kernel
 
 
 def local(lanes: int, report: Callable[[str], None] = lambda _: None, **options: Any) -> ZenohRefiner:
@@ -85,7 +85,7 @@ def test_a_frozen_worker_is_worked_around(endpoint: str, monkeypatch: pytest.Mon
 
 def test_the_only_worker_is_replaced_when_it_stays_frozen(monkeypatch: pytest.MonkeyPatch) -> None:
     """When the bus no longer sees it, it has some time and is then killed."""
-    monkeypatch.setattr("coordinator.pool.local_worker.ABSENCE_S", 1.0)
+    monkeypatch.setattr("gepf.coordinator.pool.local_worker.ABSENCE_S", 1.0)
     said: list[str] = []
     with local(1, said.append) as refiner:
         assert refined_bytes(refiner, 0) == expected(0)
@@ -116,8 +116,8 @@ def test_workers_that_do_not_start() -> None:
 
 COORDINATOR = """
 import time
-from coordinator.pool.options import Pool
-from coordinator.pool.zenoh_refiner import ZenohRefiner
+from gepf.coordinator.pool.options import Pool
+from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
 from tests.support.processes.programs import INSTANT
 with ZenohRefiner(Pool(workers=2, worker_command=INSTANT)) as refiner:
     refiner.wait_for(2)

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from common.errors import ProtocolError, SilentWorkers
-from coordinator.pool.scheduler import Outcome, Request, Scheduler, split
+from gepf.common.errors import ProtocolError, SilentWorkers
+from gepf.coordinator.pool.scheduler import Outcome, Request, Scheduler, split
 
 Event = Callable[[Scheduler, float], list[Request]]
 Sent = tuple[int, str, int, int]  # ticket, worker, start and stop
@@ -28,7 +28,7 @@ def started(particles: int, *, spare: bool = False) -> Event:
 @pytest.fixture
 def small_batches(monkeypatch: pytest.MonkeyPatch) -> None:
     """A request has at most 10 particles per lane."""
-    monkeypatch.setattr("coordinator.pool.scheduler.MAX_PARTICLES", 10)
+    monkeypatch.setattr("gepf.coordinator.pool.scheduler.MAX_PARTICLES", 10)
 
 
 def joined(worker: str, lanes: int = 1) -> Event:

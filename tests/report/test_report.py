@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from common.activation import activate
-from coordinator.bodies.angles import angles_of
-from coordinator.bodies.human.template import human
-from coordinator.bodies.urdf import read_urdf
-from coordinator.cli import main
-from coordinator.pictures.plots import angle_curves
-from coordinator.report.page import find_doubts, list_ranges
-from coordinator.results.track import Track
+from gepf.common.activation import activate
+from gepf.coordinator.bodies.angles import angles_of
+from gepf.coordinator.bodies.human.template import human
+from gepf.coordinator.bodies.urdf import read_urdf
+from gepf.coordinator.cli import main
+from gepf.coordinator.pictures.plots import angle_curves
+from gepf.coordinator.report.page import find_doubts, list_ranges
+from gepf.coordinator.results.track import Track
 from tests.support.bodies import person
 from tests.support.runs import make_track, swing, write_run
 

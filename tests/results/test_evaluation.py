@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from common.arrays import Array
-from common.errors import InputError
-from coordinator.results.evaluation import Truth, angle_error_deg, evaluate, read_truth
-from coordinator.results.track import Track, read_track, write_track
+from gepf.common.arrays import Array
+from gepf.common.errors import InputError
+from gepf.coordinator.results.evaluation import Truth, angle_error_deg, evaluate, read_truth
+from gepf.coordinator.results.track import Track, read_track, write_track
 
 DOFS = ("root_tx", "r_elbow_flexion", "r_shoulder_abduct")
 JOINTS = ("pelvis", "right_wrist")

@@ -13,11 +13,11 @@ import msgspec
 import numpy as np
 import pytest
 
-from common.kinematics import joint_positions
-from common.transport.opening import open_coordinator
-from coordinator.results.live_results import LiveResults, PackedOutlet, read_result
-from coordinator.tracking.certainty.certainty import Certainty, unknown_certainty
-from coordinator.tracking.estimate import Estimate, Status
+from gepf.common.kinematics import joint_positions
+from gepf.common.transport.opening import open_coordinator
+from gepf.coordinator.results.live_results import LiveResults, PackedOutlet, read_result
+from gepf.coordinator.tracking.certainty.certainty import Certainty, unknown_certainty
+from gepf.coordinator.tracking.estimate import Estimate, Status
 from tests.support.bodies import person
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "live_results.py"

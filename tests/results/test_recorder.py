@@ -14,19 +14,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from common.errors import InputError
-from coordinator.bodies.tracked import Size
-from coordinator.files import write_atomically
-from coordinator.pool.options import PoolStatistics
-from coordinator.results.log import Recorded, read_log, read_records
-from coordinator.results.recorder import Recorder
-from coordinator.results.track import read_track
-from coordinator.scene.scene import SceneChange
-from coordinator.tracking.certainty.certainty import Certainty, unknown_certainty
-from coordinator.tracking.estimate import Estimate, Status
-from coordinator.tracking.reporting import Tracked
-from coordinator.tracking.state import Checkpoint, Start, TrackerState
-from worker.warm_up import tiny_model
+from gepf.common.errors import InputError
+from gepf.coordinator.bodies.tracked import Size
+from gepf.coordinator.files import write_atomically
+from gepf.coordinator.pool.options import PoolStatistics
+from gepf.coordinator.results.log import Recorded, read_log, read_records
+from gepf.coordinator.results.recorder import Recorder
+from gepf.coordinator.results.track import read_track
+from gepf.coordinator.scene.scene import SceneChange
+from gepf.coordinator.tracking.certainty.certainty import Certainty, unknown_certainty
+from gepf.coordinator.tracking.estimate import Estimate, Status
+from gepf.coordinator.tracking.reporting import Tracked
+from gepf.coordinator.tracking.state import Checkpoint, Start, TrackerState
+from gepf.worker.warm_up import tiny_model
 
 MODEL = replace(
     tiny_model(),

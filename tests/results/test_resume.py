@@ -10,18 +10,18 @@ from typing import BinaryIO
 import numpy as np
 import pytest
 
-from common.errors import NoWorkers
-from common.settings import preset
-from coordinator.filters.methods import METHODS, settings_for
-from coordinator.pool.options import Pool, PoolStatistics
-from coordinator.results.log import Entry, Opening, append_records, read_log
-from coordinator.scene.planes import Planes
-from coordinator.stopwatch import Stopwatch
-from coordinator.tracking.estimate import Estimate
-from coordinator.tracking.observation import isolate
-from coordinator.tracking.particle_filter import Submitted
-from coordinator.tracking.state import Checkpoint, TrackerState, first_state
-from coordinator.tracking.target import TargetTracker
+from gepf.common.errors import NoWorkers
+from gepf.common.settings import preset
+from gepf.coordinator.filters.methods import METHODS, settings_for
+from gepf.coordinator.pool.options import Pool, PoolStatistics
+from gepf.coordinator.results.log import Entry, Opening, append_records, read_log
+from gepf.coordinator.scene.planes import Planes
+from gepf.coordinator.stopwatch import Stopwatch
+from gepf.coordinator.tracking.estimate import Estimate
+from gepf.coordinator.tracking.observation import isolate
+from gepf.coordinator.tracking.particle_filter import Submitted
+from gepf.coordinator.tracking.state import Checkpoint, TrackerState, first_state
+from gepf.coordinator.tracking.target import TargetTracker
 from gepf.refiners import DirectRefiner
 from tests.support.people import STANDING, OnePerson, as_bytes, empty, known, shown
 from tests.support.rooms import in_a_room

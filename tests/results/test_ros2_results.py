@@ -14,12 +14,12 @@ from rosbags.typesys import Stores, get_typestore
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
-from common.transport.opening import open_router, open_worker
-from coordinator.cli import main
-from coordinator.results.live_results import LiveResults
-from coordinator.results.ros2_results import RosOutlet
-from coordinator.results.track import read_track
-from coordinator.sources.ros2 import Node
+from gepf.common.transport.opening import open_router, open_worker
+from gepf.coordinator.cli import main
+from gepf.coordinator.results.live_results import LiveResults
+from gepf.coordinator.results.ros2_results import RosOutlet
+from gepf.coordinator.results.track import read_track
+from gepf.coordinator.sources.ros2 import Node
 from tests.results.test_live_results import estimate, nobody
 from tests.support.bodies import person
 from tests.support.live import AT_TWO_METRES, at_work, plate_image, tracking

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 import gepf
-from common.body import BodyModel
-from coordinator.bodies.urdf import read_urdf
-from coordinator.pictures.plots import curves_of
-from coordinator.results.evaluation import Truth
-from coordinator.results.track import TrackedBody
-from coordinator.tracking.certainty.certainty import unknown_certainty
-from coordinator.tracking.estimate import Estimate
+from gepf.common.body import BodyModel
+from gepf.coordinator.bodies.urdf import read_urdf
+from gepf.coordinator.pictures.plots import curves_of
+from gepf.coordinator.results.evaluation import Truth
+from gepf.coordinator.results.track import TrackedBody
+from gepf.coordinator.tracking.certainty.certainty import unknown_certainty
+from gepf.coordinator.tracking.estimate import Estimate
 from gepf.named import named
 from tests.support.runs import swing, write_run
 

@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from common.arrays import Array
-from common.kinematics import joint_positions
-from coordinator.bodies.angles import angles_of
-from coordinator.results.angles import with_angles
-from coordinator.results.log import assemble
-from coordinator.results.track import Track
-from coordinator.tracking.certainty.certainty import Certainty
-from coordinator.tracking.estimate import Estimate, Status
+from gepf.common.arrays import Array
+from gepf.common.kinematics import joint_positions
+from gepf.coordinator.bodies.angles import angles_of
+from gepf.coordinator.results.angles import with_angles
+from gepf.coordinator.results.log import assemble
+from gepf.coordinator.results.track import Track
+from gepf.coordinator.tracking.certainty.certainty import Certainty
+from gepf.coordinator.tracking.estimate import Estimate, Status
 from tests.support.bodies import person
 
 MODEL = person()

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from common.arrays import Array
-from common.camera import inverse, moved
-from common.errors import InputError
-from coordinator.calibration.rig import CameraPose, Motion, advised, align
+from gepf.common.arrays import Array
+from gepf.common.camera import inverse, moved
+from gepf.common.errors import InputError
+from gepf.coordinator.calibration.rig import CameraPose, Motion, advised, align
 from tests.support.rigs import around
 
 TRUE, OFFSET_S = around(70.0), 0.0123

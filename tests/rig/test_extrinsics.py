@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from common.arrays import Array
-from coordinator.cli import main
+from gepf.common.arrays import Array
+from gepf.coordinator.cli import main
 from tests.support.rigs import around
 from tests.support.stand_ins import no_workers
 

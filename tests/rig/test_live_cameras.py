@@ -12,11 +12,11 @@ import msgspec
 import numpy as np
 
 import gepf
-from common.protocol.frames import LIVE_END, encode_live
-from coordinator.cli import main
-from coordinator.results.track import read_track
-from coordinator.sources import open_source
-from coordinator.sources.rig import RigCamera, write_rig
+from gepf.common.protocol.frames import LIVE_END, encode_live
+from gepf.coordinator.cli import main
+from gepf.coordinator.results.track import read_track
+from gepf.coordinator.sources import open_source
+from gepf.coordinator.sources.rig import RigCamera, write_rig
 from tests.support import live
 
 KEYS = {"front": "rig/front", "back": "rig/back"}

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from common.camera import Intrinsics
-from common.errors import InputError
-from coordinator.sources import open_source
-from coordinator.sources.rig import RigCamera, write_rig
+from gepf.common.camera import Intrinsics
+from gepf.common.errors import InputError
+from gepf.coordinator.sources import open_source
+from gepf.coordinator.sources.rig import RigCamera, write_rig
 from tests.support.recordings import write_open3d
 
 IDENTITY = np.eye(4).tolist()

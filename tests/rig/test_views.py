@@ -9,22 +9,22 @@ import msgspec
 import numpy as np
 import pytest
 
-from common.arrays import Array
-from common.body import BodyModel
-from common.frame import DepthFrame, SubjectFrame
-from common.kinematics import joint_positions, retract
-from common.kinematics.rotations import euler_angles, euler_matrix
-from common.refinement import Particles, lower_triangular
-from common.settings import preset
-from coordinator.bodies.human.template import human
-from coordinator.bodies.tracked import coarsen, name_pose
-from coordinator.tracking.segmenter import Segmenter
-from coordinator.tracking.tracker import Tracker
+from gepf.common.arrays import Array
+from gepf.common.body import BodyModel
+from gepf.common.frame import DepthFrame, SubjectFrame
+from gepf.common.kinematics import joint_positions, retract
+from gepf.common.kinematics.rotations import euler_angles, euler_matrix
+from gepf.common.refinement import Particles, lower_triangular
+from gepf.common.settings import preset
+from gepf.coordinator.bodies.human.template import human
+from gepf.coordinator.bodies.tracked import coarsen, name_pose
+from gepf.coordinator.tracking.segmenter import Segmenter
+from gepf.coordinator.tracking.tracker import Tracker
 from gepf.refiners import DirectRefiner
+from gepf.worker.kernel.icp import refine
+from gepf.worker.kernel.observation import observe
 from tests.support.people import SETTINGS, STANDING, known, subject_of
 from tests.support.rigs import around, seen_from, together
-from worker.kernel.icp import refine
-from worker.kernel.observation import observe
 
 RULES = msgspec.structs.replace(preset("default").refine, pose_deviation=0.0, noise_depth=0.015)
 ASIDE = {"front": around(0.0), "side": around(80.0)}

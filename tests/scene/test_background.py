@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from common.arrays import Mask
-from common.frame import SUBJECT
-from coordinator.scene.candidates import candidates
-from coordinator.scene.scene import Scene, SceneView
-from coordinator.scene.segmentation import measure_distances, segment_body, slices
+from gepf.common.arrays import Mask
+from gepf.common.frame import SUBJECT
+from gepf.coordinator.scene.candidates import candidates
+from gepf.coordinator.scene.scene import Scene, SceneView
+from gepf.coordinator.scene.segmentation import measure_distances, segment_body, slices
 from tests.support.rooms import CABINET, PERSON, Room
 
 CHAIR = ((0.5, 0.4, 2.3), (0.9, 1.1, 2.7))

@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from common.arrays import Mask
-from common.camera import Intrinsics
-from common.frame import UNKNOWN
-from coordinator.scene.candidates import Candidate, candidates
-from coordinator.scene.flatness import find_flat
-from coordinator.scene.scene import Scene
-from coordinator.scene.scope import Scope
-from coordinator.scene.segmentation import measure_distances, segment_body
+from gepf.common.arrays import Mask
+from gepf.common.camera import Intrinsics
+from gepf.common.frame import UNKNOWN
+from gepf.coordinator.scene.candidates import Candidate, candidates
+from gepf.coordinator.scene.flatness import find_flat
+from gepf.coordinator.scene.scene import Scene
+from gepf.coordinator.scene.scope import Scope
+from gepf.coordinator.scene.segmentation import measure_distances, segment_body
 from tests.support import rooms
 from tests.support.rooms import CABINET, HEIGHT, PERSON, TABLE, Room
 

@@ -12,18 +12,18 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from common.errors import InputError
-from common.kinematics import joint_positions, pose_vertices
-from coordinator.bodies.human.template import human
-from coordinator.bodies.tracked import name_pose
-from coordinator.cli import main
-from coordinator.commands.info import describe_scene, find_people
-from coordinator.commands.job import choose_scope
-from coordinator.commands.options import TrackOptions
-from coordinator.scene.scope import Scope
-from coordinator.sources import open_source
-from coordinator.sources.background import read_background
-from coordinator.tracking.segmenter import Segmenter
+from gepf.common.errors import InputError
+from gepf.common.kinematics import joint_positions, pose_vertices
+from gepf.coordinator.bodies.human.template import human
+from gepf.coordinator.bodies.tracked import name_pose
+from gepf.coordinator.cli import main
+from gepf.coordinator.commands.info import describe_scene, find_people
+from gepf.coordinator.commands.job import choose_scope
+from gepf.coordinator.commands.options import TrackOptions
+from gepf.coordinator.scene.scope import Scope
+from gepf.coordinator.sources import open_source
+from gepf.coordinator.sources.background import read_background
+from gepf.coordinator.tracking.segmenter import Segmenter
 from tests.support.people import STANDING, shown
 from tests.support.recordings import write_open3d
 from tests.support.rooms import CABINET, CAMERA, HEIGHT, PERSON, Room, in_a_room

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from common.arrays import Array
-from coordinator.scene.noise import fit_noise
-from coordinator.scene.planes import Planes, find_planes, refit, sample_rays
+from gepf.common.arrays import Array
+from gepf.coordinator.scene.noise import fit_noise
+from gepf.coordinator.scene.planes import Planes, find_planes, refit, sample_rays
 from tests.support.rooms import CABINET, CAMERA, HEIGHT, PERSON, TABLE, WALL, Box, Room
 
 

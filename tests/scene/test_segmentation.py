@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from common.camera import Intrinsics
-from common.frame import EMPTY, HIDDEN, SUBJECT, UNKNOWN, UNMEASURED, DepthFrame
-from coordinator.scene.scene import Scene
-from coordinator.scene.segmentation import (
+from gepf.common.camera import Intrinsics
+from gepf.common.frame import EMPTY, HIDDEN, SUBJECT, UNKNOWN, UNMEASURED, DepthFrame
+from gepf.coordinator.scene.scene import Scene
+from gepf.coordinator.scene.segmentation import (
     Segmentation,
     measure_distances,
     nearest_of,

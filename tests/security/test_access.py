@@ -9,14 +9,15 @@ from queue import SimpleQueue
 import msgspec
 import pytest
 
-from common.errors import InputError
-from common.protocol import keys
-from common.protocol.messages import encode_request
-from common.transport.opening import open_router, open_session, open_worker
-from common.transport.session import Security
-from coordinator.pool.options import Pool
-from coordinator.pool.zenoh_refiner import ZenohRefiner
-from coordinator.security.certificates import make_certificates
+from gepf.common.errors import InputError
+from gepf.common.protocol import keys
+from gepf.common.protocol.messages import encode_request
+from gepf.common.transport.opening import open_router, open_session, open_worker
+from gepf.common.transport.session import Security
+from gepf.coordinator.pool.options import Pool
+from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
+from gepf.coordinator.security.certificates import make_certificates
+from gepf.worker.connection import Identity, check_admission
 from tests.support.processes.certificates import (
     STRANGER,
     WORKERS,
@@ -27,7 +28,6 @@ from tests.support.processes.certificates import (
 )
 from tests.support.processes.programs import GEPF, INSTANT, started, wait_until
 from tests.support.processes.serving import REQUEST, expected, refined_bytes
-from worker.connection import Identity, check_admission
 
 SHORT = 0.3  # seconds in which something that must not happen would have happened
 

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 import gepf
-from common.transport.opening import open_coordinator, open_router
+from gepf.common.transport.opening import open_coordinator, open_router
 from tests.support.people import SETTINGS, STANDING, shown
 from tests.support.processes.certificates import Folder, secure_worker
 from tests.support.processes.programs import GEPF, started

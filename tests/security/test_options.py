@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from common.errors import InputError
-from common.transport.credentials import Credentials, check_holder, holder_of, read_credentials
-from common.transport.endpoints import check_listening
-from common.transport.session import Security
-from coordinator.security.access import TlsFiles, choose_names, choose_security, read_roster
-from coordinator.security.certificates import make_certificates
+from gepf.common.errors import InputError
+from gepf.common.transport.credentials import Credentials, check_holder, holder_of, read_credentials
+from gepf.common.transport.endpoints import check_listening
+from gepf.common.transport.session import Security
+from gepf.coordinator.security.access import TlsFiles, choose_names, choose_security, read_roster
+from gepf.coordinator.security.certificates import make_certificates
 from tests.support.processes.certificates import Folder, make_folder
 
 LISTENING = {

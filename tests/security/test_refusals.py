@@ -7,14 +7,14 @@ from typing import Any
 
 import pytest
 
-from common.errors import BusError, InputError
-from common.protocol import keys
-from common.transport.credentials import Credentials
-from common.transport.endpoints import why_refused
-from common.transport.opening import open_coordinator, open_router, open_session, open_worker
-from common.transport.session import Security, session_settings
-from coordinator.pool.options import Pool
-from coordinator.pool.zenoh_refiner import ZenohRefiner
+from gepf.common.errors import BusError, InputError
+from gepf.common.protocol import keys
+from gepf.common.transport.credentials import Credentials
+from gepf.common.transport.endpoints import why_refused
+from gepf.common.transport.opening import open_coordinator, open_router, open_session, open_worker
+from gepf.common.transport.session import Security, session_settings
+from gepf.coordinator.pool.options import Pool
+from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
 from tests.support.processes.certificates import STRANGER, Folder, free_port
 from tests.support.processes.warm_processes import start, work_instantly
 

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from common.camera import Intrinsics
-from common.errors import InputError
-from coordinator.sources import open_source
-from coordinator.sources.azure_kinect import Calibration, gravity_of, lens_of
-from coordinator.sources.camera import GivenCamera
+from gepf.common.camera import Intrinsics
+from gepf.common.errors import InputError
+from gepf.coordinator.sources import open_source
+from gepf.coordinator.sources.azure_kinect import Calibration, gravity_of, lens_of
+from gepf.coordinator.sources.camera import GivenCamera
 
 RECORDING = Path(__file__).parents[3] / "shared" / "data" / "azure_kinect" / "recording.mkv"
 RADIAL, TANGENTIAL = (0.5479, -0.0210, -0.00265, 0.8897, 0.0861, -0.0139), (2.06e-05, -7.2e-05)

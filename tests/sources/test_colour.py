@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from common.camera import Intrinsics
-from common.errors import InputError
-from coordinator.sources.colour_folder import ColourFolder
+from gepf.common.camera import Intrinsics
+from gepf.common.errors import InputError
+from gepf.coordinator.sources.colour_folder import ColourFolder
 
 CAMERA = Intrinsics(64, 48, 50.0, 50.0, 31.5, 23.5)
 GREEN, RED = (0, 200, 0), (200, 0, 0)

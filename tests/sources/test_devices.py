@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 from PIL import Image as Picture
 
-from common.errors import InputError
-from common.frame import DepthFrame
-from common.protocol.frames import LIVE_END, decode_colour, decode_live
-from coordinator.cli import main
-from coordinator.results.track import read_track
-from coordinator.sources import open_source
-from coordinator.sources.devices import device
-from coordinator.sources.devices.device import (
+from gepf.common.errors import InputError
+from gepf.common.frame import DepthFrame
+from gepf.common.protocol.frames import LIVE_END, decode_colour, decode_live
+from gepf.coordinator.cli import main
+from gepf.coordinator.results.track import read_track
+from gepf.coordinator.sources import open_source
+from gepf.coordinator.sources.devices import device
+from gepf.coordinator.sources.devices.device import (
     VENDORS,
     AttachedCamera,
     Camera,
@@ -27,7 +27,7 @@ from coordinator.sources.devices.device import (
     Shot,
     explain_absence,
 )
-from coordinator.tracking.segmenter import Segmenter
+from gepf.coordinator.tracking.segmenter import Segmenter
 from tests.support.live import KEY, listening
 from tests.support.processes.programs import wait_until
 from tests.support.stand_ins import CAMERA, StillWorkers, standing

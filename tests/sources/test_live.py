@@ -13,11 +13,11 @@ import msgspec
 import numpy as np
 import pytest
 
-from common.protocol.frames import LIVE_END, encode_live
-from common.transport.opening import open_coordinator
-from coordinator.cli import main
-from coordinator.results.track import read_track
-from coordinator.sources import open_source
+from gepf.common.protocol.frames import LIVE_END, encode_live
+from gepf.common.transport.opening import open_coordinator
+from gepf.coordinator.cli import main
+from gepf.coordinator.results.track import read_track
+from gepf.coordinator.sources import open_source
 from tests.support.live import (
     CAMERA,
     KEY,

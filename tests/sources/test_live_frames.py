@@ -11,12 +11,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from common.camera import Intrinsics
-from common.errors import InputError
-from common.frame import DepthFrame
-from common.protocol.frames import LIVE_END, encode_live
-from coordinator.sources.live import COUNTED, LiveFrames, from_first_seen
-from coordinator.sources.live_stream import LiveCamera, live_key
+from gepf.common.camera import Intrinsics
+from gepf.common.errors import InputError
+from gepf.common.frame import DepthFrame
+from gepf.common.protocol.frames import LIVE_END, encode_live
+from gepf.coordinator.sources.live import COUNTED, LiveFrames, from_first_seen
+from gepf.coordinator.sources.live_stream import LiveCamera, live_key
 
 KEY = "camera/depth"
 CAMERA = Intrinsics(4, 3, 10.0, 10.0, 2.0, 1.5)

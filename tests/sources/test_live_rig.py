@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from common.errors import InputError
-from common.frame import DepthFrame
-from coordinator.sources.live import LiveRig
-from coordinator.sources.live_stream import LiveCamera
-from coordinator.sources.rig import live_cameras
+from gepf.common.errors import InputError
+from gepf.common.frame import DepthFrame
+from gepf.coordinator.sources.live import LiveRig
+from gepf.coordinator.sources.live_stream import LiveCamera
+from gepf.coordinator.sources.rig import live_cameras
 from tests.sources.test_live_frames import WIDE, image
 
 Sent = tuple[float, str, int, float]  # reception, camera, number, time by the camera's clock

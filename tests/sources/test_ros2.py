@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 from PIL import Image
 from rosbags.typesys import Stores, get_typestore
 
-from common.camera import Intrinsics
-from common.transport.bus import Bus
-from common.transport.opening import open_router, open_worker
-from coordinator.sources.live import LiveFrames
-from coordinator.sources.live_stream import LiveCamera
-from coordinator.sources.ros2 import Node
-from coordinator.sources.ros2_input import DepthTopic, JointTopic
-from coordinator.sources.ros_images import pixels
+from gepf.common.camera import Intrinsics
+from gepf.common.transport.bus import Bus
+from gepf.common.transport.opening import open_router, open_worker
+from gepf.coordinator.sources.live import LiveFrames
+from gepf.coordinator.sources.live_stream import LiveCamera
+from gepf.coordinator.sources.ros2 import Node
+from gepf.coordinator.sources.ros2_input import DepthTopic, JointTopic
+from gepf.coordinator.sources.ros_images import pixels
 from tests.support.processes.programs import wait_until
 from tests.support.ros import CAMERA, IMAGE, camera_of, image_of
 

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from pypcd4.pypcd4 import Encoding
 
-from common.camera import Intrinsics, back_project
-from common.errors import InputError
-from coordinator.cli import main
-from coordinator.sources import find_format, open_source
-from coordinator.sources.camera import GivenCamera
-from coordinator.sources.utd_mhad import KINECT
+from gepf.common.camera import Intrinsics, back_project
+from gepf.common.errors import InputError
+from gepf.coordinator.cli import main
+from gepf.coordinator.sources import find_format, open_source
+from gepf.coordinator.sources.camera import GivenCamera
+from gepf.coordinator.sources.utd_mhad import KINECT
 from tests.support.recordings import (
     FPS,
     FRAMES,

@@ -15,11 +15,11 @@ from PIL import Image
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from common.camera import Intrinsics
-from common.errors import InputError
-from coordinator.sources import open_source
-from coordinator.sources.camera import GivenCamera, parse_camera, write_camera
-from coordinator.sources.source import select_frames
+from gepf.common.camera import Intrinsics
+from gepf.common.errors import InputError
+from gepf.coordinator.sources import open_source
+from gepf.coordinator.sources.camera import GivenCamera, parse_camera, write_camera
+from gepf.coordinator.sources.source import select_frames
 from tests.support.ros import camera_of, header_of, image_of
 
 SMALL = Intrinsics(16, 12, 50.0, 51.0, 7.5, 5.5)

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from PIL import Image
 from scipy.io import savemat
 
-from common.camera import Intrinsics
-from common.errors import InputError
-from coordinator.sources import open_source
-from coordinator.sources.source import select_frames
+from gepf.common.camera import Intrinsics
+from gepf.common.errors import InputError
+from gepf.coordinator.sources import open_source
+from gepf.coordinator.sources.source import select_frames
 from tests.support.recordings import read_all, write_open3d
 from tests.support.refusals import refused
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from common.arrays import Array
-from common.refinement import Refined
+from gepf.common.arrays import Array
+from gepf.common.refinement import Refined
 
 
 def sure(poses: Array) -> NDArray[np.float32]:

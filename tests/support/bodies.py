@@ -7,10 +7,10 @@ from functools import cache
 import numpy as np
 import trimesh
 
-from common.activation import activate
-from common.arrays import Array, Indices, Mask
-from common.body import ROOT_DOFS, ROTATION, TRANSLATION, BodyModel, find_balls
-from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
+from gepf.common.activation import activate
+from gepf.common.arrays import Array, Indices, Mask
+from gepf.common.body import ROOT_DOFS, ROTATION, TRANSLATION, BodyModel, find_balls
+from gepf.coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 
 RIGHT_HANDED = np.array([[0.0, 0.6, 0.8], [1.0, 0.0, 0.0], [0.0, 0.8, -0.6]])
 LEFT_HANDED = RIGHT_HANDED * (-1.0, 1.0, 1.0)  # its mirror image

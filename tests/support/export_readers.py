@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pygltflib import GLTF2
 from scipy.spatial.transform import Rotation
 
-from common.arrays import Array
+from gepf.common.arrays import Array
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")  # it imports a package by its old name

@@ -10,18 +10,18 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from common.arrays import Array
-from common.body import LEAST_SPREAD, ROOT_DOFS, BodyModel
-from common.bounds import LARGEST, SMALLEST
-from common.camera import Intrinsics
-from common.errors import ProtocolError
-from common.frame import DepthFrame, SubjectFrame
-from common.protocol.frames import decode_frame, encode_frame
-from common.protocol.messages import RefineRequest, decode_request, encode_request
-from common.protocol.models import decode_model, encode_model
-from common.refinement import Particles
-from common.settings import RefineSettings
-from worker.warm_up import tiny_frame, tiny_model
+from gepf.common.arrays import Array
+from gepf.common.body import LEAST_SPREAD, ROOT_DOFS, BodyModel
+from gepf.common.bounds import LARGEST, SMALLEST
+from gepf.common.camera import Intrinsics
+from gepf.common.errors import ProtocolError
+from gepf.common.frame import DepthFrame, SubjectFrame
+from gepf.common.protocol.frames import decode_frame, encode_frame
+from gepf.common.protocol.messages import RefineRequest, decode_request, encode_request
+from gepf.common.protocol.models import decode_model, encode_model
+from gepf.common.refinement import Particles
+from gepf.common.settings import RefineSettings
+from gepf.worker.warm_up import tiny_frame, tiny_model
 
 FAR_PIXEL = 2**31 - 1
 POSITIVE = (SMALLEST, 1e-3, 0.01, 1.0, LARGEST)

@@ -5,15 +5,15 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 
-from common.arrays import Array
-from common.body import BodyModel
-from common.frame import SubjectFrame
-from common.kinematics import joint_positions
-from common.refinement import Particles
-from common.settings import RefineSettings
-from coordinator.tracking.certainty.features import Features, FrameContext, measure_features
-from coordinator.tracking.certainty.surface import seen_shares
-from coordinator.tracking.gating import gate_pose
+from gepf.common.arrays import Array
+from gepf.common.body import BodyModel
+from gepf.common.frame import SubjectFrame
+from gepf.common.kinematics import joint_positions
+from gepf.common.refinement import Particles
+from gepf.common.settings import RefineSettings
+from gepf.coordinator.tracking.certainty.features import Features, FrameContext, measure_features
+from gepf.coordinator.tracking.certainty.surface import seen_shares
+from gepf.coordinator.tracking.gating import gate_pose
 from gepf.refiners import DirectRefiner
 
 

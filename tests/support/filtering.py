@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from common.arrays import Array
-from common.body import BodyModel
-from common.refinement import Refined
-from common.settings import FilterSettings
-from coordinator.filters.belief import Observation, Proposal
-from coordinator.filters.methods import METHODS, Method
+from gepf.common.arrays import Array
+from gepf.common.body import BodyModel
+from gepf.common.refinement import Refined
+from gepf.common.settings import FilterSettings
+from gepf.coordinator.filters.belief import Observation, Proposal
+from gepf.coordinator.filters.methods import METHODS, Method
 
 INTERVAL = 0.1  # seconds between frames
 NOTHING_SEEN = Observation(np.empty((0, 3)), INTERVAL, None, 1)

@@ -13,17 +13,17 @@ from typing import Any
 
 import numpy as np
 
-from common.body import BodyModel
-from common.frame import DepthFrame
-from common.refinement import Particles, Refined
-from common.transport.opening import open_worker
-from coordinator.results.log import read_log
-from coordinator.tracking.preparation import unmoved
+from gepf.common.body import BodyModel
+from gepf.common.frame import DepthFrame
+from gepf.common.refinement import Particles, Refined
+from gepf.common.transport.opening import open_worker
+from gepf.coordinator.results.log import read_log
+from gepf.coordinator.tracking.preparation import unmoved
+from gepf.worker.service import Kernel
+from gepf.worker.warm_up import tiny_frame
 from tests.support.processes.instant_worker import KERNEL
 from tests.support.processes.programs import in_thread
 from tests.support.processes.serving import serving
-from worker.service import Kernel
-from worker.warm_up import tiny_frame
 
 KEY = "camera/depth"
 CAMERA = tiny_frame().frame.intrinsics

@@ -11,13 +11,13 @@ from typing import Any, TypeVar
 import msgpack  # type: ignore[import-untyped]
 import numpy as np
 
-from common.protocol import messages
-from common.protocol.frames import LIVE_END, decode_frame, decode_live, encode_frame, encode_live
-from common.protocol.models import decode_model, encode_model
-from common.refinement import Particles, Refined
-from common.settings import RefineSettings
+from gepf.common.protocol import messages
+from gepf.common.protocol.frames import LIVE_END, decode_frame, decode_live, encode_frame, encode_live
+from gepf.common.protocol.models import decode_model, encode_model
+from gepf.common.refinement import Particles, Refined
+from gepf.common.settings import RefineSettings
+from gepf.worker.warm_up import tiny_frame, tiny_model
 from tests.support.answers import sure
-from worker.warm_up import tiny_frame, tiny_model
 
 COUNT, DOFS = 3, 6
 POSES = np.linspace(-1.0, 1.0, COUNT * DOFS).reshape(COUNT, DOFS)

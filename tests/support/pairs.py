@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from common.arrays import Array
-from common.kinematics import joint_positions
-from coordinator.bodies.human.template import human
-from coordinator.bodies.tracked import name_pose
+from gepf.common.arrays import Array
+from gepf.common.kinematics import joint_positions
+from gepf.coordinator.bodies.human.template import human
+from gepf.coordinator.bodies.tracked import name_pose
 from tests.support.people import CAMERA, STANDING, Shown, frame_of, raised, rendered
 from tests.support.recordings import write_open3d
 from tests.support.rooms import in_a_room

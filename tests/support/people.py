@@ -11,21 +11,21 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from common.arrays import Array
-from common.body import BodyModel
-from common.camera import Intrinsics, inverse, moved
-from common.frame import DepthFrame, SubjectFrame
-from common.kinematics import joint_positions, pose_vertices
-from common.settings import Settings, preset
-from coordinator.bodies.human.shape_space import shape_space
-from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
-from coordinator.bodies.tracked import Bodies, Size, name_pose
-from coordinator.synthesis.rendering import DepthRenderer
-from coordinator.tracking.certainty.certainty import Certainty
-from coordinator.tracking.estimate import Estimate
-from coordinator.tracking.observation import isolate
-from coordinator.tracking.state import Start, TrackerState
-from coordinator.tracking.tracker import Tracker
+from gepf.common.arrays import Array
+from gepf.common.body import BodyModel
+from gepf.common.camera import Intrinsics, inverse, moved
+from gepf.common.frame import DepthFrame, SubjectFrame
+from gepf.common.kinematics import joint_positions, pose_vertices
+from gepf.common.settings import Settings, preset
+from gepf.coordinator.bodies.human.shape_space import shape_space
+from gepf.coordinator.bodies.human.template import DEFAULT_ACTIVE, human
+from gepf.coordinator.bodies.tracked import Bodies, Size, name_pose
+from gepf.coordinator.synthesis.rendering import DepthRenderer
+from gepf.coordinator.tracking.certainty.certainty import Certainty
+from gepf.coordinator.tracking.estimate import Estimate
+from gepf.coordinator.tracking.observation import isolate
+from gepf.coordinator.tracking.state import Start, TrackerState
+from gepf.coordinator.tracking.tracker import Tracker
 from gepf.refiners import DirectRefiner
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pyrealsense2 as rs
 from numpy.typing import NDArray
 
-from common.camera import Intrinsics
+from gepf.common.camera import Intrinsics
 
 
 def record(

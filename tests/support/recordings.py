@@ -16,14 +16,14 @@ from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_typestore
 from scipy.io import savemat
 
-from common.arrays import Array
-from common.camera import Intrinsics, back_project
-from coordinator.bodies.human.template import human
-from coordinator.bodies.tracked import name_pose
-from coordinator.files import CAMERA_FILE
-from coordinator.sources import open_source
-from coordinator.sources.camera import write_camera
-from coordinator.sources.utd_mhad import KINECT
+from gepf.common.arrays import Array
+from gepf.common.camera import Intrinsics, back_project
+from gepf.coordinator.bodies.human.template import human
+from gepf.coordinator.bodies.tracked import name_pose
+from gepf.coordinator.files import CAMERA_FILE
+from gepf.coordinator.sources import open_source
+from gepf.coordinator.sources.camera import write_camera
+from gepf.coordinator.sources.utd_mhad import KINECT
 from tests.support.people import raised, rendered
 from tests.support.ros import camera_of, header_of, image_of
 

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from common.errors import InputError
+from gepf.common.errors import InputError
 
 
 @contextmanager

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from common.arrays import Array
-from common.body import BodyModel
-from common.frame import DepthFrame
-from common.kinematics.rotations import euler_matrix
+from gepf.common.arrays import Array
+from gepf.common.body import BodyModel
+from gepf.common.frame import DepthFrame
+from gepf.common.kinematics.rotations import euler_matrix
 from tests.support.people import frame_of, rendered
 
 MIDDLE = np.array([0.1, 0.1, 2.7])  # where the person is

@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from common.arrays import Array, Mask
-from common.camera import Intrinsics
-from common.frame import DepthFrame
+from gepf.common.arrays import Array, Mask
+from gepf.common.camera import Intrinsics
+from gepf.common.frame import DepthFrame
 
 Box = tuple[tuple[float, float, float], tuple[float, float, float]]  # least and greatest corner
 

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from common.arrays import Array, Indices
-from common.body import ROOT_DOFS, ROTATION, BodyModel
-from common.kinematics import joint_positions
-from coordinator.bodies.angles import angles_of
-from coordinator.exports import export_run
-from coordinator.results.angles import with_angles
-from coordinator.results.track import (
+from gepf.common.arrays import Array, Indices
+from gepf.common.body import ROOT_DOFS, ROTATION, BodyModel
+from gepf.common.kinematics import joint_positions
+from gepf.coordinator.bodies.angles import angles_of
+from gepf.coordinator.exports import export_run
+from gepf.coordinator.results.angles import with_angles
+from gepf.coordinator.results.track import (
     MODEL_FILE,
     TRACK_FILE,
     Track,

@@ -13,16 +13,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from common.body import BodyModel
-from common.camera import Intrinsics
-from common.frame import SubjectFrame
-from common.refinement import Particles, Refined
-from coordinator.bodies.human.template import human
-from coordinator.bodies.tracked import name_pose
-from coordinator.cli import main
-from coordinator.pool.options import Pool, PoolStatistics
-from coordinator.tracking.preparation import unmoved
-from coordinator.tracking.refiner import LocalRefiner, Pending
+from gepf.common.body import BodyModel
+from gepf.common.camera import Intrinsics
+from gepf.common.frame import SubjectFrame
+from gepf.common.refinement import Particles, Refined
+from gepf.coordinator.bodies.human.template import human
+from gepf.coordinator.bodies.tracked import name_pose
+from gepf.coordinator.cli import main
+from gepf.coordinator.pool.options import Pool, PoolStatistics
+from gepf.coordinator.tracking.preparation import unmoved
+from gepf.coordinator.tracking.refiner import LocalRefiner, Pending
 from gepf.refiners import DirectRefiner
 from tests.support.people import rendered
 from tests.support.recordings import write_open3d

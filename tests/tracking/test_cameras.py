@@ -8,15 +8,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from common.arrays import Array
-from common.body import BodyModel
-from common.camera import Intrinsics
-from common.frame import DepthFrame
-from common.kinematics import joint_positions
-from common.kinematics.rotations import euler_matrix
-from coordinator.bodies.human.template import human
-from coordinator.bodies.tracked import name_pose
-from coordinator.tracking.cameras import (
+from gepf.common.arrays import Array
+from gepf.common.body import BodyModel
+from gepf.common.camera import Intrinsics
+from gepf.common.frame import DepthFrame
+from gepf.common.kinematics import joint_positions
+from gepf.common.kinematics.rotations import euler_matrix
+from gepf.coordinator.bodies.human.template import human
+from gepf.coordinator.bodies.tracked import name_pose
+from gepf.coordinator.tracking.cameras import (
     Agreement,
     CameraStates,
     camera_residuals,
@@ -24,9 +24,9 @@ from coordinator.tracking.cameras import (
     faults_of,
     watch,
 )
-from coordinator.tracking.estimate import Estimate
-from coordinator.tracking.observation import isolate
-from coordinator.tracking.tracker import Tracker
+from gepf.coordinator.tracking.estimate import Estimate
+from gepf.coordinator.tracking.observation import isolate
+from gepf.coordinator.tracking.tracker import Tracker
 from gepf.refiners import DirectRefiner
 from tests.support.people import SETTINGS, STANDING, frame_of, known, rendered
 from tests.support.rigs import around, together

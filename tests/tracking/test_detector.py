@@ -9,25 +9,25 @@ from typing import cast
 import numpy as np
 import pytest
 
-from common.arrays import Array
-from common.body import BodyModel
-from common.camera import back_project
-from common.frame import SubjectFrame
-from common.kinematics import joint_positions, pose_vertices
-from common.refinement import Particles
-from common.settings import preset
-from coordinator.bodies.human.template import human
-from coordinator.bodies.tracked import Bodies, Size, name_pose, one_body
-from coordinator.bodies.urdf import read_urdf
-from coordinator.scene.planes import Planes
-from coordinator.tracking.candidate_refinement import Search
-from coordinator.tracking.detector import Detector
-from coordinator.tracking.gating import Gate
-from coordinator.tracking.pose_candidates import Candidates, Detection
-from coordinator.tracking.pose_library import draw_any
-from coordinator.tracking.refiner import Pending
-from coordinator.tracking.sensor_noise import NO_NOISE
-from coordinator.tracking.state import start_at
+from gepf.common.arrays import Array
+from gepf.common.body import BodyModel
+from gepf.common.camera import back_project
+from gepf.common.frame import SubjectFrame
+from gepf.common.kinematics import joint_positions, pose_vertices
+from gepf.common.refinement import Particles
+from gepf.common.settings import preset
+from gepf.coordinator.bodies.human.template import human
+from gepf.coordinator.bodies.tracked import Bodies, Size, name_pose, one_body
+from gepf.coordinator.bodies.urdf import read_urdf
+from gepf.coordinator.scene.planes import Planes
+from gepf.coordinator.tracking.candidate_refinement import Search
+from gepf.coordinator.tracking.detector import Detector
+from gepf.coordinator.tracking.gating import Gate
+from gepf.coordinator.tracking.pose_candidates import Candidates, Detection
+from gepf.coordinator.tracking.pose_library import draw_any
+from gepf.coordinator.tracking.refiner import Pending
+from gepf.coordinator.tracking.sensor_noise import NO_NOISE
+from gepf.coordinator.tracking.state import start_at
 from gepf.refiners import DirectRefiner
 from tests.support.people import (
     SETTINGS,

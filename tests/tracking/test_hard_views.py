@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from common.camera import back_project
-from common.kinematics import joint_positions, pose_vertices
-from coordinator.bodies.choice import USUAL, choose_bodies
-from coordinator.bodies.human.template import human
-from coordinator.bodies.tracked import name_pose
-from coordinator.sources import open_source
+from gepf.common.camera import back_project
+from gepf.common.kinematics import joint_positions, pose_vertices
+from gepf.coordinator.bodies.choice import USUAL, choose_bodies
+from gepf.coordinator.bodies.human.template import human
+from gepf.coordinator.bodies.tracked import name_pose
+from gepf.coordinator.sources import open_source
 from gepf.refiners import DirectRefiner
 from tests.support.people import (
     CAMERA,

@@ -11,19 +11,19 @@ import pytest
 from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_typestore
 
-from common.arrays import Array
-from common.errors import InputError
-from common.kinematics import retract
-from coordinator.bodies.human.template import human
-from coordinator.bodies.urdf import read_urdf
-from coordinator.cli import main
-from coordinator.results.evaluation import read_truth
-from coordinator.sources.camera import write_camera
-from coordinator.sources.joint_states import JointStates, read_joint_states
-from coordinator.synthesis.scenes import Scene, roam
-from coordinator.synthesis.sequence import DEPTH_SCALE, write_depth, write_start, write_truth
-from coordinator.tracking.particle_filter import known_step
-from coordinator.tracking.sensor_noise import NO_NOISE
+from gepf.common.arrays import Array
+from gepf.common.errors import InputError
+from gepf.common.kinematics import retract
+from gepf.coordinator.bodies.human.template import human
+from gepf.coordinator.bodies.urdf import read_urdf
+from gepf.coordinator.cli import main
+from gepf.coordinator.results.evaluation import read_truth
+from gepf.coordinator.sources.camera import write_camera
+from gepf.coordinator.sources.joint_states import JointStates, read_joint_states
+from gepf.coordinator.synthesis.scenes import Scene, roam
+from gepf.coordinator.synthesis.sequence import DEPTH_SCALE, write_depth, write_start, write_truth
+from gepf.coordinator.tracking.particle_filter import known_step
+from gepf.coordinator.tracking.sensor_noise import NO_NOISE
 from tests.support.stand_ins import Direct
 
 ARM = Path(__file__).parents[2] / "examples" / "arm7.urdf"

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from common.camera import Intrinsics
-from common.frame import DepthFrame
-from common.settings import preset
-from coordinator.filters.methods import pace_iterations
-from coordinator.tracking.observation import filter_observation
+from gepf.common.camera import Intrinsics
+from gepf.common.frame import DepthFrame
+from gepf.common.settings import preset
+from gepf.coordinator.filters.methods import pace_iterations
+from gepf.coordinator.tracking.observation import filter_observation
 from tests.support.people import subject_of
 
 CAMERA = Intrinsics(32, 24, 30.0, 30.0, 16.0, 12.0)

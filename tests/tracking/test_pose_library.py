@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from common.arrays import Array
-from common.body import BodyModel
-from common.kinematics import joint_positions, pose_vertices
-from coordinator.bodies.human.template import human
-from coordinator.bodies.tracked import name_pose
-from coordinator.tracking.descriptor import COLUMNS, ROWS, VACANT, describe, fill_differences
-from coordinator.tracking.pose_library import describe_poses, displaced, draw_people, look_straight
+from gepf.common.arrays import Array
+from gepf.common.body import BodyModel
+from gepf.common.kinematics import joint_positions, pose_vertices
+from gepf.coordinator.bodies.human.template import human
+from gepf.coordinator.bodies.tracked import name_pose
+from gepf.coordinator.tracking.descriptor import COLUMNS, ROWS, VACANT, describe, fill_differences
+from gepf.coordinator.tracking.pose_library import describe_poses, displaced, draw_people, look_straight
 from tests.support.people import STANDING
 
 MODEL = human(1.75)

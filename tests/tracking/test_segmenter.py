@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from common.frame import HIDDEN, SUBJECT
-from common.kinematics import pose_vertices
-from coordinator.bodies.human.template import human
-from coordinator.bodies.tracked import name_pose
-from coordinator.scene.scene import BACKGROUND
-from coordinator.tracking.segmenter import Segmenter
+from gepf.common.frame import HIDDEN, SUBJECT
+from gepf.common.kinematics import pose_vertices
+from gepf.coordinator.bodies.human.template import human
+from gepf.coordinator.bodies.tracked import name_pose
+from gepf.coordinator.scene.scene import BACKGROUND
+from gepf.coordinator.tracking.segmenter import Segmenter
 from tests.support.people import CAMERA, STANDING, frame_of, rendered
 from tests.support.rooms import HEIGHT, PERSON, TABLE, Room, along
 

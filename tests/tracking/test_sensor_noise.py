@@ -10,16 +10,16 @@ import msgspec
 import numpy as np
 import pytest
 
-from common.arrays import Array
-from common.camera import Intrinsics
-from common.frame import DepthFrame
-from common.settings import preset
-from coordinator.bodies.human.template import human
-from coordinator.commands.job import choose_settings
-from coordinator.commands.options import TrackOptions
-from coordinator.synthesis.noise import add_noise
-from coordinator.synthesis.scenes import arm
-from coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise, assume_noise, measure_noise
+from gepf.common.arrays import Array
+from gepf.common.camera import Intrinsics
+from gepf.common.frame import DepthFrame
+from gepf.common.settings import preset
+from gepf.coordinator.bodies.human.template import human
+from gepf.coordinator.commands.job import choose_settings
+from gepf.coordinator.commands.options import TrackOptions
+from gepf.coordinator.synthesis.noise import add_noise
+from gepf.coordinator.synthesis.scenes import arm
+from gepf.coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise, assume_noise, measure_noise
 from tests.support.people import rendered
 
 CAMERA = Intrinsics(256, 256, 395.0, 395.0, 127.5, 127.5)

@@ -8,18 +8,18 @@ import msgspec
 import numpy as np
 import pytest
 
-from common.camera import Intrinsics
-from common.frame import HIDDEN, SUBJECT, SubjectFrame
-from coordinator.bodies.choice import choose_bodies
-from coordinator.bodies.human.measures import Measures
-from coordinator.bodies.human.template import human_of
-from coordinator.bodies.tracked import Size, name_pose
-from coordinator.filters.gradient_enhanced import begin
-from coordinator.synthesis.noise import as_a_kinect
-from coordinator.tracking.person_size import PersonSize
-from coordinator.tracking.segmenter import Segmenter
-from coordinator.tracking.state import Start
-from coordinator.tracking.stature import StatureEstimate, head_to_ankle, measure_stature
+from gepf.common.camera import Intrinsics
+from gepf.common.frame import HIDDEN, SUBJECT, SubjectFrame
+from gepf.coordinator.bodies.choice import choose_bodies
+from gepf.coordinator.bodies.human.measures import Measures
+from gepf.coordinator.bodies.human.template import human_of
+from gepf.coordinator.bodies.tracked import Size, name_pose
+from gepf.coordinator.filters.gradient_enhanced import begin
+from gepf.coordinator.synthesis.noise import as_a_kinect
+from gepf.coordinator.tracking.person_size import PersonSize
+from gepf.coordinator.tracking.segmenter import Segmenter
+from gepf.coordinator.tracking.state import Start
+from gepf.coordinator.tracking.stature import StatureEstimate, head_to_ankle, measure_stature
 from gepf.refiners import DirectRefiner
 from tests.support.people import (
     CAMERA,

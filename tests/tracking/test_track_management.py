@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from common.frame import EMPTY, HIDDEN, SUBJECT
-from common.settings import RefineSettings
-from coordinator.bodies.human.template import human
-from coordinator.bodies.tracked import name_pose
-from coordinator.tracking.gating import (
+from gepf.common.frame import EMPTY, HIDDEN, SUBJECT
+from gepf.common.settings import RefineSettings
+from gepf.coordinator.bodies.human.template import human
+from gepf.coordinator.bodies.tracked import name_pose
+from gepf.coordinator.tracking.gating import (
     Gate,
     gate_pose,
     reject_parts,
@@ -19,8 +19,8 @@ from coordinator.tracking.gating import (
     reject_points,
     reject_position,
 )
-from coordinator.tracking.observation import isolate
-from coordinator.tracking.track_management import TrackManagement
+from gepf.coordinator.tracking.observation import isolate
+from gepf.coordinator.tracking.track_management import TrackManagement
 from tests.support.people import CAMERA, STANDING, show, subject_of
 from tests.support.rooms import Room
 

@@ -11,29 +11,30 @@ import msgspec
 import numpy as np
 import pytest
 
-from common.arrays import Array
-from common.body import BodyModel
-from common.frame import SubjectFrame
-from common.kinematics import joint_positions
-from common.refinement import Particles, Refined
-from common.settings import Settings
-from coordinator.bodies.human.template import human
-from coordinator.bodies.tracked import Size, name_pose
-from coordinator.scene.planes import Planes
-from coordinator.sources.live import LiveFrames
-from coordinator.sources.live_stream import LiveCamera
-from coordinator.stopwatch import Stopwatch
-from coordinator.tracking.detector import Detector
-from coordinator.tracking.estimate import POSE_UNKNOWN, Estimate
-from coordinator.tracking.particle_filter import Pace, Submitted
-from coordinator.tracking.refiner import Pending
-from coordinator.tracking.reporting import report, status_of
-from coordinator.tracking.sensor_noise import NO_NOISE
-from coordinator.tracking.state import TrackerState, first_state
-from coordinator.tracking.target import TargetTracker
-from coordinator.tracking.track_management import TrackManagement
-from coordinator.tracking.tracker import Tracker
+from gepf.common.arrays import Array
+from gepf.common.body import BodyModel
+from gepf.common.frame import SubjectFrame
+from gepf.common.kinematics import joint_positions
+from gepf.common.refinement import Particles, Refined
+from gepf.common.settings import Settings
+from gepf.coordinator.bodies.human.template import human
+from gepf.coordinator.bodies.tracked import Size, name_pose
+from gepf.coordinator.scene.planes import Planes
+from gepf.coordinator.sources.live import LiveFrames
+from gepf.coordinator.sources.live_stream import LiveCamera
+from gepf.coordinator.stopwatch import Stopwatch
+from gepf.coordinator.tracking.detector import Detector
+from gepf.coordinator.tracking.estimate import POSE_UNKNOWN, Estimate
+from gepf.coordinator.tracking.particle_filter import Pace, Submitted
+from gepf.coordinator.tracking.refiner import Pending
+from gepf.coordinator.tracking.reporting import report, status_of
+from gepf.coordinator.tracking.sensor_noise import NO_NOISE
+from gepf.coordinator.tracking.state import TrackerState, first_state
+from gepf.coordinator.tracking.target import TargetTracker
+from gepf.coordinator.tracking.track_management import TrackManagement
+from gepf.coordinator.tracking.tracker import Tracker
 from gepf.refiners import DirectRefiner
+from gepf.worker.kernel.icp import refine
 from tests.support.people import (
     FRAMES,
     RAISING,
@@ -52,7 +53,6 @@ from tests.support.people import (
 )
 from tests.support.rooms import in_a_room
 from tests.support.stand_ins import Direct, StillWorkers
-from worker.kernel.icp import refine
 
 FOLLOWING = msgspec.structs.replace(SETTINGS, recover=False)  # looks nowhere else
 
@@ -297,9 +297,9 @@ def test_nothing_is_loaded_while_a_frame_waits_for_it() -> None:
     script = """
 import gc
 from numba.core.dispatcher import Dispatcher
-from coordinator.tracking.pose_library import library_of
-from coordinator.tracking.preparation import NoRefiner
-from coordinator.tracking.tracker import Tracker
+from gepf.coordinator.tracking.pose_library import library_of
+from gepf.coordinator.tracking.preparation import NoRefiner
+from gepf.coordinator.tracking.tracker import Tracker
 from tests.support.people import SETTINGS, STANDING, people, shown
 from tests.support.rooms import in_a_room
 bodies = people()

@@ -12,20 +12,20 @@ import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
-from common.activation import activate
-from common.protocol.frames import encode_live
-from common.protocol.models import encode_model
-from common.transport.opening import open_worker
-from coordinator.cli import main
-from coordinator.commands.view import LiveScene
-from coordinator.results.configuration import PATH
-from coordinator.results.live_results import LiveResults, PackedOutlet
-from coordinator.results.track import read_track, read_tracked_body
-from coordinator.sources import open_source
-from coordinator.synthesis.scenes import ARM_DOFS, SCENES
-from coordinator.synthesis.sequence import synthesise
-from coordinator.tracking.certainty.certainty import unknown_certainty
-from coordinator.tracking.estimate import Estimate
+from gepf.common.activation import activate
+from gepf.common.protocol.frames import encode_live
+from gepf.common.protocol.models import encode_model
+from gepf.common.transport.opening import open_worker
+from gepf.coordinator.cli import main
+from gepf.coordinator.commands.view import LiveScene
+from gepf.coordinator.results.configuration import PATH
+from gepf.coordinator.results.live_results import LiveResults, PackedOutlet
+from gepf.coordinator.results.track import read_track, read_tracked_body
+from gepf.coordinator.sources import open_source
+from gepf.coordinator.synthesis.scenes import ARM_DOFS, SCENES
+from gepf.coordinator.synthesis.sequence import synthesise
+from gepf.coordinator.tracking.certainty.certainty import unknown_certainty
+from gepf.coordinator.tracking.estimate import Estimate
 from tests.support.live import KEY, plate_image
 from tests.support.processes.programs import in_thread
 from tests.support.runs import write_run

@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from common.arrays import Array
-from common.camera import Intrinsics
+from gepf.common.arrays import Array
+from gepf.common.camera import Intrinsics
+from gepf.worker.kernel.correspondence import closest_points
+from gepf.worker.kernel.observation import TILE, Observation, pack_views, view_of
+from gepf.worker.kernel.surface import LEAF
+from gepf.worker.kernel.workspace import make_search
 from tests.support.kernel.kernel_cases import PAPER
-from worker.kernel.correspondence import closest_points
-from worker.kernel.observation import TILE, Observation, pack_views, view_of
-from worker.kernel.surface import LEAF
-from worker.kernel.workspace import make_search
 
 Points = NDArray[np.float32]
 Cloud = Callable[[np.random.Generator, int], Array]

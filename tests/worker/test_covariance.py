@@ -9,10 +9,22 @@ import msgspec
 import numpy as np
 import pytest
 
-from common.arrays import Array
-from common.body import ROTATION, BodyModel
-from common.refinement import Particles, lower_triangular, triangle_size
-from common.settings import RefineSettings
+from gepf.common.arrays import Array
+from gepf.common.body import ROTATION, BodyModel
+from gepf.common.refinement import Particles, lower_triangular, triangle_size
+from gepf.common.settings import RefineSettings
+from gepf.worker.kernel.correspondence import find_correspondences
+from gepf.worker.kernel.gauss_newton import fill_covariance_root, minimise
+from gepf.worker.kernel.icp import refine
+from gepf.worker.kernel.observation import observe, pack_views, view_of
+from gepf.worker.kernel.parameters import pack_parameters
+from gepf.worker.kernel.priors import LIMIT_WEIGHT_M2
+from gepf.worker.kernel.soft import fisher_scoring_step
+from gepf.worker.kernel.surface import Surface, pack_model
+from gepf.worker.kernel.visibility import DepthImage, draw, pose_body, visible_vertices
+from gepf.worker.kernel.weighting import accumulate_correspondences
+from gepf.worker.kernel.workspace import Problem, make_workspaces
+from gepf.worker.lanes import Lanes
 from tests.support.answers import as_bytes
 from tests.support.bodies import puppet
 from tests.support.kernel import plain_path
@@ -28,18 +40,6 @@ from tests.support.kernel.posterior import (
     posterior_case,
     random_poses,
 )
-from worker.kernel.correspondence import find_correspondences
-from worker.kernel.gauss_newton import fill_covariance_root, minimise
-from worker.kernel.icp import refine
-from worker.kernel.observation import observe, pack_views, view_of
-from worker.kernel.parameters import pack_parameters
-from worker.kernel.priors import LIMIT_WEIGHT_M2
-from worker.kernel.soft import fisher_scoring_step
-from worker.kernel.surface import Surface, pack_model
-from worker.kernel.visibility import DepthImage, draw, pose_body, visible_vertices
-from worker.kernel.weighting import accumulate_correspondences
-from worker.kernel.workspace import Problem, make_workspaces
-from worker.lanes import Lanes
 
 POSES = 3
 

@@ -12,18 +12,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from common.frame import EMPTY, SUBJECT, UNMEASURED, DepthFrame, SubjectFrame
-from common.refinement import Particles
-from common.settings import RefineSettings, preset
+from gepf.common.frame import EMPTY, SUBJECT, UNMEASURED, DepthFrame, SubjectFrame
+from gepf.common.refinement import Particles
+from gepf.common.settings import RefineSettings, preset
+from gepf.worker.kernel.gauss_newton import fill_covariance_root
+from gepf.worker.kernel.icp import refine, refine_particle
+from gepf.worker.kernel.observation import observe, pack_views
+from gepf.worker.kernel.parameters import pack_parameters
+from gepf.worker.kernel.surface import pack_model
+from gepf.worker.kernel.workspace import Problem, Workspaces, make_workspaces
 from tests.support.bodies import puppet
 from tests.support.kernel import plain_path
 from tests.support.kernel.kernel_cases import CAMERA, TRUTH, near
-from worker.kernel.gauss_newton import fill_covariance_root
-from worker.kernel.icp import refine, refine_particle
-from worker.kernel.observation import observe, pack_views
-from worker.kernel.parameters import pack_parameters
-from worker.kernel.surface import pack_model
-from worker.kernel.workspace import Problem, Workspaces, make_workspaces
 
 ROOT = Path(__file__).parents[2]
 GUARD = 64  # entries on each side of an array

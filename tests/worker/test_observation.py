@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from common.camera import Intrinsics, back_project, project
-from common.frame import EMPTY, HIDDEN, SUBJECT, UNKNOWN, UNMEASURED, DepthFrame, SubjectFrame
-from worker.kernel.observation import Observation, nearest_occupied_pixels, observe
+from gepf.common.camera import Intrinsics, back_project, project
+from gepf.common.frame import EMPTY, HIDDEN, SUBJECT, UNKNOWN, UNMEASURED, DepthFrame, SubjectFrame
+from gepf.worker.kernel.observation import Observation, nearest_occupied_pixels, observe
 
 CAMERA = Intrinsics(40, 30, 35.0, 36.0, 18.2, 14.9)
 

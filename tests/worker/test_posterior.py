@@ -8,8 +8,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from common.arrays import Array
-from common.refinement import Particles
+from gepf.common.arrays import Array
+from gepf.common.refinement import Particles
+from gepf.worker.kernel.correspondence import find_correspondences
+from gepf.worker.kernel.icp import refine
+from gepf.worker.kernel.normal_equations import fill_normal_equations
+from gepf.worker.kernel.observation import observe, pack_views, view_of
+from gepf.worker.kernel.parameters import pack_parameters
+from gepf.worker.kernel.priors import add_prior
+from gepf.worker.kernel.soft import add_soft_equations
+from gepf.worker.kernel.surface import pack_model
+from gepf.worker.kernel.visibility import draw, pose_body, visible_vertices
+from gepf.worker.kernel.weighting import accumulate_correspondences
+from gepf.worker.kernel.workspace import make_workspaces
 from tests.support.kernel.posterior import (
     BODIES,
     SETTINGS,
@@ -21,17 +32,6 @@ from tests.support.kernel.posterior import (
     random_poses,
     slope,
 )
-from worker.kernel.correspondence import find_correspondences
-from worker.kernel.icp import refine
-from worker.kernel.normal_equations import fill_normal_equations
-from worker.kernel.observation import observe, pack_views, view_of
-from worker.kernel.parameters import pack_parameters
-from worker.kernel.priors import add_prior
-from worker.kernel.soft import add_soft_equations
-from worker.kernel.surface import pack_model
-from worker.kernel.visibility import draw, pose_body, visible_vertices
-from worker.kernel.weighting import accumulate_correspondences
-from worker.kernel.workspace import make_workspaces
 
 MANY, FEW = 200, 6
 

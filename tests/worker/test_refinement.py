@@ -12,9 +12,14 @@ import numpy as np
 import pytest
 from numba.core.dispatcher import Dispatcher
 
-from common.camera import Intrinsics
-from common.kinematics import retract
-from common.refinement import Particles
+from gepf.common.camera import Intrinsics
+from gepf.common.kinematics import retract
+from gepf.common.refinement import Particles
+from gepf.worker.kernel import icp
+from gepf.worker.kernel.gauss_newton import solve_ltl
+from gepf.worker.kernel.icp import Batch, refine, refine_some
+from gepf.worker.kernel.observation import observe, pack_views
+from gepf.worker.lanes import Lanes
 from tests.support.answers import as_bytes
 from tests.support.bodies import person, puppet
 from tests.support.kernel import plain_path
@@ -29,11 +34,6 @@ from tests.support.kernel.kernel_cases import (
     subject,
 )
 from tests.support.people import subject_of
-from worker.kernel import icp
-from worker.kernel.gauss_newton import solve_ltl
-from worker.kernel.icp import Batch, refine, refine_some
-from worker.kernel.observation import observe, pack_views
-from worker.lanes import Lanes
 
 
 @pytest.mark.parametrize("name", SETTINGS)
@@ -119,7 +119,7 @@ def test_nothing_compiles_in_mid_run() -> None:
     gc.unfreeze()  # a worker in this process would have hidden them
     kernels = [
         k for k in gc.get_objects()
-        if isinstance(k, Dispatcher) and k.py_func.__module__.partition(".")[0] in {"worker", "common"}
+        if isinstance(k, Dispatcher) and k.py_func.__module__.startswith(("gepf.worker.", "gepf.common."))
     ]  # fmt: skip
     before = {k.py_func.__qualname__: len(k.signatures) for k in kernels}
     assert len(before) > 20
@@ -175,7 +175,7 @@ def test_what_a_lane_raises_comes_out_and_the_next_request_is_served(
         returned.append(lane)
 
     with monkeypatch.context() as patch:
-        patch.setattr("worker.lanes.refine_some", fail)
+        patch.setattr("gepf.worker.lanes.refine_some", fail)
         with pytest.raises(ZeroDivisionError):
             lanes.refine(puppet(), observation, Particles(starts(40), DEFAULT))
     assert sorted([*returned, faulty]) == [0, 1, 2]

@@ -14,20 +14,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from common.errors import BusError
-from common.protocol import keys
-from common.protocol.frames import encode_frame
-from common.protocol.messages import RefineRequest
-from common.refinement import Particles
-from common.settings import RefineSettings
-from common.transport.opening import open_coordinator, open_router, open_worker
+from gepf.common.errors import BusError
+from gepf.common.protocol import keys
+from gepf.common.protocol.frames import encode_frame
+from gepf.common.protocol.messages import RefineRequest
+from gepf.common.refinement import Particles
+from gepf.common.settings import RefineSettings
+from gepf.common.transport.opening import open_coordinator, open_router, open_worker
+from gepf.worker.connection import Identity, check_alive
+from gepf.worker.memory import Memory
+from gepf.worker.service import Service, Task
+from gepf.worker.warm_up import tiny_frame
 from tests.support.processes.instant_worker import KERNEL
 from tests.support.processes.programs import INSTANT, started, wait_until
 from tests.support.processes.serving import expected, pool, refined_bytes, running, serving
-from worker.connection import Identity, check_alive
-from worker.memory import Memory
-from worker.service import Service, Task
-from worker.warm_up import tiny_frame
 
 
 @pytest.mark.slow
@@ -50,7 +50,7 @@ def test_a_worker_stays_at_a_router_and_with_a_run(
     open_end: Callable[[Any], Any], endpoint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """At a router there need not be a run; a coordinator answers, though it sends no requests."""
-    monkeypatch.setattr("worker.service.SILENCE_S", 0.1)
+    monkeypatch.setattr("gepf.worker.service.SILENCE_S", 0.1)
     with (
         open_end([endpoint] if open_end is open_router else endpoint),
         open_worker([endpoint]) as own,
@@ -65,7 +65,7 @@ def test_a_worker_leaves_a_run_that_is_announced_and_does_not_answer(
     endpoint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A token may outlive its run, where the link does."""
-    monkeypatch.setattr("worker.service.SILENCE_S", 0.1)
+    monkeypatch.setattr("gepf.worker.service.SILENCE_S", 0.1)
     with open_coordinator([endpoint]) as silent, open_worker([endpoint]) as own:
         silent.announce(keys.of_run("r", "alive"))
         service = Service(own, "w", KERNEL)
@@ -122,7 +122,7 @@ def test_a_worker_is_healthy_as_long_as_it_is_announced(
     with open_coordinator([endpoint]):
         with serving(endpoint, "w"):
             check_alive(Identity("w", (endpoint,)))
-            monkeypatch.setattr("worker.connection.SEEN_WITHIN_S", 0.5)
+            monkeypatch.setattr("gepf.worker.connection.SEEN_WITHIN_S", 0.5)
             with pytest.raises(BusError, match="worker 'v' is not seen at unixsock"):
                 check_alive(Identity("v", (endpoint,)))
         with pytest.raises(BusError, match="'w' is not seen"):
@@ -132,7 +132,7 @@ def test_a_worker_is_healthy_as_long_as_it_is_announced(
 @pytest.mark.slow
 def test_the_command_says_so_by_its_exit_code(endpoint: str) -> None:
     """`gepf-worker --check` for a worker that is not there: 1 and one line."""
-    command = [sys.executable, "-m", "worker.cli", "--connect", endpoint, "--name", "v", "--check"]
+    command = [sys.executable, "-m", "gepf.worker.cli", "--connect", endpoint, "--name", "v", "--check"]
     with open_coordinator([endpoint]):
         done = subprocess.run(command, capture_output=True, text=True, timeout=60.0, check=False)
     assert (done.returncode, done.stderr) == (1, f"gepf-worker: worker 'v' is not seen at {endpoint}\n")

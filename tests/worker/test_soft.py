@@ -7,20 +7,20 @@ from functools import cache
 import msgspec
 import numpy as np
 
-from common.activation import activate
-from common.arrays import Array
-from common.body import BodyModel
-from common.camera import Intrinsics
-from common.refinement import Particles
-from common.settings import preset
-from coordinator.bodies.human.template import human
-from coordinator.bodies.tracked import name_pose
-from coordinator.synthesis.noise import add_noise
-from coordinator.synthesis.scenes import ARM_DOFS
-from coordinator.tracking.sensor_noise import SensorNoise
+from gepf.common.activation import activate
+from gepf.common.arrays import Array
+from gepf.common.body import BodyModel
+from gepf.common.camera import Intrinsics
+from gepf.common.refinement import Particles
+from gepf.common.settings import preset
+from gepf.coordinator.bodies.human.template import human
+from gepf.coordinator.bodies.tracked import name_pose
+from gepf.coordinator.synthesis.noise import add_noise
+from gepf.coordinator.synthesis.scenes import ARM_DOFS
+from gepf.coordinator.tracking.sensor_noise import SensorNoise
+from gepf.worker.kernel.icp import refine
+from gepf.worker.kernel.observation import Observation, observe
 from tests.support.people import frame_of, rendered, subject_of
-from worker.kernel.icp import refine
-from worker.kernel.observation import Observation, observe
 
 CAMERA = Intrinsics(512, 512, 790.0, 790.0, 255.5, 255.5)
 NOISE = SensorNoise(0.15, 0.01)

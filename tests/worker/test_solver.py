@@ -9,16 +9,16 @@ import msgspec
 import numpy as np
 import pytest
 
-from common.arrays import Array
-from common.body import ROTATION
-from common.kinematics import joint_positions
-from common.refinement import Particles
-from common.settings import preset
-from coordinator.bodies.tracked import name_pose
+from gepf.common.arrays import Array
+from gepf.common.body import ROTATION
+from gepf.common.kinematics import joint_positions
+from gepf.common.refinement import Particles
+from gepf.common.settings import preset
+from gepf.coordinator.bodies.tracked import name_pose
+from gepf.worker.kernel.icp import refine
+from gepf.worker.kernel.observation import Observation, observe
 from tests.support.bodies import person
 from tests.support.people import frame_of, rendered, subject_of
-from worker.kernel.icp import refine
-from worker.kernel.observation import Observation, observe
 
 POINTS = 3000
 PERTURBATIONS = 6

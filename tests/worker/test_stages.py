@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from scipy.ndimage import maximum_filter, minimum_filter
 
-from common.arrays import Array, Mask
-from common.camera import Intrinsics, project
-from common.kinematics import pose_vertices
-from coordinator.synthesis.rendering import DepthRenderer
-from coordinator.synthesis.scenes import SCENES, Scene
+from gepf.common.arrays import Array, Mask
+from gepf.common.camera import Intrinsics, project
+from gepf.common.kinematics import pose_vertices
+from gepf.coordinator.synthesis.rendering import DepthRenderer
+from gepf.coordinator.synthesis.scenes import SCENES, Scene
+from gepf.worker.kernel.observation import observe, pack_views
+from gepf.worker.kernel.surface import order_vertices, pack_model
+from gepf.worker.kernel.visibility import visible_vertices
+from gepf.worker.kernel.workspace import make_workspaces
 from tests.support.kernel.kernel_cases import DEFAULT, subject
-from worker.kernel.observation import observe, pack_views
-from worker.kernel.surface import order_vertices, pack_model
-from worker.kernel.visibility import visible_vertices
-from worker.kernel.workspace import make_workspaces
 
 AROUND = 7  # pixels: what the surface does within 14 mm, about a pixel of the worker, counts as its edge
 SEEN, HIDDEN = 0.003, 0.05  # metres behind the z-buffer

@@ -14,12 +14,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from common.arrays import Indices, Numbers, Points
-from common.compiling import numba
-from worker.kernel.observation import TILE, PackedObservation
-from worker.kernel.surface import Surface
-from worker.kernel.tiles import boxes_within, largest_of, lowest_bit, search_lanes
-from worker.kernel.workspace import Search, Workspace
+from gepf.common.arrays import Indices, Numbers, Points
+from gepf.common.compiling import numba
+from gepf.worker.kernel.observation import TILE, PackedObservation
+from gepf.worker.kernel.surface import Surface
+from gepf.worker.kernel.tiles import boxes_within, largest_of, lowest_bit, search_lanes
+from gepf.worker.kernel.workspace import Search, Workspace
 
 LOOSER, TINY = np.float32(1.0 + 1e-6), np.float32(1e-12)  # enlarge bounds: points at the bound are found
 

@@ -12,7 +12,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from worker.kernel.vectors import FLOAT, INT, SIZE, lanes_at, multiply_add, spread
+from gepf.worker.kernel.vectors import FLOAT, INT, SIZE, lanes_at, multiply_add, spread
 
 SIDE = 4  # pixels of a row and of a column of a block
 INSIDE = -1e-6  # smallest share of a corner, so that there are no gaps between triangles

@@ -11,16 +11,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from common.arrays import Array, Indices
-from common.compiling import numba
-from common.kinematics.chain import forward_kinematics
-from common.kinematics.manifold import apply_step, clamp_to_limits, step_between
-from common.refinement import WEAK_SLIDE, WEAK_TURN
-from worker.kernel.normal_equations import fill_normal_equations
-from worker.kernel.parameters import KernelParameters
-from worker.kernel.priors import add_prior, hold_active_limits
-from worker.kernel.surface import Skeleton
-from worker.kernel.workspace import Equations
+from gepf.common.arrays import Array, Indices
+from gepf.common.compiling import numba
+from gepf.common.kinematics.chain import forward_kinematics
+from gepf.common.kinematics.manifold import apply_step, clamp_to_limits, step_between
+from gepf.common.refinement import WEAK_SLIDE, WEAK_TURN
+from gepf.worker.kernel.normal_equations import fill_normal_equations
+from gepf.worker.kernel.parameters import KernelParameters
+from gepf.worker.kernel.priors import add_prior, hold_active_limits
+from gepf.worker.kernel.surface import Skeleton
+from gepf.worker.kernel.workspace import Equations
 
 SINGULAR = 1e-13  # of the largest entry on the diagonal
 CONVERGED = 1e-4  # radians and metres; a smaller step ends the loop

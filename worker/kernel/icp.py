@@ -17,22 +17,22 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from common.arrays import Array
-from common.body import BodyModel
-from common.bounds import LARGEST, check_work
-from common.compiling import numba
-from common.kinematics.manifold import clamp_to_limits
-from common.refinement import Particles, Refined, triangle_size
-from worker.kernel.correspondence import find_correspondences
-from worker.kernel.gauss_newton import fill_covariance_root, minimise, over_relax
-from worker.kernel.likelihood import evaluate
-from worker.kernel.observation import Observation, pack_views, view_of
-from worker.kernel.parameters import pack_parameters
-from worker.kernel.soft import fisher_scoring_step
-from worker.kernel.surface import pack_model
-from worker.kernel.visibility import pose_body, pose_some, visible_vertices
-from worker.kernel.weighting import accumulate_correspondences
-from worker.kernel.workspace import Problem, Workspaces, make_workspaces, workspace_of
+from gepf.common.arrays import Array
+from gepf.common.body import BodyModel
+from gepf.common.bounds import LARGEST, check_work
+from gepf.common.compiling import numba
+from gepf.common.kinematics.manifold import clamp_to_limits
+from gepf.common.refinement import Particles, Refined, triangle_size
+from gepf.worker.kernel.correspondence import find_correspondences
+from gepf.worker.kernel.gauss_newton import fill_covariance_root, minimise, over_relax
+from gepf.worker.kernel.likelihood import evaluate
+from gepf.worker.kernel.observation import Observation, pack_views, view_of
+from gepf.worker.kernel.parameters import pack_parameters
+from gepf.worker.kernel.soft import fisher_scoring_step
+from gepf.worker.kernel.surface import pack_model
+from gepf.worker.kernel.visibility import pose_body, pose_some, visible_vertices
+from gepf.worker.kernel.weighting import accumulate_correspondences
+from gepf.worker.kernel.workspace import Problem, Workspaces, make_workspaces, workspace_of
 
 
 class Batch(NamedTuple):

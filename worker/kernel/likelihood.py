@@ -19,16 +19,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from common.arrays import Array
-from common.compiling import numba
-from worker.kernel.correspondence import find_correspondences
-from worker.kernel.observation import PackedObservation, view_of
-from worker.kernel.parameters import KernelParameters
-from worker.kernel.priors import prior_cost
-from worker.kernel.soft import mean_log_density
-from worker.kernel.visibility import pose_body, visible_vertices
-from worker.kernel.weighting import robust_cost, vertices_in_free_space
-from worker.kernel.workspace import Problem, Search, Workspaces, workspace_of
+from gepf.common.arrays import Array
+from gepf.common.compiling import numba
+from gepf.worker.kernel.correspondence import find_correspondences
+from gepf.worker.kernel.observation import PackedObservation, view_of
+from gepf.worker.kernel.parameters import KernelParameters
+from gepf.worker.kernel.priors import prior_cost
+from gepf.worker.kernel.soft import mean_log_density
+from gepf.worker.kernel.visibility import pose_body, visible_vertices
+from gepf.worker.kernel.weighting import robust_cost, vertices_in_free_space
+from gepf.worker.kernel.workspace import Problem, Search, Workspaces, workspace_of
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")

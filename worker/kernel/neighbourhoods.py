@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from common.arrays import Array, Indices
-from common.compiling import numba
+from gepf.common.arrays import Array, Indices
+from gepf.common.compiling import numba
 
 
 @numba.njit(cache=True, nogil=True)

@@ -18,12 +18,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from common.arrays import Array
-from common.body import TRANSLATION
-from common.compiling import numba
-from common.kinematics.chain import motion_axes
-from worker.kernel.surface import Skeleton
-from worker.kernel.workspace import Equations
+from gepf.common.arrays import Array
+from gepf.common.body import TRANSLATION
+from gepf.common.compiling import numba
+from gepf.common.kinematics.chain import motion_axes
+from gepf.worker.kernel.surface import Skeleton
+from gepf.worker.kernel.workspace import Equations
 
 Wrench = tuple[float, float, float, float, float, float]  # torque about the rig's origin, force
 

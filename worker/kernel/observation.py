@@ -12,13 +12,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from common.arrays import Array, Indices, Mask
-from common.camera import Intrinsics
-from common.compiling import numba
-from common.frame import EMPTY, SubjectFrame
-from common.recent import FRAMES_KEPT
-from common.settings import RefineSettings
-from worker.kernel.neighbourhoods import neighbourhoods
+from gepf.common.arrays import Array, Indices, Mask
+from gepf.common.camera import Intrinsics
+from gepf.common.compiling import numba
+from gepf.common.frame import EMPTY, SubjectFrame
+from gepf.common.recent import FRAMES_KEPT
+from gepf.common.settings import RefineSettings
+from gepf.worker.kernel.neighbourhoods import neighbourhoods
 
 Pixels = NDArray[np.int32]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from common.settings import Descent, RefineSettings
+from gepf.common.settings import Descent, RefineSettings
 
 OUTLIER_DISTANCE_M = 0.1  # scale of the robust kernel
 

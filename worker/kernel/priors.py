@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from common.arrays import Array
-from common.compiling import numba
-from common.kinematics.manifold import step_between
-from common.kinematics.rotations import handedness
-from worker.kernel.surface import Skeleton
+from gepf.common.arrays import Array
+from gepf.common.compiling import numba
+from gepf.common.kinematics.manifold import step_between
+from gepf.common.kinematics.rotations import handedness
+from gepf.worker.kernel.surface import Skeleton
 
 LIMIT_WEIGHT_M2 = 0.002  # of a squared radian outside the limits of a spherical joint, per point
 

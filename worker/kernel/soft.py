@@ -21,16 +21,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from common.arrays import Array
-from common.compiling import numba
-from worker.kernel.gauss_newton import take_step
-from worker.kernel.normal_equations import power, twists_of
-from worker.kernel.observation import PackedObservation, view_of
-from worker.kernel.parameters import KernelParameters
-from worker.kernel.priors import add_prior
-from worker.kernel.surface import Skeleton, Surface
-from worker.kernel.visibility import PIXEL_M, DepthImage, draw, pose_body
-from worker.kernel.workspace import Problem, Workspace, Workspaces, workspace_of
+from gepf.common.arrays import Array
+from gepf.common.compiling import numba
+from gepf.worker.kernel.gauss_newton import take_step
+from gepf.worker.kernel.normal_equations import power, twists_of
+from gepf.worker.kernel.observation import PackedObservation, view_of
+from gepf.worker.kernel.parameters import KernelParameters
+from gepf.worker.kernel.priors import add_prior
+from gepf.worker.kernel.surface import Skeleton, Surface
+from gepf.worker.kernel.visibility import PIXEL_M, DepthImage, draw, pose_body
+from gepf.worker.kernel.workspace import Problem, Workspace, Workspaces, workspace_of
 
 SEARCH_DEVIATIONS = 2.5  # radius of the search for samples, in standard deviations across
 MOST_SAMPLES_ASIDE = 3  # of a point, in each direction; with more noise they are farther apart

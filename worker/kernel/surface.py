@@ -8,9 +8,9 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from common.arrays import Array, Indices, Mask
-from common.body import ROOT_DOFS, BodyModel, vertex_normals
-from worker.kernel.neighbourhoods import neighbourhoods
+from gepf.common.arrays import Array, Indices, Mask
+from gepf.common.body import ROOT_DOFS, BodyModel, vertex_normals
+from gepf.worker.kernel.neighbourhoods import neighbourhoods
 
 LEAF = 8  # vertices that the closest-point search skips together
 

@@ -14,8 +14,8 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from worker.kernel.observation import TILE
-from worker.kernel.vectors import FINITE, FLOAT, INT, SIZE, lanes_at, multiply_add, spread
+from gepf.worker.kernel.observation import TILE
+from gepf.worker.kernel.vectors import FINITE, FLOAT, INT, SIZE, lanes_at, multiply_add, spread
 
 BITS = ir.IntType(TILE)
 FLOATS, INTS = ir.VectorType(FLOAT, TILE), ir.VectorType(INT, TILE)

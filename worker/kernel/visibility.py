@@ -11,14 +11,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from common.arrays import Array, Numbers
-from common.bounds import MOST_PIXELS
-from common.compiling import numba
-from common.kinematics.chain import blend_vertex, blend_vertices, forward_kinematics
-from common.kinematics.manifold import apply_step
-from worker.kernel.drawing import SIDE, draw_block
-from worker.kernel.surface import Skeleton, Surface
-from worker.kernel.workspace import LARGEST_SIDE_PX, Workspace
+from gepf.common.arrays import Array, Numbers
+from gepf.common.bounds import MOST_PIXELS
+from gepf.common.compiling import numba
+from gepf.common.kinematics.chain import blend_vertex, blend_vertices, forward_kinematics
+from gepf.common.kinematics.manifold import apply_step
+from gepf.worker.kernel.drawing import SIDE, draw_block
+from gepf.worker.kernel.surface import Skeleton, Surface
+from gepf.worker.kernel.workspace import LARGEST_SIDE_PX, Workspace
 
 PIXEL_M = 0.012  # at the body's mean distance
 TOLERANCE_M = 0.03  # largest distance of a visible point behind the depth image

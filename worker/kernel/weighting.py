@@ -13,14 +13,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from common.arrays import Array, Numbers
-from common.compiling import numba
-from worker.kernel.observation import PackedObservation
-from worker.kernel.parameters import KernelParameters
-from worker.kernel.surface import Skeleton, Surface
-from worker.kernel.vectors import add_scaled
-from worker.kernel.visibility import NEAREST_M
-from worker.kernel.workspace import Workspace
+from gepf.common.arrays import Array, Numbers
+from gepf.common.compiling import numba
+from gepf.worker.kernel.observation import PackedObservation
+from gepf.worker.kernel.parameters import KernelParameters
+from gepf.worker.kernel.surface import Skeleton, Surface
+from gepf.worker.kernel.vectors import add_scaled
+from gepf.worker.kernel.visibility import NEAREST_M
+from gepf.worker.kernel.workspace import Workspace
 
 GRAZING = np.cos(np.radians(78.0))  # of the largest angle between normal and ray with valid depth
 

@@ -13,12 +13,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from common.arrays import Array, Indices, Mask, Numbers, Points
-from common.compiling import numba
-from worker.kernel.drawing import SIDE
-from worker.kernel.observation import TILE, PackedViews
-from worker.kernel.parameters import KernelParameters
-from worker.kernel.surface import Skeleton, Surface
+from gepf.common.arrays import Array, Indices, Mask, Numbers, Points
+from gepf.common.compiling import numba
+from gepf.worker.kernel.drawing import SIDE
+from gepf.worker.kernel.observation import TILE, PackedViews
+from gepf.worker.kernel.parameters import KernelParameters
+from gepf.worker.kernel.surface import Skeleton, Surface
 
 LARGEST_SIDE_PX = 512  # of a depth image
 

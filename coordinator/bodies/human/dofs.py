@@ -2,8 +2,8 @@
 
 MPEG-4 (ISO/IEC 14496-2, Annex C) numbers 180 joint angles, left before right, and adds six parameters for the
 body's root. This project follows the motion that a parameter means ("up and down rotation of the toe in the
-sagittal plane"), with the signs of `coordinator.bodies.human.skeleton`, and moves the root by `root_tx` ...
-`root_rz`.
+sagittal plane"), with the signs of `gepf.coordinator.bodies.human.skeleton`, and moves the root by
+`root_tx` ... `root_rz`.
 
 Ranges of limbs: the means of American Academy of Orthopaedic Surgeons, "Joint Motion" (1965) and Boone &
 Azen, "Normal range of motion of joints in male subjects", J. Bone Joint Surg. 61-A (1979), rounded outward by
@@ -22,8 +22,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from common.arrays import Array
-from common.body import ROOT_DOFS
+from gepf.common.arrays import Array
+from gepf.common.body import ROOT_DOFS
 
 HUMAN = "human"
 

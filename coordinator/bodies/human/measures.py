@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 
-from common.errors import InputError
-from coordinator.bodies.human.shape_space import shape_space
+from gepf.common.errors import InputError
+from gepf.coordinator.bodies.human.shape_space import shape_space
 
 REFERENCE_STATURE = 1.75  # metres, of a person of unknown stature
 

@@ -1,6 +1,6 @@
 """People of any size as one moved surface: a linear space around the mean adult, from a file.
 
-`python -m coordinator.bodies.human.build` makes the file from free data. For adults stature is an exact
+`python -m gepf.coordinator.bodies.human.build` makes the file from free data. For adults stature is an exact
 scale; smaller people have the proportions of their age, between a baby, a child and an adult.
 All else is linear in girth and in the lengths that differ from those that stature implies.
 """
@@ -13,10 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
-from common.arrays import Array, Indices
-from common.body import BodyModel, find_balls
-from coordinator.bodies.human.dofs import joint_range, rest_spread
-from coordinator.bodies.human.skeleton import build_skeleton
+from gepf.common.arrays import Array, Indices
+from gepf.common.body import BodyModel, find_balls
+from gepf.coordinator.bodies.human.dofs import joint_range, rest_spread
+from gepf.coordinator.bodies.human.skeleton import build_skeleton
 
 FILE = Path(__file__).with_name("person.npz")
 """Its arrays: people (K, V, 3) and their joints (K, N, 3) at rest, of stature 1, and what changes them."""

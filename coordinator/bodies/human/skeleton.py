@@ -2,7 +2,7 @@
 
 Rest pose: upright, facing the camera, arms at the sides, palms towards the thighs. The arms differ from the
 vertical by `ARM_TILT`, so that they do not touch an average trunk. All angles are zero there for any girth,
-so that angles of different people can be compared. Coordinates are those of `common.body`: x to the
+so that angles of different people can be compared. Coordinates are those of `gepf.common.body`: x to the
 person's left, y down, z to the person's back, the root between the hip joints at the origin.
 
 Signs, the same on both sides of the body:
@@ -27,8 +27,8 @@ from functools import cache
 
 import numpy as np
 
-from common.body import ROOT_DOFS, ROTATION, TRANSLATION
-from coordinator.bodies.human.dofs import FINGERS, VERTEBRAE_UPWARD
+from gepf.common.body import ROOT_DOFS, ROTATION, TRANSLATION
+from gepf.coordinator.bodies.human.dofs import FINGERS, VERTEBRAE_UPWARD
 
 Vector = tuple[float, float, float]
 Motions = dict[str, Vector]

@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from common.errors import GepfError, InputError
-from common.frame import DepthFrame
+from gepf.common.errors import GepfError, InputError
+from gepf.common.frame import DepthFrame
 
 SILENCE_MS = 3000  # without an image, after which a camera is lost
 RETRY_S = 1.0
@@ -74,7 +74,7 @@ def open_camera(camera: Path | str, *, colour: bool = False) -> Camera:
     name, _, which = str(camera).partition(":")
     vendor = VENDORS[name]
     try:
-        module = import_module(f"coordinator.sources.devices.{name.replace('-', '_')}")
+        module = import_module(f"gepf.coordinator.sources.devices.{name.replace('-', '_')}")
     except ModuleNotFoundError:
         raise InputError(f"{name}: needs a package of its vendor; pip install 'gepf[{name}]'") from None
     except ImportError as error:

@@ -11,12 +11,12 @@ import numpy as np
 import pyrealsense2 as rs
 from numpy.typing import ArrayLike, NDArray
 
-from common.camera import Intrinsics
-from common.errors import InputError
-from common.frame import DepthFrame
-from coordinator.sources.devices.device import AVERAGED, SILENCE_MS, Camera, CameraLost, Shot
-from coordinator.sources.lens import Lens
-from coordinator.sources.source import downward
+from gepf.common.camera import Intrinsics
+from gepf.common.errors import InputError
+from gepf.common.frame import DepthFrame
+from gepf.coordinator.sources.devices.device import AVERAGED, SILENCE_MS, Camera, CameraLost, Shot
+from gepf.coordinator.sources.lens import Lens
+from gepf.coordinator.sources.source import downward
 
 
 def open_device(which: str, colour: bool) -> Camera | None:

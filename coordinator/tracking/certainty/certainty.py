@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from common.arrays import Array
+from gepf.common.arrays import Array
 
 if TYPE_CHECKING:  # a report reads this module, and loads no compiled code for it
-    from coordinator.tracking.certainty.features import Features
+    from gepf.coordinator.tracking.certainty.features import Features
 
 
 OFF = 0.15  # distance in metres from the true joint above which a joint is wrong

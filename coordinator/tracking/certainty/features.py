@@ -14,10 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from common.arrays import Array, Mask
-from common.body import ROOT_DOFS, ROTATION, BodyModel
-from common.frame import SubjectFrame
-from common.kinematics import joint_positions
+from gepf.common.arrays import Array, Mask
+from gepf.common.body import ROOT_DOFS, ROTATION, BodyModel
+from gepf.common.frame import SubjectFrame
+from gepf.common.kinematics import joint_positions
 
 SPREAD_FLOOR_M, SPEED_FLOOR_M_S = 0.005, 0.1  # are added before the logarithm
 CROWDED_M = 0.2  # standard deviation of the weight of a neighbouring joint by distance

@@ -7,13 +7,13 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from common.activation import nearest_in
-from common.arrays import Array
-from common.body import BodyModel
-from common.camera import Pinhole
-from common.compiling import numba
-from common.frame import SubjectFrame
-from common.kinematics import joint_positions, pose_vertices
+from gepf.common.activation import nearest_in
+from gepf.common.arrays import Array
+from gepf.common.body import BodyModel
+from gepf.common.camera import Pinhole
+from gepf.common.compiling import numba
+from gepf.common.frame import SubjectFrame
+from gepf.common.kinematics import joint_positions, pose_vertices
 
 REGION_M = 0.12  # standard deviation of the weights of the surface around a joint by distance
 AGREES_M = 0.08  # largest difference between the surface and the depth measured there

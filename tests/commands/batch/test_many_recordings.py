@@ -16,16 +16,16 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from common.errors import InputError
-from coordinator.cli import main
-from coordinator.commands.job import Job
-from coordinator.commands.many import choose_runs, track_many
-from coordinator.commands.progress import Show
-from coordinator.commands.track import track
-from coordinator.filters.methods import settings_for
-from coordinator.pool.options import Pool
-from coordinator.pool.zenoh_refiner import ZenohRefiner
-from coordinator.results.track import read_track
+from gepf.common.errors import InputError
+from gepf.coordinator.cli import main
+from gepf.coordinator.commands.job import Job
+from gepf.coordinator.commands.many import choose_runs, track_many
+from gepf.coordinator.commands.progress import Show
+from gepf.coordinator.commands.track import track
+from gepf.coordinator.filters.methods import settings_for
+from gepf.coordinator.pool.options import Pool
+from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
+from gepf.coordinator.results.track import read_track
 from tests.support.processes.certificates import free_port, make_folder
 from tests.support.processes.place import recorded
 from tests.support.processes.programs import INSTANT, in_thread, wait_until

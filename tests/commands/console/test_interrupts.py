@@ -12,10 +12,10 @@ from typing import Any
 
 import pytest
 
-from common.errors import InputError
-from coordinator.cli import main
-from coordinator.commands.console import loading, noted_interrupts
-from coordinator.pool.options import Pool
+from gepf.common.errors import InputError
+from gepf.coordinator.cli import main
+from gepf.coordinator.commands.console import loading, noted_interrupts
+from gepf.coordinator.pool.options import Pool
 from tests.support.processes.programs import GEPF, wait_until
 from tests.support.processes.warm_processes import end, start
 from tests.support.stand_ins import Desk, desk, sequence, workers  # noqa: F401 fixtures

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from coordinator.commands.progress import FrameRate, Show, counted, describe_frame
-from coordinator.tracking.certainty.certainty import unknown_certainty
-from coordinator.tracking.estimate import Estimate
+from gepf.coordinator.commands.progress import FrameRate, Show, counted, describe_frame
+from gepf.coordinator.tracking.certainty.certainty import unknown_certainty
+from gepf.coordinator.tracking.estimate import Estimate
 
 
 def estimate(residual: float = 0.0123) -> Estimate:

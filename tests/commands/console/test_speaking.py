@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from coordinator.cli import main
+from gepf.coordinator.cli import main
 from tests.support.processes.programs import GEPF
 from tests.support.stand_ins import Desk, desk, sequence, workers  # noqa: F401 fixtures
 
@@ -67,7 +67,7 @@ def test_track_says_what_it_does_before_it_loads_what_takes_long(sequence: Path,
         process.stderr.read()
     assert re.match(rf"tracking .*{sequence.name} into .*out", line)
     assert process.returncode in ENDED
-    assert "coordinator.cli" in loaded
+    assert "gepf.coordinator.cli" in loaded
     assert not {"numba", "open3d", "matplotlib"} & set(loaded)
 
 
@@ -85,7 +85,8 @@ def test_track_says_what_it_does_before_it_loads_what_takes_long(sequence: Path,
 def test_short_commands_load_what_they_need_alone(tracked: Path, line: str, unused: str) -> None:
     """Loading is most of their time: without the compiler, filters and figures it is under a second."""
     code = (
-        f"import sys; from coordinator.cli import main; main({line.replace('RUN', str(tracked)).split()!r});"
+        "import sys; from gepf.coordinator.cli import main; "
+        f"main({line.replace('RUN', str(tracked)).split()!r});"
         f"sys.exit(' '.join(set({unused.split()!r}) & set(sys.modules)) or 0)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from coordinator.commands.demo import FILTER, LONE, make_room, run_demo, tabulate
-from coordinator.commands.progress import Show
-from coordinator.pool.options import Pool
+from gepf.coordinator.commands.demo import FILTER, LONE, make_room, run_demo, tabulate
+from gepf.coordinator.commands.progress import Show
+from gepf.coordinator.pool.options import Pool
 from tests.support.processes.programs import INSTANT
 
 FRAMES = 4

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import gepf
-from common.frame import SubjectFrame
-from coordinator.cli import main
-from coordinator.files import LOG_FILE
+from gepf.common.frame import SubjectFrame
+from gepf.coordinator.cli import main
+from gepf.coordinator.files import LOG_FILE
 from tests.support.pairs import FRAMES, STATURES, pair, write_pair
 from tests.support.people import CAMERA, frame_of
 from tests.support.processes.certificates import free_port

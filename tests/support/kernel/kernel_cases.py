@@ -9,12 +9,12 @@ from functools import cache
 import msgspec
 import numpy as np
 
-from common.arrays import Array
-from common.body import ROTATION, BodyModel
-from common.camera import Intrinsics
-from common.frame import SubjectFrame
-from common.kinematics import retract
-from common.settings import preset
+from gepf.common.arrays import Array
+from gepf.common.body import ROTATION, BodyModel
+from gepf.common.camera import Intrinsics
+from gepf.common.frame import SubjectFrame
+from gepf.common.kinematics import retract
+from gepf.common.settings import preset
 from tests.support.bodies import puppet
 from tests.support.kernel import plain_path
 from tests.support.people import subject_of

@@ -12,19 +12,19 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt
 from scipy.spatial import cKDTree
 
-from common.arrays import Array, Indices, Mask
-from common.body import ROOT_DOFS, ROTATION, BodyModel
-from common.camera import Intrinsics, back_project, project
-from common.frame import EMPTY, DepthFrame, SubjectFrame
-from common.kinematics import difference, dof_transforms, link_transforms, pose_vertices, retract
-from common.kinematics.chain import motion_axes
-from common.settings import RefineSettings
+from gepf.common.arrays import Array, Indices, Mask
+from gepf.common.body import ROOT_DOFS, ROTATION, BodyModel
+from gepf.common.camera import Intrinsics, back_project, project
+from gepf.common.frame import EMPTY, DepthFrame, SubjectFrame
+from gepf.common.kinematics import difference, dof_transforms, link_transforms, pose_vertices, retract
+from gepf.common.kinematics.chain import motion_axes
+from gepf.common.settings import RefineSettings
+from gepf.worker.kernel.gauss_newton import CONVERGED
+from gepf.worker.kernel.parameters import OUTLIER_DISTANCE_M, STEPS
+from gepf.worker.kernel.priors import LIMIT_WEIGHT_M2
+from gepf.worker.kernel.visibility import NEAREST_M, PIXEL_M, TOLERANCE_M
+from gepf.worker.kernel.workspace import LARGEST_SIDE_PX
 from tests.support.bodies import moves
-from worker.kernel.gauss_newton import CONVERGED
-from worker.kernel.parameters import OUTLIER_DISTANCE_M, STEPS
-from worker.kernel.priors import LIMIT_WEIGHT_M2
-from worker.kernel.visibility import NEAREST_M, PIXEL_M, TOLERANCE_M
-from worker.kernel.workspace import LARGEST_SIDE_PX
 
 UNITS_PER_METRE = 10_000.0
 

@@ -8,24 +8,24 @@ from functools import cache
 import msgspec
 import numpy as np
 
-from common.activation import activate
-from common.arrays import Array, Indices, Mask
-from common.body import ROTATION, BodyModel
-from common.camera import Intrinsics
-from common.frame import EMPTY, HIDDEN, SUBJECT, UNMEASURED, SubjectFrame
-from common.kinematics import link_transforms, pose_vertices, retract, within_limits
-from common.settings import RefineSettings
-from coordinator.bodies.human.template import DEFAULT_ACTIVE, human
-from coordinator.bodies.tracked import name_pose
-from coordinator.synthesis.noise import add_noise
-from coordinator.synthesis.scenes import ARM_DOFS
-from coordinator.tracking.sensor_noise import SensorNoise
+from gepf.common.activation import activate
+from gepf.common.arrays import Array, Indices, Mask
+from gepf.common.body import ROTATION, BodyModel
+from gepf.common.camera import Intrinsics
+from gepf.common.frame import EMPTY, HIDDEN, SUBJECT, UNMEASURED, SubjectFrame
+from gepf.common.kinematics import link_transforms, pose_vertices, retract, within_limits
+from gepf.common.settings import RefineSettings
+from gepf.coordinator.bodies.human.template import DEFAULT_ACTIVE, human
+from gepf.coordinator.bodies.tracked import name_pose
+from gepf.coordinator.synthesis.noise import add_noise
+from gepf.coordinator.synthesis.scenes import ARM_DOFS
+from gepf.coordinator.tracking.sensor_noise import SensorNoise
+from gepf.worker.kernel.soft import OUTLIER_DENSITY, sample_window
+from gepf.worker.kernel.surface import Surface
+from gepf.worker.kernel.visibility import DepthImage
 from tests.support.kernel import plain_path
 from tests.support.kernel.kernel_cases import DEFAULT, PAPER
 from tests.support.people import frame_of, rendered, subject_of
-from worker.kernel.soft import OUTLIER_DENSITY, sample_window
-from worker.kernel.surface import Surface
-from worker.kernel.visibility import DepthImage
 
 CAMERA = Intrinsics(320, 240, 300.0, 300.0, 159.5, 119.5)
 POINTS = 800

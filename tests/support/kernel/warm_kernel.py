@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from worker.cli import load_kernel
-from worker.lanes import Lanes
-from worker.service import Kernel
+from gepf.worker.cli import load_kernel
+from gepf.worker.lanes import Lanes
+from gepf.worker.service import Kernel
 
 KERNEL = load_kernel()
 

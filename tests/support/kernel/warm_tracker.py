@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
-from coordinator.cli import main
+from gepf.coordinator.cli import main
 from tests.support.pairs import write_pair
 from tests.support.stand_ins import StillWorkers
 

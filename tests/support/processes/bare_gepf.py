@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from coordinator.bodies.human.template import human
-from coordinator.cli import main
-from coordinator.pool import rpc_client
-from coordinator.pool.zenoh_refiner import ZenohRefiner
+from gepf.coordinator.bodies.human.template import human
+from gepf.coordinator.cli import main
+from gepf.coordinator.pool import rpc_client
+from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
 from tests.support.small_sequence import OPTIONS
 
 setattr(rpc_client, "NOTICE_S", 0.5)  # noqa: B010 # that no worker is connected is reported soon

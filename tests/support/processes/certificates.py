@@ -9,17 +9,17 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from common.transport.bus import Bus
-from common.transport.credentials import Credentials
-from common.transport.opening import open_worker
-from common.transport.session import COORDINATOR, ROUTER, Security
-from coordinator.pool.options import Pool
-from coordinator.pool.zenoh_refiner import ZenohRefiner
-from coordinator.security.access import read_roster
-from coordinator.security.certificates import find_authority, issue, make_certificates, save
+from gepf.common.transport.bus import Bus
+from gepf.common.transport.credentials import Credentials
+from gepf.common.transport.opening import open_worker
+from gepf.common.transport.session import COORDINATOR, ROUTER, Security
+from gepf.coordinator.pool.options import Pool
+from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
+from gepf.coordinator.security.access import read_roster
+from gepf.coordinator.security.certificates import find_authority, issue, make_certificates, save
+from gepf.worker.service import Service
 from tests.support.processes.instant_worker import KERNEL
 from tests.support.processes.serving import running
-from worker.service import Service
 
 WORKERS = ("w0", "w1")
 STRANGER = "stranger"  # signed, but not listed

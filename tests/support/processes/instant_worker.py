@@ -9,12 +9,12 @@ from functools import partial
 
 import numpy as np
 
-from common.body import BodyModel
-from common.frame import SubjectFrame
-from common.refinement import Particles, Refined
-from common.settings import RefineSettings
-from worker import cli
-from worker.service import Kernel
+from gepf.common.body import BodyModel
+from gepf.common.frame import SubjectFrame
+from gepf.common.refinement import Particles, Refined
+from gepf.common.settings import RefineSettings
+from gepf.worker import cli
+from gepf.worker.service import Kernel
 
 
 def observe(subject: SubjectFrame, settings: RefineSettings | None = None) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 
-from coordinator.results.log import read_log
+from gepf.coordinator.results.log import read_log
 from tests.support.processes.warm_processes import Workers, coordinate, start
 from tests.support.small_sequence import write_small_sequence
 

@@ -13,8 +13,8 @@ from pathlib import Path
 
 INSTANT = (sys.executable, "-m", "tests.support.processes.instant_worker")
 CACHE = "NUMBA_CACHE_DIR"
-GEPF = (sys.executable, "-m", "coordinator.cli")
-WORKER = (sys.executable, "-m", "worker.cli")
+GEPF = (sys.executable, "-m", "gepf.coordinator.cli")
+WORKER = (sys.executable, "-m", "gepf.worker.cli")
 
 
 def is_alive(pid: int) -> bool:

@@ -10,19 +10,19 @@ from typing import Any
 
 import numpy as np
 
-from common.arrays import Array
-from common.frame import SubjectFrame
-from common.protocol.messages import RefineRequest
-from common.refinement import Particles
-from common.settings import RefineSettings
-from common.transport.bus import Bus
-from common.transport.opening import open_worker
-from coordinator.pool.options import Pool
-from coordinator.pool.zenoh_refiner import ZenohRefiner
+from gepf.common.arrays import Array
+from gepf.common.frame import SubjectFrame
+from gepf.common.protocol.messages import RefineRequest
+from gepf.common.refinement import Particles
+from gepf.common.settings import RefineSettings
+from gepf.common.transport.bus import Bus
+from gepf.common.transport.opening import open_worker
+from gepf.coordinator.pool.options import Pool
+from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
+from gepf.worker.service import Kernel, Service
+from gepf.worker.warm_up import tiny_frame, tiny_model
 from tests.support.answers import as_bytes
 from tests.support.processes.instant_worker import KERNEL, observe, refine
-from worker.service import Kernel, Service
-from worker.warm_up import tiny_frame, tiny_model
 
 MODEL = tiny_model()
 SETTINGS = RefineSettings(damping=0.7)

@@ -12,7 +12,7 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from types import MappingProxyType
 
-from common.closing import Closing
+from gepf.common.closing import Closing
 
 CONTEXT = multiprocessing.get_context("forkserver")
 CONTEXT.set_forkserver_preload(
@@ -54,16 +54,16 @@ def coordinate(sequence: Path, out: Path, endpoint: str, *options: str) -> None:
 
 def gepf(*words: str) -> None:
     """`gepf` with these words."""
-    from coordinator.cli import main
+    from gepf.coordinator.cli import main
 
     sys.exit(main(words))
 
 
 def work(endpoints: tuple[str, ...], name: str, lanes: int = 1) -> None:
     """`gepf-worker`."""
+    from gepf.worker.cli import exit_with, serve
+    from gepf.worker.connection import Identity
     from tests.support.kernel.warm_kernel import kernel_on
-    from worker.cli import exit_with, serve
-    from worker.connection import Identity
 
     exit_with(lambda: serve(Identity(name, endpoints), lambda: kernel_on(lanes)))
 

@@ -8,16 +8,16 @@ from functools import cache
 import numpy as np
 import pytest
 
-from common.arrays import Array
-from common.camera import Intrinsics, project
-from common.frame import HIDDEN, SUBJECT, SubjectFrame
-from common.kinematics import pose_vertices
-from coordinator.bodies.tracked import name_pose
-from coordinator.tracking.certainty.certainty import FIT, FLAGGED, Certainty
-from coordinator.tracking.certainty.features import Features
-from coordinator.tracking.certainty.surface import regions_of
-from coordinator.tracking.reporting import explain_doubt, least_probability, status_of
-from coordinator.tracking.track_management import TrackManagement
+from gepf.common.arrays import Array
+from gepf.common.camera import Intrinsics, project
+from gepf.common.frame import HIDDEN, SUBJECT, SubjectFrame
+from gepf.common.kinematics import pose_vertices
+from gepf.coordinator.bodies.tracked import name_pose
+from gepf.coordinator.tracking.certainty.certainty import FIT, FLAGGED, Certainty
+from gepf.coordinator.tracking.certainty.features import Features
+from gepf.coordinator.tracking.certainty.surface import regions_of
+from gepf.coordinator.tracking.reporting import explain_doubt, least_probability, status_of
+from gepf.coordinator.tracking.track_management import TrackManagement
 from tests.support.bodies import person
 from tests.support.features import features_in
 from tests.support.people import SETTINGS, STANDING, frame_of, rendered, subject_of

@@ -8,16 +8,16 @@ from functools import cache
 import msgspec
 import numpy as np
 
-from common.activation import activate
-from common.arrays import Array
-from common.body import BodyModel
-from common.frame import SubjectFrame
-from common.settings import preset
-from coordinator.bodies.tracked import name_pose
-from coordinator.synthesis.noise import add_noise
-from coordinator.synthesis.scenes import ARM_DOFS, arm
-from coordinator.tracking.certainty.certainty import FIT, FLAGGED, Certainty
-from coordinator.tracking.sensor_noise import SensorNoise, assume_noise
+from gepf.common.activation import activate
+from gepf.common.arrays import Array
+from gepf.common.body import BodyModel
+from gepf.common.frame import SubjectFrame
+from gepf.common.settings import preset
+from gepf.coordinator.bodies.tracked import name_pose
+from gepf.coordinator.synthesis.noise import add_noise
+from gepf.coordinator.synthesis.scenes import ARM_DOFS, arm
+from gepf.coordinator.tracking.certainty.certainty import FIT, FLAGGED, Certainty
+from gepf.coordinator.tracking.sensor_noise import SensorNoise, assume_noise
 from tests.support.bodies import person
 from tests.support.features import features_in
 from tests.support.people import (

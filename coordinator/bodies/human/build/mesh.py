@@ -14,7 +14,7 @@ from scipy.ndimage import label
 from scipy.sparse import coo_array
 from skimage.measure import marching_cubes
 
-from common.arrays import Array, Indices
+from gepf.common.arrays import Array, Indices
 
 _tensor = o3d.core.Tensor.from_numpy
 

@@ -7,10 +7,10 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from common.arrays import Array, Indices
-from common.camera import rigid
-from coordinator.bodies.human.build.joints import SHOULDER_BACK
-from coordinator.bodies.human.skeleton import ARM_TILT, DOWN, FRONT, LEFT, tilted
+from gepf.common.arrays import Array, Indices
+from gepf.common.camera import rigid
+from gepf.coordinator.bodies.human.build.joints import SHOULDER_BACK
+from gepf.coordinator.bodies.human.skeleton import ARM_TILT, DOWN, FRONT, LEFT, tilted
 
 Joints = Mapping[str, Array]
 
