@@ -77,9 +77,12 @@ def record(
         encrypted = {"encrypted": pool.security is not None}
         facts = {"complete": complete, "pool": asked | encrypted, **given.facts()}
         recorded = recorder.finish(facts, rate.per_second or 0.0)
-        if recorded and not complete and total is not None:
+        if recorded and not complete:
             kept = max(len(each.estimates) for each in recorded.values())  # as in the log
-            show.say(f"ended early with {kept} of {total} frames in {out}; --resume continues")
+            if total is None:
+                show.say(f"ended early with {counted(kept, 'frame')} in {out}")
+            else:
+                show.say(f"ended early with {kept} of {total} frames in {out}; --resume continues")
     return recorded, finished
 
 

@@ -141,13 +141,14 @@ def write_whole(path: Path, content: bytes | memoryview) -> None:
 def append_whole(path: Path, line: bytes) -> None:
     """Append a line, or nothing: what could be written before an error is cut off."""
     with path.open("ab", buffering=0) as file:
-        size = file.tell()
+        size, written = file.tell(), 0
         try:
-            if file.write(line) < len(line):
-                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        except OSError:
-            file.truncate(size)
-            raise
+            written = file.write(line)
+        finally:
+            if written < len(line):
+                file.truncate(size)
+    if written < len(line):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 def describe(error: Exception) -> str:
