@@ -60,6 +60,7 @@ def test_a_rotation_that_the_user_gives_is_stronger_than_the_accelerometer(
     assert StillWorkers().track(recording, tmp_path / "run", *options) in (0, 3)
     gravity, up = open_source(recording).gravity, read_track(tmp_path / "run").up
     assert gravity is not None
+    assert up is not None
     turned = {"auto": -gravity, "0": np.array([0.0, -1.0, 0.0]), "90": np.array([-1.0, 0.0, 0.0])}
     np.testing.assert_allclose(up, turned[rotate], atol=1e-9)
 

@@ -118,7 +118,9 @@ def test_a_rotation_that_the_user_gives_is_stronger_than_the_accelerometer(tmp_p
     (tmp_path / "init.json").write_text('{"root_tz": 2.0, "r_elbow_flexion": 0.5}')
     spec, options = film(tmp_path, acceleration=TILTED), ("--init", str(tmp_path / "init.json"))
     assert Unheard().track(Path(spec), tmp_path / "run", *options, "--rotate", "90") in (0, 3)
-    np.testing.assert_allclose(read_track(tmp_path / "run").up, [-1.0, 0.0, 0.0], atol=1e-9)
+    up = read_track(tmp_path / "run").up
+    assert up is not None
+    np.testing.assert_allclose(up, [-1.0, 0.0, 0.0], atol=1e-9)
 
 
 def test_the_measured_gravity_gives_the_vertical() -> None:
