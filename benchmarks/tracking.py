@@ -17,6 +17,7 @@ from gepf.coordinator.bodies.choice import choose_bodies
 from gepf.coordinator.bodies.tracked import Bodies
 from gepf.coordinator.results.evaluation import NEAR_M, positions
 from gepf.coordinator.results.summary import count_status
+from gepf.coordinator.sources.source import rate_of
 from gepf.coordinator.tracking.reporting import Tracked
 from gepf.coordinator.tracking.tracker import Tracker
 from gepf.refiners import DirectRefiner
@@ -32,6 +33,7 @@ class Outcome:
     reference: Array  # (F, J, 3)
     holds: Mask  # (F, J) joints whose reference agrees with depth
     seconds: Array  # processor time of each tracked frame
+    fps: float  # tracked frames per second of the recording
     status: dict[str, int]  # number of frames by the tracker's status
     stature: float  # metres, after the last frame
 
@@ -74,7 +76,14 @@ def track(
         joints = np.array([found[row].estimate.joint_positions[columns] for row in mine])
         status, stature = count_status(one.estimate.status for one in found), start.size.stature
     return Outcome(
-        recording, joints, reference.joints[theirs], reference.holds[theirs], seconds, status, stature
+        recording,
+        joints,
+        reference.joints[theirs],
+        reference.holds[theirs],
+        seconds,
+        rate_of([frame.time_s for frame in thinned]),
+        status,
+        stature,
     )
 
 
