@@ -104,7 +104,7 @@ class ZenohRefiner(Refiner, Closing):
             self._publication = Publication(self._bus, self.run)
             self._bus.announce(keys.of_run(self.run, "alive"))
             of_our_own = replace(pool, workers=0) if pool.shared_at else pool
-            self._local = LocalWorker(of_our_own, f"{self.run}-0", local, folder)
+            self._local = LocalWorker(of_our_own, f"{self.run}-0", self._bus, local, folder)
             stack.callback(self._local.stop)
             self._client = RpcClient(self._bus, pool, self._local, report)
             self._stack = stack.pop_all()
