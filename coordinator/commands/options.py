@@ -73,7 +73,7 @@ class SecurityOptions:
     tls_cert: Path | None = security_option("FILE", "Certificate of this program.")
     tls_key: Path | None = security_option("FILE", "Key of this certificate.")
     insecure: bool = security_option(
-        "", "Listen unencrypted: anyone can connect.", "--insecure", default=False
+        "", "Unencrypted to other hosts: anyone can connect, or read.", "--insecure", default=False
     )
 
     def choose(self, listen: str | None, connect: str | None, **holder: str) -> Security | None:
