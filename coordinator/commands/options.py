@@ -201,10 +201,10 @@ class PublishOptions:
 class CertificatesOptions:
     """Options of `gepf certificates`."""
 
-    out: Path = option("DIR", "Folder; valid certificates in it are kept.", default=MISSING)
+    out: Path = option("DIR", "Folder; keeps certificates that need no renewal.", default=MISSING)
     workers: str = option("N|NAME,...", "How many workers (worker-0, ...), or their names.", default="1")
     hosts: str = option("HOST,...", "Other hosts where a coordinator or router listens.", default="")
-    days: int = option("N", "Days of validity.", default=30, min=1)
+    days: int = option("N", "Days of validity (of the authority: ten years).", default=30, min=1)
     mount: Path | None = option("DIR", "Path of the folder in a router's container.")
 
 

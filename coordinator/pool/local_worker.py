@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
-import tempfile
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,7 +15,7 @@ from gepf.common.protocol import keys
 from gepf.common.transport.bus import Bus
 from gepf.common.transport.channels import ANSWER_S
 from gepf.common.transport.endpoints import LOCAL
-from gepf.common.transport.opening import open_router
+from gepf.common.transport.opening import open_router, private_folder
 from gepf.coordinator.pool.options import Pool
 
 THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -110,12 +109,6 @@ def end(process: subprocess.Popen[bytes]) -> None:
     except subprocess.TimeoutExpired:
         process.kill()
         process.wait()
-
-
-def private_folder() -> tempfile.TemporaryDirectory[str]:
-    """A private folder whose path is short enough for a socket."""
-    usual = len(tempfile.gettempdir()) <= 80  # the path of a socket has at most 107 characters
-    return tempfile.TemporaryDirectory(prefix="gepf-", dir=None if usual else "/tmp")
 
 
 @contextmanager

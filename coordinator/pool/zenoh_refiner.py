@@ -21,8 +21,8 @@ from gepf.common.refinement import Particles
 from gepf.common.transport.bus import Bus
 from gepf.common.transport.channels import Publisher
 from gepf.common.transport.endpoints import LOCAL, protocol_of
-from gepf.common.transport.opening import open_coordinator
-from gepf.coordinator.pool.local_worker import LocalWorker, private_folder
+from gepf.common.transport.opening import open_coordinator, private_folder
+from gepf.coordinator.pool.local_worker import LocalWorker
 from gepf.coordinator.pool.options import Pool, PoolStatistics
 from gepf.coordinator.pool.rpc_client import Refinement, RpcClient
 from gepf.coordinator.tracking.refiner import Refiner

@@ -122,14 +122,14 @@ def test_names_of_workers() -> None:
 
 def test_certificates_are_made_once(tmp_path: Path) -> None:
     """A second call keeps valid ones, adds new names, and renews for new hosts and after expiry."""
-    first = make_certificates(tmp_path, ("w0",), (), 1, None)
+    first = make_certificates(tmp_path, ("w0",), (), 1, None).new
     assert first == ["coordinator", "router", "w0"]
-    assert make_certificates(tmp_path, ("w0",), (), 1, None) == []
-    assert make_certificates(tmp_path, ("w1",), (), 1, None) == ["w1"]
+    assert make_certificates(tmp_path, ("w0",), (), 1, None).new == []
+    assert make_certificates(tmp_path, ("w1",), (), 1, None).new == ["w1"]
     assert read_roster(tmp_path / "ca.pem") == ("w0", "w1")
-    assert make_certificates(tmp_path, ("w1",), ("10.0.0.5", "far.example"), 1, None) == first[:2]
+    assert make_certificates(tmp_path, ("w1",), ("10.0.0.5", "far.example"), 1, None).new == first[:2]
     (tmp_path / "w0.key").unlink()
-    assert make_certificates(tmp_path, (), (), 1, None) == ["w0"]
+    assert make_certificates(tmp_path, (), (), 1, None).new == ["w0"]
     for name in ("ca", "coordinator", "router", "w0", "w1"):
         assert stat.S_IMODE((tmp_path / f"{name}.key").stat().st_mode) == 0o600
     for name in ("coordinator", "router", "w0", "w1"):
@@ -146,5 +146,5 @@ def test_expired_certificates_are_renewed(tmp_path: Path) -> None:
     (tmp_path / "w0.key").write_bytes((tmp_path / "old.key").read_bytes())
     with pytest.raises(InputError, match="certificate has expired"):
         holder_of(folder.of("w0"))
-    assert make_certificates(tmp_path, (), (), 1, None) == ["w0"]
+    assert make_certificates(tmp_path, (), (), 1, None).new == ["w0"]
     check_holder(folder.of("w0"), "w0")
