@@ -108,7 +108,10 @@ def check_outputs(job: Job, *, several: bool) -> None:
     if job.results_json and (job.results is None or is_topic(job.results)):
         raise InputError("--publish-json is the format of published results; add --publish KEY")
     if job.uses_ros and (job.pool.connect is None or job.pool.security is not None):
-        raise InputError("topics of ROS are reached at its router, unencrypted; add --connect tcp/HOST:7447")
+        raise InputError(
+            "topics of ROS are reached at its router, unencrypted; add --connect tcp/HOST:7447 "
+            "(--insecure, too, for another host)"
+        )
     if job.results is not None and not is_topic(job.results):
         if job.pool.listen is None and job.pool.connect is None:
             raise InputError("no subscriber could connect; add --listen or --connect with an endpoint")

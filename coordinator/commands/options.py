@@ -73,7 +73,7 @@ class SecurityOptions:
     tls_cert: Path | None = security_option("FILE", "Certificate of this program.")
     tls_key: Path | None = security_option("FILE", "Key of this certificate.")
     insecure: bool = security_option(
-        "", "Listen unencrypted: anyone can connect.", "--insecure", default=False
+        "", "Unencrypted to other hosts: anyone can connect, or read.", "--insecure", default=False
     )
 
     def choose(self, listen: str | None, connect: str | None, **holder: str) -> Security | None:
@@ -201,10 +201,10 @@ class PublishOptions:
 class CertificatesOptions:
     """Options of `gepf certificates`."""
 
-    out: Path = option("DIR", "Folder; valid certificates in it are kept.", default=MISSING)
+    out: Path = option("DIR", "Folder; keeps certificates that need no renewal.", default=MISSING)
     workers: str = option("N|NAME,...", "How many workers (worker-0, ...), or their names.", default="1")
     hosts: str = option("HOST,...", "Other hosts where a coordinator or router listens.", default="")
-    days: int = option("N", "Days of validity.", default=30, min=1)
+    days: int = option("N", "Days of validity (of the authority: ten years).", default=30, min=1)
     mount: Path | None = option("DIR", "Path of the folder in a router's container.")
 
 

@@ -95,14 +95,24 @@ def add_soft_equations(
 @numba.njit(cache=True, nogil=True)
 def turn_twists(T_camera_rig: Array, twists: Array) -> None:
     """Convert twists (D, 6) about the rig's origin to twists about the camera, in place."""
-    turn = np.ascontiguousarray(T_camera_rig[:, :3])
     x, y, z = T_camera_rig[0, 3], T_camera_rig[1, 3], T_camera_rig[2, 3]
     for j in range(len(twists)):
-        w, u = turn @ twists[j, :3], turn @ twists[j, 3:]
-        twists[j, :3] = w
+        w = rotate(T_camera_rig, twists[j, 0], twists[j, 1], twists[j, 2])
+        u = rotate(T_camera_rig, twists[j, 3], twists[j, 4], twists[j, 5])
+        twists[j, 0], twists[j, 1], twists[j, 2] = w
         twists[j, 3] = u[0] + y * w[2] - z * w[1]
         twists[j, 4] = u[1] + z * w[0] - x * w[2]
         twists[j, 5] = u[2] + x * w[1] - y * w[0]
+
+
+@numba.njit(cache=True, nogil=True)
+def rotate(T: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """A vector, rotated. numba's matrix product would need scipy, a quarter of a worker's disk space."""
+    return (
+        T[0, 0] * x + T[0, 1] * y + T[0, 2] * z,
+        T[1, 0] * x + T[1, 1] * y + T[1, 2] * z,
+        T[2, 0] * x + T[2, 1] * y + T[2, 2] * z,
+    )
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
