@@ -34,6 +34,8 @@ from gepf.coordinator.tracking.estimate import Fault
 from gepf.coordinator.tracking.reporting import Tracked
 from gepf.coordinator.tracking.tracker import Tracker
 
+LONGEST_DRAWN = 108_000  # frames of live input, an hour: curves of more show nothing, and need memory
+
 AnyRecorder = Recorder | LiveRecorder | Unstored
 
 
@@ -117,6 +119,8 @@ def record(
         INTERRUPTS.noted, finished = False, True  # the end of live input
     finally:
         complete = finished if total is None else recorder.frames == total
+        if total is None and out is not None and recorder.frames:
+            show.say(f"writing the results of {counted(recorder.frames, 'frame')}")
         facts = {"complete": complete, "pool": describe_pool(given.job.pool), **given.facts()}
         recorded = recorder.finish(facts, rate.per_second or 0.0)
         if recorded and not complete and total is not None:
@@ -233,7 +237,7 @@ def draw(given: RecordedInput | LiveInput, recorded: Mapping[int, Outcome], show
         out = folder_of(job.out, job.people, number)
         drawn, later = "", f"; gepf pictures {out} draws them" if given.source else ""
         try:
-            if job.pictures:
+            if job.pictures and (given.source or each.tally.frames <= LONGEST_DRAWN):
                 files = draw_pictures(given.source, out, show, given.truth, given.colours)
                 drawn, later = f" and {counted(len(files), 'picture')}", ""
         finally:

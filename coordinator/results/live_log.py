@@ -12,6 +12,7 @@ import os
 import struct
 import time
 from collections.abc import Callable, Iterator, Sequence
+from itertools import count
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -87,20 +88,19 @@ def open_container(file: BinaryIO) -> None:
     Writer(file, index_types=IndexType.NONE).start("gepf")
 
 
-def append_chunk(file: BinaryIO, records: Sequence[Record]) -> None:
-    """Append records as one chunk: readers see it, and it survives the end of this process.
+def append_chunk(file: BinaryIO, number: int, records: Sequence[Record]) -> None:
+    """Append records as one chunk, the first has number 0: readers see it, and it survives this process.
 
     The writer is a new one each time, as it keeps an index of its chunks in memory.
     """
     writer, now = Writer(file, index_types=IndexType.NONE), time.time_ns()
+    channels = {kind: writer.register_channel(*named, schema_id=0) for kind, named in ENCODINGS.items()}
     for record in records:
-        topic, encoding = ENCODINGS[type(record)]
-        channel = writer.register_channel(topic, encoding, schema_id=0)
-        if encoding == "json":
-            payload = msgspec.json.encode(record, enc_hook=as_list)
-        else:
+        if isinstance(record, LiveBodies):
             payload = msgspec.msgpack.encode(record, enc_hook=pack_array)
-        writer.add_message(channel, now, payload, now)
+        else:
+            payload = msgspec.json.encode(record, enc_hook=as_list)
+        writer.add_message(channels[type(record)], now, payload, now, sequence=number)
     writer.flush()  # type: ignore[no-untyped-call]
 
 
@@ -109,16 +109,16 @@ def read_chunks(path: Path) -> Iterator[list[Record]]:
     with path.open("rb") as file:
         size = os.fstat(file.fileno()).st_size
         chunks = StreamReader(file, emit_chunks=True, record_size_limit=size).records
-        while True:
+        for number in count():
             try:
-                chunk = next(chunks, None)
-                if chunk is None:
-                    return
-                content = breakup_chunk(chunk, validate_crc=True) if isinstance(chunk, Chunk) else []
-            except TORN:
+                chunk = next(each for each in chunks if isinstance(each, Chunk))
+                content = breakup_chunk(chunk, validate_crc=True)
+            except (StopIteration, *TORN):
                 return
             topics = {each.id: each.topic for each in content if isinstance(each, Channel)}
             messages = [each for each in content if isinstance(each, Message)]
+            if {each.sequence for each in messages} != {number}:  # one before is unreadable
+                return
             try:
                 yield [DECODERS[topics[each.channel_id]](each.data) for each in messages]
             except (msgspec.MsgspecError, KeyError) as error:

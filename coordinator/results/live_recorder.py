@@ -129,7 +129,7 @@ class LiveRecorder:
             LivePerson(as_values(each.estimate), each.state.stature_deviation, up)
             for each, up in zip(tracked, ups, strict=True)
         ]
-        append_chunk(self._file, [*records, LiveFrame(people, statistics, seconds)])
+        append_chunk(self._file, self.frames, [*records, LiveFrame(people, statistics, seconds)])
         if self._syncing is None or self._syncing.done():
             if self._syncing is not None:
                 self._syncing.result()
