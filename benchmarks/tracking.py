@@ -16,7 +16,7 @@ from gepf.common.settings import Settings
 from gepf.coordinator.bodies.choice import choose_bodies
 from gepf.coordinator.bodies.tracked import Bodies
 from gepf.coordinator.results.evaluation import NEAR_M, positions
-from gepf.coordinator.results.summary import count_status
+from gepf.coordinator.results.tally import count_status
 from gepf.coordinator.sources.source import rate_of
 from gepf.coordinator.tracking.reporting import Tracked
 from gepf.coordinator.tracking.tracker import Tracker

@@ -92,7 +92,8 @@ def track(
 ) -> None:
     """Track a recorded sequence, or depth frames as they are published."""
     show = on_stderr(quiet=options.quiet)
-    show.say(f"tracking {', '.join(map(str, options.sequences))} into {options.out}; loading")
+    into = "" if options.out is None else f" into {options.out}"
+    show.say(f"tracking {', '.join(map(str, options.sequences))}{into}; loading")
     with loading():
         from gepf.coordinator.commands.runs import run_track
         from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner

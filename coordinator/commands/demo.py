@@ -77,7 +77,7 @@ def run_demo(
     ]
     for run in run_pool(jobs, show, quiet=True):
         if run.code not in (0, NOT_TRACKED):
-            raise GepfError(f"{run.job.out} ended with exit code {run.code}")
+            raise GepfError(f"{run.job.folder} ended with exit code {run.code}")
     scores = np.array([[score(scene, out, way, seed) for way in (LONE, FILTER)] for seed in seeds])
     show.console.print(tabulate(scene, scores))
     drawn = [out / f"{way}-{seeds[0]}" / FILM_FILE for way in (FILTER, LONE)]

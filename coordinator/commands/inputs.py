@@ -85,7 +85,8 @@ class Input:
         job = self.job
         people = f", up to {job.people} people" if job.people > 1 else ""
         particles = counted(job.settings.filter.particles, "particle")
-        return f"tracking {job.sequence} into {job.out}: {job.settings.method}, {particles}{people}"
+        into = "" if job.out is None else f" into {job.out}"
+        return f"tracking {job.sequence}{into}: {job.settings.method}, {particles}{people}"
 
     def describe(self, tracked: Sequence[Tracked], rate: FrameRate) -> str:
         """A tracked frame in a short line; for live input, also what was left out and why."""
@@ -182,9 +183,10 @@ class LiveInput(Input):
     """Published frames, of which the newest is tracked. InputError for options of recordings."""
 
     def __init__(self, job: Job, cameras: Sequence[LiveCamera], show: Show) -> None:
+        if job.resume:
+            raise InputError("--resume is for recorded sequences; gepf report finishes a killed live run")
         for option, given in (
             ("--frames", job.frames),
-            ("--resume", job.resume),
             ("--color", job.color),
             ("--intrinsics", job.given.intrinsics),
             ("--depth-scale", job.given.depth_scale),
@@ -214,7 +216,7 @@ class LiveInput(Input):
 
         Raises the error of the attached camera after its last frame.
         """
-        self._show.say(f"listening on {self.keys}")
+        self._show.say(f"listening on {self.keys}{self._not_stored}")
         with ExitStack() as stack:
             if self._attached is not None:
                 self._attach(self._attached, workers.speak(self.keys), stack)
@@ -232,6 +234,14 @@ class LiveInput(Input):
                 yield map(self._take, from_first_seen(frames, self._show.say))
         if self._failure is not None:
             raise self._failure
+
+    @property
+    def _not_stored(self) -> str:
+        """What happens to the results of a run without a folder."""
+        if self.job.out is not None:
+            return ""
+        where = f"published on {self.job.results}" if self.job.results else "shown"
+        return f"; results are {where}, not stored (--out DIR stores them)"
 
     def _attach(self, camera: AttachedCamera, outlet: Publisher, stack: ExitStack) -> None:
         """Receive the frames of a camera, and publish them for others, on a thread until the stack's end.

@@ -35,7 +35,7 @@ class Job:
     """One `gepf track`. Fields with the names of options have their values, checked or interpreted."""
 
     sequence: Path
-    out: Path
+    out: Path | None  # None: results of live input are not stored
     settings: Settings
     pool: Pool
     model: str = HUMAN  # or a file
@@ -55,6 +55,12 @@ class Job:
     idle_timeout: float | None = None  # seconds without a frame until live input is over
     record: Path | None = None  # new folder for the tracked frames of live input
     domain: int = 0  # of ROS 2
+
+    @property
+    def folder(self) -> Path:
+        """The folder of the results, of a run that stores them."""
+        assert self.out is not None
+        return self.out
 
     @property
     def uses_ros(self) -> bool:
@@ -100,6 +106,7 @@ def choose_job(options: TrackOptions, camera: CameraOptions, security: SecurityO
     if job.people > 1 and job.init not in (None, AUTOMATIC):
         raise InputError("--init is the pose of one person; with --people all are detected, so leave it out")
     check_outputs(job, several=is_several(options))
+    check_folder(job, several=is_several(options), as_json=options.as_json)
     return job
 
 
@@ -118,6 +125,16 @@ def check_outputs(job: Job, *, several: bool) -> None:
         check_stream(job.results, guarded=job.pool.security is not None)
     if job.record is not None and (several or not live_cameras(job.sequence)):
         raise InputError("--record is for live input (zenoh:KEY); leave it out")
+
+
+def check_folder(job: Job, *, several: bool, as_json: bool) -> None:
+    """InputError without a folder of results, which only live input can do without."""
+    if job.out is not None:
+        return
+    if several or not live_cameras(job.sequence):
+        raise InputError("the results of recordings need a folder; add --out DIR, a new folder")
+    if as_json:
+        raise InputError("--json prints the summary of stored results; add --out DIR, or leave --json out")
 
 
 def choose_settings(options: TrackOptions) -> Settings:

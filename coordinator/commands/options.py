@@ -134,7 +134,7 @@ class TrackOptions:
     listen: str | None = worker_option("ENDPOINT", "Let other workers join, e.g. at tls/0.0.0.0:7447.")
     connect: str | None = worker_option("ENDPOINT", "Use the workers at a router.")
     worker_timeout: float | None = worker_option("SECONDS", "Stop if none joins (default: wait).")
-    out: Path = output_option("DIR", "New folder for the results.", default=MISSING)
+    out: Path | None = output_option("DIR", "New folder for the results; live input can do without.")
     resume: bool = output_option("", "Continue the run in --out, if there is one.", "--resume", default=False)
     pictures: bool = output_option("", "Draw pictures at the end.", "--pictures/--no-pictures", default=True)
     results: str | None = output_option(

@@ -29,7 +29,7 @@ def run_track(
     else:
         jobs, code = [job], 0 if track(job, show, connect) else NOT_TRACKED
     if options.as_json:
-        files = [each.out / SUMMARY_FILE for each in jobs]
+        files = [each.folder / SUMMARY_FILE for each in jobs]
         texts = ",\n".join(file.read_text(encoding="utf-8").strip() for file in files if file.exists())
         sys.stdout.write(f"[{texts}]\n" if is_several(options) else f"{texts}\n")
     return code

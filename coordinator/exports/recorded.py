@@ -9,6 +9,7 @@ import numpy as np
 
 from gepf.common.arrays import Array, Mask
 from gepf.common.camera import level_from_camera
+from gepf.coordinator.results.killed import finish_killed
 from gepf.coordinator.results.track import (
     Track,
     TrackedBody,
@@ -58,6 +59,7 @@ class RecordedRun:
 
 def read_run(folder: Path, smooth_hz: float | None = None) -> RecordedRun:
     """The run in a folder, low-pass filtered if requested; InputError if it is missing or damaged."""
+    finish_killed(folder)
     found = read_track(folder)
     track = filled(found)
     if smooth_hz is not None:
