@@ -6,6 +6,8 @@ sides determine it sharply. At a wrong girth they contradict each other.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from gepf.common.arrays import Array
@@ -15,6 +17,7 @@ from gepf.common.refinement import Particles
 from gepf.common.settings import RefineSettings
 from gepf.coordinator.bodies.tracked import Bodies
 from gepf.coordinator.filters.belief import Belief
+from gepf.coordinator.filters.pose_prior import rest_prior
 from gepf.coordinator.tracking.candidate_refinement import ITERATIONS
 from gepf.coordinator.tracking.estimate import MAX_HYPOTHESES
 from gepf.coordinator.tracking.refiner import Refiner, iterations
@@ -78,13 +81,12 @@ class PersonSize:
         if stature == start.size.stature or subject is None or len(subject.views) == 1:
             return start.with_size(size, self._bodies)
         settled = iterations(rules, ITERATIONS)
+        girths = (size.girth * GIRTH_STEPS).tolist()
+        models = [self._bodies.tracked(size._replace(girth=girth), start.values)[0] for girth in girths]
+        particles = Particles(belief.reported[None], settled, velocity=belief.velocity)
         sent = [
-            self._refiner.submit(
-                subject,
-                self._bodies.tracked(size._replace(girth=girth), start.values)[0],
-                Particles(belief.reported[None], settled, velocity=belief.velocity),
-            )
-            for girth in size.girth * GIRTH_STEPS
+            self._refiner.submit(subject, model, replace(particles, prior=rest_prior(model, settled)))
+            for model in models
         ]
         likely = np.array([pending.result().log_likelihood[0] for pending in sent])
         steps = np.linspace(GIRTH_STEPS[0], GIRTH_STEPS[-1], 31)
