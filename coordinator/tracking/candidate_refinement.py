@@ -20,6 +20,7 @@ from gepf.common.refinement import Particles
 from gepf.common.settings import RefineSettings
 from gepf.coordinator.bodies.human.shape_space import shape_space
 from gepf.coordinator.bodies.tracked import Bodies, Size, coarsen
+from gepf.coordinator.filters.pose_prior import rest_prior
 from gepf.coordinator.tracking.gating import Gate, gate_pose
 from gepf.coordinator.tracking.observation import thin
 from gepf.coordinator.tracking.pose_candidates import Candidates, candidates_of, ordered
@@ -154,9 +155,9 @@ class CandidateStages:
         most, sent = max(1, REQUEST_ITERATIONS // (settings.icp_iterations + 1)), list[tuple[int, Pending]]()
         for poses, of in groups:
             for size in np.unique(of).tolist():
-                mine = poses[of == size]
+                mine, prior = poses[of == size], rest_prior(models[size], settings)
                 for first in range(0, len(mine), most):
-                    some = Particles(mine[first : first + most], settings, spare=True)
+                    some = Particles(mine[first : first + most], settings, spare=True, prior=prior)
                     sent.append((size, self._refiner.submit(subject, models[size], some)))
         try:
             yield tuple(pending for _, pending in sent)

@@ -26,6 +26,7 @@ from gepf.common.settings import RefineSettings, Settings, preset
 from gepf.coordinator.bodies.human.measures import REFERENCE_STATURE
 from gepf.coordinator.bodies.tracked import Bodies, Size, pose_by_name
 from gepf.coordinator.filters.exploration import layout_of
+from gepf.coordinator.filters.pose_prior import rest_prior
 from gepf.coordinator.scene.planes import Planes
 from gepf.coordinator.tracking.candidate_refinement import (
     FEW_POINTS,
@@ -188,7 +189,8 @@ class Detector:
         model = detection.start.model
         best = detection.candidates.distinct(model.joint_names, 1)
         poses = move_with_points(model, best.poses, detection.subject, now)
-        pending = self._refiner.submit(now, model, Particles(poses, iterations(rules, ITERATIONS)))
+        particles = Particles(poses, iterations(rules, ITERATIONS), prior=rest_prior(model, rules))
+        pending = self._refiner.submit(now, model, particles)
         candidates = ordered([candidates_of(model, pending.result(), 0)])
         if not candidates.is_visible:
             return detection

@@ -19,6 +19,7 @@ from gepf.coordinator.filters.belief import Belief, Proposal
 from gepf.coordinator.filters.exploration import FEWEST
 from gepf.coordinator.filters.gradient_enhanced import Hypotheses
 from gepf.coordinator.filters.methods import METHODS, pace_iterations
+from gepf.coordinator.filters.pose_prior import rest_prior
 from gepf.coordinator.sources.joint_states import JointStates
 from gepf.coordinator.stopwatch import Stopwatch
 from gepf.coordinator.tracking.certainty.features import FrameContext
@@ -106,7 +107,8 @@ class ParticleFilter:
     ) -> Pending:
         """Send particles to the workers."""
         covariance, velocity = proposal.asks_covariance(rules), proposal.past.velocity
-        particles = Particles(proposal.poses, rules, covariance, velocity=velocity)
+        prior = rest_prior(model, rules)
+        particles = Particles(proposal.poses, rules, covariance, velocity=velocity, prior=prior)
         return self._refiner.submit(subject, model, particles)
 
     def update(self, model: BodyModel, submitted: Submitted) -> tuple[Belief, int]:

@@ -7,6 +7,7 @@ workers that fit it: the body has its old size until they are done.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +19,7 @@ from gepf.common.refinement import Particles
 from gepf.common.settings import RefineSettings
 from gepf.coordinator.bodies.tracked import Bodies, Size
 from gepf.coordinator.filters.belief import Belief
+from gepf.coordinator.filters.pose_prior import rest_prior
 from gepf.coordinator.tracking.candidate_refinement import ITERATIONS
 from gepf.coordinator.tracking.estimate import MAX_HYPOTHESES
 from gepf.coordinator.tracking.refiner import Pending, Refiner, iterations
@@ -134,7 +136,11 @@ class PersonSize:
                 self._bodies.tracked(size._replace(girth=girth), start.values)[0]
                 for girth in size.girth * GIRTH_STEPS
             ]
-            sent = tuple(self._refiner.submit(subject, model, particles) for model in models)
+            settled = particles.settings
+            sent = tuple(
+                self._refiner.submit(subject, model, replace(particles, prior=rest_prior(model, settled)))
+                for model in models
+            )
             self._fit = GirthFit(size, sent)
         if not (wait or self._fit.is_ready):
             return start
