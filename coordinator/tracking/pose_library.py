@@ -8,20 +8,33 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gepf.common.arrays import Array, Indices
+from gepf.common.arrays import Array, Indices, Mask
 from gepf.common.body import ROTATION, BodyModel
 from gepf.common.camera import NOT_MOVED, moved
 from gepf.common.compiling import numba
+from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import link_transforms, pose_vertices
 from gepf.common.kinematics.rotations import euler_angles, euler_matrix
 from gepf.coordinator.bodies.tracked import Bodies, Size
 from gepf.coordinator.scene.planes import Planes
-from gepf.coordinator.tracking.descriptor import BOUND_CELLS, COLUMNS, ROWS, Image, describe, fill_differences
+from gepf.coordinator.tracking.descriptor import (
+    BOUND_CELLS,
+    COLUMNS,
+    ROWS,
+    VACANT,
+    Image,
+    describe,
+    fill_differences,
+    fill_middle,
+    fill_part_differences,
+    splat,
+)
+from gepf.coordinator.tracking.field_of_view import cut_sides, shows
 
 POSES = 3_000
 PERSON_CELL_M = 0.06  # side of a cell of the descriptor, for a person of reference stature
@@ -69,7 +82,7 @@ LEGS = (
 TILTS = (0.0, 25.0, 55.0)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class PoseLibrary:
     """Poses (N, D) with the root at the origin, and their descriptors.
 
@@ -83,15 +96,28 @@ class PoseLibrary:
     cell_m: float
 
     def match(
-        self, points: Array, scales: Sequence[float], roll: float, count: int, placed: Array = NOT_MOVED
+        self,
+        points: Array,
+        scales: Sequence[float],
+        roll: float,
+        count: int,
+        placed: Array = NOT_MOVED,
+        view: SubjectFrame | None = None,
     ) -> tuple[Array, Indices]:
         """The poses (count, D) most similar to points (P, 3), moved to them, and the indices of their scales.
 
         Points are in the camera's frame, metres, and are rotated by `roll`, radians, before the comparison;
         poses are in the rig's frame, the most similar first; `placed` is T_rig_camera (4, 4). `scales` are
-        relative to the library.
+        relative to the library. If the `view` that shows the points cuts the body, parts are compared.
         """
         turn = look_straight(points.mean(axis=0), roll)
+        if view is not None and (cut := cut_sides(view, turn)).any():
+            middles, difference = self._compare_part(points @ turn.T, scales, cut, view, turn)
+            chosen, scale_of = most_similar(difference, count)
+            places = middles[scale_of, chosen] * np.take(scales, scale_of)[:, None]
+            return turned_to(
+                self.poses[chosen], moved(places @ turn, placed), placed[:3, :3] @ turn.T
+            ), scale_of
         seen = np.ascontiguousarray(points @ turn.T)
         difference = np.empty((len(scales), len(self.poses)), dtype=np.float32)
         middles = np.empty((len(scales), 3))
@@ -100,12 +126,58 @@ class PoseLibrary:
             cells = describe(seen / scale, self.cell_m, image, middles[k])
             fill_differences(self.cells, self.occupied, image, BOUND_CELLS * self.cell_m, difference[k])
             difference[k] /= cells + self.occupied
-        scale_of = np.argmin(difference, axis=0)
-        best = difference[scale_of, np.arange(len(scale_of))]
-        chosen = np.argsort(best, kind="stable")[:count]
-        scale_of = scale_of[chosen]
+        chosen, scale_of = most_similar(difference, count)
         places = (middles[scale_of] - self.middles[chosen]) * np.take(scales, scale_of)[:, None]
         return turned_to(self.poses[chosen], moved(places @ turn, placed), placed[:3, :3] @ turn.T), scale_of
+
+    @cached_property
+    def _images(self) -> tuple[Image, Indices]:
+        """The descriptors (N, ROWS, COLUMNS), and their extents as `fill_part_differences` takes them."""
+        images = np.ascontiguousarray(self.cells.T).reshape(-1, ROWS, COLUMNS)
+        filled, ends = images < VACANT, []
+        for axis in (1, 2):
+            line = filled.any(axis=axis)
+            ends += [line.argmax(axis=1), line.shape[1] - 1 - line[:, ::-1].argmax(axis=1)]
+        return images, np.stack(ends, axis=1)
+
+    def _compare_part(
+        self, seen: Array, scales: Sequence[float], cut: Mask, view: SubjectFrame, turn: Array
+    ) -> tuple[Array, Array]:
+        """Places of the roots (S, N, 3), in units of each scale, and differences (S, N) from a part of a body.
+
+        `seen` (P, 3) are its points, rotated by `turn` (3, 3); it is `cut` at some sides, see `cut_sides`.
+        """
+        seen, (images, extents) = np.ascontiguousarray(seen), self._images
+        # an end is in view where the opposite one is cut
+        ends = np.array([int(cut[0]) - int(cut[1]), int(cut[2]) - int(cut[3])])
+        difference = np.empty((len(scales), len(self.poses)), dtype=np.float32)
+        steps, places = np.empty((len(self.poses), 3), dtype=np.float32), np.empty((*difference.shape, 3))
+        image, middle = np.empty((ROWS, COLUMNS), dtype=np.float32), np.empty(3)
+        rows, columns = np.indices((ROWS, COLUMNS))
+        for k, scale in enumerate(scales):
+            describe(seen / scale, self.cell_m, image, middle)
+            fill_middle(seen / scale, self.cell_m, ends, middle)
+            splat(seen / scale, self.cell_m, middle, image)
+            filled = image < VACANT
+            image[filled] -= np.float32(middle[2])
+            across, down = (
+                (columns + 0.5 - 0.5 * COLUMNS) * self.cell_m,
+                (rows + 0.5 - 0.5 * ROWS) * self.cell_m,
+            )
+            cells = np.stack([across, down, np.zeros_like(across)], axis=-1) + middle
+            known = filled | shows(view, scale * cells.reshape(-1, 3) @ turn).reshape(ROWS, COLUMNS)
+            bound = BOUND_CELLS * self.cell_m
+            fill_part_differences(images, extents, image, known, ends, bound, difference[k], steps)
+            places[k] = middle - self.middles + steps * np.array([self.cell_m, self.cell_m, 1.0])
+        return places, difference
+
+
+def most_similar(difference: Array, count: int) -> tuple[Indices, Indices]:
+    """The poses (count,) with the least difference (S, N) at any scale, and the indices of that scale."""
+    scale_of = np.argmin(difference, axis=0)
+    best = difference[scale_of, np.arange(len(scale_of))]
+    chosen = np.argsort(best, kind="stable")[:count]
+    return chosen, scale_of[chosen]
 
 
 @lru_cache(maxsize=4)
@@ -143,19 +215,28 @@ def turned_to(poses: Array, places: Array, turn: Array) -> Array:
 
 
 def displaced(
-    model: BodyModel, pose: Array, points: Array, cell_m: float, placed: Array = NOT_MOVED
+    model: BodyModel,
+    pose: Array,
+    points: Array,
+    cell_m: float,
+    placed: Array = NOT_MOVED,
+    view: SubjectFrame | None = None,
 ) -> Array:
     """A pose (D,) moved to the observed points (P, 3), in four rotations about the vertical axis (4, D).
 
-    The points are in the frame of the camera, poses in that of the rig; `placed` is T_rig_camera (4, 4).
+    The points are in the frame of the camera, poses in that of the rig; `placed` is T_rig_camera (4, 4). If
+    the `view` that shows the points cuts the body, the part of the pose that would be in view is moved there.
     """
-    turn = look_straight(points.mean(axis=0), 0.0) @ placed[:3, :3].T
-    points = moved(points, placed)
+    straight = look_straight(points.mean(axis=0), 0.0)
+    turn = straight @ placed[:3, :3].T
     poses = np.tile(pose, (4, 1))
     for n, each in enumerate(poses):
         quarter = euler_matrix(np.array([0.0, 0.5 * np.pi * n, 0.0]))
         each[3:6] = euler_angles(euler_matrix(pose[3:6]) @ quarter, pose[3:6])
-    observed = seen_centre(points @ turn.T, cell_m)
+    if view is not None and cut_sides(view, straight).any():
+        library = describe_poses(model, turned_to(poses, np.zeros((4, 3)), turn), cell_m)
+        return library.match(points, [1.0], 0.0, 4, placed, view)[0]
+    observed = seen_centre(moved(points, placed) @ turn.T, cell_m)
     for each, surface in zip(poses, pose_vertices(model, poses)[:, :: stride(model)], strict=True):
         each[:3] += (observed - seen_centre(surface @ turn.T, cell_m)) @ turn
     return poses
