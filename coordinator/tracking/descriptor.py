@@ -15,6 +15,9 @@ from gepf.common.arrays import Array, Indices, Mask
 from gepf.common.compiling import numba
 
 Image = NDArray[np.float32]
+Whole = tuple[Image, Indices]
+"""Images (N, ROWS, COLUMNS) of whole bodies, and their extents (N, 4): first and last column, first and last
+row that are not empty."""
 
 ROWS, COLUMNS = 40, 36
 VACANT = np.float32(1e3)  # depth of an empty cell
@@ -96,7 +99,7 @@ def fill_differences(cells: Image, occupied: Image, image: Image, bound: float, 
 
 
 @numba.njit(cache=True, nogil=True)
-def fill_middle(points: Any, cell: float, ends: Any, middle: Array) -> None:
+def move_middle(points: Any, cell: float, ends: Any, middle: Array) -> None:
     """Move middle (3,) of points (P, 3) so that the end that is in view has its place in the image.
 
     ends: for columns and rows, 0 to keep the middle, -1 if the lower end is in view, 1 if the upper end is.
@@ -112,73 +115,79 @@ def fill_middle(points: Any, cell: float, ends: Any, middle: Array) -> None:
 
 
 @numba.njit(cache=True, nogil=True)
-def fill_part_differences(
-    images: Image,
-    extents: Indices,
-    image: Image,
-    known: Mask,
-    ends: Any,
-    bound: float,
-    out: Image,
-    steps: Image,
-) -> None:
-    """Fill out (N,) with the differences of images (N, ROWS, COLUMNS) of whole bodies from that of a part.
+def compare_part(whole: Whole, image: Image, known: Mask, ends: Any, bound: float) -> tuple[Image, Array]:
+    """Differences (N,) of whole bodies from the image of a part, and the steps (N, 3) that align them.
 
-    Each is first moved by whole cells and in depth: `steps` (N, 3) columns, rows and metres. In a direction
-    with an end in view (`ends`, see `fill_middle`) that end is the same; in any other one the middle of what
-    is in view. Only cells that are `known` (ROWS, COLUMNS) count. The difference is that of
-    `fill_differences`, divided by the number of cells that are not empty in both images.
-
-    extents (N, 4): first and last column, first and last row that are not empty.
+    Each body is first moved by whole cells (columns, rows) and in depth, metres. In a direction with an end
+    in view (`ends`, see `move_middle`) that end is the same; in another one the middle of what is in view.
+    Only cells that are `known` (ROWS, COLUMNS) count. The difference is the sum of `fill_differences`,
+    divided by the number of cells that are not empty in both images.
     """
+    images, extents = whole
     rows, columns = np.nonzero(image < VACANT)
-    count, worst = len(rows), np.float32(bound * bound)
-    extent = (columns.min(), columns.max(), rows.min(), rows.max())
-    centre_column, centre_row = columns.mean(), rows.mean()
+    extent = np.array([columns.min(), columns.max(), rows.min(), rows.max()])
+    centre = np.array([np.mean(columns), np.mean(rows)])
+    differences, steps = np.empty(len(images), dtype=np.float32), np.empty((len(images), 3))
     for n in range(len(images)):
-        whole = images[n]
-        across, down = 0, 0
-        if ends[0] != 0:
-            k = 0 if ends[0] < 0 else 1
-            across = extent[k] - extents[n, k]
-        if ends[1] != 0:
-            k = 2 if ends[1] < 0 else 3
-            down = extent[k] - extents[n, k]
-        if ends[0] == 0 or ends[1] == 0:  # the middle of the band of cells that is in view
-            low = [extents[n, 0], extents[n, 2]]
-            high = [extents[n, 1], extents[n, 3]]
-            if ends[0] != 0:
-                low[0], high[0] = max(low[0], extent[0] - across), min(high[0], extent[1] - across)
-            if ends[1] != 0:
-                low[1], high[1] = max(low[1], extent[2] - down), min(high[1], extent[3] - down)
-            total, right, below = 0, 0.0, 0.0
-            for r in range(low[1], high[1] + 1):
-                for c in range(low[0], high[0] + 1):
-                    if whole[r, c] < VACANT:
-                        total += 1
-                        right += c
-                        below += r
-            if ends[0] == 0 and total > 0:
-                across = int(np.rint(centre_column - right / total))
-            if ends[1] == 0 and total > 0:
-                down = int(np.rint(centre_row - below / total))
-        both, ahead = 0, np.float32(0.0)
-        for k in range(count):
-            r, c = rows[k] - down, columns[k] - across
-            if 0 <= r < ROWS and 0 <= c < COLUMNS and whole[r, c] < VACANT:
+        across, down = align_part(images[n], extents[n], extent, centre, ends)
+        both, ahead = 0, 0.0
+        for k in range(len(rows)):
+            depth = look_up(images[n], rows[k] - down, columns[k] - across)
+            if depth < VACANT:
                 both += 1
-                ahead += image[rows[k], columns[k]] - whole[r, c]
-        ahead /= np.float32(max(both, 1))
-        apart = worst * np.float32(count - both)
-        for k in range(count):
-            r, c = rows[k] - down, columns[k] - across
-            if 0 <= r < ROWS and 0 <= c < COLUMNS and whole[r, c] < VACANT:
-                step = image[rows[k], columns[k]] - whole[r, c] - ahead
-                apart += min(step * step, worst)
-        others = -both  # cells of the body that are known, and empty in the image
-        for r in range(max(extents[n, 2], -down), min(extents[n, 3] + 1, ROWS - down)):
-            for c in range(max(extents[n, 0], -across), min(extents[n, 1] + 1, COLUMNS - across)):
-                others += int(whole[r, c] < VACANT and known[r + down, c + across])
-        apart += worst * np.float32(others)
-        out[n] = apart / np.float32(count + both + others)
+                ahead += image[rows[k], columns[k]] - depth
+        ahead /= max(both, 1)
+        apart = 0.0
+        for k in range(len(rows)):
+            depth = look_up(images[n], rows[k] - down, columns[k] - across)
+            if depth < VACANT:
+                apart += min((image[rows[k], columns[k]] - depth - ahead) ** 2, bound * bound)
+        filled = count_known(images[n], extents[n], known, across, down)
+        apart += bound * bound * (len(rows) + filled - 2 * both)
+        differences[n] = apart / (len(rows) + filled)
         steps[n, 0], steps[n, 1], steps[n, 2] = across, down, ahead
+    return differences, steps
+
+
+@numba.njit(cache=True, nogil=True)
+def look_up(body: Image, row: int, column: int) -> Any:
+    """The depth in a cell, VACANT outside of the image."""
+    return body[row, column] if 0 <= row < ROWS and 0 <= column < COLUMNS else VACANT
+
+
+@numba.njit(cache=True, nogil=True)
+def count_known(body: Image, extent: Indices, known: Mask, across: int, down: int) -> int:
+    """Number of cells of a body, moved by whole cells, that are not empty and that are known."""
+    count = 0
+    for r in range(max(extent[2], -down), min(extent[3] + 1, ROWS - down)):
+        for c in range(max(extent[0], -across), min(extent[1] + 1, COLUMNS - across)):
+            count += int(body[r, c] < VACANT and known[r + down, c + across])
+    return count
+
+
+@numba.njit(cache=True, nogil=True)
+def align_part(body: Image, extent: Indices, shown: Indices, centre: Array, ends: Any) -> tuple[int, int]:
+    """The steps, columns and rows, from the image of a whole body to that of a part.
+
+    extent, shown: first and last column, first and last row of the two that are not empty. centre: mean
+    column and row of the part.
+    """
+    step: Indices = np.zeros(2, dtype=np.int64)
+    low, high = extent[::2].copy(), extent[1::2].copy()  # of the band of the body that is in view
+    for a in range(2):
+        if ends[a] != 0:
+            k = 2 * a + int(ends[a] > 0)
+            step[a] = shown[k] - extent[k]
+            low[a] = max(low[a], shown[2 * a] - step[a])
+            high[a] = min(high[a], shown[2 * a + 1] - step[a])
+    count, sums = 0, np.zeros(2)
+    for r in range(low[1], high[1] + 1):
+        for c in range(low[0], high[0] + 1):
+            if body[r, c] < VACANT:
+                count += 1
+                sums[0] += c
+                sums[1] += r
+    for a in range(2):
+        if ends[a] == 0 and count > 0:
+            step[a] = int(np.rint(centre[a] - sums[a] / count))
+    return int(step[0]), int(step[1])

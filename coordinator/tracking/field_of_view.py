@@ -10,7 +10,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from gepf.common.arrays import Array, Mask
+from gepf.common.arrays import Array, Indices, Mask
 from gepf.common.body import BodyModel
 from gepf.common.camera import pixels_at, points_of
 from gepf.common.frame import EMPTY, HIDDEN, SUBJECT, SubjectFrame
@@ -69,7 +69,7 @@ def cut_sides(view: SubjectFrame, turn: Array) -> Mask:
     return cut
 
 
-def ends_of(mask: Mask, rows: Array, columns: Array, step: Array) -> Array:
+def ends_of(mask: Mask, rows: Indices, columns: Indices, step: Indices) -> Indices:
     """Those pixels of the person's that are the last ones in the direction of a step (columns, rows)."""
     place = rows * step[1] + columns * step[0]
     line = columns if step[1] else rows
@@ -78,7 +78,7 @@ def ends_of(mask: Mask, rows: Array, columns: Array, step: Array) -> Array:
     return np.flatnonzero(place == last[line])
 
 
-def is_stopped(view: SubjectFrame, rows: Array, columns: Array, step: Array, distance: float) -> Mask:
+def is_stopped(view: SubjectFrame, rows: Indices, columns: Indices, step: Indices, distance: float) -> Mask:
     """Whether the first clear pixel beyond each pixel is outside of the image, or shows something nearer."""
     left, top, right, bottom = view.view
     height, width = view.frame.depth.shape

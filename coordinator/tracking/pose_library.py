@@ -28,10 +28,11 @@ from gepf.coordinator.tracking.descriptor import (
     ROWS,
     VACANT,
     Image,
+    Whole,
+    compare_part,
     describe,
     fill_differences,
-    fill_middle,
-    fill_part_differences,
+    move_middle,
     splat,
 )
 from gepf.coordinator.tracking.field_of_view import cut_sides, shows
@@ -112,13 +113,19 @@ class PoseLibrary:
         """
         turn = look_straight(points.mean(axis=0), roll)
         if view is not None and (cut := cut_sides(view, turn)).any():
-            middles, difference = self._compare_part(points @ turn.T, scales, cut, view, turn)
+            roots, difference = self._compare_part(points @ turn.T, scales, cut, view, turn)
             chosen, scale_of = most_similar(difference, count)
-            places = middles[scale_of, chosen] * np.take(scales, scale_of)[:, None]
-            return turned_to(
-                self.poses[chosen], moved(places @ turn, placed), placed[:3, :3] @ turn.T
-            ), scale_of
-        seen = np.ascontiguousarray(points @ turn.T)
+            places = roots[scale_of, chosen]
+        else:
+            middles, difference = self._compare(points @ turn.T, scales)
+            chosen, scale_of = most_similar(difference, count)
+            places = middles[scale_of] - self.middles[chosen]
+        places = places * np.take(scales, scale_of)[:, None]
+        return turned_to(self.poses[chosen], moved(places @ turn, placed), placed[:3, :3] @ turn.T), scale_of
+
+    def _compare(self, seen: Array, scales: Sequence[float]) -> tuple[Array, NDArray[np.float32]]:
+        """Middles (S, 3), in units of each scale, and differences (S, N) from a whole body: points (P, 3)."""
+        seen = np.ascontiguousarray(seen)
         difference = np.empty((len(scales), len(self.poses)), dtype=np.float32)
         middles = np.empty((len(scales), 3))
         image = np.empty((ROWS, COLUMNS), dtype=np.float32)
@@ -126,53 +133,51 @@ class PoseLibrary:
             cells = describe(seen / scale, self.cell_m, image, middles[k])
             fill_differences(self.cells, self.occupied, image, BOUND_CELLS * self.cell_m, difference[k])
             difference[k] /= cells + self.occupied
-        chosen, scale_of = most_similar(difference, count)
-        places = (middles[scale_of] - self.middles[chosen]) * np.take(scales, scale_of)[:, None]
-        return turned_to(self.poses[chosen], moved(places @ turn, placed), placed[:3, :3] @ turn.T), scale_of
+        return middles, difference
 
     @cached_property
-    def _images(self) -> tuple[Image, Indices]:
-        """The descriptors (N, ROWS, COLUMNS), and their extents as `fill_part_differences` takes them."""
+    def _whole(self) -> Whole:
+        """The descriptors as they are compared with a part of a body."""
         images = np.ascontiguousarray(self.cells.T).reshape(-1, ROWS, COLUMNS)
-        filled, ends = images < VACANT, []
+        ends = []
         for axis in (1, 2):
-            line = filled.any(axis=axis)
-            ends += [line.argmax(axis=1), line.shape[1] - 1 - line[:, ::-1].argmax(axis=1)]
+            filled = np.any(images < VACANT, axis=axis)
+            ends += [filled.argmax(axis=1), filled.shape[1] - 1 - filled[:, ::-1].argmax(axis=1)]
         return images, np.stack(ends, axis=1)
 
     def _compare_part(
         self, seen: Array, scales: Sequence[float], cut: Mask, view: SubjectFrame, turn: Array
-    ) -> tuple[Array, Array]:
-        """Places of the roots (S, N, 3), in units of each scale, and differences (S, N) from a part of a body.
+    ) -> tuple[Array, NDArray[np.float32]]:
+        """Places of the roots (S, N, 3), in units of each scale, and differences (S, N) from a part.
 
         `seen` (P, 3) are its points, rotated by `turn` (3, 3); it is `cut` at some sides, see `cut_sides`.
         """
-        seen, (images, extents) = np.ascontiguousarray(seen), self._images
-        # an end is in view where the opposite one is cut
-        ends = np.array([int(cut[0]) - int(cut[1]), int(cut[2]) - int(cut[3])])
-        difference = np.empty((len(scales), len(self.poses)), dtype=np.float32)
-        steps, places = np.empty((len(self.poses), 3), dtype=np.float32), np.empty((*difference.shape, 3))
-        image, middle = np.empty((ROWS, COLUMNS), dtype=np.float32), np.empty(3)
-        rows, columns = np.indices((ROWS, COLUMNS))
-        for k, scale in enumerate(scales):
-            describe(seen / scale, self.cell_m, image, middle)
-            fill_middle(seen / scale, self.cell_m, ends, middle)
-            splat(seen / scale, self.cell_m, middle, image)
+        left, right, top, bottom = cut.astype(np.int64)
+        ends = np.array([left - right, top - bottom])  # an end is in view where only the opposite one is cut
+        image, middle, bound = np.empty((ROWS, COLUMNS), np.float32), np.empty(3), BOUND_CELLS * self.cell_m
+        differences, places = [], []
+        for scale in scales:
+            points = np.ascontiguousarray(seen / scale)
+            describe(points, self.cell_m, image, middle)
+            move_middle(points, self.cell_m, ends, middle)
+            splat(points, self.cell_m, middle, image)
             filled = image < VACANT
             image[filled] -= np.float32(middle[2])
-            across, down = (
-                (columns + 0.5 - 0.5 * COLUMNS) * self.cell_m,
-                (rows + 0.5 - 0.5 * ROWS) * self.cell_m,
-            )
-            cells = np.stack([across, down, np.zeros_like(across)], axis=-1) + middle
-            known = filled | shows(view, scale * cells.reshape(-1, 3) @ turn).reshape(ROWS, COLUMNS)
-            bound = BOUND_CELLS * self.cell_m
-            fill_part_differences(images, extents, image, known, ends, bound, difference[k], steps)
-            places[k] = middle - self.middles + steps * np.array([self.cell_m, self.cell_m, 1.0])
-        return places, difference
+            known = filled | shows(view, scale * cell_points(self.cell_m, middle) @ turn).reshape(image.shape)
+            found, steps = compare_part(self._whole, image, known, ends, bound)
+            differences.append(found)
+            places.append(middle - self.middles + steps * (self.cell_m, self.cell_m, 1.0))
+        return np.array(places), np.array(differences)
 
 
-def most_similar(difference: Array, count: int) -> tuple[Indices, Indices]:
+def cell_points(cell_m: float, middle: Array) -> Array:
+    """The centres (ROWS * COLUMNS, 3) of the cells of a descriptor, at the depth of its middle (3,)."""
+    row, column = np.divmod(np.arange(ROWS * COLUMNS), COLUMNS)
+    across, down = column + 0.5 - 0.5 * COLUMNS, row + 0.5 - 0.5 * ROWS
+    return np.asarray(middle + cell_m * np.stack([across, down, np.zeros(len(row))], axis=1))
+
+
+def most_similar(difference: NDArray[np.float32], count: int) -> tuple[Indices, Indices]:
     """The poses (count,) with the least difference (S, N) at any scale, and the indices of that scale."""
     scale_of = np.argmin(difference, axis=0)
     best = difference[scale_of, np.arange(len(scale_of))]
