@@ -40,6 +40,7 @@ from gepf.coordinator.tracking.candidate_refinement import (
     Search,
     of_one,
 )
+from gepf.coordinator.tracking.field_of_view import in_view
 from gepf.coordinator.tracking.gating import (
     RESIDUAL_M,
     gate_pose,
@@ -135,7 +136,11 @@ class Detector:
         if self._bodies.people:
             gate = gate.against(reject_points(subject, size.stature, whole=not query.cut.any()))
             some, between = observed_points(subject, FEW_POINTS), VERTEX_SHARE * size.stature
-            gate = gate.against(reject_planes(some, candidates.residual[0], between))
+            head = candidates.joints[0, start.model.joint_names.index("head")]
+            if not (
+                query.cut.any() and in_view(subject, head)
+            ):  # a trunk that is near is as flat as furniture
+                gate = gate.against(reject_planes(some, candidates.residual[0], between))
             gate = gate.against(reject_parts(start.model, candidates.poses[0], subject, size.stature))
             if planes.has_floor:
                 joints, names = subject.frame.to_camera(candidates.joints[0]), start.model.joint_names
@@ -225,8 +230,11 @@ class Detector:
         """Poses (N, D) of the library that are similar to the observed points, and their sizes (N,)."""
         usual = self._usual.stature
         scales = [size.stature / usual if self._bodies.people else 1.0 for size in query.sizes]
+        every = 2 if query.cut.any() else 1  # all sizes of a part are tried later
         points, placed = camera_points(query.subject), query.subject.frame.T_rig_camera
-        return self._library.match(points, scales, roll, count, placed, self._cutting(query.subject))
+        view = self._cutting(query.subject)
+        poses, of = self._library.match(points, scales[::every], roll, count, placed, view)
+        return poses, of * every
 
     def _upright(self, rolls: Sequence[float]) -> float | None:
         """The first orientation, for a person."""

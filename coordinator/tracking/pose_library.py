@@ -27,8 +27,9 @@ from gepf.coordinator.tracking.descriptor import (
     COLUMNS,
     ROWS,
     VACANT,
+    Cells,
     Image,
-    Whole,
+    cells_of,
     compare_part,
     describe,
     fill_differences,
@@ -136,14 +137,9 @@ class PoseLibrary:
         return middles, difference
 
     @cached_property
-    def _whole(self) -> Whole:
+    def _cells(self) -> Cells:
         """The descriptors as they are compared with a part of a body."""
-        images = np.ascontiguousarray(self.cells.T).reshape(-1, ROWS, COLUMNS)
-        ends = []
-        for axis in (1, 2):
-            filled = np.any(images < VACANT, axis=axis)
-            ends += [filled.argmax(axis=1), filled.shape[1] - 1 - filled[:, ::-1].argmax(axis=1)]
-        return images, np.stack(ends, axis=1)
+        return cells_of(self.cells.T.reshape(-1, ROWS, COLUMNS))
 
     def _compare_part(
         self, seen: Array, scales: Sequence[float], cut: Mask, view: SubjectFrame, turn: Array
@@ -164,7 +160,7 @@ class PoseLibrary:
             filled = image < VACANT
             image[filled] -= np.float32(middle[2])
             known = filled | shows(view, scale * cell_points(self.cell_m, middle) @ turn).reshape(image.shape)
-            found, steps = compare_part(self._whole, image, known, ends, bound)
+            found, steps = compare_part(self._cells, image, known, ends, bound)
             differences.append(found)
             places.append(middle - self.middles + steps * (self.cell_m, self.cell_m, 1.0))
         return np.array(places), np.array(differences)
