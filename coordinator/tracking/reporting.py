@@ -80,7 +80,7 @@ def report(updated: Updated) -> Tracked:
             in_sight = in_view(context.subject, joints[0])
             seen_by = seen_shares(model, pose, context.subject, context.stretch) * in_sight
             features = measure_features(model, pose, joints, weights, context, management.residual, seen_by)
-            certainty = FIT.judge(features)
+            certainty = FIT.judge(features, in_sight)
             if belief is not None and belief.posterior.size and not is_person(model.dof_names):
                 certainty = replace(certainty, deviation=known_deviations(model, pose, belief.posterior))
             views = [each.frame.camera for each in context.subject.views]
