@@ -36,6 +36,7 @@ MATURITIES = (0.0, 0.5, 1.0)  # of a small person: proportions of the mean child
 ITERATIONS = 12  # until candidates converge; the last stage has half of these
 FEW_POINTS = 1_000  # on which the first candidates are refined
 VERTEX_SHARE = 0.009  # of stature: rms distance of a surface from the nearest vertex, 0.008 to 0.010
+ENDS = ("head", "left_ankle", "right_ankle")
 REQUEST_ITERATIONS = 150  # of ICP in one request: about 10 ms on one lane
 
 
@@ -73,6 +74,12 @@ class Query:
         cut = [cut_sides(view, look_straight(middle_in(view), self.roll)) for view in self.subject.views]
         return cut[0] & all(each.any() for each in cut)
 
+    def log_prior(self, found: Candidates, statures: Sequence[float], names: tuple[str, ...]) -> Array:
+        """Log priors (N,) of candidates by their stature, of those of whom not both ends are in view."""
+        seen = in_view(self.subject, found.joints[:, [names.index(end) for end in ENDS]])
+        whole = seen[:, 0] & seen[:, 1:].any(axis=1)
+        return np.where(whole, 0.0, log_prior(np.array(statures)[found.sizes]))
+
     @cached_property
     def few(self) -> SubjectFrame:
         """The frame with few points."""
@@ -106,7 +113,7 @@ class CandidateStages:
         names = models[0].joint_names
         if not query.cut.any() or not len(found.poses):
             return found.distinct(names, effort.kept)
-        found = found.likelier_by(log_prior(np.array([size.stature for size in query.sizes]))[found.sizes])
+        found = found.likelier_by(query.log_prior(found, [size.stature for size in query.sizes], names))
         seen = in_view(query.subject, found.joints)
         if not query.cut[TOP] and (heads := seen[:, names.index("head")]).any():
             found, seen = found.take(np.flatnonzero(heads)), seen[heads]
@@ -187,7 +194,7 @@ class CandidateStages:
         between = VERTEX_SHARE * measures[:, 0] / settings.likelihood_scale
         likely = found.log_likelihood + 0.5 * between**2
         if query.cut.any():
-            likely = likely + log_prior(measures[:, 0])
+            likely = likely + query.log_prior(found, [size.stature for size in tried], models[0].joint_names)
         best = likely.argmax()
         weights = np.exp(likely - likely[best]) * (measures[:, 2] == measures[best, 2])
         return Size(*(weights @ measures / weights.sum()).round(2).tolist()), found.poses[[best]]
