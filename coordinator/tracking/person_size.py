@@ -22,6 +22,7 @@ from gepf.coordinator.filters.belief import Belief
 from gepf.coordinator.filters.pose_prior import rest_prior
 from gepf.coordinator.tracking.candidate_refinement import ITERATIONS
 from gepf.coordinator.tracking.estimate import MAX_HYPOTHESES
+from gepf.coordinator.tracking.field_of_view import in_view
 from gepf.coordinator.tracking.refiner import Pending, Refiner, iterations
 from gepf.coordinator.tracking.reporting import status_of
 from gepf.coordinator.tracking.state import Start
@@ -109,6 +110,7 @@ class PersonSize:
         if self.estimate is None or 0.0 <= time_s - self.estimate.time_s < INTERVAL_S:
             return
         joints = joint_positions(start.model, poses)
+        joints = joints[:, in_view(subject, joints[0])]
         if status_of(management, weights[:MAX_HYPOTHESES], joints, joints[0], doubted=False) == "tracked":
             stature = self._shown(start, poses[0], subject)
             if stature is not None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import cast
 
 import numpy as np
 import pytest
@@ -20,7 +19,6 @@ from gepf.coordinator.bodies.human.template import human
 from gepf.coordinator.bodies.tracked import Bodies, Size, name_pose, one_body
 from gepf.coordinator.bodies.urdf import read_urdf
 from gepf.coordinator.scene.planes import Planes
-from gepf.coordinator.tracking.candidate_refinement import Search
 from gepf.coordinator.tracking.detector import Detector
 from gepf.coordinator.tracking.gating import Gate
 from gepf.coordinator.tracking.pose_candidates import Candidates, Detection
@@ -34,6 +32,7 @@ from tests.support.people import (
     SETTINGS,
     STANDING,
     OnePerson,
+    complete,
     empty,
     frame_of,
     known,
@@ -51,15 +50,6 @@ KNEELING = {
 MODEL = human(1.82)
 NAMES = MODEL.joint_names
 FRONT, BACK = 0.0, np.pi  # of the root's turn
-
-
-def complete(search: Search[Detection]) -> Detection:
-    """Run a search to its end."""
-    while True:
-        try:
-            next(search)
-        except StopIteration as end:
-            return cast("Detection", end.value)
 
 
 class Plain(DirectRefiner):
