@@ -7,8 +7,8 @@ from collections.abc import Container, Iterable
 import numpy as np
 
 from gepf.common.arrays import Array, Indices
-from gepf.common.body import BodyModel, find_balls, surface_carriers
-from gepf.common.kinematics import dof_transforms, joint_positions, pose_vertices
+from gepf.common.body import SHAPE, BodyModel, find_balls, surface_carriers
+from gepf.common.kinematics import dof_transforms, joint_positions, pose_vertices, shaped
 
 
 def activate(model: BodyModel, active: Iterable[str], held: Array) -> BodyModel:
@@ -16,15 +16,22 @@ def activate(model: BodyModel, active: Iterable[str], held: Array) -> BodyModel:
 
     The held pose, with active degrees of freedom at zero, becomes the rest pose of the result. So a pose of
     the result moves the body like the same values in the full model, except for skin at a bent held joint.
-    Active degrees of freedom keep the order of the model. Links that now move together are merged. Raises
-    InputError for unknown names.
+    An active shape coefficient changes the result as it changes the full model in the held pose. Active
+    degrees of freedom keep the order of the model. Links that now move together are merged. Raises InputError
+    for unknown names.
     """
     wanted = sorted({model.dof(name) for name in active})
     rest = np.array(held, dtype=np.float64)
     rest[wanted] = 0.0
     t_rest = dof_transforms(model, rest[None])[0]  # (D, 3, 4)
     axes = np.einsum("dij,dj->di", t_rest[wanted, :, :3], model.axes[wanted])
-    points = np.einsum("dij,dj->di", t_rest[wanted, :, :3], model.points[wanted]) + t_rest[wanted, :, 3]
+    shapes = [j for j in wanted if model.kinds[j] == SHAPE]
+    points, vertices, joints = rest_geometry(model, rest, wanted)
+    changed = [rest_geometry(model, rest + np.eye(len(rest))[j], wanted) for j in shapes]
+    directions = [
+        np.array([each[k] - zero for each in changed]).reshape(len(shapes), *zero.shape)
+        for k, zero in enumerate((points, vertices, joints))
+    ]
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)
 
     place = {-1: -1} | {j: n for n, j in enumerate(wanted)}
@@ -45,14 +52,25 @@ def activate(model: BodyModel, active: Iterable[str], held: Array) -> BodyModel:
         balls=find_balls(kinds, parents, axes, points, surface_carriers(moved, skin_links, skin_weights)),
         link_names=tuple(model.link_names[int(np.argmax(merged == k))] for k in range(len(moved))),
         link_dofs=moved,
-        vertices=pose_vertices(model, rest[None])[0],
+        vertices=vertices,
         triangles=model.triangles,
         skin_links=skin_links,
         skin_weights=skin_weights,
         joint_names=model.joint_names,
         joint_links=merged[model.joint_links],
-        joint_points=joint_positions(model, rest[None])[0],
+        joint_points=joints,
+        shape_points=directions[0],
+        shape_vertices=directions[1],
+        shape_joint_points=directions[2],
     )
+
+
+def rest_geometry(model: BodyModel, rest: Array, wanted: list[int]) -> tuple[Array, Array, Array]:
+    """In a held pose (D,): points (W, 3) of the wanted DOFs, vertices (V, 3) and joints (J, 3)."""
+    t_rest = dof_transforms(model, rest[None])[0][wanted]
+    own = shaped(model.points, model.shape_points, rest[None])[0, wanted]
+    points = np.einsum("dij,dj->di", t_rest[:, :, :3], own) + t_rest[:, :, 3]
+    return points, pose_vertices(model, rest[None])[0], joint_positions(model, rest[None])[0]
 
 
 def nearest_in(model: BodyModel, wanted: Container[int], dof: int) -> int:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Collection
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields, replace
 from difflib import get_close_matches
 from functools import cached_property
 
@@ -21,11 +21,17 @@ from gepf.common.errors import InputError
 
 ROOT_DOFS = ("root_tx", "root_ty", "root_tz", "root_rx", "root_ry", "root_rz")
 
-TRANSLATION, ROTATION = 0, 1
+TRANSLATION, ROTATION, SHAPE = 0, 1, 2
+"""Kinds of degrees of freedom. A shape coefficient, in metres, changes the rest pose."""
+
 LEAST_SPREAD = 1e-3
 
 REST_FROM_URDF = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
 """URDF and ROS: x forward, y left, z up. Rest: x to the body's left, y down, z to its back."""
+
+
+NO_DIRECTIONS = np.empty((0, 0, 3))
+"""Of a body whose shape cannot change."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,11 +43,14 @@ class BodyModel:
     the first of each. `rest_spreads` are the standard deviations of angles around rest, in units of the
     setting `pose_deviation`; they are equal for the three angles of a spherical joint. `skin_weights` blend
     the links' transforms for each vertex (rows sum to 1, the dominant link is first).
+
+    Shape coefficients (S) are the first degrees of freedom. The rest pose of a body with coefficients b is
+    `vertices` + b . `shape_vertices`; `points` and `joint_points` change alike.
     """
 
     name: str
     dof_names: tuple[str, ...]  # (D,)
-    kinds: Indices  # (D,) TRANSLATION or ROTATION
+    kinds: Indices  # (D,) SHAPE, TRANSLATION or ROTATION
     parents: Indices  # (D,) -1 for none
     axes: Array  # (D, 3) unit
     points: Array  # (D, 3) on the axis
@@ -57,30 +66,42 @@ class BodyModel:
     joint_names: tuple[str, ...]  # (J,)
     joint_links: Indices  # (J,)
     joint_points: Array  # (J, 3)
+    shape_vertices: Array = field(
+        default_factory=lambda: NO_DIRECTIONS
+    )  # (S, V, 3) per unit of the shape coefficient
+    shape_points: Array = field(default_factory=lambda: NO_DIRECTIONS)  # (S, D, 3)
+    shape_joint_points: Array = field(default_factory=lambda: NO_DIRECTIONS)  # (S, J, 3)
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
+        for member in fields(self):
+            value = getattr(self, member.name)
+            if member.name.startswith("shape_") and not len(value):
+                value = np.empty((0, *getattr(self, member.name.removeprefix("shape_")).shape))
             if isinstance(value, np.ndarray):
                 frozen = np.ascontiguousarray(value)
                 shared = frozen is value and (value.flags.writeable or value.base is not None)
                 frozen = frozen.copy() if shared else frozen
                 frozen.setflags(write=False)
-                object.__setattr__(self, field.name, frozen)
+                object.__setattr__(self, member.name, frozen)
         check(self)
 
     @cached_property
     def hash(self) -> str:
         """SHA-256 over names, shapes and bytes of every field, in order."""
         digest = hashlib.sha256()
-        for field in fields(self):
-            value = getattr(self, field.name)
+        for member in fields(self):
+            value = getattr(self, member.name)
             if isinstance(value, np.ndarray):
-                digest.update(f"{field.name}{value.dtype.str}{value.shape}".encode())
+                digest.update(f"{member.name}{value.dtype.str}{value.shape}".encode())
                 digest.update(value.tobytes())
             else:
-                digest.update(f"{field.name}{value!r}".encode())
+                digest.update(f"{member.name}{value!r}".encode())
         return digest.hexdigest()
+
+    @property
+    def shape_count(self) -> int:
+        """The number S of shape coefficients."""
+        return len(self.shape_vertices)
 
     @cached_property
     def single(self) -> Mask:
@@ -102,6 +123,33 @@ class BodyModel:
         return self.dof_names.index(name)
 
 
+def with_shape(
+    model: BodyModel, names: tuple[str, ...], vertices: Array, points: Array, joint_points: Array
+) -> BodyModel:
+    """A body of fixed shape with shape coefficients of these names (S) as additional degrees of freedom.
+
+    Coefficients of zero are the fixed shape; the arrays (S, V, 3), (S, D, 3) and (S, J, 3) are the change of
+    the rest pose per unit of each coefficient.
+    """
+    count = len(names)
+    zero = np.zeros((count, 3))
+    return replace(
+        model,
+        dof_names=names + model.dof_names,
+        kinds=np.concatenate([np.full(count, SHAPE), model.kinds]),
+        parents=np.concatenate([np.arange(-1, count - 1), model.parents + count]),
+        axes=np.concatenate([zero + np.eye(3)[0], model.axes]),
+        points=np.concatenate([zero, model.points]),
+        limits=np.concatenate([np.tile([-np.inf, np.inf], (count, 1)), model.limits]),
+        rest_spreads=np.concatenate([np.ones(count), model.rest_spreads]),
+        balls=model.balls + count,
+        link_dofs=np.where(model.link_dofs < 0, -1, model.link_dofs + count),
+        shape_vertices=vertices,
+        shape_points=np.concatenate([np.zeros((count, count, 3)), points], axis=1),
+        shape_joint_points=joint_points,
+    )
+
+
 def unknown_dof(name: str, known: Collection[str]) -> InputError:
     """The error for an unknown degree of freedom, with similar known names."""
     near = get_close_matches(name, known, n=3)
@@ -113,16 +161,16 @@ def check(model: BodyModel) -> None:
     """Raise ValueError if a model is inconsistent."""
     count = len(model.dof_names)
     order = np.arange(count)
+    check_shape(model)
     if not (np.all(model.parents < order) and np.all(model.parents >= -1)):
         raise ValueError("a degree of freedom's parent must come before it")
     for name in ("kinds", "parents", "axes", "points", "limits", "rest_spreads"):
         if len(getattr(model, name)) != count:
             raise ValueError(f"{name} must have one row for each of the {count} degrees of freedom")
-    if not np.all(model.rest_spreads >= LEAST_SPREAD):
+    spreads = model.rest_spreads
+    if not np.all(spreads >= LEAST_SPREAD):
         raise ValueError(f"rest_spreads must be at least {LEAST_SPREAD}")
-    if np.any(
-        model.rest_spreads[model.balls[:, None] + np.arange(3)] != model.rest_spreads[model.balls, None]
-    ):
+    if np.any(spreads[model.balls[:, None] + np.arange(3)] != spreads[model.balls, None]):
         raise ValueError("the three angles of a spherical joint must have the same rest_spreads")
     if len(model.link_dofs) != len(model.link_names) or np.any(model.link_dofs >= count):
         raise ValueError("every link must be moved by a degree of freedom of the model")
@@ -130,6 +178,16 @@ def check(model: BodyModel) -> None:
         raise ValueError("axes must be unit vectors")
     if not np.allclose(model.skin_weights.sum(axis=1), 1.0):
         raise ValueError("skin weights of a vertex must sum to 1")
+
+
+def check_shape(model: BodyModel) -> None:
+    """Raise ValueError if the shape coefficients of a model are inconsistent."""
+    count = model.shape_count
+    if np.any((model.kinds == SHAPE) != (np.arange(len(model.kinds)) < count)):
+        raise ValueError("the first degrees of freedom must be those with shape directions, and no others")
+    for name in ("vertices", "points", "joint_points"):
+        if getattr(model, f"shape_{name}").shape != (count, *getattr(model, name).shape):
+            raise ValueError(f"shape_{name} must hold {name} for each shape coefficient")
 
 
 def surface_carriers(link_dofs: Indices, skin_links: Indices, skin_weights: Array) -> Indices:

@@ -5,7 +5,13 @@
 Functions of a `BodyModel` are imported from here, compiled kernels from their modules.
 """
 
-from gepf.common.kinematics.chain import dof_transforms, joint_positions, link_transforms, pose_vertices
+from gepf.common.kinematics.chain import (
+    dof_transforms,
+    joint_positions,
+    link_transforms,
+    pose_vertices,
+    shaped,
+)
 from gepf.common.kinematics.manifold import difference, natural_angles, retract, within_limits
 
 __all__ = [
@@ -16,5 +22,6 @@ __all__ = [
     "natural_angles",
     "pose_vertices",
     "retract",
+    "shaped",
     "within_limits",
 ]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gepf.common.arrays import Array, Indices
-from gepf.common.body import TRANSLATION, BodyModel
+from gepf.common.body import SHAPE, TRANSLATION, BodyModel
 from gepf.common.compiling import numba
 from gepf.common.kinematics.rotations import fill_rotation
 
@@ -23,7 +23,8 @@ def contiguous(values: Array) -> Array:
 def dof_transforms(model: BodyModel, poses: Array) -> Array:
     """T_camera_rest (N, D, 3, 4) after each degree of freedom, for poses (N, D). Eq. 1."""
     out = np.empty((len(poses), len(model.kinds), 3, 4))
-    forward_kinematics_each(model.kinds, model.parents, model.axes, model.points, contiguous(poses), out)
+    points = shaped(model.points, model.shape_points, poses)
+    forward_kinematics_each(model.kinds, model.parents, model.axes, points, contiguous(poses), out)
     return out
 
 
@@ -31,7 +32,8 @@ def link_transforms(model: BodyModel, poses: Array) -> Array:
     """T_camera_rest (N, L, 3, 4) of each link, for poses (N, D)."""
     out = np.empty((len(poses), len(model.kinds) + 1, 3, 4))
     out[:, -1] = np.eye(3, 4)  # of links that nothing moves
-    forward_kinematics_each(model.kinds, model.parents, model.axes, model.points, contiguous(poses), out)
+    points = shaped(model.points, model.shape_points, poses)
+    forward_kinematics_each(model.kinds, model.parents, model.axes, points, contiguous(poses), out)
     return out.take(model.link_dofs, axis=1)
 
 
@@ -39,10 +41,17 @@ def link_transforms(model: BodyModel, poses: Array) -> Array:
 def forward_kinematics(
     kinds: Indices, parents: Indices, axes: Array, points: Array, pose: Array, out: Array
 ) -> None:
-    """Fill out (D, 3, 4) with T_camera_rest after each degree of freedom."""
+    """Fill out (D, 3, 4) with T_camera_rest after each degree of freedom.
+
+    `points` (D, 3) are those of the body with the shape of the pose.
+    """
     local = np.zeros((3, 4))
     for j in range(len(kinds)):
-        if kinds[j] == TRANSLATION:
+        if kinds[j] == SHAPE:
+            for a in range(3):
+                for b in range(4):
+                    local[a, b] = 1.0 if a == b else 0.0
+        elif kinds[j] == TRANSLATION:
             for a in range(3):
                 for b in range(3):
                     local[a, b] = 1.0 if a == b else 0.0
@@ -74,9 +83,9 @@ def compose(parent: int, local: Array, j: int, out: Array) -> None:
 def forward_kinematics_each(
     kinds: Indices, parents: Indices, axes: Array, points: Array, poses: Array, out: Array
 ) -> None:
-    """`forward_kinematics` for poses (N, D) into out (N, D, 3, 4)."""
+    """`forward_kinematics` for poses (N, D) into out (N, D, 3, 4); points (N, D, 3), or (1, D, 3) for all."""
     for n in range(len(poses)):
-        forward_kinematics(kinds, parents, axes, points, poses[n], out[n])
+        forward_kinematics(kinds, parents, axes, points[n % len(points)], poses[n], out[n])
 
 
 @numba.njit(cache=True, nogil=True)
@@ -106,16 +115,26 @@ def motion_axes(
 def pose_vertices(model: BodyModel, poses: Array) -> Array:
     """Surface vertices (N, V, 3) in the camera frame, for poses (N, D)."""
     transforms = link_transforms(model, poses)
-    return blend_each(model.vertices, model.skin_links, model.skin_weights, transforms)
+    vertices = shaped(model.vertices, model.shape_vertices, poses)
+    return blend_each(vertices, model.skin_links, model.skin_weights, transforms)
 
 
 def joint_positions(model: BodyModel, poses: Array) -> Array:
     """Named joints (N, J, 3) in the camera frame, for poses (N, D)."""
-    t, (x, y, z) = (
-        link_transforms(model, poses).take(model.joint_links, axis=1),
-        model.joint_points.T[..., None],
-    )
+    t = link_transforms(model, poses).take(model.joint_links, axis=1)
+    x, y, z = np.moveaxis(shaped(model.joint_points, model.shape_joint_points, poses), -1, 0)[..., None]
     return np.asarray(t[..., 0] * x + t[..., 1] * y + t[..., 2] * z + t[..., 3])
+
+
+def shaped(rest: Array, directions: Array, poses: Array) -> Array:
+    """Points of the rest pose (N, K, 3) with the shapes of poses (N, D), or (1, K, 3) if shape cannot change.
+
+    `rest` (K, 3) are those of zero coefficients, directions (S, K, 3) their change per unit.
+    """
+    if not len(directions):
+        return rest[None]
+    moved = poses[:, : len(directions)] @ directions.reshape(len(directions), -1)
+    return np.asarray(rest + moved.reshape(len(poses), *rest.shape))
 
 
 @numba.njit(cache=True, nogil=True)
@@ -151,8 +170,8 @@ def blend_vertex(
 
 @numba.njit(cache=True, nogil=True)
 def blend_each(vertices: Array, links: Indices, weights: Array, transforms: Array) -> Array:
-    """Vertices (N, V, 3) of `blend_vertices` for transforms (N, L, 3, 4)."""
-    out = np.empty((len(transforms), len(vertices), 3))
+    """Vertices (N, V, 3) of `blend_vertices` for transforms (N, L, 3, 4); vertices (N or 1, V, 3)."""
+    out = np.empty((len(transforms), vertices.shape[1], 3))
     for n in range(len(out)):
-        blend_vertices(vertices, links, weights, transforms[n], out[n])
+        blend_vertices(vertices[n % len(vertices)], links, weights, transforms[n], out[n])
     return out

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import msgspec
 import numpy as np
 
-from gepf.common.body import ROTATION, TRANSLATION, BodyModel
+from gepf.common.body import SHAPE, TRANSLATION, BodyModel
 from gepf.common.bounds import LARGEST, MAX_DOFS
 from gepf.common.errors import ProtocolError
 from gepf.common.protocol.wire import Array, Dims, Hash, Message, decode, encode, pack, unpack
@@ -20,7 +20,7 @@ FEW = msgspec.Meta(max_length=50)  # fields of a map
 # Arrays of a model: type, extents, smallest and largest value; a letter: the last index below an extent.
 # Extents that are not numbers of names are determined in this order.
 MODEL_ARRAYS: dict[str, tuple[str, Dims, float, float | str]] = {
-    "kinds": ("<i8", ("D",), TRANSLATION, ROTATION),
+    "kinds": ("<i8", ("D",), TRANSLATION, SHAPE),
     "parents": ("<i8", ("D",), -1, "D"),
     "axes": ("<f8", ("D", 3), -LARGEST, LARGEST),
     "points": ("<f8", ("D", 3), -LARGEST, LARGEST),
@@ -34,6 +34,9 @@ MODEL_ARRAYS: dict[str, tuple[str, Dims, float, float | str]] = {
     "skin_weights": ("<f8", ("V", "K"), -LARGEST, LARGEST),
     "joint_links": ("<i8", ("J",), 0, "L"),
     "joint_points": ("<f8", ("J", 3), -LARGEST, LARGEST),
+    "shape_vertices": ("<f8", ("S", "V", 3), -LARGEST, LARGEST),
+    "shape_points": ("<f8", ("S", "D", 3), -LARGEST, LARGEST),
+    "shape_joint_points": ("<f8", ("S", "J", 3), -LARGEST, LARGEST),
 }
 
 

@@ -52,6 +52,7 @@ def coarsen(model: BodyModel, cell_m: float) -> BodyModel:
     return replace(
         model,
         vertices=model.vertices[kept],
+        shape_vertices=model.shape_vertices[:, kept],
         triangles=triangles[apart],
         skin_links=model.skin_links[kept],
         skin_weights=model.skin_weights[kept],

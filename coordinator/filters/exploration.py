@@ -17,7 +17,7 @@ import numpy as np
 from gepf.common.arrays import Array, Indices, Mask
 from gepf.common.body import ROTATION, BodyModel
 from gepf.common.compiling import numba
-from gepf.common.kinematics import link_transforms
+from gepf.common.kinematics import link_transforms, shaped
 from gepf.common.kinematics.chain import blend_each
 
 FEWEST = 8  # particles of a frame that the prediction explains; with 5, hidden limbs are worse
@@ -38,10 +38,11 @@ class Limb(NamedTuple):
 
 
 class Part(NamedTuple):
-    """Some vertices (V, 3) of a body at rest that one group moves, with their skinning (V, K)."""
+    """Some vertices (V, 3) of a body at rest that one group moves, their change by shape, their skinning."""
 
     vertices: Array
-    links: Indices
+    shape_vertices: Array  # (S, V, 3)
+    links: Indices  # (V, K)
     weights: Array
 
 
@@ -54,8 +55,14 @@ class Layout(NamedTuple):
 
 def explain(model: BodyModel, pose: Array, points: Array) -> Mask:
     """Which points (P, 3) are near each part of a body in pose (D,): (G, P)."""
-    transforms = link_transforms(model, pose[None])
-    return np.array([mark_near(points, blend_each(*part, transforms))[0] for part in layout_of(model).parts])
+    parts = layout_of(model).parts
+    return np.array([mark_near(points, pose_part(model, part, pose[None]))[0] for part in parts])
+
+
+def pose_part(model: BodyModel, part: Part, poses: Array) -> Array:
+    """The vertices (N, V, 3) of a part in poses (N, D)."""
+    vertices = shaped(part.vertices, part.shape_vertices, poses)
+    return blend_each(vertices, part.links, part.weights, link_transforms(model, poses))
 
 
 def choose_count(most: int, near: Mask, cameras: int = 1) -> int:
@@ -97,7 +104,7 @@ def propose_limbs(
         mine = near[limb.group]
         held = np.repeat(pose[None], DRAWS, axis=0)
         held[:, limb.dofs] = rng.uniform(limb.low, limb.high, size=(DRAWS, len(limb.dofs)))
-        posed = blend_each(*layout.parts[limb.group], link_transforms(model, held))
+        posed = pose_part(model, layout.parts[limb.group], held)
         reached = mark_near(points[explained == mine], posed).sum(axis=1)
         draws.append(held[:, limb.dofs])
         gains.append(np.maximum(0, reached - np.count_nonzero(mine & (explained == 1))))
@@ -151,5 +158,8 @@ def layout_of(model: BodyModel) -> Layout:
         if model.parents[dofs[0]] >= 0 and turns and not carries and np.any(group_of == number):
             limbs.append(Limb(number, dofs, *np.clip(model.limits[dofs], -np.pi, np.pi).T))
     mine = [some[group_of == number] for number in range(len(groups))]
-    parts = (Part(model.vertices[v], model.skin_links[v], model.skin_weights[v]) for v in mine)
+    directions = model.shape_vertices
+    parts = (
+        Part(model.vertices[v], directions[:, v], model.skin_links[v], model.skin_weights[v]) for v in mine
+    )
     return Layout(tuple(parts), tuple(limbs))

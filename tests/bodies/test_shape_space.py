@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from gepf.common.kinematics import joint_positions, pose_vertices
 from gepf.coordinator.bodies.choice import choose_bodies, load_body
 from gepf.coordinator.bodies.human.measures import Measures
 from gepf.coordinator.bodies.human.shape_space import shape_space
@@ -111,3 +112,16 @@ def test_a_file_that_is_no_persons_is_refused_in_one_line(tmp_path: Path, conten
         choose_bodies(None, "default", str(path))
     assert says in str(raised.value)
     assert str(path) in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    "size", [(1.75, 1.0), (1.93, 1.2), (1.5, 0.9), (1.31, 1.1), (0.8, 1.0), (1.3, 1.0, 0.5)]
+)
+def test_shape_coefficients_make_everybody(size: tuple[float, ...]) -> None:
+    """Surface and joints of a person of any size, in any pose, follow from the coefficients of that size."""
+    space, rng = shape_space(), np.random.default_rng(0)
+    person, anybody = space.person(*size), space.anybody
+    pose = rng.normal(scale=0.3, size=len(person.dof_names))
+    same = np.concatenate([space.coefficients(*size), pose])
+    for place in (pose_vertices, joint_positions):
+        np.testing.assert_allclose(place(anybody, same[None]), place(person, pose[None]), atol=1e-9)

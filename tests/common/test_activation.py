@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import fields, replace
 from typing import Any
 
@@ -15,7 +16,7 @@ from gepf.common.arrays import Array
 from gepf.common.body import ROTATION, TRANSLATION, BodyModel, find_balls
 from gepf.common.kinematics import joint_positions, pose_vertices
 from gepf.coordinator.bodies.human.template import DEFAULT_ACTIVE, human
-from tests.support.bodies import person, puppet
+from tests.support.bodies import flexible_puppet, person, puppet
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -35,19 +36,20 @@ def values(model: BodyModel, full: BodyModel, pose: Array) -> Array:
     return pose[None, [full.dof(name) for name in model.dof_names]]
 
 
-@given(seeds)
-def test_a_part_moves_the_body_as_the_whole_does(seed: int) -> None:
+@pytest.mark.parametrize("body", [puppet, flexible_puppet])
+@given(seed=seeds)
+def test_a_part_moves_the_body_as_the_whole_does(body: Callable[..., BodyModel], seed: int) -> None:
     """Any subset, the others held at any pose: the same values place all vertices and joints alike.
 
-    With the others at zero, skin that links share moves the same too.
+    With the others at zero, skin that links share moves the same too. Shape coefficients are no exception.
     """
-    full = puppet(blended=False)
+    full = body(blended=False)
     names, held, pose = choose(full, np.random.default_rng(seed))
     part = activate(full, names, held)
     assert part.dof_names == tuple(name for name in full.dof_names if name in names)
     for place in (pose_vertices, joint_positions):
         np.testing.assert_allclose(place(part, values(part, full, pose)), place(full, pose[None]), atol=1e-12)
-    full, pose = puppet(), np.where(held == 0.0, pose, 0.0)
+    full, pose = body(), np.where(held == 0.0, pose, 0.0)
     part = activate(full, names, np.zeros_like(pose))
     moved = pose_vertices(part, values(part, full, pose))
     assert len(names) == 0 or np.abs(moved[0] - full.vertices).max() > 1e-3
@@ -107,6 +109,11 @@ def test_any_change_of_content_changes_the_hash(name: str) -> None:
         other = -value
     elif name == "skin_weights":
         other = value[:, ::-1]
+    elif name == "kinds":  # no shape coefficients without their directions
+        other = 1 - value
+    elif name.startswith("shape_"):
+        model = flexible_puppet()
+        other = 2.0 * getattr(model, name)
     elif name in {"parents", "link_dofs"}:
         other = np.where(np.arange(len(value)) == len(value) - 1, -1, value)
     else:
@@ -122,7 +129,7 @@ def test_a_models_arrays_are_its_own_and_frozen() -> None:
     assert not np.any(model.vertices == 99.0)
     arrays = [getattr(model, field.name) for field in fields(model)]
     arrays = [array for array in arrays if isinstance(array, np.ndarray)]
-    assert len(arrays) == 14
+    assert len(arrays) == 17
     for array in arrays:
         with pytest.raises(ValueError, match="read-only"):
             array[...] = 0

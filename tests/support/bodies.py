@@ -9,7 +9,7 @@ import trimesh
 
 from gepf.common.activation import activate
 from gepf.common.arrays import Array, Indices, Mask
-from gepf.common.body import ROOT_DOFS, ROTATION, TRANSLATION, BodyModel, find_balls
+from gepf.common.body import ROOT_DOFS, ROTATION, TRANSLATION, BodyModel, find_balls, with_shape
 from gepf.coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 
 RIGHT_HANDED = np.array([[0.0, 0.6, 0.8], [1.0, 0.0, 0.0], [0.0, 0.8, -0.6]])
@@ -86,6 +86,28 @@ def puppet(blended: bool = True) -> BodyModel:
         joint_names=link_names,
         joint_links=np.arange(len(LINKS), dtype=np.int64),
         joint_points=np.array([row[2] for row in LINKS]),
+    )
+
+
+@cache
+def flexible_puppet(blended: bool = True) -> BodyModel:
+    """The puppet with three shape coefficients: its size, the length of its arms, and a bent girth."""
+    model = puppet(blended)
+    arms = np.isin(model.link_names, ("l_upper", "l_fore", "r_upper", "r_fore"))
+    shoulder = np.array([0.0, -0.3, 0.0])
+
+    def directions(points: Array, of_arm: Mask) -> Array:
+        longer = np.where(of_arm[:, None], (points - shoulder) * (0.0, 0.7, 0.0), 0.0)
+        wider = points * (0.5, 0.0, 0.3) * np.cos(3.0 * points[:, 1:2])
+        return np.array([points, longer, wider])
+
+    carriers = np.array([name[2:5] in ("elb", "arm") for name in model.dof_names])
+    return with_shape(
+        model,
+        ("size", "reach", "width"),
+        directions(model.vertices, arms[model.skin_links[:, 0]]),
+        directions(model.points, carriers),
+        directions(model.joint_points, arms[model.joint_links]),
     )
 
 

@@ -5,9 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 from gepf.common.errors import InputError
-from gepf.coordinator.bodies.human.shape_space import shape_space
-
-REFERENCE_STATURE = 1.75  # metres, of a person of unknown stature
+from gepf.coordinator.bodies.human.shape_space import REFERENCE_STATURE, shape_space
 
 DEVIATION = "stature_deviation"  # in a file of measures that was estimated: of the stature, metres
 

@@ -8,18 +8,24 @@ All else is linear in girth and in the lengths that differ from those that statu
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 
 import numpy as np
 
 from gepf.common.arrays import Array, Indices
-from gepf.common.body import BodyModel, find_balls
+from gepf.common.body import BodyModel, find_balls, with_shape
 from gepf.coordinator.bodies.human.dofs import joint_range, rest_spread
 from gepf.coordinator.bodies.human.skeleton import build_skeleton
 
 FILE = Path(__file__).with_name("person.npz")
 """Its arrays: people (K, V, 3) and their joints (K, N, 3) at rest, of stature 1, and what changes them."""
+
+SHAPE_DOFS = ("shape_stature", "shape_infant", "shape_child", "shape_girth")
+"""Shape coefficients in metres: stature less that of the usual adult; the parts of the stature that have the
+proportions of an infant and of a child, instead of an adult's; stature times the excess of girth over 1."""
+
+REFERENCE_STATURE = 1.75  # metres, of the usual adult: a person of unknown stature
 
 UNIT = 4e-5  # of stature: the coordinates in the file are whole numbers of it
 
@@ -38,7 +44,7 @@ NAMED_JOINTS = {
 """Output joint -> its link and its joint in the skeleton; where each lies: `build.joints`."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class ShapeSpace:
     """People of stature 1 at some statures (K), and the change by girth and by lengths (M, as in `Measures`).
 
@@ -110,6 +116,32 @@ class ShapeSpace:
             points=stature_m * joints[self.centres],
             joint_points=stature_m * joints[self.named],
         )
+
+    @cached_property
+    def anybody(self) -> BodyModel:
+        """A person of any shape: the degrees of freedom SHAPE_DOFS, and all others; zero is the usual adult.
+
+        The space is linear: a person of these ages is the sum of those of stature 1, each times its share of
+        the stature, and of the change by girth times (girth - 1) times the stature.
+        """
+        adult, usual = len(self.ages) - 1, self.person(REFERENCE_STATURE, 1.0)
+        younger = np.arange(adult)
+        joints = np.concatenate([self.joints[[adult]], self.joints[younger] - self.joints[adult]])
+        people = np.concatenate([self.vertices[[adult]], self.vertices[younger] - self.vertices[adult]])
+        centres = np.concatenate([joints, np.zeros_like(joints[:1])])
+        return with_shape(
+            usual,
+            SHAPE_DOFS,
+            np.concatenate([people, self.girth[None]]),
+            centres[:, self.centres],
+            centres[:, self.named],
+        )
+
+    def coefficients(self, stature_m: float, girth: float, maturity: float = 0.0) -> Array:
+        """Values (S,) of SHAPE_DOFS, metres, of the person of `person` with these measures."""
+        younger = self._blend(self.age(stature_m, maturity))[:-1]
+        values = [stature_m - REFERENCE_STATURE, *(stature_m * younger), stature_m * (girth - 1.0)]
+        return np.array(values)
 
     def _blend(self, age: float) -> Array:
         """Shares (K,) of the people in one of this age."""
