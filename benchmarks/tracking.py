@@ -85,7 +85,7 @@ def track(
         start = found[-1].state.start
         columns = positions(start.model.joint_names, reference.names)
         joints = np.array([found[row].estimate.joint_positions[columns] for row in mine])
-        status, stature = count_status(one.estimate.status for one in found), start.size.stature
+        status, stature = count_status(one.estimate.status for one in found), found[-1].state.size.stature
     return Outcome(
         recording,
         joints,

@@ -41,8 +41,9 @@ class BodyModel:
     The parent of a degree of freedom comes before it. Three successive rotations about orthonormal axes
     through one point, with nothing else on the first two, are a spherical joint; `balls` holds the index of
     the first of each. `rest_spreads` are the standard deviations of angles around rest, in units of the
-    setting `pose_deviation`; they are equal for the three angles of a spherical joint. `skin_weights` blend
-    the links' transforms for each vertex (rows sum to 1, the dominant link is first).
+    setting `pose_deviation`; they are equal for the three angles of a spherical joint. Those of shape
+    coefficients, in metres, are around the detected shape. `skin_weights` blend the links' transforms for
+    each vertex (rows sum to 1, the dominant link is first).
 
     Shape coefficients (S) are the first degrees of freedom. The rest pose of a body with coefficients b is
     `vertices` + b . `shape_vertices`; `points` and `joint_points` change alike.
@@ -104,6 +105,11 @@ class BodyModel:
         return len(self.shape_vertices)
 
     @cached_property
+    def moves(self) -> Mask:
+        """Which degrees of freedom (D,) change with time: all but shape coefficients."""
+        return np.asarray(self.kinds != SHAPE)
+
+    @cached_property
     def single(self) -> Mask:
         """Which degrees of freedom (D,) are not part of a spherical joint."""
         single = np.ones(len(self.kinds), dtype=np.bool_)
@@ -124,12 +130,17 @@ class BodyModel:
 
 
 def with_shape(
-    model: BodyModel, names: tuple[str, ...], vertices: Array, points: Array, joint_points: Array
+    model: BodyModel,
+    names: tuple[str, ...],
+    deviations: Array,
+    vertices: Array,
+    points: Array,
+    joint_points: Array,
 ) -> BodyModel:
     """A body of fixed shape with shape coefficients of these names (S) as additional degrees of freedom.
 
-    Coefficients of zero are the fixed shape; the arrays (S, V, 3), (S, D, 3) and (S, J, 3) are the change of
-    the rest pose per unit of each coefficient.
+    Coefficients of zero are the fixed shape; `deviations` (S,) are their standard deviations. The arrays
+    (S, V, 3), (S, D, 3) and (S, J, 3) are the change of the rest pose per unit of each coefficient.
     """
     count = len(names)
     zero = np.zeros((count, 3))
@@ -141,12 +152,34 @@ def with_shape(
         axes=np.concatenate([zero + np.eye(3)[0], model.axes]),
         points=np.concatenate([zero, model.points]),
         limits=np.concatenate([np.tile([-np.inf, np.inf], (count, 1)), model.limits]),
-        rest_spreads=np.concatenate([np.ones(count), model.rest_spreads]),
+        rest_spreads=np.concatenate([deviations, model.rest_spreads]),
         balls=model.balls + count,
         link_dofs=np.where(model.link_dofs < 0, -1, model.link_dofs + count),
         shape_vertices=vertices,
         shape_points=np.concatenate([np.zeros((count, count, 3)), points], axis=1),
         shape_joint_points=joint_points,
+    )
+
+
+def with_fixed_shape(model: BodyModel, shape: Array) -> BodyModel:
+    """A body without shape coefficients, of the shape with these values (S,) of them."""
+    count = model.shape_count
+    return replace(
+        model,
+        dof_names=model.dof_names[count:],
+        kinds=model.kinds[count:],
+        parents=np.maximum(model.parents[count:] - count, -1),
+        axes=model.axes[count:],
+        points=(model.points + np.tensordot(shape, model.shape_points, axes=1))[count:],
+        limits=model.limits[count:],
+        rest_spreads=model.rest_spreads[count:],
+        balls=model.balls - count,
+        link_dofs=np.maximum(model.link_dofs - count, -1),
+        vertices=model.vertices + np.tensordot(shape, model.shape_vertices, axes=1),
+        joint_points=model.joint_points + np.tensordot(shape, model.shape_joint_points, axes=1),
+        shape_vertices=NO_DIRECTIONS,
+        shape_points=NO_DIRECTIONS,
+        shape_joint_points=NO_DIRECTIONS,
     )
 
 

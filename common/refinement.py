@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gepf.common.arrays import Array, Indices
 from gepf.common.settings import RefineSettings
 
-WEAK_TURN, WEAK_SLIDE = float(np.radians(30.0)), 0.05
+WEAK_TURN, WEAK_SLIDE, WEAK_SHAPE = float(np.radians(30.0)), 0.05, 1.0
 """Standard deviations, radians and metres, of the weak prior in every covariance of a pose."""
 
 

@@ -90,8 +90,7 @@ class FrameLoop(Closing):
                 self._tracker, last = self._make(), stream
             for tracked in self._tracker.follow(part, look_ahead=look_ahead, live=live):
                 self._frames += 1
-                starts = [each.state.start for each in tracked]
-                yield [named(t.estimate, s.model, s.held) for t, s in zip(tracked, starts, strict=True)]
+                yield [named(each.estimate, each.state.body, each.state.start.held) for each in tracked]
 
     def _frame_of(self, depth: DepthFrame | ArrayLike, time_s: float | None) -> DepthFrame:
         """The frame itself, or the next frame from an array (H, W)."""
@@ -112,8 +111,8 @@ class FrameLoop(Closing):
         """Write one person's estimates as the folder of a run."""
         state = self._tracker.states[place]
         start, up = state.start, floor_up(self._tracker.states[0].checkpoint.scenes)
-        track = assemble(start.model, list(estimates), held=start.held, up=up)
-        save_run(folder, track, TrackedBody(start.model, start.held), self._settings)
+        track = assemble(state.body, list(estimates), held=start.held, up=up)
+        save_run(folder, track, TrackedBody(state.body, start.held), self._settings)
         return folder
 
 
@@ -164,13 +163,13 @@ class Tracker(FrameLoop):
         In the first seconds a person's body is replaced a few times, by one of another size with the same
         names.
         """
-        return self._tracker.states[0].start.model
+        return self._tracker.states[0].body
 
     @property
     def size(self) -> tuple[float, float] | None:
         """Estimated stature of the person, metres, and girth; None before detection, and for other bodies."""
-        start = self._tracker.states[0].start
-        return (start.size.stature, start.size.girth) if np.isfinite(start.size.stature) else None
+        size = self._tracker.states[0].size
+        return (size.stature, size.girth) if np.isfinite(size.stature) else None
 
     def track(self, depth: DepthFrame | ArrayLike, time_s: float | None = None) -> Estimate:
         """Track the body in the next frame.

@@ -159,7 +159,7 @@ def run(job: Job, footage: Footage) -> Run:
     tracker = Tracker(DirectRefiner(), settings, bodies, start=start)
     found, seconds = follow(tracker, footage.frames(row.noise, job.seed, row.frames))
     estimates = [one.estimate for one in found]
-    return compare(found[-1].state.start.model, estimates, scene, 1e3 * float(seconds.mean()))
+    return compare(found[-1].state.body, estimates, scene, 1e3 * float(seconds.mean()))
 
 
 def compare(model: BodyModel, estimates: Sequence[Estimate], scene: Scene, ms: float) -> Run:

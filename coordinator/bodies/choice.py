@@ -40,7 +40,8 @@ def choose_bodies(active: tuple[str, ...] | None, preset: str, model: str = HUMA
     """
     usual = USUAL[preset]
     if model == HUMAN:
-        return Bodies(shape_space().person, usual, choose_active(active, usual, HUMAN_DOFS))
+        space = shape_space()
+        return Bodies(space.person, usual, choose_active(active, usual, HUMAN_DOFS), space=space)
     path = Path(model)
     if path.suffix == PERSON_SUFFIX:
         return person(read_person(path), active, preset)

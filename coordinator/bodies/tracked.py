@@ -13,7 +13,7 @@ from gepf.common.activation import activate
 from gepf.common.arrays import Array
 from gepf.common.body import BodyModel
 from gepf.coordinator.bodies.human.dofs import HUMAN_DOFS
-from gepf.coordinator.bodies.human.measures import REFERENCE_STATURE
+from gepf.coordinator.bodies.human.shape_space import REFERENCE_STATURE, ShapeSpace
 
 SIZES = 64  # bodies that are kept
 
@@ -83,6 +83,7 @@ class Bodies:
         dof_names: All degrees of freedom.
         people: Whether it is a person, who is detected in typical poses of people.
         content: Hash of a known body.
+        space: The shapes that a body of unknown size may have.
     """
 
     def __init__(
@@ -95,18 +96,26 @@ class Bodies:
         dof_names: tuple[str, ...] = HUMAN_DOFS,
         people: bool = True,
         content: str | None = None,
+        space: ShapeSpace | None = None,
     ) -> None:
         self.full = lru_cache(SIZES)(build)
         self.for_start = lru_cache(SIZES)(self._for_start)
         self.start_dofs, self.active, self.measures, self.dof_names = start_dofs, active, measures, dof_names
-        self.people, self.content = people, content
+        self.people, self.content, self.space = people, content, space
 
     def tracked(self, size: Size, values: Mapping[str, float]) -> tuple[BodyModel, Array]:
         """The tracked body, with other degrees of freedom held at `values`, and its pose (D,) there."""
         full = self.full(*size)
+        return activate_at(full, self.active, name_pose(full, values))
+
+    def flexible(self, size: Size, values: Mapping[str, float]) -> tuple[BodyModel, Array]:
+        """As `tracked`, with shape coefficients as further degrees of freedom if the size is not known."""
+        if self.space is None:
+            return self.tracked(size, values)
+        full = self.space.anybody
         held = name_pose(full, values)
-        model = activate(full, self.active, held)
-        return model, held[[full.dof(name) for name in model.dof_names]]
+        held[: full.shape_count] = self.space.coefficients(*size)
+        return activate_at(full, (*full.dof_names[: full.shape_count], *self.active), held)
 
     def _for_start(self, *size: float) -> BodyModel:
         """The body with the degrees of freedom for detection."""
@@ -120,6 +129,12 @@ class Bodies:
     def _usual(self) -> BodyModel:
         full = self.full(*(self.measures or USUAL_SIZE))
         return activate(full, self.start_dofs, np.zeros(len(full.dof_names)))
+
+
+def activate_at(full: BodyModel, active: tuple[str, ...], pose: Array) -> tuple[BodyModel, Array]:
+    """A body of which the active degrees of freedom move from a pose (D,) on, and its own pose there."""
+    model = activate(full, active, pose)
+    return model, pose[[full.dof(name) for name in model.dof_names]]
 
 
 def one_body(

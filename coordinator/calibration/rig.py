@@ -23,11 +23,10 @@ from gepf.common.kinematics import joint_positions
 from gepf.common.refinement import Particles
 from gepf.common.settings import Settings
 from gepf.coordinator.bodies.tracked import Bodies
-from gepf.coordinator.filters.pose_prior import rest_prior
+from gepf.coordinator.filters.pose_prior import pose_prior
 from gepf.coordinator.sources.source import Source
 from gepf.coordinator.tracking.candidate_refinement import ITERATIONS
 from gepf.coordinator.tracking.estimate import POSE_UNKNOWN
-from gepf.coordinator.tracking.person_size import GIRTH_STEPS
 from gepf.coordinator.tracking.refiner import Refiner, iterations
 from gepf.coordinator.tracking.reporting import Tracked
 from gepf.coordinator.tracking.sensor_noise import assume_noise
@@ -37,6 +36,7 @@ MISFIT_M = 0.09  # largest mean residual of joints of the same person
 LARGEST = np.repeat([np.radians(1.0), 0.02, 0.008], (3, 3, 1))  # deviations; with larger ones it is a guess
 STEP_S = 1.0 / 60.0  # between the offsets that are tried
 OUTLIER_M = 0.1  # scale of the robust kernel
+GIRTHS = np.array([0.85, 1.15])  # relative to the estimated one, of a thinner and a thicker body
 BLOCK_S = 0.5  # longer than pose errors are correlated
 POSITION_M, SIGHT_M = 0.0015, 0.004  # deviations of a body's place: in any direction, along a line of sight
 WHAT = ("rotation", "position", "clock")
@@ -136,7 +136,7 @@ def track_alone(source: Source, refiner: Refiner, settings: Settings, bodies: Bo
             if tracked.subject is not None and estimate.time_s >= next_s:
                 next_s = estimate.time_s + BLOCK_S
                 jacobian = measure_jacobian(tracked, tracked.subject, refiner, settings, bodies)
-        to_girth_1 = (1.0 - tracked.state.start.size.girth) * jacobian
+        to_girth_1 = (1.0 - tracked.state.size.girth) * jacobian
         joints = np.nan_to_num(estimate.joint_positions + to_girth_1)
         rows.append((estimate.time_s, joints, deviation**2, np.broadcast_to(jacobian, joints.shape)))
     return Motion(*map(np.array, zip(*rows, strict=True)))
@@ -148,10 +148,11 @@ def measure_jacobian(
     """Derivatives (J, 3) of the joints with respect to the girth, by fits of a thinner and a thicker body."""
     start, rules = tracked.state.start, assume_noise(settings.refine, tracked.state.start.noise)
     pose, settled = tracked.estimate.pose[None], iterations(rules, ITERATIONS)
-    girths = start.size.girth * GIRTH_STEPS[[0, -1]]
-    models = [bodies.tracked(start.size._replace(girth=girth), start.values)[0] for girth in girths.tolist()]
+    size = tracked.state.size
+    girths = size.girth * GIRTHS
+    models = [bodies.tracked(size._replace(girth=girth), start.values)[0] for girth in girths.tolist()]
     sent = [
-        refiner.submit(subject, m, Particles(pose, settled, spare=True, prior=rest_prior(m, settled)))
+        refiner.submit(subject, m, Particles(pose, settled, spare=True, prior=pose_prior(m, settled)))
         for m in models
     ]
     thin, thick = (joint_positions(m, p.result().poses)[0] for m, p in zip(models, sent, strict=True))
@@ -222,7 +223,7 @@ def fit_at(first: Motion, other: Motion, offset_s: float) -> CameraPose | None:
     )
     robust, girth = np.ones_like(weights), 0.0
     # of the girth, in units of the weights: errors of joints are correlated, so a block counts as one frame
-    prior = BLOCK_S * (len(first.time_s) - 1) / np.ptp(first.time_s) / (0.5 * np.ptp(GIRTH_STEPS)) ** 2
+    prior = BLOCK_S * (len(first.time_s) - 1) / np.ptp(first.time_s) / (0.5 * np.ptp(GIRTHS)) ** 2
     for _ in range(5):
         robust_weights = weights * robust
         transform = rigid_fit(there, here, robust_weights)

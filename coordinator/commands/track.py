@@ -168,7 +168,7 @@ def publish(tracked: Sequence[Tracked], outlets: Sequence[LiveResults]) -> None:
     for each, outlet in zip(tracked, outlets, strict=False):
         start = each.state.start
         if len(tracked) == 1 or start.found:
-            outlet.put(each.estimate, start.model, start.held)
+            outlet.put(each.estimate, each.state.body, start.held)
 
 
 @contextmanager

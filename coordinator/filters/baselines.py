@@ -65,7 +65,8 @@ class Condensation:
 
     def diffusion(self, model: BodyModel) -> Array:
         """Standard deviation (D,) of the motion model's noise in a frame, radians and metres."""
-        return np.where(model.kinds == ROTATION, np.deg2rad(self.diffusion_deg), self.diffusion_position)
+        turning, angle = model.kinds == ROTATION, np.deg2rad(self.diffusion_deg)
+        return np.where(model.moves, np.where(turning, angle, self.diffusion_position), 0.0)
 
 
 def weigh(model: BodyModel, proposal: Proposal[Belief], measured: Refined, log_weights: Array) -> Belief:

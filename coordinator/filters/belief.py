@@ -27,6 +27,8 @@ class Belief:
     reported: Array  # (D,)
     posterior: Array = field(default_factory=lambda: np.empty((0, 0)), kw_only=True)
     """Covariance (D, D) of the reported pose by its refinement, in relative motion; empty if unknown."""
+    shape_precision: Array = field(default_factory=lambda: np.empty((0, 0)), kw_only=True)
+    """Of the shape coefficients (S, S), by all frames so far."""
 
     @classmethod
     def at(cls, pose: Array, **others: Array) -> Self:

@@ -42,7 +42,7 @@ def begin(model: BodyModel, pose: Array, settings: FilterSettings) -> Hypotheses
     deviation = np.where(
         model.kinds == ROTATION, np.deg2rad(settings.merge_angle_deg), FIRST_POSITION_DEVIATION
     )
-    return Hypotheses.at(pose, covariances=np.diag(deviation**2)[None])
+    return Hypotheses.at(pose, covariances=np.diag(model.moves * deviation**2)[None])
 
 
 def propose(
@@ -94,7 +94,7 @@ def update(
         poses=poses,
         log_weights=log_likelihood,
         residual=after.residual[chosen],
-        velocities=difference(model, past.poses[parents], poses) / proposal.interval,
+        velocities=model.moves * difference(model, past.poses[parents], poses) / proposal.interval,
         reported=reported,
         covariances=covariances,
         posterior=posteriors[at] if len(posteriors) else np.empty((0, 0)),
@@ -206,7 +206,7 @@ def estimate_covariances(
         group: Index (N,) of the hypothesis into which each particle was merged.
         inherited: Covariances (M, D, D) of the ancestors of the representatives.
     """
-    steps = difference(model, merged[group], before)
+    steps = model.moves * difference(model, merged[group], before)
     covariances = inherited.copy()
     for m in range(len(merged)):
         spread = steps[group == m]

@@ -10,7 +10,7 @@ from gepf.common.arrays import Array, Indices, Mask
 from gepf.common.body import ROOT_DOFS, ROTATION, BodyModel
 from gepf.common.compiling import numba
 from gepf.common.kinematics import difference, retract, within_limits
-from gepf.common.refinement import WEAK_SLIDE, WEAK_TURN
+from gepf.common.refinement import WEAK_SHAPE, WEAK_SLIDE, WEAK_TURN
 from gepf.coordinator.filters.belief import USUAL_INTERVAL
 
 UNEXPECTED_TURN = float(np.radians(15.0))
@@ -55,7 +55,7 @@ def fuse_with_prediction(
     and motion: visible limbs follow the frame, occluded limbs follow the prediction. A refined pose has the
     covariance S = (L + W)^-1, with the precision L of the frame and W of the weak prior. With the precision P
     of motion, the step is (I + S (P - W))^-1 S P (predicted - refined), without L. The frame alone determines
-    the pose of the base.
+    the pose of the base; shape does not move.
 
     Args:
         model: The body.
@@ -75,8 +75,8 @@ def fuse_with_prediction(
 
 @lru_cache(maxsize=16)
 def precisions(model: BodyModel) -> tuple[Array, Array, Mask]:
-    """Inverse variances (D,) of the weak prior and of the motion in one second; which DOFs place the base."""
+    """Inverse variances (D,) of the weak prior and of the motion in one second; DOFs of base and shape."""
     turning = model.kinds == ROTATION
-    weak = np.where(turning, WEAK_TURN, WEAK_SLIDE) ** -2.0
+    weak = np.where(turning, WEAK_TURN, np.where(model.moves, WEAK_SLIDE, WEAK_SHAPE)) ** -2.0
     motion = np.where(turning, UNEXPECTED_TURN, WEAK_SLIDE) ** -2.0 * USUAL_INTERVAL
-    return weak, motion, np.isin(model.dof_names, ROOT_DOFS)
+    return weak, motion, np.isin(model.dof_names, ROOT_DOFS) | ~model.moves

@@ -1,18 +1,52 @@
-"""The Gaussian prior of the pose that a request for refinement brings along."""
+"""The Gaussian prior of the pose that a request for refinement brings along.
+
+Joints are near rest, the base is anywhere, and the shape is what earlier frames showed. Shape does not
+change, but errors of successive frames are not independent, as they follow from pose and clothes: all frames
+within ERROR_TIME_S together count as one. So the precision P of the earlier frames is divided by the share k of a
+frame. After a refinement in which the shape has the covariance S, the precision is k S^-1. This is the
+recursive estimate of a constant from frames with the share k of their information.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
-from gepf.common.body import ROOT_DOFS, BodyModel
+from gepf.common.arrays import Array
+from gepf.common.body import ROOT_DOFS, SHAPE, BodyModel
 from gepf.common.refinement import PosePrior
 from gepf.common.settings import RefineSettings
 
+ERROR_TIME_S = 1.0  # in which errors of the shape in successive frames are the same
 
-def rest_prior(model: BodyModel, settings: RefineSettings) -> PosePrior | None:
-    """Joints are near rest, the base is anywhere. None with soft correspondences: not measured with them."""
-    if settings.is_soft or settings.pose_deviation == 0.0:
+
+def pose_prior(
+    model: BodyModel, settings: RefineSettings, shapes: Array | None = None, precision: Array | None = None
+) -> PosePrior | None:
+    """The prior for poses with these shapes (N, S) or (S,), which have a precision (S, S).
+
+    Without a precision it is that of the population around each shape. None without any prior. With soft
+    correspondences there is none of joints: it was not measured with them.
+    """
+    count, dofs = model.shape_count, len(model.dof_names)
+    resting = not settings.is_soft and settings.pose_deviation > 0.0
+    if not (resting or count):
         return None
-    deviations = settings.pose_deviation * model.rest_spreads
-    precision = np.where(np.isin(model.dof_names, ROOT_DOFS), 0.0, deviations**-2.0)
-    return PosePrior(np.zeros(len(precision)), precision)
+    free = np.isin(model.dof_names, ROOT_DOFS) | (model.kinds == SHAPE) | (not resting)
+    diagonal = np.where(free, 0.0, (max(settings.pose_deviation, 1e-9) * model.rest_spreads) ** -2.0)
+    if not count:
+        return PosePrior(np.zeros(dofs), diagonal)
+    assert shapes is not None
+    mean, matrix = np.zeros((*shapes.shape[:-1], dofs)), np.diag(diagonal)
+    mean[..., :count] = shapes
+    matrix[:count, :count] = population_precision(model) if precision is None else precision
+    return PosePrior(mean, matrix)
+
+
+def population_precision(model: BodyModel) -> Array:
+    """Precision (S, S) of the shape around a detected one."""
+    return np.asarray(np.diag(model.rest_spreads[: model.shape_count] ** -2.0))
+
+
+def frame_share(interval: float) -> float:
+    """The share of its information by which a frame after so many seconds counts."""
+    return min(1.0, interval / ERROR_TIME_S)

@@ -52,9 +52,10 @@ class LiveBodies(msgspec.Struct, frozen=True):
 
 
 class LivePerson(msgspec.Struct, frozen=True):
-    """One person in a frame; `up` (3,) and `stature_deviation` (m) are those of the tracker after it."""
+    """One person in a frame; `up` (3,), `shape` (S,) and `stature_deviation` (m) are those after it."""
 
     estimate: dict[str, Any]
+    shape: list[float]
     stature_deviation: float
     up: list[float] | None
 

@@ -126,7 +126,7 @@ class LiveRecorder:
         if any(changed):
             records.append(LiveBodies(changed))
         people = [
-            LivePerson(as_values(each.estimate), each.state.stature_deviation, up)
+            LivePerson(as_values(each.estimate), each.state.shape.tolist(), each.state.stature_deviation, up)
             for each, up in zip(tracked, ups, strict=True)
         ]
         append_chunk(self._file, self.frames, [*records, LiveFrame(people, statistics, seconds)])
@@ -208,7 +208,13 @@ def finish_log(run: Path, facts: Mapping[str, object], rate: float = 0.0) -> dic
     if last is None:
         return {}
     people = [
-        Outcome(start, each.stature_deviation, None if each.up is None else np.array(each.up), tally)
+        Outcome(
+            start,
+            np.array(each.shape),
+            each.stature_deviation,
+            None if each.up is None else np.array(each.up),
+            tally,
+        )
         for start, each, tally in zip(starts, last.people, tallies, strict=True)
         if start is not None  # it is recorded with the first frame
     ]
@@ -281,7 +287,7 @@ class Unstored:
         for tally, each in zip(tallies, tracked, strict=True):
             tally.add(each.estimate)
         self._people = [
-            Outcome(each.state.start, each.state.stature_deviation, None, tally)
+            Outcome(each.state.start, each.state.shape, each.state.stature_deviation, None, tally)
             for each, tally in zip(tracked, tallies, strict=True)
         ]
         self.frames += 1

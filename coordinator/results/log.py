@@ -115,7 +115,8 @@ class RecordedPerson:
     def outcome(self) -> Outcome:
         """The person at the end of these frames."""
         up = floor_up(self.state.checkpoint.scenes)
-        return Outcome(self.state.start, self.state.stature_deviation, up, Tally.of(self.estimates))
+        state = self.state
+        return Outcome(state.start, state.shape, state.stature_deviation, up, Tally.of(self.estimates))
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -165,13 +165,13 @@ def write_run(
     said = configuration.get("scene", {}).get("up")
     found = {n: person for n, person in enumerate(people, start=1) if n == 1 or person.found}
     for number, person in found.items():
-        start, tally = person.start, person.tally
+        start, tally, body = person.start, person.tally, person.start.body_of(person.shape)
         up = person.up if said is None else np.array(said)
-        track = assemble(start.model, estimates(number - 1), held=start.held, up=up, tally=tally, new=new)
+        track = assemble(body, estimates(number - 1), held=start.held, up=up, tally=tally, new=new)
         own = {} if len(people) == 1 else {PERSON: number}
         summary = {**facts, **summarise(totals, person), **own}
         folder = folder_of(run, len(people), number)
-        write_files(folder, track, TrackedBody(start.model, start.held), summary)
+        write_files(folder, track, TrackedBody(body, start.held), summary)
         if person.found and configuration["model"]["name"] == HUMAN:
             names = ("stature", DEVIATION, "girth", "age")
             write_json(folder / PERSON_FILE, dict(zip(names, describe_size(person).values(), strict=True)))

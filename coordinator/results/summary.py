@@ -43,7 +43,7 @@ class RunTotals:
 def summarise(totals: RunTotals, person: Outcome) -> dict[str, object]:
     """Configuration, versions, body, workers, frames, and the total time of each stage in seconds."""
     configuration, start, statistics = totals.configuration, person.start, totals.statistics
-    settings, tally = configuration["settings"], person.tally
+    settings, tally, body = configuration["settings"], person.tally, start.body_of(person.shape)
     return {
         **configuration,
         "method": settings["method"],
@@ -51,9 +51,9 @@ def summarise(totals: RunTotals, person: Outcome) -> dict[str, object]:
         "seed": settings["seed"],
         "model": {
             **configuration["model"],
-            "hash": start.model.hash,
+            "hash": body.hash,
             **describe_size(person),
-            "active": start.model.dof_names,
+            "active": body.dof_names,
         },
         "noise_m": {"depth": start.noise.depth, "lateral": start.noise.lateral},
         "versions": versions(),
@@ -95,7 +95,7 @@ def describe_person(number: int, person: Outcome) -> dict[str, object]:
 
 def describe_size(person: Outcome) -> dict[str, float | None]:
     """Stature, its standard deviation, girth and age by proportions; None if nobody was detected."""
-    stature, girth, maturity = person.start.size
+    stature, girth, maturity = person.start.size_of(person.shape)
     size = (stature, person.stature_deviation, girth, shape_space().age(stature, maturity))
     names = ("stature_m", "stature_deviation_m", "girth", "age")
     return dict(zip(names, size if person.found else (None,) * len(names), strict=True))

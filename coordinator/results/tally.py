@@ -110,13 +110,14 @@ class Tally:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
-    """One person at the end of a run: the body, its stature's deviation in metres, and what was counted.
+    """One person at the end of a run: body, shape (S,), deviation of the stature, and what was counted.
 
     `up` (3,) is the direction away from the floor, frame of the camera or rig; None if no floor was seen.
     """
 
     start: Start
-    stature_deviation: float
+    shape: Array
+    stature_deviation: float  # metres
     up: Array | None
     tally: Tally
 

@@ -21,7 +21,7 @@ from gepf.common.refinement import Particles
 from gepf.common.settings import RefineSettings
 from gepf.coordinator.bodies.human.shape_space import shape_space
 from gepf.coordinator.bodies.tracked import Bodies, Size, coarsen
-from gepf.coordinator.filters.pose_prior import rest_prior
+from gepf.coordinator.filters.pose_prior import pose_prior
 from gepf.coordinator.tracking.field_of_view import TOP, cut_sides, in_view, out_of_reach
 from gepf.coordinator.tracking.gating import Gate, gate_pose
 from gepf.coordinator.tracking.observation import camera_points, thin
@@ -56,6 +56,13 @@ Search = Generator[Requests, None, T]
 
 Group = tuple[Array, Indices]
 """Poses (N, D) that are refined together, and the places (N,) of their bodies in a list."""
+
+
+class Shape(NamedTuple):
+    """The shape of a tracked body."""
+
+    coefficients: Array  # (S,)
+    precision: Array  # (S, S)
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,19 +164,27 @@ class CandidateStages:
         return girth, np.concatenate([best, poses])
 
     def as_tracked(
-        self, subject: SubjectFrame, start: Start, poses: Array, settings: RefineSettings
+        self,
+        subject: SubjectFrame,
+        start: Start,
+        poses: Array,
+        settings: RefineSettings,
+        known: Shape | None = None,
     ) -> Search[tuple[Candidates, Gate]]:
         """Convert poses (N, D) of the detected body to the tracked body and refine them; held values stay.
 
-        Also returns the gate of the best.
+        Its shape is that of the start, or the one that is known. Also returns the gate of the best.
         """
         searched, model = self._bodies.for_start(*start.size), start.model
         taken = np.tile(start.pose, (len(poses), 1))
+        if known is not None:
+            taken[:, : model.shape_count] = known.coefficients
         for j, name in enumerate(model.dof_names):
             if name in searched.dof_names:
                 taken[:, j] = poses[:, searched.dof(name)]
         last = iterations(settings, ITERATIONS // 2)
-        found = yield from self._refine(subject, [model], map(of_one, (taken[::2], taken[1::2])), last)
+        groups, precision = map(of_one, (taken[::2], taken[1::2])), None if known is None else known.precision
+        found = yield from self._refine(subject, [model], groups, last, precision)
         return found, gate_pose(found.log_likelihood[0], found.residual[0], settings)
 
     def _choose_size(
@@ -206,17 +221,20 @@ class CandidateStages:
         models: Sequence[BodyModel],
         groups: Iterable[Group],
         settings: RefineSettings,
+        precision: Array | None = None,
     ) -> Search[Candidates]:
         """Refine poses of these bodies, in requests of bounded duration.
 
-        Each group is sent as soon as it is known.
+        Each group is sent as soon as it is known. `precision` (S, S) is that of the shape, if it is known.
         """
         most, sent = max(1, REQUEST_ITERATIONS // (settings.icp_iterations + 1)), list[tuple[int, Pending]]()
         for poses, of in groups:
             for size in np.unique(of).tolist():
-                mine, prior = poses[of == size], rest_prior(models[size], settings)
+                mine, model = poses[of == size], models[size]
                 for first in range(0, len(mine), most):
-                    some = Particles(mine[first : first + most], settings, spare=True, prior=prior)
+                    part = mine[first : first + most]
+                    prior = pose_prior(model, settings, part[:, : model.shape_count], precision)
+                    some = Particles(part, settings, spare=True, prior=prior)
                     sent.append((size, self._refiner.submit(subject, models[size], some)))
         try:
             yield tuple(pending for _, pending in sent)

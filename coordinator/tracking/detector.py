@@ -23,10 +23,10 @@ from gepf.common.body import ROOT_DOFS, BodyModel
 from gepf.common.frame import SubjectFrame
 from gepf.common.refinement import Particles
 from gepf.common.settings import RefineSettings, Settings, preset
-from gepf.coordinator.bodies.human.measures import REFERENCE_STATURE
+from gepf.coordinator.bodies.human.shape_space import REFERENCE_STATURE
 from gepf.coordinator.bodies.tracked import Bodies, Size, pose_by_name
 from gepf.coordinator.filters.exploration import layout_of
-from gepf.coordinator.filters.pose_prior import rest_prior
+from gepf.coordinator.filters.pose_prior import pose_prior
 from gepf.coordinator.scene.planes import Planes
 from gepf.coordinator.tracking.candidate_refinement import (
     FEW_POINTS,
@@ -39,6 +39,7 @@ from gepf.coordinator.tracking.candidate_refinement import (
     Group,
     Query,
     Search,
+    Shape,
     of_one,
 )
 from gepf.coordinator.tracking.field_of_view import in_view
@@ -78,6 +79,7 @@ class Detector:
         )
         degrees = (0, 90, 180, 270) if settings.rotate_deg is None else (settings.rotate_deg,)
         self._rolls = tuple(float(np.radians(each)) for each in degrees)
+        self._flexible = settings.measure_person
         self._usual = bodies.measures or Size(REFERENCE_STATURE, USUAL_GIRTH)
 
     @cached_property
@@ -132,7 +134,8 @@ class Detector:
             matched = self._match(query, upright_rolls(planes, self._rolls), found[0])
             found = (yield from self._stages.shortlist(query, matched)).poses
         model = self._bodies.for_start(*size)
-        start = start_at(pose_by_name(model, found[0]), self._bodies, size, noise)
+        values = pose_by_name(model, found[0])
+        start = start_at(values, self._bodies, size, noise, flexible=self._flexible)
         candidates, gate = yield from self._stages.as_tracked(subject, start, found, settings)
         if self._bodies.people and candidates.is_visible:
             gate = gate.against(reject_points(subject, size.stature, whole=not query.cut.any()))
@@ -149,9 +152,16 @@ class Detector:
         return Detection(subject, start, candidates, gate)
 
     def redetect(
-        self, subject: SubjectFrame, start: Start, rules: RefineSettings, last: Array, *, lost: bool
+        self,
+        subject: SubjectFrame,
+        start: Start,
+        rules: RefineSettings,
+        last: Array,
+        precision: Array,
+        *,
+        lost: bool,
     ) -> Search[Detection]:
-        """Redetect a known body anywhere; `last` (D,) is its last pose.
+        """Redetect a known body anywhere; `last` (D,) is its last pose, `precision` (S, S) that of its shape.
 
         For a person who is not lost and has the same orientation as at the start, only that one is searched.
         """
@@ -163,7 +173,8 @@ class Detector:
         settings = msgspec.structs.replace(
             self._refine, noise_depth=rules.noise_depth, noise_lateral=rules.noise_lateral
         )
-        size = start.size
+        shape = Shape(last[: start.model.shape_count], precision)
+        size = start.size_of(shape.coefficients)
         values = {**start.values, **pose_by_name(start.model, last)}
         model = self._bodies.for_start(*size)
         known = np.array([values.get(name, 0.0) for name in model.dof_names])
@@ -179,7 +190,7 @@ class Detector:
             group = of_one(np.concatenate(mixed))
             proposed = yield from self._stages.on_few_points(query, [group], ROUGH)
         best = yield from self._stages.on_few_points(query, [proposed.group], FINE)
-        candidates, gate = yield from self._stages.as_tracked(subject, start, best.poses, rules)
+        candidates, gate = yield from self._stages.as_tracked(subject, start, best.poses, rules, shape)
         return Detection(subject, start, candidates, gate)
 
     def transfer(self, detection: Detection, now: SubjectFrame, rules: RefineSettings) -> Detection:
@@ -192,7 +203,8 @@ class Detector:
         model = detection.start.model
         best = detection.candidates.distinct(model.joint_names, 1)
         poses = move_with_points(model, best.poses, detection.subject, now)
-        particles = Particles(poses, iterations(rules, ITERATIONS), prior=rest_prior(model, rules))
+        prior = pose_prior(model, rules, poses[:, : model.shape_count])
+        particles = Particles(poses, iterations(rules, ITERATIONS), prior=prior)
         pending = self._refiner.submit(now, model, particles)
         candidates = ordered([candidates_of(model, pending.result(), 0)])
         if not candidates.is_visible:

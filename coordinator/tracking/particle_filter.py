@@ -19,7 +19,7 @@ from gepf.coordinator.filters.belief import Belief, Proposal
 from gepf.coordinator.filters.exploration import FEWEST
 from gepf.coordinator.filters.gradient_enhanced import Hypotheses
 from gepf.coordinator.filters.methods import METHODS, pace_iterations
-from gepf.coordinator.filters.pose_prior import rest_prior
+from gepf.coordinator.filters.pose_prior import frame_share, population_precision, pose_prior
 from gepf.coordinator.sources.joint_states import JointStates
 from gepf.coordinator.stopwatch import Stopwatch
 from gepf.coordinator.tracking.certainty.features import FrameContext
@@ -66,7 +66,8 @@ class ParticleFilter:
 
     def begin(self, model: BodyModel, pose: Array) -> Belief:
         """The belief at an initial pose (D,)."""
-        return self._method.begin(model, pose, self._settings.filter)
+        begun = self._method.begin(model, pose, self._settings.filter)
+        return replace(begun, shape_precision=population_precision(model))
 
     def believe(self, model: BodyModel, candidates: Candidates) -> Belief:
         """The belief in candidates: in all of them if the method has several hypotheses, else in the best."""
@@ -111,7 +112,8 @@ class ParticleFilter:
     ) -> Pending:
         """Send particles to the workers."""
         covariance, velocity = proposal.asks_covariance(rules), proposal.past.velocity
-        prior = rest_prior(model, rules)
+        past, share = proposal.past, frame_share(proposal.interval)
+        prior = pose_prior(model, rules, past.reported[: model.shape_count], past.shape_precision / share)
         particles = Particles(proposal.poses, rules, covariance, velocity=velocity, prior=prior)
         return self._refiner.submit(subject, model, particles)
 
@@ -125,6 +127,11 @@ class ParticleFilter:
                 refined = replace(refined, poses=natural_angles(model, refined.poses))
                 found = self._method.update(model, proposal, refined, self._settings.filter, self.rng)
             if not isinstance(found, Proposal):
+                precision, count = proposal.past.shape_precision, model.shape_count
+                if count and len(found.posterior):
+                    share = frame_share(proposal.interval)
+                    precision = share * np.linalg.inv(found.posterior[:count, :count])
+                found = replace(found, shape_precision=precision)
                 from_guess = submitted.context.first  # the change since a guess is not motion
                 return found.at_rest() if from_guess else found, len(proposal.poses)
             with clock.stage("refine"):

@@ -4,23 +4,22 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Self
 
 import numpy as np
 
 from gepf.common.arrays import Array
-from gepf.common.body import ROOT_DOFS, BodyModel, unknown_dof
+from gepf.common.body import ROOT_DOFS, BodyModel, unknown_dof, with_fixed_shape
 from gepf.common.bounds import LARGEST
 from gepf.common.errors import InputError
 from gepf.common.kinematics import joint_positions
+from gepf.coordinator.bodies.human.shape_space import shape_space
 from gepf.coordinator.bodies.tracked import USUAL_SIZE, Bodies, Size
 from gepf.coordinator.files import read_json
 from gepf.coordinator.scene.scene import SceneChanges
 from gepf.coordinator.tracking.cameras import Agreement, CameraStates
 from gepf.coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise
-from gepf.coordinator.tracking.stature import DEVIATION_SHARES, StatureEstimate
 from gepf.coordinator.tracking.track_management import GIVEN, TrackManagement
 
 
@@ -45,16 +44,18 @@ class Start:
         """Nonzero values of the degrees of freedom that are held."""
         return {name: v for name, v in self.values.items() if v and name not in self.model.dof_names}
 
+    def body_of(self, shape: Array) -> BodyModel:
+        """The body of the shape with these coefficients (S,), without degrees of freedom of shape."""
+        return with_fixed_shape(self.model, shape) if self.model.shape_count else self.model
+
+    def size_of(self, shape: Array) -> Size:
+        """The size of a person with these shape coefficients (S,); that of the start without any."""
+        return Size(*shape_space().measures_of(shape)) if len(shape) else self.size
+
     @property
     def is_free(self) -> bool:
         """Whether the body can move: its root is not held."""
         return set(ROOT_DOFS) <= set(self.model.dof_names)
-
-    def with_size(self, size: Size, bodies: Bodies) -> Self:
-        """The same start, of a body of this size."""
-        if size == self.size:
-            return self
-        return replace(self, model=bodies.tracked(size, self.values)[0], size=size)
 
     @property
     def roll(self) -> float:
@@ -63,11 +64,19 @@ class Start:
 
 
 def start_at(
-    values: Mapping[str, float], bodies: Bodies, size: Size | None = None, noise: SensorNoise = NO_NOISE
+    values: Mapping[str, float],
+    bodies: Bodies,
+    size: Size | None = None,
+    noise: SensorNoise = NO_NOISE,
+    *,
+    flexible: bool = False,
 ) -> Start:
-    """The start at a pose given by name, by default of the known or usual size."""
+    """The start at a pose given by name, by default of the known or usual size.
+
+    If it is `flexible`, a size that is not known can change.
+    """
     size = size or bodies.measures or USUAL_SIZE
-    model, pose = bodies.tracked(size, values)
+    model, pose = (bodies.flexible if flexible else bodies.tracked)(size, values)
     return Start(model, pose, size, dict(values), noise)
 
 
@@ -107,7 +116,6 @@ class Checkpoint:
     generator: str  # state of the random generator as JSON, which allows integers of any size
     scenes: SceneChanges  # changes by the frame; the whole scenes in a resumed run
     management: TrackManagement = field(default_factory=TrackManagement)
-    size: StatureEstimate | None = None  # of the person; None if it is not estimated
     cameras: CameraStates = field(default_factory=dict)
     doubted: tuple[str, ...] = ()  # cameras, when the next frame is segmented
     faulty: tuple[str, ...] = ()  # cameras at fault in the last frame that showed the body
@@ -122,10 +130,25 @@ class TrackerState:
     checkpoint: Checkpoint
 
     @property
+    def shape(self) -> Array:
+        """The shape coefficients (S,) of the body."""
+        return self.checkpoint.belief.get("reported", self.start.pose)[: self.start.model.shape_count]
+
+    @property
+    def body(self) -> BodyModel:
+        """The body in its present shape."""
+        return self.start.body_of(self.shape)
+
+    @property
+    def size(self) -> Size:
+        """The present size of a person; NaN of other bodies."""
+        return self.start.size_of(self.shape)
+
+    @property
     def stature_deviation(self) -> float:
-        """Standard deviation of the stature, metres, large until a frame shows it; 0 if not estimated."""
-        size = self.checkpoint.size
-        return DEVIATION_SHARES[bool(size.statures)] * self.start.size.stature if size else 0.0
+        """Standard deviation of the stature, metres; 0 if it is not estimated."""
+        precision = self.checkpoint.belief.get("shape_precision", np.empty((0, 0)))
+        return float(np.sqrt(np.linalg.inv(precision)[0, 0])) if precision.size else 0.0
 
 
 def first_state(bodies: Bodies, values: Mapping[str, float] | None, seed: int) -> TrackerState:

@@ -30,7 +30,6 @@ from gepf.coordinator.tracking.estimate import Status
 from gepf.coordinator.tracking.gating import LEAST_PIXELS, gate_pose
 from gepf.coordinator.tracking.observation import POINTS, camera_points
 from gepf.coordinator.tracking.particle_filter import Encoders, Pace, ParticleFilter, Submitted
-from gepf.coordinator.tracking.person_size import PersonSize
 from gepf.coordinator.tracking.pose_candidates import SURER_LOG_LIKELIHOOD, Detection
 from gepf.coordinator.tracking.refiner import Refiner
 from gepf.coordinator.tracking.reporting import Updated
@@ -78,7 +77,6 @@ class TargetTracker:
         self.management, self.doubted = past.management, past.doubted
         self._expected, self._time_s = past.expected, past.time_s
         self._agreement, self._faulty = past.agreement, past.faulty
-        self._size = PersonSize(bodies, refiner, past.size, measured=settings.measure_person)
         self._filter.rng.bit_generator.state = json.loads(past.generator)
         self._belief: Belief | None = None
         if past.belief:
@@ -100,7 +98,6 @@ class TargetTracker:
             generator=json.dumps(self._filter.rng.bit_generator.state),
             scenes=self.scenes,
             management=self.management,
-            size=self._size.estimate,
             cameras=self.cameras,
             doubted=self.doubted,
             faulty=self._faulty,
@@ -166,7 +163,6 @@ class TargetTracker:
     def end(self) -> None:
         """Give up what the workers do for later frames."""
         self.searching.end()
-        self._size.end()
 
     def submit(
         self,
@@ -185,8 +181,6 @@ class TargetTracker:
         first = self._belief is None or self.begun is not None
         expected = self._expected is not None or (first and self.searching.subject is not None)
         shows = subject is not None or (expected and any(view.depth.any() for view in frame.views))
-        rules = self._refine_settings
-        self.start = self._size.revise(self.start, self._belief, subject, rules, wait=pace is None)
         detection = None
         if subject is not None:
             detection, subject = self._detect(subject, planes, clock, live=pace is not None)
@@ -263,8 +257,9 @@ class TargetTracker:
         """Begin a search for the body in a frame, if one is due."""
         if self._belief is not None:
             if self.management.check_due and self._redetects:
-                lost, last = self.management.is_lost, self._belief.reported
-                search = self._detector.redetect(subject, self.start, self._refine_settings, last, lost=lost)
+                lost, last, rules = self.management.is_lost, self._belief.reported, self._refine_settings
+                precision = self._belief.shape_precision
+                search = self._detector.redetect(subject, self.start, rules, last, precision, lost=lost)
                 self.searching.begin(search, subject)
         elif len(subject.picked) < self.least_pixels:
             self.nothing_seen()
@@ -289,8 +284,6 @@ class TargetTracker:
         self.start, self.management = detection.start, TrackManagement(why=detection.gate.why)
         self._belief = self._filter.believe(self.model, detection.candidates)
         self.begun = Begun(searched, detection.subject)
-        rules = self._refine_settings
-        self.start = self._size.begin(self.start, self._belief, detection.subject, rules, wait=not live)
         self._time_s, self._expected = detection.subject.frame.time_s, self._belief.reported
 
     def _accept(self, belief: Belief, submitted: Submitted) -> None:
@@ -302,7 +295,9 @@ class TargetTracker:
             if detection.candidates.log_likelihood[0] > belief.log_weights[0] + SURER_LOG_LIKELIHOOD:
                 joints = joint_positions(self.model, belief.poses[:1])[0]
                 redetected = self.management.is_lost or detection.is_elsewhere(joints)
-                self._belief, gate = self._filter.believe(self.model, detection.candidates), detection.gate
+                redetected_as = self._filter.believe(self.model, detection.candidates)
+                self._belief = replace(redetected_as, shape_precision=belief.shape_precision)
+                gate = detection.gate
             joints = joint_positions(self.model, self._belief.poses[:1])[0]
             facing = detection.looks_alike(self.model.joint_names, joints, self._belief.log_weights[0])
             self.management = replace(self.management, ambiguous_facing=facing)
@@ -319,8 +314,6 @@ class TargetTracker:
         # the interval of the first frame includes the search, in which no cameras were compared
         interval = USUAL_INTERVAL if submitted.context.first else submitted.proposal.interval
         self._agreement = self._agreement.after(residuals, noise, interval)
-        if self._belief is belief:
-            self._size.measure(self.start, belief, self.management, subject)
 
     def _lose(self, *, shows: bool) -> Status:
         """The status of a frame in which nothing of the body is seen; the hypotheses stay where they are."""

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from gepf.common.body import with_fixed_shape
 from gepf.common.kinematics import joint_positions, pose_vertices
 from gepf.coordinator.bodies.choice import choose_bodies, load_body
 from gepf.coordinator.bodies.human.measures import Measures
@@ -115,13 +116,17 @@ def test_a_file_that_is_no_persons_is_refused_in_one_line(tmp_path: Path, conten
 
 
 @pytest.mark.parametrize(
-    "size", [(1.75, 1.0), (1.93, 1.2), (1.5, 0.9), (1.31, 1.1), (0.8, 1.0), (1.3, 1.0, 0.5)]
+    "size",
+    [Size(1.75, 1.0), Size(1.93, 1.2), Size(1.5, 0.9), Size(1.31, 1.1), Size(0.8, 1.0), Size(1.3, 1.0, 0.5)],
 )
-def test_shape_coefficients_make_everybody(size: tuple[float, ...]) -> None:
+def test_shape_coefficients_make_everybody(size: Size) -> None:
     """Surface and joints of a person of any size, in any pose, follow from the coefficients of that size."""
     space, rng = shape_space(), np.random.default_rng(0)
     person, anybody = space.person(*size), space.anybody
     pose = rng.normal(scale=0.3, size=len(person.dof_names))
     same = np.concatenate([space.coefficients(*size), pose])
+    fixed = with_fixed_shape(anybody, same[: anybody.shape_count])
     for place in (pose_vertices, joint_positions):
         np.testing.assert_allclose(place(anybody, same[None]), place(person, pose[None]), atol=1e-9)
+        np.testing.assert_allclose(place(fixed, pose[None]), place(person, pose[None]), atol=1e-9)
+    assert space.measures_of(space.coefficients(*size)) == pytest.approx(size, abs=1e-9)

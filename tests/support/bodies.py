@@ -105,6 +105,7 @@ def flexible_puppet(blended: bool = True) -> BodyModel:
     return with_shape(
         model,
         ("size", "reach", "width"),
+        np.array([0.1, 0.2, 0.15]),
         directions(model.vertices, arms[model.skin_links[:, 0]]),
         directions(model.points, carriers),
         directions(model.joint_points, arms[model.joint_links]),

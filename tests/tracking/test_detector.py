@@ -50,6 +50,7 @@ KNEELING = {
 MODEL = human(1.82)
 NAMES = MODEL.joint_names
 FRONT, BACK = 0.0, np.pi  # of the root's turn
+NO_SHAPE = np.empty((0, 0))
 
 
 class Plain(DirectRefiner):
@@ -138,7 +139,9 @@ def test_a_known_person_is_detected_elsewhere_in_slices_between_other_work() -> 
     truth = joint_positions(start.model, moved)
     refiner = DirectRefiner()
     detector = Detector(bodies, refiner, SETTINGS)
-    searches = [detector.redetect(before, start, SETTINGS.refine, start.pose, lost=True) for _ in range(2)]
+    searches = [
+        detector.redetect(before, start, SETTINGS.refine, start.pose, NO_SHAPE, lost=True) for _ in range(2)
+    ]
     for _ in range(3):
         next(searches[1])
         refiner.publish(now)
@@ -258,7 +261,7 @@ def test_a_search_in_which_no_candidate_is_visible_finds_nobody() -> None:
     detector = Detector(people(), Blind(), SETTINGS)
     first = complete(detector.detect(subject, NO_NOISE, Planes()))
     start = start_at(STANDING, people(), Size(1.82, 1.05))
-    later = complete(detector.redetect(subject, start, SETTINGS.refine, start.pose, lost=True))
+    later = complete(detector.redetect(subject, start, SETTINGS.refine, start.pose, NO_SHAPE, lost=True))
     for found in (first, later, detector.transfer(later, replace(subject), SETTINGS.refine)):
         assert not found.gate.passes
         assert found.gate.why == "the body does not fit the observed points"

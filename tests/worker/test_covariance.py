@@ -13,7 +13,7 @@ from gepf.common.arrays import Array
 from gepf.common.body import ROTATION, BodyModel
 from gepf.common.refinement import Particles, lower_triangular, triangle_size
 from gepf.common.settings import RefineSettings
-from gepf.coordinator.filters.pose_prior import rest_prior
+from gepf.coordinator.filters.pose_prior import pose_prior
 from gepf.worker.kernel.gauss_newton import fill_covariance_root, solve
 from gepf.worker.kernel.icp import refine
 from gepf.worker.kernel.observation import observe
@@ -118,7 +118,7 @@ def test_a_descent_that_came_to_rest_gives_that_of_its_pose(settings: RefineSett
     """The whole way through a request, for poses that stay where they are."""
     model, observation = puppet(), observe(subject())
     long, short = (msgspec.structs.replace(settings, icp_iterations=n) for n in (60, 1))
-    prior = rest_prior(model, settings)
+    prior = pose_prior(model, settings)
     settled = refine(model, observation, Particles(starts(3), long, prior=prior)).poses
     again = refine(model, observation, Particles(settled, short, covariance=True, prior=prior))
     assert again.covariance_roots is not None

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gepf.common.refinement import Particles
-from gepf.coordinator.filters.pose_prior import rest_prior
+from gepf.coordinator.filters.pose_prior import pose_prior
 from gepf.worker.kernel.icp import refine
 from gepf.worker.kernel.observation import observe
 from tests.support.kernel.equations import KernelAt
@@ -42,7 +42,7 @@ def test_the_descent_climbs_the_log_posterior_and_weights_are_its_values(
         kernel = KernelAt.make(of, pose)
         exact = slope(kernel.held(), pose)
         assert np.linalg.norm(-kernel.linearise()[1] - exact) < 1e-4 * np.linalg.norm(exact)
-    prior = rest_prior(of.model, of.settings)
+    prior = pose_prior(of.model, of.settings)
     refined = refine(of.model, observe(of.subject), Particles(poses, of.settings, prior=prior))
     for pose, weight in zip(refined.poses, refined.log_likelihood, strict=True):
         held = KernelAt.make(of, pose).held()

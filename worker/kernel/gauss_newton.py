@@ -12,13 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gepf.common.arrays import Array, Indices
+from gepf.common.body import SHAPE, TRANSLATION
 from gepf.common.compiling import numba
-from gepf.common.kinematics.chain import forward_kinematics
 from gepf.common.kinematics.manifold import apply_step, clamp_to_limits, step_between
-from gepf.common.refinement import WEAK_SLIDE, WEAK_TURN
+from gepf.common.refinement import WEAK_SHAPE, WEAK_SLIDE, WEAK_TURN
 from gepf.worker.kernel.normal_equations import fill_normal_equations, move_wrenches
 from gepf.worker.kernel.parameters import Solver
 from gepf.worker.kernel.surface import Skeleton
+from gepf.worker.kernel.visibility import move_links
 from gepf.worker.kernel.workspace import Equations, Problem, Workspace
 
 SINGULAR = 1e-13  # of the largest entry on the diagonal
@@ -32,16 +33,14 @@ def minimise(pose: Array, mean: Array, solver: Solver, problem: Problem, workspa
     The equations of the workspace hold the terms of points, linearised at this pose, of which .of_rig is.
     `mean` (D,) is that of the prior.
     """
-    skeleton, equations, transforms = problem.skeleton, workspace.equations, workspace.of_rig
+    skeleton, equations = problem.skeleton, workspace.equations
     before = pose.copy()
     for k in range(solver.iterations):
         if k > 0:
             move_wrenches(skeleton, step_between(skeleton.axes, skeleton.balls, before, pose), equations)
-            forward_kinematics(
-                skeleton.kinds, skeleton.parents, skeleton.axes, skeleton.points, pose, transforms
-            )
+            move_links(pose, skeleton, workspace)
         before[:] = pose
-        fill_normal_equations(pose, mean, transforms, problem, equations)
+        fill_normal_equations(pose, mean, problem, workspace)
         step = solve(pose, solver.damping, problem, equations)
         size = np.max(np.abs(step))
         if size > solver.longest:
@@ -158,7 +157,9 @@ def fill_covariance_root(problem: Problem, equations: Equations, triangle: NDArr
 @numba.njit(cache=True, nogil=True)
 def prior_deviation(kind: int) -> float:
     """Standard deviation of the weak prior: that of an undetermined degree of freedom."""
-    return WEAK_SLIDE if kind == 0 else WEAK_TURN
+    if kind == SHAPE:
+        return WEAK_SHAPE
+    return WEAK_SLIDE if kind == TRANSLATION else WEAK_TURN
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")

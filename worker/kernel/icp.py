@@ -82,13 +82,19 @@ def pack_batch(model: BodyModel, observation: Observation, particles: Particles)
 def pack_prior(skeleton: Skeleton, prior: PosePrior | None) -> tuple[Array, Indices]:
     """Precision (D, D) of a prior, (0, 0) without any, and the elimination tree (D,) of equations with it.
 
-    A diagonal precision leaves them branch-sparse. Any other may connect all degrees of freedom.
+    A precision that connects degrees of freedom with their ancestors leaves them branch-sparse. Any other may
+    connect all of them.
     """
     if prior is None:
         return np.empty((0, 0)), skeleton.parents.copy()
     if prior.precision.ndim == 1:
         return np.diag(prior.precision.astype(np.float64)), skeleton.parents.copy()
-    return np.array(prior.precision, np.float64, order="C"), np.arange(-1, len(skeleton.parents) - 1)
+    precision, parents = np.array(prior.precision, np.float64, order="C"), skeleton.parents.copy()
+    related = np.eye(len(parents), dtype=np.bool_)
+    for j, parent in enumerate(parents):
+        related[j] |= related[parent] & (parent >= 0)
+    sparse = not np.any(precision[~(related | related.T)])
+    return precision, parents if sparse else np.arange(-1, len(parents) - 1)
 
 
 def refine_some(batch: Batch, particles: Iterator[int]) -> None:

@@ -32,7 +32,7 @@ def sum_by_link(view: CameraView) -> None:
     in the rig's frame, C_s = sum X e^T + M_s T^T.
     """
     visible, workspace = view.visible, view.workspace
-    skeleton, surface = view.problem.skeleton, view.problem.surface
+    surface = view.problem.surface
     vertices, links, weights = surface.vertices, surface.skin_links, surface.skin_weights
     posed, targets, sums = workspace.posed, workspace.targets, workspace.sums
     sums[:] = 0.0
@@ -55,7 +55,7 @@ def sum_by_link(view: CameraView) -> None:
                     add_scaled(sums, first + 3, share, row)
     turn = workspace.T_camera_rig
     for link in range(len(sums)):
-        t = workspace.of_rig[skeleton.link_dofs[link]]
+        t = workspace.of_links[link]
         for a in range(4):
             ex, ey, ez = sums[link, a, 4], sums[link, a, 5], sums[link, a, 6]
             for b in range(3):
@@ -67,16 +67,17 @@ def sum_by_link(view: CameraView) -> None:
 
 @numba.njit(cache=True, nogil=True)
 def add_wrenches(t: Array, sums: Array, metric: Array, scratch: Array, out: Array) -> None:
-    """Add the matrix and the wrench of a link to out (6, 7), for its T_rig_rest t (3, 4) and sums (4, 8).
+    """Add the matrix and the wrench of a link, without shape, to out (6 + S, 7 + S).
 
-    scratch (3, 4, 8) holds intermediate results.
+    For the link's transform t (3, 4) of `Workspace.of_links`, and its sums (4, 8). scratch (3, 4, 8) holds
+    intermediate results.
     """
     moved, moments = scratch[0], scratch[1]
     move_sums(t, sums, scratch[2], moved)
     for a in range(3):
         for k in range(4):
             moments[a, k] = moved[k, a] - moved[k, 4 + a]
-    add_wrench(moments, metric, 6, out)
+    add_wrench(moments, metric, out.shape[1] - 1, out)
     for a in range(3):
         b, c = (a + 1) % 3, (a + 2) % 3
         for k in range(4):  # of e_a x x
@@ -90,14 +91,84 @@ def add_wrenches(t: Array, sums: Array, metric: Array, scratch: Array, out: Arra
 
 
 @numba.njit(cache=True, nogil=True)
+def add_shape(t: Array, sums: Array, metric: Array, fields: Array, scratch: Array, out: Array) -> None:
+    """Add what `add_wrenches` leaves out: the rows and columns of shape, for fields (S, 3, 4) in the rig.
+
+    A coefficient displaces a point X by f = F X. With f' of another one, its derivative is the sum of
+    w f . G (x - p~), its products are those of w f . G f', and its column is the wrench of the forces w G f.
+    """
+    residuals, moments, forces = scratch[0], scratch[1], scratch[2]
+    for s in range(len(fields)):
+        multiply(fields[s], sums, moments)  # of f X^T
+        fill_forces(metric, moments, forces)
+        for k in range(len(fields)):
+            out[6 + k, 6 + s] += total_product(fields[k], forces)
+        multiply_transposed(moments, t, residuals)  # of f [x; 1]^T
+        for a in range(6):
+            out[6 + s, a] -= out[a, 6 + s]
+        add_wrench(residuals, metric, 6 + s, out)
+        for a in range(6):
+            out[6 + s, a] += out[a, 6 + s]
+    if len(fields) > 0:
+        multiply(t, sums, residuals)
+        for a in range(3):
+            for b in range(4):
+                residuals[a, b] -= sums[b, 4 + a]  # of (x - p~) X^T
+        fill_forces(metric, residuals, forces)
+        for s in range(len(fields)):
+            out[6 + s, -1] += total_product(fields[s], forces)
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def multiply(t: Array, sums: Array, out: Array) -> None:
+    """Fill the first entries (3, 4) of out with the product of t (3, 4) and sums (4, 8)."""
+    for a in range(3):
+        for b in range(4):
+            out[a, b] = row_sum(t, sums, a, b)
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def multiply_transposed(moments: Array, t: Array, out: Array) -> None:
+    """Fill the first entries (3, 4) of out with the product of moments (3, 4) and [t; 0 0 0 1]^T."""
+    m = moments
+    for a in range(3):
+        for b in range(3):
+            out[a, b] = m[a, 0] * t[b, 0] + m[a, 1] * t[b, 1] + m[a, 2] * t[b, 2] + m[a, 3] * t[b, 3]
+        out[a, 3] = m[a, 3]
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def fill_forces(metric: Array, moments: Array, out: Array) -> None:
+    """Fill the first entries (3, 4) of out with the product of a metric (3, 3) and moments (3, 4)."""
+    for a in range(3):
+        for b in range(4):
+            out[a, b] = force(metric, moments, a, b)
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def row_sum(t: Array, sums: Array, a: int, b: int) -> float:
+    """Entry (a, b) of the product of t (3, 4) and sums (4, 8)."""
+    total: float = t[a, 0] * sums[0, b] + t[a, 1] * sums[1, b] + t[a, 2] * sums[2, b] + t[a, 3] * sums[3, b]
+    return total
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def total_product(one: Array, other: Array) -> float:
+    """The sum of the products of the first entries (3, 4) of both."""
+    total = 0.0
+    for a in range(3):
+        for b in range(4):
+            total += one[a, b] * other[a, b]
+    return total
+
+
+@numba.njit(cache=True, nogil=True)
 def move_sums(t: Array, sums: Array, half: Array, out: Array) -> None:
     """Fill out (4, 7) with T M T^T and T C, for t (3, 4) and sums (4, 8), by way of half (4, 8)."""
     half[3] = sums[3]  # the last row of T is [0, 0, 0, 1]
     for a in range(3):
         for b in range(7):
-            half[a, b] = (
-                t[a, 0] * sums[0, b] + t[a, 1] * sums[1, b] + t[a, 2] * sums[2, b] + t[a, 3] * sums[3, b]
-            )
+            half[a, b] = row_sum(t, sums, a, b)
     for a in range(4):
         for b in range(3):
             out[a, b] = (

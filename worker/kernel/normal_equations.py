@@ -10,6 +10,10 @@ moves all links after it with a twist t_j. It is (w_j, q_j x w_j) of a rotation 
     gram_jk = t_j . (sum of the matrices of the links that both move) t_k,
 
 as in the composite rigid body algorithm (Featherstone, Rigid Body Dynamics Algorithms, section 6.2).
+
+Shape coefficients (S) move the points of every link (`shape`). So a link's wrench has S more entries, the
+derivatives by the coefficients, its matrix as many more rows and columns, and the twist of a coefficient is a
+unit vector among them.
 """
 
 from __future__ import annotations
@@ -17,33 +21,32 @@ from __future__ import annotations
 import numpy as np
 
 from gepf.common.arrays import Array
-from gepf.common.body import TRANSLATION
+from gepf.common.body import SHAPE, TRANSLATION
 from gepf.common.compiling import numba
 from gepf.common.kinematics.chain import motion_axes
 from gepf.worker.kernel import terms
-from gepf.worker.kernel.link_sums import add_wrenches, metric_of
+from gepf.worker.kernel.link_sums import add_shape, add_wrenches, metric_of
+from gepf.worker.kernel.shape import fill_drifts, place_fields
 from gepf.worker.kernel.surface import Skeleton
-from gepf.worker.kernel.workspace import Equations, Problem
+from gepf.worker.kernel.workspace import Equations, Problem, Workspace
 
 
 @numba.njit(cache=True, nogil=True)
-def fill_normal_equations(
-    pose: Array, mean: Array, transforms: Array, problem: Problem, equations: Equations
-) -> None:
+def fill_normal_equations(pose: Array, mean: Array, problem: Problem, workspace: Workspace) -> None:
     """Fill the lower part of gram (D, D), and gradient (D,), with those of all terms at pose (D,).
 
-    transforms (D + 1, 3, 4) are T_rig_rest; equations.links and .sums hold the terms of points, mean (D,) is
-    that of the prior.
+    The workspace holds the links in this pose, and the terms of points in equations.links and .sums. mean
+    (D,) is that of the prior.
     """
-    skeleton = problem.skeleton
+    skeleton, equations = problem.skeleton, workspace.equations
     gram, gradient, parents = equations.gram, equations.gradient, skeleton.parents
-    fill_twists(skeleton, transforms, equations.twists)
-    subtrees, twists = sum_subtrees(transforms, problem, equations), equations.twists
+    fill_twists(skeleton, workspace)
+    subtrees, twists = sum_subtrees(problem, workspace), equations.twists
     gram[:, :], gradient[:] = 0.0, 0.0
-    force = np.empty(6)
+    force = np.empty(twists.shape[1])
     for k in range(len(gradient)):
-        for a in range(6):
-            gradient[k] += twists[k, a] * subtrees[k, a, 6]
+        for a in range(len(force)):
+            gradient[k] += twists[k, a] * subtrees[k, a, -1]
             force[a] = product(subtrees[k, a], twists[k])
         j = k
         while j >= 0:  # only ancestors share moved links
@@ -54,20 +57,26 @@ def fill_normal_equations(
 
 @numba.njit(cache=True, nogil=True, inline="always")
 def product(one: Array, other: Array) -> float:
-    """The scalar product of the first six entries of both."""
+    """The scalar product of a twist (6 + S,) and the first entries of another row."""
     turning: float = one[0] * other[0] + one[1] * other[1] + one[2] * other[2]
     moving: float = one[3] * other[3] + one[4] * other[4] + one[5] * other[5]
-    return turning + moving
+    total = turning + moving
+    for a in range(6, len(other)):
+        total += one[a] * other[a]
+    return total
 
 
 @numba.njit(cache=True, nogil=True)
-def fill_twists(skeleton: Skeleton, transforms: Array, twists: Array) -> None:
-    """Fill twists (D, 6) of all degrees of freedom: w, v; w is zero for a translation."""
+def fill_twists(skeleton: Skeleton, workspace: Workspace) -> None:
+    """Fill the twists (D, 6 + S) of all degrees of freedom: w, v, shape; w is zero for a translation."""
+    twists, transforms = workspace.equations.twists, workspace.of_rig
     w, q = np.empty((len(skeleton.parents), 3)), np.empty((len(skeleton.parents), 3))
-    motion_axes(skeleton.parents, skeleton.axes, skeleton.points, skeleton.balls, transforms, w, q)
+    motion_axes(skeleton.parents, skeleton.axes, workspace.points, skeleton.balls, transforms, w, q)
     for j in range(len(w)):
-        if skeleton.kinds[j] == TRANSLATION:
-            twists[j, :3], twists[j, 3:] = 0.0, w[j]
+        if skeleton.kinds[j] == SHAPE:
+            twists[j, 6 + j] = 1.0
+        elif skeleton.kinds[j] == TRANSLATION:
+            twists[j, :3], twists[j, 3:6] = 0.0, w[j]
         else:
             twists[j, :3] = w[j]
             twists[j, 3] = q[j, 1] * w[j, 2] - q[j, 2] * w[j, 1]
@@ -76,10 +85,14 @@ def fill_twists(skeleton: Skeleton, transforms: Array, twists: Array) -> None:
 
 
 @numba.njit(cache=True, nogil=True)
-def sum_subtrees(transforms: Array, problem: Problem, equations: Equations) -> Array:
-    """Matrices and wrenches (D, 6, 7), summed over the links that each degree of freedom moves."""
-    parents, link_dofs = problem.skeleton.parents, problem.skeleton.link_dofs
-    subtrees, scratch = np.zeros((len(parents), 6, 7)), np.empty((3, 4, 8))
+def sum_subtrees(problem: Problem, workspace: Workspace) -> Array:
+    """Matrices and wrenches (D, 6 + S, 7 + S), summed over the links that each degree of freedom moves."""
+    skeleton, equations, of_rig = problem.skeleton, workspace.equations, workspace.of_rig
+    parents, link_dofs, drifts = skeleton.parents, skeleton.link_dofs, equations.drifts
+    rows, columns = equations.links.shape[1:]
+    subtrees, scratch = np.zeros((len(parents), rows, columns)), np.empty((3, 4, 8))
+    fields = np.empty((rows - 6, 3, 4))
+    fill_drifts(skeleton.kinds, parents, skeleton.shape_points, of_rig, drifts)
     for s in range(len(link_dofs)):
         if link_dofs[s] >= 0:
             subtrees[link_dofs[s]] += equations.links[s]
@@ -88,7 +101,9 @@ def sum_subtrees(transforms: Array, problem: Problem, equations: Equations) -> A
         for s in range(len(link_dofs)):
             sums, j = equations.sums[v, s], link_dofs[s]
             if j >= 0 and sums[3, 3] > 0.0:
-                add_wrenches(transforms[j], sums, metric, scratch, subtrees[j])
+                add_wrenches(workspace.of_links[s], sums, metric, scratch, subtrees[j])
+                place_fields(of_rig[j], skeleton.shape_fields[s], drifts[j], fields)
+                add_shape(workspace.of_links[s], sums, metric, fields, scratch, subtrees[j])
     for j in range(len(parents) - 1, 0, -1):
         if parents[j] >= 0:
             subtrees[parents[j]] += subtrees[j]
@@ -98,7 +113,7 @@ def sum_subtrees(transforms: Array, problem: Problem, equations: Equations) -> A
 @numba.njit(cache=True, nogil=True)
 def move_wrenches(skeleton: Skeleton, step: Array, equations: Equations) -> None:
     """Change the wrenches of equations.links by a step (D,) of the pose, to first order."""
-    moved = np.zeros((len(skeleton.parents), 6))
+    moved = np.zeros_like(equations.twists)
     for j in range(len(moved)):
         if skeleton.parents[j] >= 0:
             moved[j] = moved[skeleton.parents[j]]
@@ -106,5 +121,5 @@ def move_wrenches(skeleton: Skeleton, step: Array, equations: Equations) -> None
     for s in range(len(skeleton.link_dofs)):
         j = skeleton.link_dofs[s]
         if j >= 0:
-            for a in range(6):
-                equations.links[s, a, 6] += product(equations.links[s, a], moved[j])
+            for a in range(moved.shape[1]):
+                equations.links[s, a, -1] += product(equations.links[s, a], moved[j])

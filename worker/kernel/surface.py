@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from gepf.common.arrays import Array, Indices, Mask
 from gepf.common.body import BodyModel, vertex_normals
 from gepf.worker.kernel.neighbourhoods import neighbourhoods
+from gepf.worker.kernel.shape import fit_fields
 
 LEAF = 8  # vertices that the closest-point search skips together
 
@@ -26,6 +27,8 @@ class Skeleton(NamedTuple):
     balls: Indices  # (B,)
     link_dofs: Indices  # (L,)
     single: Mask  # (D,) which of them are not part of a spherical joint
+    shape_points: Array  # (S, D, 3) change of the points per unit of each shape coefficient
+    shape_fields: Array  # (L, S, 3, 4), see `shape`
 
 
 class Surface(NamedTuple):
@@ -37,6 +40,7 @@ class Surface(NamedTuple):
     triangles: NDArray[np.uint32]  # (T, 3)
     skin_links: NDArray[np.uint32]  # (V, K)
     skin_weights: Array  # (V, K)
+    shape_vertices: Array  # (S, V, 3) change of the vertices per unit of each shape coefficient
 
 
 _packed: WeakKeyDictionary[BodyModel, tuple[Skeleton, Surface]] = WeakKeyDictionary()
@@ -64,6 +68,8 @@ def make_packed_model(model: BodyModel) -> tuple[Skeleton, Surface]:
         model.balls,
         model.link_dofs,
         model.single,
+        model.shape_points,
+        fit_fields(model),
     )
     surface = Surface(
         model.vertices[order],
@@ -72,6 +78,7 @@ def make_packed_model(model: BodyModel) -> tuple[Skeleton, Surface]:
         triangles[np.argsort(triangles[:, 0], kind="stable")].astype(np.uint32),
         np.ascontiguousarray(model.skin_links[order][:, used], np.uint32),
         np.ascontiguousarray(model.skin_weights[order][:, used]),
+        np.ascontiguousarray(model.shape_vertices[:, order]),
     )
     return skeleton, surface
 

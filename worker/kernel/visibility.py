@@ -17,6 +17,7 @@ from gepf.common.compiling import numba
 from gepf.common.kinematics.chain import blend_vertex, blend_vertices, forward_kinematics
 from gepf.common.kinematics.manifold import apply_step
 from gepf.worker.kernel.drawing import SIDE, draw_block
+from gepf.worker.kernel.shape import shape_links, shape_point, shape_points
 from gepf.worker.kernel.surface import Skeleton, Surface
 from gepf.worker.kernel.workspace import LARGEST_SIDE_PX, Workspace
 
@@ -38,17 +39,19 @@ class DepthImage(NamedTuple):
 @numba.njit(cache=True, nogil=True)
 def pose_body(pose: Array, skeleton: Skeleton, surface: Surface, workspace: Workspace) -> None:
     """Fill workspace.transforms, .of_rig and .posed with the body in pose (D,) (4a)."""
-    vertices, links, weights = surface.vertices, surface.skin_links, surface.skin_weights
-    blend_vertices(vertices, links, weights, pose_links(pose, skeleton, workspace), workspace.posed)
+    links, weights, rest = surface.skin_links, surface.skin_weights, workspace.rest
+    shape_points(surface.vertices, surface.shape_vertices, pose, rest)
+    blend_vertices(rest, links, weights, pose_links(pose, skeleton, workspace), workspace.posed)
 
 
 @numba.njit(cache=True, nogil=True)
 def pose_some(some: Numbers, pose: Array, skeleton: Skeleton, surface: Surface, workspace: Workspace) -> None:
     """As `pose_body`, but fill .posed for some vertices only."""
-    vertices, links, weights = surface.vertices, surface.skin_links, surface.skin_weights
+    links, weights, rest = surface.skin_links, surface.skin_weights, workspace.rest
     of_links, posed = pose_links(pose, skeleton, workspace), workspace.posed
     for m in range(len(some)):
-        blend_vertex(some[m], vertices, links, weights, of_links, posed)
+        shape_point(some[m], surface.vertices, surface.shape_vertices, pose, rest)
+        blend_vertex(some[m], rest, links, weights, of_links, posed)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -58,15 +61,25 @@ def pose_links(pose: Array, skeleton: Skeleton, workspace: Workspace) -> Array:
     Returns the transforms of the links (L, 3, 4) into the camera's frame, at its time.
     """
     of_rig, transforms, then = workspace.of_rig, workspace.transforms, pose.copy()
-    kinds, parents, axes, points = skeleton.kinds, skeleton.parents, skeleton.axes, skeleton.points
-    forward_kinematics(kinds, parents, axes, points, pose, of_rig)
+    move_links(pose, skeleton, workspace)
     if np.any(workspace.step != 0.0):
-        apply_step(axes, skeleton.balls, workspace.step, then)
-        forward_kinematics(kinds, parents, axes, points, then, transforms)
+        apply_step(skeleton.axes, skeleton.balls, workspace.step, then)
+        forward_kinematics(
+            skeleton.kinds, skeleton.parents, skeleton.axes, workspace.points, then, transforms
+        )
         change_frame(workspace.T_camera_rig, transforms, transforms)
     else:
         change_frame(workspace.T_camera_rig, of_rig, transforms)
     return transforms[skeleton.link_dofs]  # -1, of links that nothing moves, is the last
+
+
+@numba.njit(cache=True, nogil=True)
+def move_links(pose: Array, skeleton: Skeleton, workspace: Workspace) -> None:
+    """Fill workspace.points, .of_rig and .of_links with the body in pose (D,)."""
+    of_rig, points = workspace.of_rig, workspace.points
+    shape_points(skeleton.points, skeleton.shape_points, pose, points)
+    forward_kinematics(skeleton.kinds, skeleton.parents, skeleton.axes, points, pose, of_rig)
+    shape_links(pose, skeleton.link_dofs, skeleton.shape_fields, of_rig, workspace.of_links)
 
 
 @numba.njit(cache=True, nogil=True)

@@ -54,8 +54,9 @@ class Equations(NamedTuple):
 
     sums: Array  # (C, L, 4, 8) M, C and zeros of each link, side by side; see `link_sums`
     turns: Array  # (C, 3, 3) rotations of the rig into the cameras
-    links: Array  # (L, 6, 7) matrix and wrench of each link, side by side; see `normal_equations`
-    twists: Array  # (D, 6) about the rig's origin
+    links: Array  # (L, 6 + S, 7 + S) matrix and wrench of each link, side by side; see `normal_equations`
+    twists: Array  # (D, 6 + S) about the rig's origin
+    drifts: Array  # (D + 1, S, 3), see `shape`
     gram: Array  # (D, D)
     gradient: Array  # (D,)
     information: Array  # (D, D) gram of the last step, before damping and limits
@@ -66,6 +67,9 @@ class Workspace(NamedTuple):
 
     transforms: Array  # (D + 1, 3, 4) T_camera_rest, the last for links that nothing moves
     of_rig: Array  # (D + 1, 3, 4) T_rig_rest, alike, at the time of the frame
+    of_links: Array  # (L, 3, 4) of_rig of each link, after the change of its rest pose by shape
+    points: Array  # (D, 3) of the degrees of freedom at rest, in the shape of the pose
+    rest: Array  # (V, 3) vertices alike
     T_camera_rig: Array  # (3, 4)
     step: Array  # (D,) motion from the time of the frame to that of the camera
     posed: Array  # (V, 3) metres, camera frame
@@ -130,6 +134,9 @@ def workspace_of(workspaces: Workspaces, views: PackedViews, v: int) -> Workspac
     return Workspace(
         shared.transforms,
         shared.of_rig,
+        shared.of_links,
+        shared.points,
+        shared.rest,
         views.T_camera_rig[v],
         workspaces.steps[v],
         shared.posed,
@@ -162,10 +169,14 @@ def workspace_of(workspaces: Workspaces, views: PackedViews, v: int) -> Workspac
 def allocate(skeleton: Skeleton, surface: Surface, points: int, T_camera_rig: Array) -> Workspace:
     """Allocate a workspace for up to so many points of each camera; T_camera_rig (C, 3, 4)."""
     dofs, links, vertices = len(skeleton.parents), len(skeleton.link_dofs), len(surface.vertices)
+    shapes = len(surface.shape_vertices)
     sums = np.empty((len(T_camera_rig), links, 4, 8))
     return Workspace(
         transforms=np.tile(np.eye(4)[:3], (dofs + 1, 1, 1)),
         of_rig=np.tile(np.eye(4)[:3], (dofs + 1, 1, 1)),
+        of_links=np.zeros((links, 3, 4)),
+        points=skeleton.points.copy(),
+        rest=surface.vertices.copy(),
         T_camera_rig=np.ascontiguousarray(T_camera_rig[0]),
         step=np.zeros(dofs),
         posed=np.empty((vertices, 3)),
@@ -182,8 +193,9 @@ def allocate(skeleton: Skeleton, surface: Surface, points: int, T_camera_rig: Ar
         equations=Equations(
             sums=sums,
             turns=np.ascontiguousarray(T_camera_rig[:, :, :3]),
-            links=np.zeros((links, 6, 7)),
-            twists=np.empty((dofs, 6)),
+            links=np.zeros((links, 6 + shapes, 7 + shapes)),
+            twists=np.zeros((dofs, 6 + shapes)),
+            drifts=np.zeros((dofs + 1, shapes, 3)),
             gram=np.empty((dofs, dofs)),
             gradient=np.empty(dofs),
             information=np.empty((dofs, dofs)),

@@ -21,6 +21,10 @@ from gepf.coordinator.bodies.human.skeleton import build_skeleton
 FILE = Path(__file__).with_name("person.npz")
 """Its arrays: people (K, V, 3) and their joints (K, N, 3) at rest, of stature 1, and what changes them."""
 
+SHAPE_DEVIATIONS_M = (0.06, 0.03, 0.03, 0.15)
+"""Of the shape coefficients around those of the detected person: half the distance between the sizes that are
+tried, proportions of the same age, and a tenth of girth."""
+
 SHAPE_DOFS = ("shape_stature", "shape_infant", "shape_child", "shape_girth")
 """Shape coefficients in metres: stature less that of the usual adult; the parts of the stature that have the
 proportions of an infant and of a child, instead of an adult's; stature times the excess of girth over 1."""
@@ -132,6 +136,7 @@ class ShapeSpace:
         return with_shape(
             usual,
             SHAPE_DOFS,
+            np.array(SHAPE_DEVIATIONS_M),
             np.concatenate([people, self.girth[None]]),
             centres[:, self.centres],
             centres[:, self.named],
@@ -142,6 +147,14 @@ class ShapeSpace:
         younger = self._blend(self.age(stature_m, maturity))[:-1]
         values = [stature_m - REFERENCE_STATURE, *(stature_m * younger), stature_m * (girth - 1.0)]
         return np.array(values)
+
+    def measures_of(self, coefficients: Array) -> tuple[float, float, float]:
+        """Stature in metres, girth and maturity of the person with these coefficients (S,)."""
+        stature = float(coefficients[0]) + REFERENCE_STATURE
+        younger = np.clip(coefficients[1:-1] / stature, 0.0, 1.0)
+        place = (len(younger) - np.arange(len(younger))) @ younger  # steps of age below the adult
+        age = float(np.interp(len(younger) - place, np.arange(len(self.ages)), self.ages))
+        return stature, 1.0 + float(coefficients[-1]) / stature, self.maturity(stature, age)
 
     def _blend(self, age: float) -> Array:
         """Shares (K,) of the people in one of this age."""

@@ -11,8 +11,8 @@ from functools import lru_cache
 import numpy as np
 
 from gepf.common.body import BodyModel
-from gepf.coordinator.bodies.human.measures import REFERENCE_STATURE, Measures
-from gepf.coordinator.bodies.human.shape_space import shape_space
+from gepf.coordinator.bodies.human.measures import Measures
+from gepf.coordinator.bodies.human.shape_space import REFERENCE_STATURE, shape_space
 
 DEFAULT_ACTIVE: tuple[str, ...] = (
     "root_tx", "root_ty", "root_tz", "root_rx", "root_ry", "root_rz",

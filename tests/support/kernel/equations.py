@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from gepf.common.arrays import Array
 from gepf.common.kinematics import pose_vertices
 from gepf.common.refinement import Particles, PosePrior
-from gepf.coordinator.filters.pose_prior import rest_prior
+from gepf.coordinator.filters.pose_prior import pose_prior
 from gepf.worker.kernel import terms
 from gepf.worker.kernel.correspondence import find_correspondences
 from gepf.worker.kernel.icp import pack_batch
@@ -38,7 +38,7 @@ class KernelAt:
     @classmethod
     def make(cls, of: PosteriorCase, pose: Array, prior: PosePrior | None = None) -> Self:
         """Pose the body and find correspondences; the prior is that of the rest pose if no other is given."""
-        prior = prior or rest_prior(of.model, of.settings)
+        prior = prior or pose_prior(of.model, of.settings)
         batch = pack_batch(of.model, observe(of.subject), Particles(pose[None], of.settings, prior=prior))
         problem = batch.problem
         skeleton, surface, views = problem.skeleton, problem.surface, problem.views
@@ -77,7 +77,7 @@ class KernelAt:
         """Those of the linearised terms."""
         workspace, problem = self.view.workspace, self.view.problem
         equations = workspace.equations
-        fill_normal_equations(self.pose, self.mean, workspace.of_rig, problem, equations)
+        fill_normal_equations(self.pose, self.mean, problem, workspace)
         lower = np.tril(equations.gram)
         return lower + np.tril(lower, -1).T, equations.gradient.copy()
 

@@ -89,7 +89,7 @@ def add_from_camera(T_camera_rig: Array, links: Array, out: Array) -> None:
                 for c in range(6):
                     half[a, b] += twist[c, a] * links[link, c, b]
         for a in range(6):
-            out[link, a, 6] += half[a, 6]
+            out[link, a, -1] += half[a, 6]
             for b in range(6):
                 for c in range(6):
                     out[link, a, b] += half[a, c] * twist[c, b]
