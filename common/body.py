@@ -154,7 +154,7 @@ def with_shape(
         limits=np.concatenate([np.tile([-np.inf, np.inf], (count, 1)), model.limits]),
         rest_spreads=np.concatenate([deviations, model.rest_spreads]),
         balls=model.balls + count,
-        link_dofs=np.where(model.link_dofs < 0, -1, model.link_dofs + count),
+        link_dofs=model.link_dofs + count,
         shape_vertices=vertices,
         shape_points=np.concatenate([np.zeros((count, count, 3)), points], axis=1),
         shape_joint_points=joint_points,

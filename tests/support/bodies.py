@@ -91,14 +91,14 @@ def puppet(blended: bool = True) -> BodyModel:
 
 @cache
 def flexible_puppet(blended: bool = True) -> BodyModel:
-    """The puppet with three shape coefficients: its size, the length of its arms, and a bent girth."""
+    """The puppet with three shape coefficients: its size, the length of its arms, and its girth."""
     model = puppet(blended)
     arms = np.isin(model.link_names, ("l_upper", "l_fore", "r_upper", "r_fore"))
     shoulder = np.array([0.0, -0.3, 0.0])
 
     def directions(points: Array, of_arm: Mask) -> Array:
         longer = np.where(of_arm[:, None], (points - shoulder) * (0.0, 0.7, 0.0), 0.0)
-        wider = points * (0.5, 0.0, 0.3) * np.cos(3.0 * points[:, 1:2])
+        wider = points * (0.5, 0.0, 0.3)
         return np.array([points, longer, wider])
 
     carriers = np.array([name[2:5] in ("elb", "arm") for name in model.dof_names])
