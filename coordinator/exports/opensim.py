@@ -112,7 +112,8 @@ def write_trc(run: RecordedRun, file: BinaryIO) -> None:
         text.write("\t".join(cells) + "\n")
     places = run.track.joint_positions @ run.from_camera(CAMERA_TO_OPENSIM).T * 1000.0
     for f in range(frames):
-        markers = [] if run.track.unknown[f] else [f"{value:.4f}" for value in places[f].ravel()]
-        markers = markers or [""] * places[f].size
+        markers = [f"{value:.4f}" for value in places[f].ravel()]
+        if run.track.unknown[f]:
+            markers = [""] * (len(markers) + 1)  # OpenSim expects one more tab after an empty last column
         text.write("\t".join([str(f + 1), f"{run.track.time_s[f]:.6f}", *markers]) + "\n")
     text.detach()

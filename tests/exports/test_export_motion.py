@@ -92,6 +92,24 @@ def test_opensims_inverse_kinematics_takes_the_markers(tmp_path: Path) -> None:
     np.testing.assert_allclose(apart, truth, atol=1e-4)
 
 
+@pytest.mark.parametrize("lost", [(2,), (0, 3, 4), (9,), ()], ids=str)
+def test_opensim_reads_markers_with_lost_frames(tmp_path: Path, lost: tuple[int, ...]) -> None:
+    """Wherever frames are lost, every frame keeps its time; only the lost ones have no markers."""
+    opensim = pytest.importorskip("opensim", reason="OpenSim's package exists for Linux on x86-64 only")
+    opensim.Logger.removeFileSink()
+    track, file = write_and_export(tmp_path, "trc", person(), 10, lost)
+    table = opensim.TimeSeriesTableVec3(str(file))
+    assert list(table.getColumnLabels()) == list(track.joint_names)
+    np.testing.assert_allclose(table.getIndependentColumn(), track.time_s, atol=1e-6)
+    columns = [table.getDependentColumn(name) for name in track.joint_names]
+    found = np.array([[column[f].to_numpy() for column in columns] for f in range(10)])  # (F, J, 3)
+    kept = np.setdiff1d(np.arange(10), lost)
+    assert np.isnan(found[list(lost)]).all()
+    expected = track.joint_positions @ CAMERA_TO_OPENSIM.T * 1000.0
+    assert np.abs(found[kept] - expected[kept]).max() < 0.01
+    assert opensim.MarkerData(str(file)).getNumFrames() == 10
+
+
 def test_a_c3d_reader_finds_joints_and_angles(tmp_path: Path) -> None:
     """Joints in millimetres with their deviation as residual, angles beside them, gaps without values."""
     body = person()
