@@ -94,7 +94,7 @@ def track(
     show = on_stderr(quiet=options.quiet)
     show.say(f"tracking {', '.join(map(str, options.sequences))} into {options.out}; loading")
     with loading():
-        from gepf.coordinator.commands.track import run_track
+        from gepf.coordinator.commands.runs import run_track
         from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
     code = run_track(options, camera, security, show, context.obj or ZenohRefiner)
     raise typer.Exit(code)

@@ -206,10 +206,14 @@ class LiveInput(Input):
         rig = {c.camera: [c.key, c.T_rig_camera.tolist(), c.offset_s] for c in cameras if c.camera}
         self.configuration = self.configure({"sequence": str(job.sequence), **({"rig": rig} if rig else {})})
         self._attached = AttachedCamera(job.sequence, show.say) if vendor_of(job.sequence) else None
+        self._failure: Exception | None = None  # of the attached camera
         self._recorder = None if job.record is None else FrameRecorder(job.record, cameras, show.say)
 
     def streams(self, workers: ZenohRefiner, node: Node | None, _done: int) -> Streams:
-        """The newest frames until the publisher ends; each stream starts with its first frame with depth."""
+        """The newest frames until the publisher ends; each stream starts with its first frame with depth.
+
+        Raises the error of the attached camera after its last frame.
+        """
         self._show.say(f"listening on {self.keys}")
         with ExitStack() as stack:
             if self._attached is not None:
@@ -226,15 +230,26 @@ class LiveInput(Input):
                     workers.listen(camera.key, partial(self.live.receive, place=place))
             for _, frames in groupby(self.live, lambda _: self.live.stream):
                 yield map(self._take, from_first_seen(frames, self._show.say))
+        if self._failure is not None:
+            raise self._failure
 
     def _attach(self, camera: AttachedCamera, outlet: Publisher, stack: ExitStack) -> None:
-        """Receive the frames of a camera, and publish them for others, on a thread until the stack's end."""
+        """Receive the frames of a camera, and publish them for others, on a thread until the stack's end.
+
+        An error ends the stream, and is kept to be raised then.
+        """
 
         def put(payload: bytes) -> None:
             self.live.receive(payload)
             outlet.put(payload)
 
-        thread = threading.Thread(target=play, args=(camera, put, put), daemon=True)
+        def receive() -> None:
+            try:
+                play(camera, put, put)
+            except Exception as error:  # noqa: BLE001 the main thread raises it
+                self._failure = error
+
+        thread = threading.Thread(target=receive, daemon=True)
         thread.start()
         stack.callback(thread.join)
         stack.callback(camera.close)

@@ -1,23 +1,20 @@
-"""`gepf track`, recorded or live, one person or several: track and publish frames, record, draw."""
+"""A run of `gepf track`, recorded or live, one person or several: track and publish frames, record, draw."""
 
 from __future__ import annotations
 
 import gc
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 
 from gepf.common.errors import InputError, SilentWorkers
-from gepf.coordinator.commands.console import INTERRUPTS, NOT_TRACKED
+from gepf.coordinator.commands.console import INTERRUPTS
 from gepf.coordinator.commands.finished import draw_pictures
 from gepf.coordinator.commands.inputs import MEND_STREAM, LiveInput, RecordedInput
-from gepf.coordinator.commands.job import Job, choose_job, is_several
-from gepf.coordinator.commands.options import CameraOptions, SecurityOptions, TrackOptions
+from gepf.coordinator.commands.job import Job
 from gepf.coordinator.commands.progress import FrameRate, Show, counted
 from gepf.coordinator.commands.publish import reach_partner
-from gepf.coordinator.files import SUMMARY_FILE
 from gepf.coordinator.pool.zenoh_refiner import Connect, ZenohRefiner
 from gepf.coordinator.results.live_results import LiveResults, PackedOutlet
 from gepf.coordinator.results.log import RecordedPerson
@@ -31,28 +28,6 @@ from gepf.coordinator.tracking.cameras import describe_changes
 from gepf.coordinator.tracking.estimate import POSE_UNKNOWN, Fault
 from gepf.coordinator.tracking.reporting import Tracked
 from gepf.coordinator.tracking.tracker import Tracker
-
-
-def run_track(
-    options: TrackOptions, camera: CameraOptions, security: SecurityOptions, show: Show, connect: Connect
-) -> int:
-    """Track; returns the exit code. Raises InputError for invalid options, before anything is read.
-
-    Several recordings are tracked in parallel, each into its own folder.
-    """
-    job = choose_job(options, camera, security)
-    if is_several(options):
-        from gepf.coordinator.commands.many import choose_runs, track_many
-
-        jobs = choose_runs(job, options.sequences)
-        code = track_many(jobs, show)
-    else:
-        jobs, code = [job], 0 if track(job, show, connect) else NOT_TRACKED
-    if options.as_json:
-        files = [each.out / SUMMARY_FILE for each in jobs]
-        texts = ",\n".join(file.read_text(encoding="utf-8").strip() for file in files if file.exists())
-        sys.stdout.write(f"[{texts}]\n" if is_several(options) else f"{texts}\n")
-    return code
 
 
 def track(job: Job, show: Show, connect: Connect) -> bool:
@@ -102,9 +77,12 @@ def record(
         encrypted = {"encrypted": pool.security is not None}
         facts = {"complete": complete, "pool": asked | encrypted, **given.facts()}
         recorded = recorder.finish(facts, rate.per_second or 0.0)
-        if recorded and not complete and total is not None:
+        if recorded and not complete:
             kept = max(len(each.estimates) for each in recorded.values())  # as in the log
-            show.say(f"ended early with {kept} of {total} frames in {out}; --resume continues")
+            if total is None:
+                show.say(f"ended early with {counted(kept, 'frame')} in {out}")
+            else:
+                show.say(f"ended early with {kept} of {total} frames in {out}; --resume continues")
     return recorded, finished
 
 

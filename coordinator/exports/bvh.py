@@ -15,8 +15,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gepf.common.arrays import Array
+from gepf.coordinator.exports.axes import CAMERA_TO_Y_UP
 from gepf.coordinator.exports.bones import Bone, bones_of, children, motion_of, offset, slides
-from gepf.coordinator.exports.recorded import CAMERA_TO_Y_UP, RecordedRun
+from gepf.coordinator.exports.recorded import RecordedRun
 
 ORDER = "ZXY"
 TIP = "0.000000 5.000000 0.000000"  # centimetres from the last joint of a limb to the end of its bone

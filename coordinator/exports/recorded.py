@@ -19,12 +19,6 @@ from gepf.coordinator.results.track import (
 )
 from gepf.coordinator.sources.source import rate_of
 
-CAMERA_TO_Y_UP = np.diag([1.0, -1.0, -1.0])
-"""Half a turn about x: y up, and a person who faces the camera looks along +z, their left at +x."""
-
-CAMERA_TO_OPENSIM = np.array([[0.0, 0.0, -1.0], [0.0, -1.0, 0.0], [-1.0, 0.0, 0.0]])
-"""OpenSim's axes: x to the front of a person who faces the camera, y up, z to their right."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RecordedRun:

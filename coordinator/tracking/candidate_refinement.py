@@ -131,7 +131,7 @@ class CandidateStages:
         group = np.tile(pose, (len(tried), 1)), np.arange(len(tried))
         settings = iterations(query.settings, ITERATIONS)
         found = yield from self._refine(query.subject, models, [group], settings)
-        if not len(found.poses):
+        if not found.is_visible:
             return present, pose[None]
         measures = np.array(tried)[found.sizes]
         between = VERTEX_SHARE * measures[:, 0] / settings.likelihood_scale

@@ -132,7 +132,7 @@ class Detector:
         model = self._bodies.for_start(*size)
         start = start_at(pose_by_name(model, found[0]), self._bodies, size, noise)
         candidates, gate = yield from self._stages.as_tracked(subject, start, found, settings)
-        if self._bodies.people:
+        if self._bodies.people and candidates.is_visible:
             gate = gate.against(reject_points(subject, size.stature))
             some, between = observed_points(subject, FEW_POINTS), VERTEX_SHARE * size.stature
             gate = gate.against(reject_planes(some, candidates.residual[0], between))
@@ -190,7 +190,7 @@ class Detector:
         poses = move_with_points(model, best.poses, detection.subject, now)
         pending = self._refiner.submit(now, model, Particles(poses, iterations(rules, ITERATIONS)))
         candidates = ordered([candidates_of(model, pending.result(), 0)])
-        if not len(candidates.poses):  # none of them is visible
+        if not candidates.is_visible:
             return detection
         gate = gate_pose(candidates.log_likelihood[0], candidates.residual[0], rules)
         return Detection(now, replace(detection.start, pose=candidates.poses[0]), candidates, gate)

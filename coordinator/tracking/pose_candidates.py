@@ -23,13 +23,18 @@ ALIKE_LOG_LIKELIHOOD = 2.0  # least difference that distinguishes two poses
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidates:
-    """Refined candidates (N) with bodies of several sizes, the most likely first."""
+    """Refined candidates (N) with bodies of several sizes, the most likely first; at least one."""
 
     poses: Array  # (N, D)
     sizes: Indices  # (N,) indices into a list of sizes
     log_likelihood: Array  # (N,)
     residual: Array  # (N,) metres
     joints: Array  # (N, J, 3) camera frame, metres
+
+    @property
+    def is_visible(self) -> bool:
+        """Whether the frame shows any of them."""
+        return bool(np.isfinite(self.log_likelihood[0]))
 
     @property
     def group(self) -> tuple[Array, Indices]:
@@ -77,11 +82,12 @@ def candidates_of(model: BodyModel, refined: Refined, size: int) -> Candidates:
 
 
 def ordered(parts: Sequence[Candidates]) -> Candidates:
-    """All candidates with a finite likelihood, the most likely first."""
+    """All visible candidates, the most likely first; if none is, one of infinitely small likelihood."""
     columns = ([getattr(part, each.name) for part in parts] for each in fields(Candidates))
     whole = Candidates(*map(np.concatenate, columns))
     order = np.argsort(-whole.log_likelihood, kind="stable")
-    return whole.take(order[np.isfinite(whole.log_likelihood[order])])
+    visible = max(1, int(np.isfinite(whole.log_likelihood).sum()))
+    return whole.take(order[:visible])
 
 
 def faces_away(names: tuple[str, ...], joints: Array, body: Array) -> Mask:

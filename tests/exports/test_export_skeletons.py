@@ -10,7 +10,7 @@ import pytest
 import trc
 
 from gepf.common.body import BodyModel
-from gepf.coordinator.exports.recorded import CAMERA_TO_OPENSIM, CAMERA_TO_Y_UP
+from gepf.coordinator.exports.axes import CAMERA_TO_OPENSIM, CAMERA_TO_Y_UP
 from tests.support.bodies import hinges, person
 from tests.support.export_readers import bvh_joints, bvhio
 from tests.support.runs import RATE, write_and_export
