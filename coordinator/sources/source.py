@@ -159,6 +159,19 @@ def rate_of(seconds: Sequence[float] | Array) -> float:
     return float(1.0 / np.median(np.diff(seconds))) if len(seconds) > 1 else DEFAULT_FPS
 
 
+def rising(times: NDArray[np.floating]) -> Array:
+    """Times (F,) that rise strictly: frames with one time are spread evenly up to the next time.
+
+    A time before that of the previous frame counts as equal to it.
+    """
+    ascending = np.maximum.accumulate(times.astype(np.float64))
+    distinct, first = np.unique(ascending, return_index=True)
+    span = distinct[-1] - distinct[0]
+    per_frame = span / first[-1] if span > 0.0 else 1.0 / DEFAULT_FPS
+    end = distinct[-1] + per_frame * (len(times) - first[-1])
+    return np.interp(np.arange(len(times)), [*first, len(times)], [*distinct, end])
+
+
 def select_frames(numbers: Sequence[int], wanted: str | None) -> Sequence[int]:
     """The part `A:B` (half open, either end may be missing) of a sequence's frame numbers."""
     if wanted is None:
