@@ -20,6 +20,7 @@ from gepf.coordinator.results.live_results import LiveResults, PackedOutlet
 from gepf.coordinator.results.log import RecordedPerson
 from gepf.coordinator.results.recorder import Recorder, is_complete
 from gepf.coordinator.results.ros2_results import RosOutlet
+from gepf.coordinator.results.ros_humans import HumanBodies
 from gepf.coordinator.results.summary import PERSON, describe_failure, describe_status, folder_of
 from gepf.coordinator.sources.live_stream import is_topic, live_key
 from gepf.coordinator.sources.rig import live_cameras
@@ -101,7 +102,7 @@ def track_frames(
         connect(job.pool, show.say) as workers,
         show.steps("frame", keep=True) as advance,
     ):
-        outlets, streams = open_outlets(job, workers, node), given.streams(workers, node, before)
+        outlets, streams = open_outlets(given, workers, node), given.streams(workers, node, before)
         make = partial(
             Tracker,
             workers,
@@ -166,15 +167,19 @@ def open_node(job: Job, show: Show) -> Iterator[Node | None]:
         yield Node(bus, job.domain)
 
 
-def open_outlets(job: Job, workers: ZenohRefiner, node: Node | None) -> list[LiveResults]:
+def open_outlets(
+    given: RecordedInput | LiveInput, workers: ZenohRefiner, node: Node | None
+) -> list[LiveResults]:
     """The outlets that publish estimates, one per person; empty if not requested."""
+    job = given.job
     if job.results is None:
         return []
     names = [job.results]
     if job.people > 1:
         names = [f"{job.results}/{PERSON}{number}" for number in range(1, job.people + 1)]
     if node is not None and is_topic(job.results):
-        return [LiveResults(RosOutlet(node, name)) for name in names]
+        humans = HumanBodies(node) if given.bodies.people else None
+        return [LiveResults(RosOutlet(node, name, humans)) for name in names]
     return [
         LiveResults(PackedOutlet(workers.speak(name), as_json=job.results_json), run=workers.run)
         for name in names
