@@ -75,7 +75,7 @@ class Input:
         if job.settings.rotate_deg is not None:
             turn = np.radians(job.settings.rotate_deg)
             up = first.T_rig_camera[:3, :3] @ np.array([-np.sin(turn), -np.cos(turn), 0.0])
-        if source is not None and source.gravity is not None:
+        elif source is not None and source.gravity is not None:
             up = -source.gravity
         background = None if job.background is None else read_background(job.background, source)
         self.scope = replace(job.scope, background=background, up=up, camera=first.camera)

@@ -113,6 +113,16 @@ def test_a_camera_is_tracked_in_one_command(tmp_path: Path) -> None:
     assert all(np.array_equal(frame.depth, DEPTH[frame.number]) for frame in frames)
 
 
+def test_a_rotation_that_the_user_gives_is_stronger_than_the_accelerometer(tmp_path: Path) -> None:
+    """Live; a recording does the same (test_azure_kinect)."""
+    (tmp_path / "init.json").write_text('{"root_tz": 2.0, "r_elbow_flexion": 0.5}')
+    spec, options = film(tmp_path, acceleration=TILTED), ("--init", str(tmp_path / "init.json"))
+    assert Unheard().track(Path(spec), tmp_path / "run", *options, "--rotate", "90") in (0, 3)
+    up = read_track(tmp_path / "run").up
+    assert up is not None
+    np.testing.assert_allclose(up, [-1.0, 0.0, 0.0], atol=1e-9)
+
+
 def test_the_measured_gravity_gives_the_vertical() -> None:
     """Without a floor in the image, up is against it."""
     gravity = np.array([0.0, np.cos(0.2), -np.sin(0.2)])
