@@ -162,12 +162,14 @@ def rate_of(seconds: Sequence[float] | Array) -> float:
 def rising(times: NDArray[np.floating]) -> Array:
     """Times (F,) that rise strictly: frames with one time are spread evenly up to the next time.
 
-    A time before that of the previous frame counts as equal to it.
+    Where the clock was set back, one frame passes.
     """
-    ascending = np.maximum.accumulate(times.astype(np.float64))
-    distinct, first = np.unique(ascending, return_index=True)
-    span = distinct[-1] - distinct[0]
-    per_frame = span / first[-1] if span > 0.0 else 1.0 / DEFAULT_FPS
+    steps = np.diff(times.astype(np.float64))
+    forward = steps[steps > 0.0]
+    usual = float(np.median(forward)) if len(forward) else 1.0 / DEFAULT_FPS
+    set_back = np.concatenate([[0.0], np.cumsum(np.where(steps < 0.0, usual - steps, 0.0))])
+    distinct, first = np.unique(times + set_back, return_index=True)
+    per_frame = (distinct[-1] - distinct[0]) / first[-1] if first[-1] else usual
     end = distinct[-1] + per_frame * (len(times) - first[-1])
     return np.interp(np.arange(len(times)), [*first, len(times)], [*distinct, end])
 
