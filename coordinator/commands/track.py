@@ -8,6 +8,8 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 
+import numpy as np
+
 from gepf.common.errors import InputError, SilentWorkers
 from gepf.coordinator.commands.console import INTERRUPTS
 from gepf.coordinator.commands.finished import draw_pictures
@@ -17,7 +19,7 @@ from gepf.coordinator.commands.progress import FrameRate, Show, counted
 from gepf.coordinator.commands.publish import reach_partner
 from gepf.coordinator.pool.zenoh_refiner import Connect, ZenohRefiner
 from gepf.coordinator.results.live_results import LiveResults, PackedOutlet
-from gepf.coordinator.results.log import RecordedPerson
+from gepf.coordinator.results.log import RecordedPerson, floor_up
 from gepf.coordinator.results.recorder import Recorder, is_complete
 from gepf.coordinator.results.ros2_results import RosOutlet
 from gepf.coordinator.results.ros_humans import HumanBodies
@@ -53,7 +55,7 @@ def track(job: Job, show: Show, connect: Connect) -> bool:
     if isinstance(given, LiveInput) and not recorded:
         raise InputError(f"no depth came on {given.keys} before the stream's end; {MEND_STREAM}")
     draw(given, recorded, show)
-    return conclude(job, recorded, show)
+    return conclude(given, recorded, show)
 
 
 def record(
@@ -205,11 +207,12 @@ def draw(given: RecordedInput | LiveInput, recorded: Mapping[int, RecordedPerson
             )
 
 
-def conclude(job: Job, recorded: Mapping[int, RecordedPerson], show: Show) -> bool:
+def conclude(given: RecordedInput | LiveInput, recorded: Mapping[int, RecordedPerson], show: Show) -> bool:
     """Warn of people who were not tracked in most frames; returns whether all were tracked.
 
     The first of several people has a run even if no one was found.
     """
+    job = given.job
     several = job.people > 1
     there = sum(person.found for person in recorded.values())
     if several and there < job.people:
@@ -222,4 +225,17 @@ def conclude(job: Job, recorded: Mapping[int, RecordedPerson], show: Show) -> bo
             tracked = False
             why = describe_failure(each.estimates)
             show.say(f"person {number}: {why}" if several else why, "bold red")
+    advice = advise_rotation(recorded[1], is_tracked=tracked)
+    if advice and given.bodies.people and given.scope.up is None:
+        show.say(advice)
     return tracked
+
+
+def advise_rotation(person: RecordedPerson, *, is_tracked: bool) -> str:
+    """What the user should do if the orientation of the camera was guessed wrong; empty if it was usual."""
+    turn = round(np.degrees(person.state.start.roll))
+    if is_tracked and turn:
+        return f"the person is upright if images are turned by {turn} degrees clockwise; else give --rotate"
+    if not is_tracked and floor_up(person.state.checkpoint.scenes) is None:
+        return "no floor was found; if the camera is rotated, give --rotate 90, 180 or 270"
+    return ""
