@@ -171,7 +171,7 @@ def rising(times: NDArray[np.floating]) -> Array:
     distinct, first = np.unique(times + set_back, return_index=True)
     per_frame = (distinct[-1] - distinct[0]) / first[-1] if first[-1] else usual
     end = distinct[-1] + per_frame * (len(times) - first[-1])
-    return np.interp(np.arange(len(times)), [*first, len(times)], [*distinct, end])
+    return np.asarray(np.interp(np.arange(len(times)), [*first, len(times)], [*distinct, end]))
 
 
 def select_frames(numbers: Sequence[int], wanted: str | None) -> Sequence[int]:
