@@ -82,7 +82,7 @@ def poses_of(body: BodyModel) -> Array:
 
 
 def test_the_kinematic_model_with_our_joint_states_has_the_limbs_of_the_person(tmp_path: Path) -> None:
-    """Upper arms and thighs within 0.1 degrees; forearms and shanks, which it can only bend, within 12."""
+    """Upper arms, forearms, thighs and shanks have its directions within 0.1 degrees, in any pose."""
     body, urdf = person(), model_of_rep_155(tmp_path)
     for pose in poses_of(body):
         frames = body_frames(body, pose)
@@ -95,8 +95,7 @@ def test_the_kinematic_model_with_our_joint_states_has_the_limbs_of_the_person(t
         for short, side in (("l", "left"), ("r", "right")):
             found, true = turn.apply(directions(placed, short)), directions(places, side)
             off = np.degrees(np.arccos(np.clip(np.sum(found * true, axis=1), -1.0, 1.0)))
-            assert off[[0, 2]].max() < 0.1
-            assert off[[1, 3]].max() < 12.0
+            assert off.max() < 0.1
 
 
 def test_somebody_who_stands_has_the_signs_of_the_model() -> None:
