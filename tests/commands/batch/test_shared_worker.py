@@ -68,7 +68,7 @@ def signal_workers(
     def disturb(stop: threading.Event) -> None:
         seen = 0
         while len(signalled) < times and not stop.wait(0.02):
-            done = sum(map(int, (recorded(job.folder) for job in jobs)))
+            done = sum(recorded(job.folder) for job in jobs)
             worker = find_worker()
             if done > seen and worker is not None and worker not in signalled:
                 seen = done
