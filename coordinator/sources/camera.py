@@ -15,10 +15,12 @@ from numpy.typing import ArrayLike
 from gepf.common.bounds import LARGEST, SMALLEST
 from gepf.common.camera import Intrinsics
 from gepf.common.errors import InputError
-from gepf.coordinator.files import read_json
+from gepf.coordinator.files import CAMERA_FILE, read_json
 
 DEFAULT_FPS = 30.0
 MILLIMETRES = 1000.0  # per metre
+CAMERA_FILES = (CAMERA_FILE, "intrinsic.json")
+"""As Open3D's recorder for RealSense names it, and its readers of bags and Azure Kinect recordings."""
 
 NOMINAL = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
 """The camera of the first Kinect, if the camera is unknown."""
@@ -33,13 +35,34 @@ class CameraFile(msgspec.Struct):
     width: Side
     height: Side
     intrinsic_matrix: Annotated[list[float], Meta(min_length=9, max_length=9)]  # column by column
-    depth_scale: Positive
+    depth_scale: Positive = MILLIMETRES
     fps: Positive = DEFAULT_FPS
 
 
-def read_camera(path: Path) -> tuple[Intrinsics, float, float]:
-    """Read intrinsics, units of depth per metre and frames per second; InputError if damaged."""
+class PartialCameraFile(CameraFile):
+    """The same if the user gives the camera."""
+
+    width: Side | None = None  # type: ignore[assignment]
+    height: Side | None = None  # type: ignore[assignment]
+    intrinsic_matrix: object = None  # type: ignore[assignment]
+
+
+def find_camera_file(folder: Path) -> Path | None:
+    """The camera of a recorded folder, as Open3D's recorders name it; None if there is none."""
+    return next((file for name in CAMERA_FILES if (file := folder / name).exists()), None)
+
+
+def read_camera(folder: Path, given: GivenCamera) -> tuple[Intrinsics, float, float]:
+    """Read intrinsics, units of depth per metre and frames per second of a folder; InputError if damaged.
+
+    Intrinsics that the user gives are not needed. Without a size it is that of the nominal camera.
+    """
     missing = "add --intrinsics fx,fy,cx,cy (pixels), or write it (docs/formats.md)"
+    path = find_camera_file(folder) or folder / CAMERA_FILE
+    if given.intrinsics is not None:
+        part = read_json(path, PartialCameraFile, "correct that entry", missing)
+        size = part.width or NOMINAL.width, part.height or NOMINAL.height
+        return intrinsics_of(given.matrix(path), *size, str(path)), part.depth_scale, part.fps
     camera = read_json(path, CameraFile, "correct that entry", missing)
     matrix = np.reshape(camera.intrinsic_matrix, (3, 3)).T
     intrinsics = intrinsics_of(matrix, camera.width, camera.height, f"{path}, read column by column")

@@ -69,7 +69,7 @@ def read_joint_states(path: Path) -> JointStates:
 def read_csv(path: Path) -> tuple[tuple[str, ...], Array, Array]:
     """Read names, times and values of a CSV."""
     try:
-        with path.open(newline="", encoding="utf-8") as file:
+        with path.open(newline="", encoding="utf-8-sig") as file:
             heads, *rows = [row for row in csv.reader(file) if row]
         table = np.array([[float(cell) for cell in row] for row in rows]).reshape(len(rows), len(heads))
     except (OSError, ValueError) as error:

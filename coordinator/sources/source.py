@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +18,12 @@ from gepf.common.errors import InputError
 from gepf.common.frame import DepthFrame
 from gepf.coordinator.files import START_FILE, TRUTH_FILE
 from gepf.coordinator.sources.camera import DEFAULT_FPS
+from gepf.coordinator.sources.gaps import close_gaps, is_sparse
 
 UNITS_PER_METRE = 5000.0  # for metres: steps of 0.2 mm
 ROUNDING_S = 1e-4  # of times in files
+SATURATED = np.iinfo(np.uint16).max
+"""The largest value of a pixel stands for no depth: cameras write it where nothing was measured."""
 FARTHEST_M = np.iinfo(np.uint16).max / UNITS_PER_METRE
 
 
@@ -30,8 +35,8 @@ class Source:
         name: Name of the sequence, without folder and suffix.
         intrinsics: The camera of every frame.
         numbers: The frames' numbers, ascending; some may be missing in between.
-        read: Returns depth (H, W) of the n-th frame, counted from 0: uint16, or floats; 0 or NaN for no
-            depth. Raises InputError if the frame is damaged.
+        read: Returns depth (H, W) of the n-th frame, counted from 0: uint16, or floats; 0, NaN or the largest
+            uint16 for no depth. Raises InputError if the frame is damaged.
         depth_scale: Units of this depth per metre.
         fps: Frames per second.
         times: Times of the frames, seconds, ascending; None for number over `fps`.
@@ -114,18 +119,39 @@ class Source:
 
     def _image(self, place: int) -> DepthFrame:
         """The frame of this camera alone at a place in `numbers`."""
-        number, camera, scale = self.numbers[place], self.intrinsics, self.depth_scale
-        depth = self.read(place)
+        depth, scale = self._units(place)
+        if self.is_sparse:
+            depth = close_gaps(depth)
+        number = self.numbers[place]
+        time_s = (number / self.fps if self.times is None else self.times[place]) + self.offset_s
+        return DepthFrame(number, time_s, depth, scale, self.intrinsics, self.camera, self.T_rig_camera)
+
+    @cached_property
+    def is_sparse(self) -> bool:
+        """Whether depth consists of points with narrow gaps in between, which are closed in all frames."""
+        return is_sparse(depth for depth, _ in self._examined(3))
+
+    def examined(self) -> list[NDArray[np.float32]]:
+        """Depth (H, W) in metres of ten frames, evenly spaced, without those that are damaged."""
+        return [depth.astype(np.float32) / np.float32(scale) for depth, scale in self._examined(10)]
+
+    def _examined(self, count: int) -> Iterator[tuple[NDArray[np.uint16], float]]:
+        """Depth (H, W) and units per metre of frames that are evenly spaced, if they can be read."""
+        for place in np.unique(np.linspace(0, len(self) - 1, count).astype(int)).tolist():
+            with suppress(InputError):
+                yield self._units(place)
+
+    def _units(self, place: int) -> tuple[NDArray[np.uint16], float]:
+        """Depth (H, W) as it was recorded, 0 for none, and its units per metre."""
+        camera, depth, number = self.intrinsics, self.read(place), self.numbers[place]
         if depth.shape != (camera.height, camera.width):
             raise InputError(
                 f"{self.name}: frame {number} is {depth.shape[1]}x{depth.shape[0]}, but its camera "
                 f"{camera.width}x{camera.height}; give frames of one size and their camera"
             )
         if depth.dtype.kind == "f":
-            depth, scale = to_units(depth.astype(np.float64) / scale), UNITS_PER_METRE
-        time_s = number / self.fps if self.times is None else self.times[place]
-        units, time_s = depth.astype(np.uint16, copy=False), time_s + self.offset_s
-        return DepthFrame(number, time_s, units, scale, camera, self.camera, self.T_rig_camera)
+            return to_units(depth.astype(np.float64) / self.depth_scale), UNITS_PER_METRE
+        return measured(depth.astype(np.uint16, copy=False)), self.depth_scale
 
     def __len__(self) -> int:
         return len(self.numbers)
@@ -135,6 +161,11 @@ class Source:
 
     def _beside(self, name: str) -> Path | None:
         return self.folder / name if self.folder and (self.folder / name).is_file() else None
+
+
+def measured(depth: NDArray[np.uint16]) -> NDArray[np.uint16]:
+    """Depth with 0 also where the largest value stands for none."""
+    return np.where(depth == SATURATED, 0, depth).astype(np.uint16) if (depth == SATURATED).any() else depth
 
 
 def to_units(metres: Array, per_metre: float = UNITS_PER_METRE) -> NDArray[np.uint16]:
