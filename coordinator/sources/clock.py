@@ -112,13 +112,10 @@ def readings(texts: Sequence[str], columns: Sequence[tuple[str, ...]]) -> Iterat
     found = [date.groups() for date in dates if date is not None]
     if len(found) == len(texts):
         parts = fractions([date[6] or "0" for date in found])
-        try:
-            yield (
-                [Decimal(since_1970(date[:6])) + part for date, part in zip(found, parts, strict=True)],
-                "dates",
-            )
-        except ValueError:  # no date
-            pass
+        seconds = [since_1970(date[:6]) for date in found]
+        if all(second is not None for second in seconds):
+            pairs = zip(seconds, parts, strict=True)
+            yield [Decimal(second or 0) + part for second, part in pairs], "dates"
     for whole, part in pairwise(columns):
         width, index = max(map(len, part)), median_step([*map(Decimal, whole)]) >= 1.0
         clock = width <= 9 and (float(whole[0]) >= EPOCH_S or (width >= 6 and not index))
@@ -127,14 +124,17 @@ def readings(texts: Sequence[str], columns: Sequence[tuple[str, ...]]) -> Iterat
             yield [Decimal(second) + share for second, share in pairs], "seconds and their fraction"
 
 
-def since_1970(date: Sequence[str]) -> int:
-    """Seconds of a date; ValueError if there is none."""
-    year, month, day, hour, minute, second = map(int, date)
-    return int(datetime(year, month, day, hour, minute, second, tzinfo=UTC).timestamp())
+def since_1970(date: Sequence[str]) -> int | None:
+    """Seconds of a date; None if there is no such date."""
+    try:
+        year, month, day, hour, minute, second = map(int, date)
+        return int(datetime(year, month, day, hour, minute, second, tzinfo=UTC).timestamp())
+    except ValueError:
+        return None
 
 
 def fractions(digits: Sequence[str]) -> list[Decimal]:
-    """Fractions of a second: as decimals if there are zeros in front, else as milli-, micro- or nanoseconds."""
+    """Fractions of a second: decimals if they begin with zeros, else milli-, micro- or nanoseconds."""
     width = max(map(len, digits))
     padded = len(set(map(len, digits))) == 1 and any(each.startswith("0") for each in digits)
     places = width if padded else 3 * -(-width // 3)

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 SPARSE = 0.25
 """Closed gaps for each measured pixel above which depth is sparse. Gaps of cameras are few, or large."""
+MIN_MEASURED = 100
+"""Pixels without which depth is not called sparse."""
 NOWHERE = np.iinfo(np.uint16).max
 
 
@@ -40,4 +42,4 @@ def is_sparse(images: Iterable[NDArray[np.uint16]]) -> bool:
     for depth in images:
         before = int(np.count_nonzero(depth))
         measured, closed = measured + before, closed + int(np.count_nonzero(close_gaps(depth))) - before
-    return closed > SPARSE * measured
+    return measured >= MIN_MEASURED and closed > SPARSE * measured

@@ -37,7 +37,7 @@ FORMATS = {
     "tum": "TUM RGB-D folder (depth.txt)",
     "ply": "point clouds (.ply or .pcd)",
     "pcd": "point clouds (.ply or .pcd)",
-    "walk.bag": "ROS 1 or RealSense .bag, folder of a ROS 2 bag",
+    "walk.bag": "ROS 1 or RealSense .bag, ROS 2 .mcap, .db3 or folder",
     "walk.npz": "numpy .npz (depth, intrinsics)",
     "metres.npz": "numpy .npz (depth, intrinsics)",
     "walk.mat": "UTD-MHAD .mat",
