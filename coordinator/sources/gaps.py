@@ -15,25 +15,25 @@ SPARSE = 0.25
 """Closed gaps for each measured pixel above which depth is sparse. Gaps of cameras are few, or large."""
 MIN_MEASURED = 100
 """Pixels without which depth is not called sparse."""
-NOWHERE = np.iinfo(np.uint16).max
+NOWHERE = np.uint16(np.iinfo(np.uint16).max)
 
 
 def close_gaps(depth: NDArray[np.uint16]) -> NDArray[np.uint16]:
     """Depth (H, W), 0 for none, with gaps of up to two pixels filled; measured depth is not changed."""
-    nearness = np.where(depth > 0, NOWHERE - depth, 0).astype(np.uint16)
+    nearness = (NOWHERE - depth) * (depth > 0)
     closed = over_neighbours(np.minimum, over_neighbours(np.maximum, nearness))
-    return np.where((depth == 0) & (closed > 0), NOWHERE - closed, depth).astype(np.uint16)
+    return np.where((depth == 0) & (closed > 0), NOWHERE - closed, depth)
 
 
 def over_neighbours(combine: np.ufunc, values: NDArray[np.uint16]) -> NDArray[np.uint16]:
     """The maximum or minimum (H, W) of each pixel and its eight neighbours."""
-    for axis in (0, 1):
-        lines = np.moveaxis(values, axis, 0)
-        found = lines.copy()
-        found[1:] = combine(found[1:], lines[:-1])
-        found[:-1] = combine(found[:-1], lines[1:])
-        values = np.moveaxis(found, 0, axis)
-    return values
+    found = values.copy()
+    for here, there in ((np.s_[1:], np.s_[:-1]), (np.s_[:-1], np.s_[1:])):
+        combine(found[here], values[there], out=found[here])
+    rows, found = found, found.copy()
+    for here, there in ((np.s_[:, 1:], np.s_[:, :-1]), (np.s_[:, :-1], np.s_[:, 1:])):
+        combine(found[here], rows[there], out=found[here])
+    return found
 
 
 def is_sparse(images: Iterable[NDArray[np.uint16]]) -> bool:

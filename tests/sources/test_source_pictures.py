@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import tracemalloc
 from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
@@ -203,6 +204,19 @@ def test_an_array_file_is_metres_whatever_it_holds(
     assert np.allclose(source.frame(1).metres(), depth(2)[1] / 1000.0, atol=1e-3)
     assert source.intrinsics.fy == 51.0
     assert ("is interpreted as millimetres" in caplog.text) == (units == "millimetres as floats")
+
+
+def test_an_array_file_is_read_frame_by_frame(tmp_path: Path) -> None:
+    """Reading all of it needs a small part of its size, as recordings are larger than memory."""
+    shape, path = (300, 120, 160), tmp_path / "depth.npy"
+    file = np.lib.format.open_memmap(path, mode="w+", dtype=np.float32, shape=shape)  # type: ignore[no-untyped-call]
+    file[:] = 2.0
+    del file
+    tracemalloc.start()
+    assert all(frame.metres().min() == 2.0 for frame in open_source(path, LENS))
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 0.2 * path.stat().st_size
 
 
 def write_ros2(path: Path, encoding: str = "16UC1", kind: str = "sensor_msgs/msg/Image") -> Path:
