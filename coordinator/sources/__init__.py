@@ -70,7 +70,10 @@ def open_source(path: Path | str, given: GivenCamera = AS_RECORDED) -> Source:
     description is damaged.
     """
     path = Path(path)
-    return find_format(path).open(path, given)
+    source = find_format(path).open(path, given)
+    if given.mirrored is None:
+        return source
+    return source.mirrored_back() if given.mirrored else source.changed(mirrored=False)
 
 
 def find_format(path: Path) -> Format:

@@ -53,7 +53,8 @@ def read_ros_bag(path: Path, given: GivenCamera) -> Source:
 
     times = ((clock.times_ns - clock.times_ns[0]) / SECOND_NS).tolist()
     scale = given.depth_scale or (1.0 if floats else units_of(bag, topic))
-    return Source(path.stem, lens.camera, range(len(times)), read, scale, rate_of(times), times)
+    fps = rate_of(times)
+    return Source(path.stem, lens.camera, range(len(times)), read, scale, fps, times, mirrored=False)
 
 
 def depth_topic(bag: Bag) -> str:

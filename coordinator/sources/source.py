@@ -9,6 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -46,6 +47,7 @@ class Source:
         T_rig_camera: (4, 4), metres.
         offset_s: Added to the camera's time it gives the rig's.
         others: The other cameras of the rig. There is a frame for each frame of this one.
+        mirrored: Whether the recorder mirrored the images, so that they were mirrored back; None if unknown.
     """
 
     name: str
@@ -61,6 +63,7 @@ class Source:
     T_rig_camera: Array = field(default_factory=NOT_MOVED.copy)
     offset_s: float = 0.0
     others: tuple[Source, ...] = ()
+    mirrored: bool | None = None
 
     @property
     def views(self) -> tuple[Source, ...]:
@@ -97,6 +100,16 @@ class Source:
         """The same sequence with other values of some fields."""
         known = {each.name: getattr(self, each.name) for each in fields(self)}
         return Source(**(known | changes))
+
+    def mirrored_back(self) -> Source:
+        """The same sequence with left and right exchanged."""
+        camera, read = self.intrinsics, self.read
+        return self.changed(
+            read=lambda place: read(place)[:, ::-1],
+            intrinsics=msgspec.structs.replace(camera, cx=camera.width - 1 - camera.cx),
+            gravity=None if self.gravity is None else self.gravity * [-1.0, 1.0, 1.0],
+            mirrored=True,
+        )
 
     def nearest(self, time_s: float, within_s: float) -> int | None:
         """The place of the frame nearest to a time of the rig, or the later of two; None if it is far off."""

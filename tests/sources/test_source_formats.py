@@ -289,8 +289,8 @@ def test_info_says_what_a_sequence_is(tmp_path: Path, capsys: pytest.CaptureFixt
 @pytest.mark.parametrize(
     ("given", "says"),
     [
-        (["--depth-scale", "50"], "all depth lies between 40 and 40 m; is the unit right? --depth-scale"),
-        (["--depth-scale", "10000"], "all depth lies between 0.2 and 0.2 m; is the unit right?"),
+        (["--depth-scale", "50"], "between 40 and 40 m, half of it beyond 40 m; is the unit right?"),
+        (["--depth-scale", "10000"], "between 0.2 and 0.2 m, half of it beyond 0.2 m; is the unit"),
         (["--intrinsics", "500,500,3200,240"], "centre (3200, 240) is outside its 40x30 image"),
         (["--depth-scale", "1000"], ""),
     ],
