@@ -112,10 +112,9 @@ def readings(texts: Sequence[str], columns: Sequence[tuple[str, ...]]) -> Iterat
     found = [date.groups() for date in dates if date is not None]
     if len(found) == len(texts):
         parts = fractions([date[6] or "0" for date in found])
-        seconds = [since_1970(date[:6]) for date in found]
-        if all(second is not None for second in seconds):
-            pairs = zip(seconds, parts, strict=True)
-            yield [Decimal(second or 0) + part for second, part in pairs], "dates"
+        days = [day for date in found if (day := since_1970(date[:6])) is not None]
+        if len(days) == len(texts):
+            yield [Decimal(day) + part for day, part in zip(days, parts, strict=True)], "dates"
     for whole, part in pairwise(columns):
         width, index = max(map(len, part)), median_step([*map(Decimal, whole)]) >= 1.0
         clock = width <= 9 and (float(whole[0]) >= EPOCH_S or (width >= 6 and not index))

@@ -27,8 +27,7 @@ def find_doubts(source: Source, *, of_person: bool = True) -> Iterator[str]:
     `of_person` is whether people are tracked, who are not as near to the camera as other bodies.
     """
     yield from doubts_of_lens(source.intrinsics)
-    seen = np.concatenate([np.empty(0), *(depth[depth > 0] for depth in source.examined())])
-    yield from doubts_of_unit(seen, NEAREST_MIDDLE_M if of_person else NEAREST_TO_BODY_M)
+    yield from doubts_of_unit(measured_depth(source), NEAREST_MIDDLE_M if of_person else NEAREST_TO_BODY_M)
     if len(source) > 1 and not 1.0 / LONGEST_STEP_S <= source.fps <= 1.0 / SHORTEST_STEP_S:
         yield f"{source.fps:.4g} frames per second are implausible; write their times to timestamps.txt"
     size = source.intrinsics.width, source.intrinsics.height
@@ -39,6 +38,11 @@ def find_doubts(source: Source, *, of_person: bool = True) -> Iterator[str]:
         )
     if source.is_sparse:
         yield "depth has narrow gaps between its points, which are closed"
+
+
+def measured_depth(source: Source) -> Array:
+    """All depth (N,) that was measured in some frames, metres."""
+    return np.concatenate([np.empty(0), *(depth[depth > 0] for depth in source.examined())])
 
 
 def doubts_of_lens(camera: Intrinsics) -> Iterator[str]:
@@ -60,6 +64,11 @@ def doubts_of_unit(seen: Array, nearest_m: float) -> Iterator[str]:
     if not len(seen):
         yield f"the examined frames have no depth; {scale}"
         return
-    near, middle, far = np.quantile(seen, [0.01, 0.5, 0.99])
-    if not nearest_m <= middle <= FARTHEST_MIDDLE_M:
-        yield f"depth lies between {near:.3g} and {far:.3g} m, half of it beyond {middle:.3g} m; {scale}"
+    if not nearest_m <= np.median(seen) <= FARTHEST_MIDDLE_M:
+        yield f"{describe_range(seen)}; {scale}"
+
+
+def describe_range(seen: Array) -> str:
+    """Where the measured depth (N,) lies."""
+    near, middle, far = np.quantile(seen, [0.01, 0.5, 0.99]) if len(seen) else (0.0, 0.0, 0.0)
+    return f"depth lies between {near:.3g} and {far:.3g} m, half of it beyond {middle:.3g} m"

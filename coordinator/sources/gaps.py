@@ -27,12 +27,12 @@ def close_gaps(depth: NDArray[np.uint16]) -> NDArray[np.uint16]:
 
 def over_neighbours(combine: np.ufunc, values: NDArray[np.uint16]) -> NDArray[np.uint16]:
     """The maximum or minimum (H, W) of each pixel and its eight neighbours."""
-    found = values.copy()
-    for here, there in ((np.s_[1:], np.s_[:-1]), (np.s_[:-1], np.s_[1:])):
-        combine(found[here], values[there], out=found[here])
-    rows, found = found, found.copy()
-    for here, there in ((np.s_[:, 1:], np.s_[:, :-1]), (np.s_[:, :-1], np.s_[:, 1:])):
-        combine(found[here], rows[there], out=found[here])
+    rows = values.copy()
+    combine(rows[1:], values[:-1], out=rows[1:])
+    combine(rows[:-1], values[1:], out=rows[:-1])
+    found = rows.copy()
+    combine(found[:, 1:], rows[:, :-1], out=found[:, 1:])
+    combine(found[:, :-1], rows[:, 1:], out=found[:, :-1])
     return found
 
 

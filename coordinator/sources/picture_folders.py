@@ -48,7 +48,7 @@ logger = logging.getLogger(__name__)
 
 TUM_LIST = "depth.txt"
 TIMES_FILE = "timestamps.txt"
-TIME_FILES = (TUM_LIST, TIMES_FILE, "times.txt", "depth_timestamps.txt")
+TIME_FILES = (TUM_LIST, TIMES_FILE, "times.txt", "depth_timestamps.txt", "timestamps.csv")
 TUM_CAMERAS = {
     "freiburg1": Intrinsics(640, 480, 517.3, 516.5, 318.6, 255.3),
     "freiburg2": Intrinsics(640, 480, 520.9, 521.0, 325.1, 249.7),

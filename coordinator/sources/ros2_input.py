@@ -73,8 +73,8 @@ class DepthTopic:
             self._stamped = False
         node.began_ns, node.frame_id = node.began_ns or now, message.header.frame_id or node.frame_id
         time_s = (now - node.began_ns) / SECOND_NS
-        depth = lens.undistort(depth.astype(np.uint16))
-        return DepthFrame(next(self._numbers), time_s, depth, scale, camera)
+        image = lens.undistort(depth.astype(np.uint16))
+        return DepthFrame(next(self._numbers), time_s, image, scale, camera)
 
     def _choose_lens(self, payload: bytes) -> Lens:
         """The lens of a camera_info; its table of pixels is made once."""

@@ -78,7 +78,7 @@ def decompressed(message: Any, *, is_inverse: bool) -> NDArray[np.generic]:
     return np.asarray(a / inverse, dtype=np.float32)
 
 
-def unpack_picture(packed: bytes) -> NDArray[np.generic]:
+def unpack_picture(packed: bytes) -> NDArray[Any]:
     """The image (H, W) of a PNG or TIFF, of 16 bits or floats."""
     with Image.open(BytesIO(packed), formats=LOSSLESS) as image:
         check_pixels(*image.size)

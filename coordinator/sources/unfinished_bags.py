@@ -11,6 +11,7 @@ from typing import Any
 
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag1.reader import ChunkInfo, Header, IndexData, Reader, ReaderError, RecordType, read_uint32
+from rosbags.rosbag2 import Reader as Reader2
 from rosbags.rosbag2.storage_mcap import McapReader
 
 MCAP_MAGIC = b"\x89MCAP0\r\n"  # at the begin and at the end
@@ -18,14 +19,15 @@ MCAP_MAGIC = b"\x89MCAP0\r\n"  # at the begin and at the end
 
 def mend(reader: AnyReader) -> bool:
     """Let a reader that is not open read what was written of such bags; whether there is one."""
-    mended = False
-    for place, each in enumerate(reader.readers):
-        if isinstance(each, Reader) and not is_indexed(Path(str(each.path))):
-            reader.readers[place], mended = UnindexedBag(each.path), True  # type: ignore[call-overload]
+    unindexed = [r for r in reader.readers if isinstance(r, Reader) and not is_indexed(Path(str(r.path)))]
+    if unindexed:
+        reader.readers = [UnindexedBag(each.path) for each in unindexed]
+    cut = False
+    for each in reader.readers:
         storage = getattr(each, "storage", None)
-        if isinstance(storage, McapReader) and is_cut(Path(str(storage.path))):
-            each.storage, mended = CutMcap(storage.path), True  # type: ignore[union-attr]
-    return mended
+        if isinstance(each, Reader2) and isinstance(storage, McapReader) and is_cut(Path(str(storage.path))):
+            each.storage, cut = CutMcap(storage.path), True
+    return bool(unindexed) or cut
 
 
 def is_indexed(path: Path) -> bool:

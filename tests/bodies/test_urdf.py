@@ -174,7 +174,7 @@ def test_a_collada_mesh_has_the_unit_that_it_states(
     """Times the scale of the robot's file, as ROS draws it; also of collision shapes."""
     size = np.array([0.3, 0.2, 0.5])
     box = trimesh.creation.box(size / (unit * scale))
-    content = bytes(box.export(file_type="dae")).decode()  # type: ignore[no-untyped-call]
+    content = bytes(box.export(file_type="dae")).decode()
     stated = f'<asset><unit name="unit" meter="{unit}"/>'
     content = re.sub("<unit[^>]*>(</unit>)?", "", content).replace("<asset>", stated)
     assert stated in content

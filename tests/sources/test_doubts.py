@@ -81,6 +81,19 @@ def test_info_and_track_say_what_is_suspicious(
     assert [line for line in caplog.messages if says in line] == [told]
 
 
+def test_a_run_that_fails_says_where_the_depth_lies(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Units that may be right and show nobody: the range of depth, and what to correct."""
+    path = write_open3d(tmp_path / "wall", np.full((2, 240, 320), 2500, np.uint16), CAMERA)
+    assert main(["track", str(path), "--out", str(tmp_path / "run"), *OPTIONS], Direct().connect) == 3
+    said = " ".join(capsys.readouterr().err.split())
+    assert (
+        "depth lies between 2.5 and 2.5 m, half of it beyond 2.5 m; if that is wrong, correct --depth-"
+        in said
+    )
+
+
 def test_a_kinect_v2_may_be_mirrored(tmp_path: Path) -> None:
     """Of its size alone, and until the user says whether it is."""
     path = write_open3d(

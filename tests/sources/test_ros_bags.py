@@ -37,6 +37,7 @@ STEP_NS = 33_000_000
 FRAMES = 12
 STAMPS = [EPOCH_NS + n * STEP_NS for n in range(FRAMES)]
 BURSTS = [EPOCH_NS + 10**9 + n // 4 * 4 * STEP_NS + n % 4 * 300_000 for n in range(FRAMES)]
+METRES = (numbered(3) / 1000.0).astype(np.float32)
 TIES = [EPOCH_NS + n // 3 * 3 * STEP_NS for n in range(FRAMES)]
 
 
@@ -88,9 +89,9 @@ def test_images_that_come_late_are_in_the_order_of_their_stamps(
     [
         ("16UC1; png compressed ", [encoded(each, "PNG") for each in numbered(3)]),
         ("16UC1; tiff compressed ", [encoded(each, "TIFF") for each in numbered(3)]),
-        ("32FC1; tiff compressed ", [encoded(np.float32(each / 1000.0), "TIFF") for each in numbered(3)]),
+        ("32FC1; tiff compressed ", [encoded(each, "TIFF") for each in METRES]),
         ("png", [encoded(each, "PNG") for each in numbered(3)]),
-        ("tiff", [encoded(np.float32(each / 1000.0), "TIFF") for each in numbered(3)]),
+        ("tiff", [encoded(each, "TIFF") for each in METRES]),
     ],
 )
 def test_compressed_depth_without_loss_is_read(tmp_path: Path, form: str, pictures: list[bytes]) -> None:

@@ -209,7 +209,7 @@ def test_an_array_file_is_metres_whatever_it_holds(
 def test_an_array_file_is_read_frame_by_frame(tmp_path: Path) -> None:
     """Reading all of it needs a small part of its size, as recordings are larger than memory."""
     shape, path = (300, 120, 160), tmp_path / "depth.npy"
-    file = np.lib.format.open_memmap(path, mode="w+", dtype=np.float32, shape=shape)  # type: ignore[no-untyped-call]
+    file = np.lib.format.open_memmap(path, mode="w+", dtype=np.float32, shape=shape)
     file[:] = 2.0
     del file
     tracemalloc.start()
