@@ -24,7 +24,7 @@ from gepf.coordinator.sources.live import LiveFrames
 from gepf.coordinator.sources.live_stream import LiveCamera
 from gepf.coordinator.sources.ros2 import Node
 from gepf.coordinator.sources.ros2_input import DepthTopic, JointTopic
-from gepf.coordinator.sources.ros_images import pixels
+from gepf.coordinator.sources.ros_images import COMPRESSED, pixels
 from tests.support.processes.programs import wait_until
 from tests.support.ros import CAMERA, IMAGE, camera_of, header_of, image_of
 
@@ -111,14 +111,14 @@ METRES = np.array([[0.0, np.nan, 1.5], [np.inf, 2.0, -1.0]], dtype=np.float32)
 
 @contextmanager
 def listening(
-    ours: Node, robot: Node, *limits: float, topic: str = TOPIC
+    ours: Node, robot: Node, *limits: float, topic: str = TOPIC, kind: str = IMAGE
 ) -> Iterator[tuple[LiveFrames, list[str], Any]]:
     """Live frames of the topic, what is reported meanwhile, and a function that publishes."""
-    reports, sent = list[str](), {topic: IMAGE, "/camera/depth/camera_info": CAMERA}
+    reports, sent = list[str](), {topic: kind, "/camera/depth/camera_info": CAMERA}
     frames = LiveFrames([LiveCamera(topic)], reports.append, *limits)
     DepthTopic(ours, topic, frames)
     publishers = [robot.advertise(*named) for named in sent.items()]
-    wait_until(lambda: all(each.has_subscriber for each in publishers) and ours.topics(IMAGE) == [topic])
+    wait_until(lambda: all(each.has_subscriber for each in publishers) and ours.topics(kind) == [topic])
 
     def publish(message: Any, camera: Any = None) -> None:
         if camera is not None:
@@ -188,6 +188,23 @@ def test_distortion_of_a_live_camera_is_undone(endpoint: str, name: str) -> None
         received = next(iter(frames)).depth
         np.testing.assert_array_equal(received, expected)
         assert np.array_equal(received, depth) == (name == "image_rect")
+
+
+def test_compressed_live_depth_is_read_unless_it_is_jpeg(endpoint: str) -> None:
+    """PNG of the usual transport gives the pixels; a JPEG is refused by name, with what to use."""
+    jpeg, topic = BytesIO(), f"{TOPIC}/compressed"
+    Image.fromarray(DEPTH.astype(np.uint8)).save(jpeg, "JPEG")
+    with (
+        meeting(endpoint) as (_, robot, ours),
+        listening(ours, robot, topic=topic, kind=COMPRESSED) as (frames, reports, publish),
+    ):
+        make = TYPES[COMPRESSED]
+        for form, content in (("16UC1; jpeg compressed mono8", jpeg.getvalue()), ("16UC1; png", png(DEPTH))):
+            message = make(robot.header(1.0), form, np.frombuffer(content, np.uint8))
+            while not (frames.counts["received"] if "png" in form else reports):
+                publish(message, camera_info(robot))
+        np.testing.assert_array_equal(next(iter(frames)).depth, DEPTH % 65535)
+        assert "it is depth as JPEG (16UC1; jpeg compressed mono8), which has lost it; use" in reports[0]
 
 
 def test_a_topic_that_nobody_publishes_is_named_beside_those_that_exist(endpoint: str) -> None:
