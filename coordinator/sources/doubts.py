@@ -18,7 +18,9 @@ NEAREST_TO_BODY_M = 0.4
 LARGEST_SHIFT = 0.25  # of the centre from the middle of the image, in its width or height
 LARGEST_STRETCH = 1.2  # of pixels
 KINECT_V2 = (512, 424)
-"""Size of the depth images of a Kinect v2 alone, which libfreenect2 and the vendor's driver mirror."""
+"""Size of the depth images of a Kinect v2 alone, which libfreenect2 and the vendor's driver mirror.
+
+Depth alone does not show it. Recordings with ground truth are not in doubt."""
 
 
 def find_doubts(source: Source, *, of_person: bool = True) -> Iterator[str]:
@@ -31,7 +33,7 @@ def find_doubts(source: Source, *, of_person: bool = True) -> Iterator[str]:
     if len(source) > 1 and not 1.0 / LONGEST_STEP_S <= source.fps <= 1.0 / SHORTEST_STEP_S:
         yield f"{source.fps:.4g} frames per second are implausible; write their times to timestamps.txt"
     size = source.intrinsics.width, source.intrinsics.height
-    if size == KINECT_V2 and source.mirrored is None:
+    if size == KINECT_V2 and source.mirrored is None and source.truth is None:
         yield (
             "images of a Kinect v2 (512x424) are often mirrored, and left and right are exchanged then: if "
             "text reads backwards in its colour images, add --mirrored, else --not-mirrored"
