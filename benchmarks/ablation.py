@@ -1,7 +1,7 @@
 """The effect of each refine and filter setting of preset default: python -m benchmarks.ablation.
 
 One setting at a time has the value of preset paper. If the presets agree, a count is halved and any other
-number is doubled. The recordings are people at 10 frames a second: the hard actions, a wave and a jog in
+number is doubled. The recordings are people at 6.3 frames a second: the hard actions, a wave and a jog in
 place. Differences from the unchanged preset are paired by recording. Progress on stderr, a Markdown table on
 stdout.
 """
@@ -63,7 +63,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     add_data(parser)
     add("--subjects", nargs="+", type=int, default=[1, 2], metavar="S")
     add("--only", nargs="+", metavar="SETTING", help="only these and the unchanged preset; default: all")
-    add("--every", type=int, default=3, metavar="N", help="every n-th of 30 frames; default: %(default)s")
+    add("--every", type=int, default=3, metavar="N", help="every n-th frame; default: %(default)s")
     add("--frames", type=int, default=14, metavar="N", help="of each recording; default: the first 14")
     add("--seeds", type=int, default=3, metavar="N", help="default: %(default)s")
     add_processes(parser)

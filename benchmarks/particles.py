@@ -1,6 +1,6 @@
 """How many particles the frames of recordings use: python -m benchmarks.particles RECORDING [...].
 
-Each recording is tracked at 30 and 10 frames a second; the picture shows the particles over time.
+Each recording is tracked with every frame and with every third; the picture shows the particles over time.
 """
 
 from __future__ import annotations
@@ -16,10 +16,11 @@ from benchmarks.running import command_line, keep, measured
 from benchmarks.tracking import bodies_of, follow, prepare
 from gepf.common.settings import preset
 from gepf.coordinator.sources import open_source
+from gepf.coordinator.sources.source import rate_of
 from gepf.coordinator.tracking.tracker import Tracker
 from gepf.refiners import DirectRefiner
 
-RATES = (1, 3)  # every n-th frame of 30 a second
+EVERY = (1, 3)  # n-th frame
 
 
 def main() -> int:
@@ -37,14 +38,15 @@ def measure(chosen: argparse.Namespace) -> int:
     figure = Figure((10.0, 2.2 * len(chosen.recordings)), layout="constrained")
     rows = figure.subplots(len(chosen.recordings), 1, squeeze=False)[:, 0]
     for row, path in zip(rows, chosen.recordings, strict=True):
-        for every in RATES:
-            tracker = Tracker(DirectRefiner(), preset("default"), bodies_of("default"))
-            found, _ = follow(tracker, list(open_source(path))[::every])
+        for every in EVERY:
+            frames = list(open_source(path))[::every]
+            times = np.array([frame.time_s for frame in frames])
+            found, _ = follow(Tracker(DirectRefiner(), preset("default"), bodies_of("default")), frames)
             count = [each.estimate.particles for each in found]
-            name = f"{path.stem.removesuffix('_depth')}, {30 // every} frames/s"
+            name = f"{path.stem.removesuffix('_depth')}, {rate_of(times):.1f} frames/s"
             used[name] = count
             print(f"{name}: {np.mean(count):.1f} particles")
-            row.step(every / 30.0 * np.arange(len(count)), count, label=name, where="mid")
+            row.step(times - times[0], count, label=name, where="mid")
         row.set(ylabel="particles", ylim=(0.0, 22.0))
         row.legend(loc="lower right")
     rows[-1].set_xlabel("seconds")

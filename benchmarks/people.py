@@ -1,8 +1,8 @@
 """Accuracy on people: python -m benchmarks.people.
 
 Real people (UTD-MHAD, compared with the vendor's joints) and skinned people (exact joints), at one or
-several frame rates. Each way to track is a row. By default: all recordings at 30 frames a second, as with
-`gepf track` without options. Progress on stderr, a table on stdout, numbers in a JSON file. Exit code 1 if a
+several frame rates. Each way to track is a row. By default: every frame of all recordings, as with `gepf
+track` without options. Progress on stderr, a table on stdout, numbers in a JSON file. Exit code 1 if a
 recording crashed.
 """
 
@@ -13,6 +13,7 @@ import sys
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import cycle
 from pathlib import Path
 
 import msgspec
@@ -20,7 +21,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from benchmarks.recordings import Recording, choose, find_people, find_skinned
+from benchmarks.recordings import CUTS_M, Recording, choose, find_people, find_skinned
 from benchmarks.running import (
     Crash,
     add_changes,
@@ -39,9 +40,8 @@ from gepf.common.arrays import Array
 from gepf.common.errors import InputError
 from gepf.common.settings import Settings
 from gepf.coordinator.pictures.plots import styled
-from gepf.coordinator.sources.camera import DEFAULT_FPS
 
-COLOURS = {30.0: "#1b1f27", 15.0: "#2f9e44", 10.0: "#3b82c4", 6.0: "#e8590c"}  # by frames a second
+COLOURS = ("#1b1f27", "#2f9e44", "#3b82c4", "#e8590c")  # from the highest frame rate to the lowest
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,9 +128,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     add_data(parser)
     add("--only", nargs="+", metavar="NAME", help="recordings (a14_s2, dance), actions (a14), or: hard")
     add("--subjects", nargs="+", type=int, default=[1, 2, 3, 4], metavar="S")
-    add("--every", nargs="+", type=int, default=[1], metavar="N", help="every n-th of 30 frames a second")
+    add("--every", nargs="+", type=int, default=[1], metavar="N", help="every n-th frame")
     add("--rows", nargs="+", default=[DEFAULT.name], metavar="ROW", help=", ".join(r.name for r in ROWS))
     add("--seeds", type=int, default=1, metavar="N")
+    add("--cut", choices=CUTS_M, help="end the images here; the seven joints from head to wrists count")
     add("--by", nargs="+", choices=GROUPS, default=["data"], help="lines of the tables; default: data")
     add("--picture", type=Path, metavar="FILE", help="draw accuracy over the number of particles here")
     add_changes(parser)
@@ -150,7 +151,7 @@ def measure(chosen: argparse.Namespace) -> int:
         for seed in range(1 if row.name in (STILL.name, "gradient") else chosen.seeds)
         for recording in recordings
     ]
-    outcomes = run_trials(trials, chosen.processes, chosen.changes)
+    outcomes = run_trials(trials, chosen.processes, chosen.changes, cut=chosen.cut)
     scores: list[Score] = []
     for by in chosen.by:
         found = list(score_all(outcomes, GROUPS[by]))
@@ -171,7 +172,11 @@ def choose_rows(names: Sequence[str]) -> list[Row]:
 
 
 def run_trials(
-    trials: Sequence[Trial], processes: int, changes: Sequence[str] = (), frames: int | None = None
+    trials: Sequence[Trial],
+    processes: int,
+    changes: Sequence[str] = (),
+    frames: int | None = None,
+    cut: str | None = None,
 ) -> dict[Trial, Outcome]:
     """Results of the trials that did not crash, each in its own process; a line on stderr for each."""
     console, found = progress(), dict[Trial, Outcome]()
@@ -179,7 +184,7 @@ def run_trials(
     prepare()
 
     def run(trial: Trial) -> Outcome:
-        return track(trial.recording, trial.row.settings(trial.seed, changes), trial.every, frames)
+        return track(trial.recording, trial.row.settings(trial.seed, changes), trial.every, frames, cut)
 
     for count, (trial, result) in enumerate(run_forked(run, trials, processes), start=1):
         line = f"{count:4} of {len(trials)}  {trial.recording.name:<11} seed {trial.seed}  {trial.row.name}"
@@ -197,11 +202,11 @@ def score_all(outcomes: Mapping[Trial, Outcome], group: Callable[[Recording], st
     for trial, outcome in outcomes.items():
         seeds = parts.setdefault((trial.every, trial.row, group(trial.recording)), {})
         seeds.setdefault(trial.seed, []).append(outcome)
-    for (every, row, name), by_seed in parts.items():
-        yield score(name, row.name, DEFAULT_FPS / every, list(by_seed.values()))
+    for (_, row, name), by_seed in parts.items():
+        yield score(name, row.name, list(by_seed.values()))
 
 
-def score(group: str, row: str, frames_per_second: float, seeds: Sequence[Sequence[Outcome]]) -> Score:
+def score(group: str, row: str, seeds: Sequence[Sequence[Outcome]]) -> Score:
     """The score of the same recordings over all seeds."""
     kinds = [(raw, held) for held in (True, False) for raw in (False, True)]
     pooled = {kind: [pool(outcomes, *kind) for outcomes in seeds] for kind in kinds}
@@ -213,7 +218,7 @@ def score(group: str, row: str, frames_per_second: float, seeds: Sequence[Sequen
     return Score(
         group=group,
         row=row,
-        frames_per_second=frames_per_second,
+        frames_per_second=round(float(np.median([one.fps for one in first])), 1),
         percent=mean(near[False, True]),
         cm=mean([100.0 * float(np.nanmean(one)) for one in pooled[False, True]]),
         raw_percent=mean(near[True, True]),
@@ -275,14 +280,15 @@ def draw(scores: Sequence[Score], file: Path) -> None:
     with styled():
         figure = Figure(figsize=(6.0, 3.4))
         axes = figure.subplots()
-        for rate in dict.fromkeys(score.frames_per_second for score in scores):
+        rates = sorted({score.frames_per_second for score in scores}, reverse=True)
+        for rate, colour in zip(rates, cycle(COLOURS)):
             points = sorted(
                 (particles[one.row], one.percent)
                 for one in scores
                 if one.frames_per_second == rate and one.row in particles
             )
             if points:
-                axes.semilogx(*zip(*points, strict=True), "o-", color=COLOURS.get(rate), label=f"{rate:g}")
+                axes.semilogx(*zip(*points, strict=True), "o-", color=colour, label=f"{rate:g}")
         axes.set_xticks([1, 20, 100], ["1", "20", "100"], minor=False)
         axes.set_xticks([], minor=True)
         axes.set(xlabel="particles", ylabel="joints within 10 cm, %")

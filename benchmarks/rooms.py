@@ -33,6 +33,9 @@ from benchmarks.running import (
 from benchmarks.tracking import Outcome, near_percent, prepare, track
 from gepf.common.errors import InputError
 from gepf.common.settings import preset
+from gepf.coordinator.files import CAMERA_FILE
+from gepf.coordinator.sources.camera import read_camera, write_camera
+from gepf.coordinator.sources.utd_mhad import FPS
 from gepf.coordinator.tracking.estimate import POSE_UNKNOWN
 
 SUBJECTS = (1, 3)
@@ -105,6 +108,8 @@ def measure(chosen: argparse.Namespace) -> int:
         with TemporaryDirectory(prefix="gepf-room-") as folder:
             room = Path(folder) / "room"
             compose(chosen.shared / "data" / "utd_mhad", alone.recording.name, chosen.seed, room, kind)
+            camera, scale, _ = read_camera(room / CAMERA_FILE)
+            write_camera(room / CAMERA_FILE, camera, scale, FPS)  # the composer does not know the rate
             return score(kind, alone, track(replace(alone.recording, depth=room), preset("default")))
 
     for job, result in run_forked(play, jobs, chosen.processes):

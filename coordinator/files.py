@@ -29,6 +29,7 @@ MARKS = (codecs.BOM_UTF8, codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 """Byte order marks, as Windows' editors and shells write them."""
 
 LOG_FILE = "frames.log"
+LIVE_FILE = "live.mcap"
 FILM_FILE, SHEET_FILE, HYPOTHESES_FILE = "overlay.mp4", "sheet.png", "hypotheses.png"
 
 

@@ -1,6 +1,6 @@
 """The tracker's stated uncertainty compared with its errors: python -m benchmarks.certainty.
 
-The hard actions of UTD-MHAD at 30, 15 and 10 frames a second, where depth agrees with the reference. The
+The hard actions of UTD-MHAD at 19, 9.5 and 6.3 frames a second, where depth agrees with the reference. The
 table shows how many joints lie within one and two deviations, and how many of the joints off by more than
 15 cm are flagged, over the share of false alarms.
 
@@ -44,7 +44,7 @@ from gepf.common.errors import InputError
 from gepf.coordinator.bodies.tracked import Bodies
 from gepf.coordinator.tracking.certainty.certainty import FIT
 
-EVERY = [1, 2, 3]  # n-th of 30 frames a second
+EVERY = [1, 2, 3]  # n-th frame
 FIT_SUBJECTS = (1, 2)
 KINDS = PEOPLE, GRADIENT, CUT, RENDERED, SKINNED = "people", "gradient", "cut", "rendered", "skinned"
 FIRST_RENDERED, RENDERED_FOR_FIT = 20, range(100, 112)  # seeds that the demo does not use
@@ -58,13 +58,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     add("--fit", action="store_true", help="fit on subjects 1 and 2 and rendered people")
     add("--subjects", nargs="+", type=int, default=[3, 4], help="default: 3 4, not used for the fit")
     add("--demo", type=int, metavar="N", help="N rendered people of gepf demo instead of the subjects")
-    add(
-        "--every",
-        nargs="+",
-        type=int,
-        metavar="N",
-        help="every n-th of 30 frames a second; default: 1 2 3, with --demo 1 (of 10)",
-    )
+    add("--every", nargs="+", type=int, metavar="N", help="every n-th frame; default: 1 2 3, with --demo 1")
     add("--cut", type=float, metavar="SHARE", help="images end at this share of the way from knees to hips")
     add_changes(parser)
     add("--seeds", type=int, default=3, metavar="N", help="default: 3")

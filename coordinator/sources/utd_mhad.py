@@ -1,8 +1,10 @@
 """A depth sequence of the UTD Multimodal Human Action Dataset (Chen, Jafari, Kehtarnavaz, ICIP 2015).
 
-It was recorded by a Kinect v1: 320 x 240 at 30 frames per second, millimetres, with the person already
-segmented. The data set has no intrinsics; the nominal ones of the vendor are used. The images are mirrored
-and are not mirrored back: the limb at image left of a person who faces the camera is the person's right limb.
+It was recorded by a Kinect v1: 320 x 240, millimetres, with the person already segmented. The data set has
+no intrinsics; the nominal ones of the vendor are used. It has no times either. The gyroscope that the people
+wore (50 samples per second) has 2.65 samples per depth frame: 19 frames per second, not the Kinect's 30. The
+images are mirrored and are not mirrored back: the limb at image left of a person who faces the camera is the
+person's right limb.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ from gepf.coordinator.sources.source import Source
 
 KINECT = Intrinsics(320, 240, 285.63, 285.63, 160.0, 120.0)
 VARIABLE = "d_depth"
+FPS = 19.0  # angular speeds agree best with the gyroscope at 17.5 to 19.7, by subject
 
 
 def read_utd_mhad(path: Path, given: GivenCamera) -> Source:
@@ -38,4 +41,4 @@ def read_utd_mhad(path: Path, given: GivenCamera) -> Source:
     frames = np.ascontiguousarray(np.moveaxis(whole, 2, 0))
     camera = given.camera(frames.shape[1:], path) if given.intrinsics else KINECT
     scale = given.depth_scale or MILLIMETRES
-    return Source(path.stem, camera, range(len(frames)), frames.__getitem__, scale)
+    return Source(path.stem, camera, range(len(frames)), frames.__getitem__, scale, FPS)

@@ -30,7 +30,7 @@ def outcome(name: str, errors: Array, subject: int = 1) -> Outcome:
     joints = reference + errors[..., None] * np.array([1.0, 0.0, 0.0])
     holds = np.ones(errors.shape, dtype=bool)
     status = {"tracked": len(errors), "lost": 0, "searching": 0, "absent": 0}
-    return Outcome(recording, joints, reference, holds, np.full(len(errors), 0.05), status, 1.75)
+    return Outcome(recording, joints, reference, holds, np.full(len(errors), 0.05), 19.0, status, 1.75)
 
 
 def trial(name: str, row: str = "row", seed: int = 0) -> Trial:

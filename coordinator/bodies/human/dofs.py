@@ -109,7 +109,7 @@ _REST_SPREADS = {"shoulder": 1.5, "elbow": 1.5, "hip": 0.625, "knee": 0.8125, "n
 pose of the head is barely visible (0.5 gives the same result for the skinned people).
 
 Arms: from the paper's arm without noise, whose angles a narrower prior changes by 0.4 degrees. Hips and
-knees: from subjects 1 and 2 of UTD-MHAD sitting down, standing up, lunging and squatting, at 10 frames per
+knees: from subjects 1 and 2 of UTD-MHAD sitting down, standing up, lunging and squatting, at 6.3 frames per
 second.
 """
 
