@@ -51,14 +51,14 @@ def find_camera_file(folder: Path) -> Path | None:
     return next((file for name in CAMERA_FILES if (file := folder / name).exists()), None)
 
 
-def read_camera(folder: Path, given: GivenCamera) -> tuple[Intrinsics, float, float]:
+def read_camera(folder: Path, given: GivenCamera | None = None) -> tuple[Intrinsics, float, float]:
     """Read intrinsics, units of depth per metre and frames per second of a folder; InputError if damaged.
 
     Intrinsics that the user gives are not needed. Without a size it is that of the nominal camera.
     """
     missing = "add --intrinsics fx,fy,cx,cy (pixels), or write it (docs/formats.md)"
     path = find_camera_file(folder) or folder / CAMERA_FILE
-    if given.intrinsics is not None:
+    if given is not None and given.intrinsics is not None:
         part = read_json(path, PartialCameraFile, "correct that entry", missing)
         size = part.width or NOMINAL.width, part.height or NOMINAL.height
         return intrinsics_of(given.matrix(path), *size, str(path)), part.depth_scale, part.fps
