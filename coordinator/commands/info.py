@@ -126,7 +126,7 @@ def describe_scene(view: SceneView, found: list[Candidate]) -> dict[str, object]
         else {
             "camera_height_m": round(planes.camera_height, 3),
             "pitch_deg": round(float(np.degrees(np.arcsin(down[2]))), 1),
-            "roll_deg": round(float(np.degrees(np.arcsin(down[0]))), 1),
+            "roll_deg": round(float(np.degrees(np.arctan2(down[0], down[1]))), 1),
         },
         "walls_m": [round(float(1.0 / np.linalg.norm(wall)), 2) for wall in walls],
         "room": view.furnished,

@@ -203,6 +203,21 @@ def rate_of(seconds: Sequence[float] | Array) -> float:
     return float(1.0 / np.median(np.diff(seconds))) if len(seconds) > 1 else DEFAULT_FPS
 
 
+def rising(times: NDArray[np.floating]) -> Array:
+    """Times (F,) that rise strictly: frames with one time are spread evenly up to the next time.
+
+    Where the clock was set back, one frame passes.
+    """
+    steps = np.diff(times.astype(np.float64))
+    forward = steps[steps > 0.0]
+    usual = float(np.median(forward)) if len(forward) else 1.0 / DEFAULT_FPS
+    set_back = np.concatenate([[0.0], np.cumsum(np.where(steps < 0.0, usual - steps, 0.0))])
+    distinct, first = np.unique(times + set_back, return_index=True)
+    per_frame = (distinct[-1] - distinct[0]) / first[-1] if first[-1] else usual
+    end = distinct[-1] + per_frame * (len(times) - first[-1])
+    return np.asarray(np.interp(np.arange(len(times)), [*first, len(times)], [*distinct, end]))
+
+
 def select_frames(numbers: Sequence[int], wanted: str | None) -> Sequence[int]:
     """The part `A:B` (half open, either end may be missing) of a sequence's frame numbers."""
     if wanted is None:
