@@ -26,6 +26,7 @@ from gepf.coordinator.results.ros2_results import RosOutlet
 from gepf.coordinator.results.ros_humans import HumanBodies
 from gepf.coordinator.results.summary import PERSON, folder_of
 from gepf.coordinator.results.tally import Outcome, describe_counts
+from gepf.coordinator.sources.doubts import describe_range, measured_depth
 from gepf.coordinator.sources.live_stream import is_topic, live_key
 from gepf.coordinator.sources.rig import live_cameras
 from gepf.coordinator.sources.ros2 import Node
@@ -61,7 +62,11 @@ def track(job: Job, show: Show, connect: Connect) -> bool:
     if isinstance(given, LiveInput) and not recorded:
         raise InputError(f"no depth came on {given.keys} before the stream's end; {MEND_STREAM}")
     draw(given, recorded, show)
-    return conclude(given, recorded, show)
+    tracked = conclude(given, recorded, show)
+    if not tracked and given.source is not None:
+        where = describe_range(measured_depth(given.source))
+        show.say(f"{where}; if that is wrong, correct --depth-scale N, the units per metre, or --intrinsics")
+    return tracked
 
 
 def open_recorder(given: RecordedInput | LiveInput) -> AnyRecorder:
