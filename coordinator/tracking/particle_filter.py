@@ -19,7 +19,12 @@ from gepf.coordinator.filters.belief import Belief, Proposal
 from gepf.coordinator.filters.exploration import FEWEST
 from gepf.coordinator.filters.gradient_enhanced import Hypotheses
 from gepf.coordinator.filters.methods import METHODS, pace_iterations
-from gepf.coordinator.filters.pose_prior import frame_share, population_precision, pose_prior
+from gepf.coordinator.filters.pose_prior import (
+    frame_share,
+    population_precision,
+    pose_prior,
+    updated_precision,
+)
 from gepf.coordinator.sources.joint_states import JointStates
 from gepf.coordinator.stopwatch import Stopwatch
 from gepf.coordinator.tracking.certainty.features import FrameContext
@@ -129,8 +134,8 @@ class ParticleFilter:
             if not isinstance(found, Proposal):
                 precision, count = proposal.past.shape_precision, model.shape_count
                 if count and len(found.posterior):
-                    share = frame_share(proposal.interval)
-                    precision = share * np.linalg.inv(found.posterior[:count, :count])
+                    covariance = found.posterior[:count, :count]
+                    precision = updated_precision(precision, covariance, proposal.interval)
                 found = replace(found, shape_precision=precision)
                 from_guess = submitted.context.first  # the change since a guess is not motion
                 return found.at_rest() if from_guess else found, len(proposal.poses)

@@ -54,6 +54,12 @@ def timed(images: list[Array]) -> list[DepthFrame]:
     return [replace(frame_of(n, image), time_s=0.1 * n) for n, image in enumerate(images)]
 
 
+def at_time(frame: DepthFrame, n: int) -> DepthFrame:
+    """The images of all cameras as the n-th frame, ten a second."""
+    others = tuple(replace(other, number=n, time_s=0.1 * n) for other in frame.others)
+    return replace(frame, number=n, time_s=0.1 * n, others=others)
+
+
 @pytest.mark.parametrize(
     ("stature", "girth"), [(1.82, 1.0), (1.58, 0.95), (1.75, 1.3), (1.2, 1.0)], ids="{}".format
 )
@@ -88,7 +94,7 @@ def test_cameras_on_both_sides_show_the_girth(girth: float) -> None:
     body = human_of(Measures.of(1.7, girth))
     pose = name_pose(body, POSTURE)
     frame = seen_from(body, [pose, pose], {"front": around(0.0), "back": around(180.0)})
-    state = follow([replace(frame, number=n, time_s=0.1 * n) for n in range(20)])
+    state = follow([at_time(frame, n) for n in range(20)])
     assert state.size.girth == pytest.approx(girth, rel=0.05)
     assert state.size.stature == pytest.approx(1.7, rel=0.025)
 
