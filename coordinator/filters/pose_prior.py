@@ -1,7 +1,7 @@
 """The Gaussian prior of the pose that a request for refinement brings along.
 
-Joints are near rest, the base is anywhere, and the shape is what earlier frames showed. Shape does not change,
-but errors of successive frames are not independent, as they follow from pose and clothes: all frames within
+Joints are near rest, the base is anywhere, and the shape is what earlier frames showed. Shape is constant, but
+errors of successive frames are not independent, as they follow from pose and clothes: all frames within
 ERROR_TIME_S together count as one. So the precision P of the earlier frames is divided by the share k of a
 frame, which makes the refinement the recursive estimate of a constant from frames with the share k of their
 information I. With the covariance S of the shape by the refinement, k I = k S^-1 - P. The precision after the
@@ -48,7 +48,8 @@ def pose_prior(
 
 def population_precision(model: BodyModel) -> Array:
     """Precision (S, S) of the shape around a detected one."""
-    return np.asarray(np.diag(model.rest_spreads[: model.shape_count] ** -2.0))
+    precision: Array = np.diag(model.rest_spreads[: model.shape_count] ** -2.0)
+    return precision
 
 
 def frame_share(interval: float) -> float:

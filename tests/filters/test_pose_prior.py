@@ -50,7 +50,8 @@ def test_the_prior_of_a_body_holds_its_shape_and_rests_its_joints() -> None:
     model, shapes = flexible_puppet(), np.arange(6.0).reshape(2, 3)
     prior = pose_prior(model, SETTINGS, shapes)
     assert prior is not None
-    np.testing.assert_array_equal(prior.mean, np.pad(shapes, ((0, 0), (0, len(model.dof_names) - 3))))
+    padded = np.pad(shapes, ((0, 0), (0, len(model.dof_names) - 3)))
+    np.testing.assert_array_equal(prior.mean, padded)
     np.testing.assert_array_equal(prior.precision[:3, :3], population_precision(model))
     assert not prior.precision[3:9].any()
     assert np.all(np.diag(prior.precision)[9:] > 0.0)
