@@ -25,7 +25,7 @@ def test_the_precision_grows_by_a_share_of_the_information_of_a_frame() -> None:
     for scale in (1.0, 10.0):
         root = rng.normal(size=(3, 3))
         information = scale * root @ root.T
-        covariance = np.linalg.inv(before / share + information)
+        covariance = np.asarray(np.linalg.inv(before / share + information), dtype=np.float64)
         gain = updated_precision(before, covariance, INTERVAL) - before
         gains.append(gain / information)
     np.testing.assert_allclose(gains, np.full((2, 3, 3), gains[0][0, 0]), rtol=1e-6)
@@ -35,7 +35,7 @@ def test_the_precision_grows_by_a_share_of_the_information_of_a_frame() -> None:
 def test_a_frame_without_information_leaves_the_precision() -> None:
     """Of a person who is not seen, nothing is learned."""
     before = population_precision(flexible_puppet())
-    covariance = np.linalg.inv(before / frame_share(INTERVAL))
+    covariance = np.asarray(np.linalg.inv(before / frame_share(INTERVAL)), dtype=np.float64)
     np.testing.assert_allclose(updated_precision(before, covariance, INTERVAL), before)
 
 
@@ -46,7 +46,7 @@ def test_many_short_frames_count_as_few_long_ones() -> None:
 
 
 def test_the_prior_of_a_body_holds_its_shape_and_rests_its_joints() -> None:
-    """Shapes of particles are the means; the base is free; a body without coefficients has a diagonal prior."""
+    """Shapes of particles are the means, and the base is free; a rigid shape needs only the diagonal."""
     model, shapes = flexible_puppet(), np.arange(6.0).reshape(2, 3)
     prior = pose_prior(model, SETTINGS, shapes)
     assert prior is not None
