@@ -1,7 +1,7 @@
 """The Gaussian prior of the pose that a request for refinement brings along.
 
-Joints are near rest, the base is anywhere, and the shape is what earlier frames showed. Shape is constant, but
-errors of successive frames are not independent, as they follow from pose and clothes: all frames within
+Joints are near rest, the base is anywhere, and the shape is what earlier frames showed. Shape is constant,
+but errors of successive frames are not independent, as they follow from pose and clothes. All frames within
 ERROR_TIME_S together count as one. So the precision P of the earlier frames is divided by the share k of a
 frame, which makes the refinement the recursive estimate of a constant from frames with the share k of their
 information I. With the covariance S of the shape by the refinement, k I = k S^-1 - P. The precision after the
