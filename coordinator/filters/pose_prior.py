@@ -59,5 +59,6 @@ def frame_share(interval: float) -> float:
 
 def updated_precision(precision: Array, covariance: Array, interval: float) -> Array:
     """Precision (S, S) of the shape after a frame, in whose refinement it had this covariance (S, S)."""
-    share = frame_share(interval)
-    return np.asarray(precision + CURVATURE_SHARE * (share * np.linalg.inv(covariance) - precision))
+    gain = frame_share(interval) * np.linalg.inv(covariance) - precision
+    after: Array = precision + CURVATURE_SHARE * gain
+    return 0.5 * (after + after.T)
