@@ -15,6 +15,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from gepf.common.packages import needs
+
 if TYPE_CHECKING:
     from gepf.common.body import BodyModel as BodyModel
     from gepf.common.camera import Intrinsics as Intrinsics
@@ -62,11 +64,15 @@ __all__ = list(_HOMES)
 
 
 def __getattr__(name: str) -> Any:
-    """Load public names when they are used: numpy, compiler and figures take seconds to load."""
+    """Load public names when they are used: numpy, compiler and figures take seconds to load.
+
+    MissingPackage names the extra of what is not installed: the base install is a worker.
+    """
     if name not in _HOMES:
         raise AttributeError(f"module 'gepf' has no attribute '{name}'")
-    found = globals()[name] = getattr(import_module(_HOMES[name]), name)
-    return found
+    with needs("coordinator", f"gepf.{name}"):
+        value = globals()[name] = getattr(import_module(_HOMES[name]), name)
+    return value
 
 
 def __dir__() -> list[str]:

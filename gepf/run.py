@@ -12,7 +12,7 @@ import numpy as np
 
 from gepf.common.arrays import Array
 from gepf.common.body import ROOT_DOFS
-from gepf.common.errors import InputError
+from gepf.common.packages import needs
 from gepf.coordinator.bodies.swing_twist import isb_angles, isb_names
 from gepf.coordinator.exports import export_run
 from gepf.coordinator.exports.recorded import RecordedRun, read_run
@@ -111,10 +111,8 @@ class Run:
 
     def to_dataframe(self) -> pd.DataFrame:
         """The columns of `poses.csv`, one row per frame; InputError if pandas is not installed."""
-        try:
+        with needs("tables", "to_dataframe"):
             import pandas as pd
-        except ImportError:
-            raise InputError("to_dataframe needs the package pandas; pip install pandas") from None
         text = io.BytesIO()
         write_csv(self.track, text)
         text.seek(0)

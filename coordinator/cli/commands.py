@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 import typer
 
 from gepf.common.errors import InputError
+from gepf.common.packages import needs
 from gepf.coordinator.commands import options as given
 from gepf.coordinator.commands.console import loading, say
 from gepf.coordinator.commands.options import CameraOptions, Quiet, SecurityOptions
@@ -79,10 +80,10 @@ def demo(options: given.DemoOptions, quiet: Quiet = False) -> None:
     """Track rendered sequences with one particle and with many; show errors and draw pictures."""
     show = on_stderr(quiet=quiet)
     show.say("rendering a scene and tracking it in two ways; loading")
-    with loading():
-        from gepf.coordinator.commands.demo import run_demo
-
-    run_demo(options.out, show, options.scene)
+    with needs("synth", "gepf demo"):
+        with loading():
+            from gepf.coordinator.commands.demo import run_demo
+        run_demo(options.out, show, options.scene)
 
 
 @app.command(rich_help_panel=TRACK)
@@ -126,7 +127,8 @@ def calibrate(context: typer.Context, options: given.CalibrateOptions, quiet: Qu
 @grouped
 def synth(options: given.SynthOptions, quiet: Quiet = False) -> None:
     """Render a sequence with ground truth and, unless the person is to be detected, a start pose."""
-    from gepf.coordinator.synthesis.sequence import synthesise
+    with needs("synth", "gepf synth"):
+        from gepf.coordinator.synthesis.sequence import synthesise
 
     with on_stderr(quiet=quiet).steps("rendering frame") as advance:
         synthesise(**asdict(options), advance=advance)
@@ -233,7 +235,8 @@ def view(options: given.ViewOptions, security: SecurityOptions, quiet: Quiet = F
     if str(options.run).startswith("zenoh:"):
         # only when no other program wants to: even loading would slow down a tracker on this host
         os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
-    from gepf.coordinator.commands.view import run_view
+    with needs("view", "gepf view"):
+        from gepf.coordinator.commands.view import run_view
 
     run_view(options, security, on_stderr(quiet=quiet))
 
