@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from gepf.coordinator.sources import ArraySource as ArraySource
     from gepf.coordinator.sources import Source as Source
     from gepf.coordinator.sources import open_source as open_source
+    from gepf.geometry import to_open3d as to_open3d
     from gepf.live_source import LiveSource as LiveSource
     from gepf.live_source import live as live
     from gepf.named import Estimate as Estimate
@@ -52,6 +53,7 @@ _PUBLIC = {
     "gepf.coordinator.pool.options": ("Pool",),
     "gepf.coordinator.security.access": ("TlsFiles",),
     "gepf.coordinator.sources": ("ArraySource", "Source", "open_source"),
+    "gepf.geometry": ("to_open3d",),
     "gepf.live_source": ("LiveSource", "live"),
     "gepf.named": ("Estimate",),
     "gepf.run": ("Run", "load"),

@@ -210,13 +210,15 @@ def export(options: given.ExportOptions, quiet: Quiet = False) -> None:
     from gepf.coordinator.exports import export_run
 
     out, form, smooth = options.out, options.form, options.smooth
-    track = export_run(options.run, form, out, smooth_hz=smooth, force=options.force).track
+    track = export_run(
+        options.run, form, out, frame=options.frame, smooth_hz=smooth, force=options.force
+    ).track
+    count = len(track.frame)
+    frames = f"{count} frames" if count > 1 else f"frame {track.frame[0]}"
     gone = f", {lost} of them lost" if (lost := int(track.unknown.sum())) else ""
     low_pass = f", low pass {smooth:g} Hz" if smooth else ""
     kilobytes = out.stat().st_size / 1000
-    on_stderr(quiet=quiet).say(
-        f"{out}: {len(track.frame)} frames{gone}{low_pass}, {kilobytes:.0f} kB as {form}"
-    )
+    on_stderr(quiet=quiet).say(f"{out}: {frames}{gone}{low_pass}, {kilobytes:.0f} kB as {form}")
 
 
 @app.command(rich_help_panel=FINISHED)

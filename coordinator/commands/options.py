@@ -230,8 +230,14 @@ class ExportOptions:
     """Options of `gepf export`."""
 
     run: Path = argument("DIR", RUN)
-    form: str = option("FORMAT", "csv, mot, c3d, trc, bvh, glb, gltf or json.", "--to", default=MISSING)
+    form: str = option(
+        "FORMAT",
+        "bvh, c3d, csv, glb, gltf, json, mot or trc; obj, pcd, ply or xyz of one frame.",
+        "--to",
+        default=MISSING,
+    )
     out: Path = option("FILE", "File to write.", default=MISSING)
+    frame: int | None = option("N", "The frame for obj, pcd, ply, xyz (default: first tracked).")
     smooth: float | None = option("HZ", "Low pass without delay, e.g. 6 (default: as tracked).")
     force: bool = option("", FORCE, "--force", default=False)
 
