@@ -69,7 +69,8 @@ def point_cloud(frame: DepthFrame) -> Any:
         if len(seen.points):
             seen.estimate_normals(o3d.geometry.KDTreeSearchParamKNN(NEIGHBOURS))
             seen.orient_normals_towards_camera_location(np.zeros(3))
-        whole += seen.transform(np.asarray(view.T_rig_camera))
+        seen.transform(np.asarray(view.T_rig_camera))
+        whole += seen
     return whole
 
 

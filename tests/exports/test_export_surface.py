@@ -38,7 +38,7 @@ def test_a_mesh_is_the_tracked_surface(run: Path, model: BodyModel, form: str) -
     """Triangles with outward normals, in the camera's frame, of the frame that was asked for."""
     file = run / f"body.{form}"
     export_run(run, form, file, frame=103)
-    mesh = o3d.io.read_triangle_mesh(str(file))
+    mesh = o3d.io.read_triangle_mesh(file)
     expected = pose_vertices(model, swing(model, FRAMES)[3, None])[0]
     assert np.allclose(
         expected[model.triangles], np.asarray(mesh.vertices)[np.asarray(mesh.triangles)], atol=TEXT
@@ -53,7 +53,7 @@ def test_a_mesh_is_the_tracked_surface(run: Path, model: BodyModel, form: str) -
 def test_a_point_cloud_has_the_vertices(run: Path, model: BodyModel, form: str) -> None:
     """All of them, in their order; PCD also has their normals. Without --frame, of the first tracked one."""
     export_run(run, form, run / f"body.{form}")
-    cloud = o3d.io.read_point_cloud(str(run / f"body.{form}"))
+    cloud = o3d.io.read_point_cloud(run / f"body.{form}")
     expected = pose_vertices(model, swing(model, FRAMES)[1, None])[0]
     assert np.allclose(np.asarray(cloud.points), expected, atol=TEXT)
     assert cloud.has_normals() == (form == "pcd")
