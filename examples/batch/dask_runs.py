@@ -1,6 +1,6 @@
-"""Track recordings on a cluster of Dask: python dask_runs.py RUNS RECORDING...
+"""Track recordings with Dask: python dask_runs.py RUNS RECORDING...
 
-DASK_SCHEDULER_ADDRESS names the scheduler; without it, the processes run on this host.
+DASK_SCHEDULER_ADDRESS names a cluster's scheduler; without it, the processes run on this host.
 """
 
 import sys
@@ -11,11 +11,8 @@ from dask.distributed import Client, as_completed
 import gepf
 
 if __name__ == "__main__":
-    runs, *recordings = map(Path, sys.argv[1:])
-    with Client(threads_per_worker=1) as client:  # a tracker per process; it refines in it, on one core
-        tasks = [
-            client.submit(gepf.track, path.resolve(), runs.resolve() / path.name, quiet=True, workers=None)
-            for path in recordings
-        ]
-        for _, run in as_completed(tasks, with_results=True):
-            print(run.folder, len(run), "frames")
+    runs, *recordings = [Path(each).resolve() for each in sys.argv[1:]]
+    with Client() as client:  # a task refines on one core
+        out = [runs / path.name for path in recordings]
+        for task in as_completed(client.map(gepf.track, recordings, out, quiet=True, workers=None)):
+            print(task.result().folder, len(task.result()), "frames")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import io
 import json
 import os
@@ -114,10 +115,8 @@ def test_a_task_tracks_one_recording_of_a_list_once(
     run = tmp_path / "runs" / "second"
     assert [each.name for each in (tmp_path / "runs").iterdir()] == ["second"]
     assert (run / "track.npz").read_bytes() == (tmp_path / "alone" / "track.npz").read_bytes()
-    digests = [
-        json.loads((each / "summary.json").read_text())["digest"] for each in (run, tmp_path / "alone")
-    ]
-    assert digests[0] == digests[1]
+    summaries = [json.loads((each / "summary.json").read_text()) for each in (run, tmp_path / "alone")]
+    assert summaries[0]["digest"] == summaries[1]["digest"]
     before = {each: each.stat().st_mtime_ns for each in run.iterdir()}
     capsys.readouterr()
     assert main(chosen, workers.connect) == 0
@@ -146,6 +145,12 @@ def test_several_have_the_bytes_of_each_alone_and_one_fault_stops_no_other(
     assert [line.split()[0] for line in table[1:]] == list(names)  # though the damaged one ends first
     assert "exit code 2" in table[-1]
     assert not (tmp_path / "runs" / "damaged").exists()
+    with (tmp_path / "runs" / "runs.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [Path(row["folder"]).name for row in rows] == list(names)
+    assert [row["exit_code"] for row in rows][2] == "2"
+    assert [row["frames"] for row in rows] == ["5", "5", ""]
+    assert len({row["digest"] for row in rows}) == 3  # of another recording, another seed, and of none
     for job in jobs[:2]:
         out = tmp_path / "alone" / job.folder.name
         track(replace(job, out=out), show, ZenohRefiner)
@@ -227,24 +232,23 @@ def test_a_task_of_slurm_takes_the_line_of_its_number(tmp_path: Path) -> None:
     """The example's script, with a gepf that prints what it was called with."""
     (tmp_path / "gepf").write_text('#!/bin/sh\necho "$@"\n')
     (tmp_path / "gepf").chmod(0o755)
-    (tmp_path / "list.txt").write_text("walks/slow\nwalks/fast.mat\n")
-    script = Path(__file__).parents[3] / "examples" / "slurm.sh"
+    script = Path(__file__).parents[3] / "examples" / "batch" / "slurm.sh"
     numbers = {"SLURM_ARRAY_TASK_ID": "2", "SLURM_CPUS_PER_TASK": "8"}
     done = subprocess.run(
-        ["bash", script, tmp_path / "list.txt", "runs"],
+        ["bash", script, "list.txt", "runs"],
         env={**os.environ, **numbers, "PATH": f"{tmp_path}:{os.environ['PATH']}"},
         capture_output=True,
         text=True,
         check=True,
     )
-    assert done.stdout == "track walks/fast.mat --out runs/fast --resume --no-pictures --workers 8\n"
+    assert done.stdout == "track --list list.txt --index 2 --out runs --no-pictures --workers 8\n"
 
 
 FRAMES, NAMES = 60, ("a", "b", "c")
 
 
 def test_an_interrupt_ends_all_and_each_can_be_gone_on_with(tmp_path: Path) -> None:
-    """Exit code 130 within seconds, frames of running recordings are kept, and --resume does the rest."""
+    """Exit code 130 in seconds, running recordings keep their frames, and the same command does the rest."""
     write_small_sequence(tmp_path / "a", FRAMES)
     recordings = [tmp_path / "a", *(copy_of(tmp_path / "a", name) for name in NAMES[1:])]
     options = ["--out", str(tmp_path / "runs"), "--no-pictures", *OPTIONS]
@@ -256,7 +260,7 @@ def test_an_interrupt_ends_all_and_each_can_be_gone_on_with(tmp_path: Path) -> N
     assert said.read_text().splitlines()[-1] == "gepf: stopped"
     assert 0 < len(read_track(tmp_path / "runs" / NAMES[0]).frame) < FRAMES
     some = ["--frames", f"0:{FRAMES}"]
-    again = start(gepf, *command, *some, "--resume", "-q", log=said)
+    again = start(gepf, *command, *some, "-q", log=said)
     again.join(300.0)
     assert again.exitcode in (0, 3)
     tracks = [read_track(tmp_path / "runs" / name) for name in NAMES]
