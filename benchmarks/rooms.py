@@ -108,7 +108,7 @@ def measure(chosen: argparse.Namespace) -> int:
         with TemporaryDirectory(prefix="gepf-room-") as folder:
             room = Path(folder) / "room"
             compose(chosen.shared / "data" / "utd_mhad", alone.recording.name, chosen.seed, room, kind)
-            camera, scale, _ = read_camera(room / CAMERA_FILE)
+            camera, scale, _ = read_camera(room)
             write_camera(room / CAMERA_FILE, camera, scale, FPS)  # the composer does not know the rate
             return score(kind, alone, track(replace(alone.recording, depth=room), preset("default")))
 

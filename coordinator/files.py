@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import codecs
+import json
 import os
 import zlib
 from collections.abc import Callable, Mapping
@@ -22,6 +24,9 @@ CAMERA_FILE = "camera_intrinsic.json"
 TRUTH_FILE = "truth.npz"
 START_FILE = "init.json"
 SUMMARY_FILE = "summary.json"
+
+MARKS = (codecs.BOM_UTF8, codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+"""Byte order marks, as Windows' editors and shells write them."""
 
 LOG_FILE = "frames.log"
 LIVE_FILE = "live.mcap"
@@ -136,13 +141,19 @@ def read_json(path: Path, kind: type[T], mend: str, missing: str = "check the pa
     last.
     """
     try:
-        return msgspec.json.decode(path.read_bytes(), type=kind)
+        return msgspec.json.decode(read_text(path), type=kind)
     except FileNotFoundError:
         raise InputError(f"no such file: {path}; {missing}") from None
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror}; change its permissions") from error
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
         raise InputError(f"{path}: {error}; {mend}") from error
+
+
+def read_text(path: Path) -> str:
+    """The text of a file in UTF-8, or as its byte order mark says."""
+    content = path.read_bytes()
+    return content.decode(json.detect_encoding(content) if content.startswith(MARKS) else "utf-8")
 
 
 def require_new(path: Path, *, force: bool) -> None:

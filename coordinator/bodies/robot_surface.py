@@ -8,9 +8,11 @@ Remaining vertices are not moved; corners and sharp edges have priority.
 from __future__ import annotations
 
 import logging
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree as ET
 
 import numpy as np
 import trimesh
@@ -47,14 +49,46 @@ def link_surfaces(path: Path, t_links: dict[str, Array]) -> dict[str, trimesh.Tr
 
 
 def load_urdf(path: Path, **what: bool) -> yourdfpy.URDF:
-    """The parsed file, with the parts `what` that yourdfpy loads; InputError for any error."""
+    """The parsed file, with the parts `what` that yourdfpy loads; InputError for any error.
+
+    Meshes have the scale of the file times the unit that they state themselves, as in ROS.
+    """
     logging.getLogger("yourdfpy").setLevel(logging.CRITICAL)  # errors are raised here
+    handler = partial(find_mesh, path=path)
     try:
-        return yourdfpy.URDF.load(str(path), filename_handler=partial(find_mesh, path=path), **what)
+        robot = yourdfpy.URDF.load(
+            str(path), build_scene_graph=False, load_meshes=False, filename_handler=handler
+        ).robot
+        for mesh in meshes_of(robot, **what):
+            unit = unit_of(Path(find_mesh(mesh.filename, path)))
+            if unit != 1.0:
+                mesh.scale = unit * np.broadcast_to(1.0 if mesh.scale is None else mesh.scale, 3)
+        return yourdfpy.URDF(robot=robot, filename_handler=handler, **what)
     except InputError:
         raise
     except Exception as error:
         raise InputError(f"{path} is no readable URDF ({type(error).__name__}: {error}); check it") from error
+
+
+def meshes_of(
+    robot: yourdfpy.Robot, *, load_meshes: bool = True, load_collision_meshes: bool = False, **_: bool
+) -> Iterator[yourdfpy.Mesh]:
+    """The meshes of all links that are loaded."""
+    for link in robot.links:
+        parts = link.visuals if load_meshes else []
+        for part in parts + (link.collisions if load_collision_meshes else []):
+            if part.geometry is not None and part.geometry.mesh is not None:
+                yield part.geometry.mesh
+
+
+def unit_of(mesh: Path) -> float:
+    """Metres of one unit of a mesh: as a Collada file states it (`<unit meter="0.01"/>`), else 1."""
+    if mesh.suffix.lower() != ".dae":
+        return 1.0
+    for _, part in ET.iterparse(mesh):
+        if part.tag.rpartition("}")[2] == "unit":
+            return float(part.get("meter", "1"))
+    return 1.0
 
 
 def find_mesh(fname: str, path: Path) -> str:

@@ -36,6 +36,7 @@ logger = logging.getLogger(__name__)
 
 MOVING = {"revolute": ROTATION, "continuous": ROTATION, "prismatic": TRANSLATION}
 BASE = len(ROOT_DOFS) - 1
+SMALLEST_M, LARGEST_M = 0.02, 10.0  # extents of bodies that are tracked in a room
 
 
 def read_urdf(path: Path) -> BodyModel:
@@ -50,6 +51,8 @@ def read_urdf(path: Path) -> BodyModel:
 
     carried = link_surfaces(path, t_links)
     surface = joined(list(carried.values()))
+    if not SMALLEST_M < (size := float(np.ptp(surface.vertices, axis=0).max())) < LARGEST_M:
+        logger.warning("%s: the body is %.3g m large at rest; check the scale of its meshes", path, size)
     owners = np.repeat([dof_of[link] for link in carried], [len(part.vertices) for part in carried.values()])
     skin_links, skin_weights = (owners - BASE)[:, None].astype(np.int64), np.ones((len(owners), 1))
     kinds = np.array([TRANSLATION] * 3 + [ROTATION] * 3 + [MOVING[j.type] for j in moving], dtype=np.int64)

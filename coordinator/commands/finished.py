@@ -31,7 +31,10 @@ def run_pictures(options: PicturesOptions, show: Show) -> None:
         raise InputError(f"the frames of {run} were moved; give their path with --sequence SEQ")
     folder = options.color or summary.get("color")
     numbers = range(int(track.frame[0]), int(track.frame[-1]) + 1)
-    colours = ColourFolder(Path(folder), source.intrinsics, numbers) if folder else None
+    colours = None
+    if folder:
+        mirrored = bool(source.mirrored)
+        colours = ColourFolder(Path(folder), source.intrinsics, numbers, mirrored=mirrored)
     truth = own_truth(run, source)
     known = read_truth(truth, source.T_rig_camera) if truth else None
     files = draw_pictures(source, run, show, known, colours)
@@ -56,9 +59,9 @@ def draw_pictures(
 
 def find_sequence(run: Path, moved_to: Path | None = None) -> Source | None:
     """The tracked sequence: as given, else at its recorded path; None if it is missing."""
-    if moved_to is not None:
-        return open_source(moved_to)
     summary = read_summary(run)
+    if moved_to is not None:
+        return open_source(moved_to, camera_in(summary))
     recorded = summary.get(PATH)
     return open_source(recorded, camera_in(summary)) if recorded and Path(recorded).exists() else None
 
@@ -67,7 +70,7 @@ def camera_in(summary: Mapping[str, Any]) -> GivenCamera:
     """The camera options that the user gave when a run was tracked."""
     given = summary.get(CAMERA_GIVEN) or {}
     lens = given.get("lens")
-    return GivenCamera(tuple(lens) if lens else None, given.get("depth_scale"))
+    return GivenCamera(tuple(lens) if lens else None, given.get("depth_scale"), given.get("mirrored"))
 
 
 def own_truth(run: Path, source: Source | None) -> Path | None:

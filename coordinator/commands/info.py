@@ -19,8 +19,8 @@ from gepf.coordinator.files import LOG_FILE
 from gepf.coordinator.results.killed import finish_killed
 from gepf.coordinator.results.summary import FOUND, PERSON_FILE, find_summary
 from gepf.coordinator.results.track import read_track
-from gepf.coordinator.sources import Format, Source, find_format
-from gepf.coordinator.sources.camera import doubts
+from gepf.coordinator.sources import Format, Source, find_format, open_source
+from gepf.coordinator.sources.doubts import find_doubts
 
 if TYPE_CHECKING:
     from gepf.coordinator.scene.candidates import Candidate
@@ -49,7 +49,7 @@ def run_info(options: InfoOptions, camera: CameraOptions) -> None:
         if (sequence / LOG_FILE).exists():
             read_track(sequence)  # raises InputError, as the run was interrupted
         raise
-    source = form.open(sequence, camera.choose())
+    source = open_source(sequence, camera.choose())
     cameras = []
     for each in source.views:
         turn = each.T_rig_camera[:3, :3]
@@ -126,7 +126,7 @@ def describe_scene(view: SceneView, found: list[Candidate]) -> dict[str, object]
         else {
             "camera_height_m": round(planes.camera_height, 3),
             "pitch_deg": round(float(np.degrees(np.arcsin(down[2]))), 1),
-            "roll_deg": round(float(np.degrees(np.arcsin(down[0]))), 1),
+            "roll_deg": round(float(np.degrees(np.arctan2(down[0], down[1]))), 1),
         },
         "walls_m": [round(float(1.0 / np.linalg.norm(wall)), 2) for wall in walls],
         "room": view.furnished,
@@ -187,7 +187,7 @@ def describe_recording(form: Format, source: Source) -> dict[str, object]:
     depths = [source.frame(source.numbers[n]).metres() for n in chosen]
     seen = np.concatenate([depth[depth > 0] for depth in depths])
     near, far = (round(float(seen.min()), 4), round(float(seen.max()), 4)) if len(seen) else (None, None)
-    for doubt in doubts(camera, near, far):
+    for doubt in find_doubts(source):
         logger.warning("%s: %s", source.name, doubt)
     return {
         **(describe_place(source) if source.camera else {}),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import threading
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import ExitStack
@@ -18,6 +19,7 @@ from gepf.common.errors import InputError
 from gepf.common.frame import DepthFrame
 from gepf.common.protocol.keys import check_stream
 from gepf.common.transport.channels import Publisher
+from gepf.coordinator.bodies.angles import is_person
 from gepf.coordinator.bodies.choice import choose_bodies
 from gepf.coordinator.commands.job import Job
 from gepf.coordinator.commands.progress import FrameRate, Show, counted, describe_frame
@@ -41,6 +43,7 @@ from gepf.coordinator.sources.background import check_size, read_background
 from gepf.coordinator.sources.camera import AS_RECORDED
 from gepf.coordinator.sources.colour_folder import ColourFolder
 from gepf.coordinator.sources.devices.device import AttachedCamera, vendor_of
+from gepf.coordinator.sources.doubts import find_doubts
 from gepf.coordinator.sources.frame_recorder import FrameRecorder
 from gepf.coordinator.sources.joint_states import JointStates
 from gepf.coordinator.sources.live import LiveFrames, from_first_seen
@@ -50,6 +53,8 @@ from gepf.coordinator.sources.ros2_input import DepthTopic, JointTopic
 from gepf.coordinator.sources.source import select_frames
 from gepf.coordinator.tracking.reporting import Tracked
 from gepf.coordinator.tracking.state import read_start
+
+logger = logging.getLogger(__name__)
 
 Streams = Generator[Iterator[DepthFrame], None, None]
 
@@ -142,7 +147,12 @@ class RecordedInput(Input):
         # with several people, the sequence's truth does not say whose it is
         own = source.truth if job.people == 1 else None
         self.truth = None if own is None else read_truth(own, source.T_rig_camera)
-        self.colours = ColourFolder(job.color, source.intrinsics, numbers) if job.color else None
+        if job.color:
+            mirrored = bool(source.mirrored)
+            self.colours = ColourFolder(job.color, source.intrinsics, numbers, mirrored=mirrored)
+        for view in source.views:
+            for doubt in find_doubts(view, of_person=is_person(self.bodies.dof_names)):
+                logger.warning("%s: %s", view.camera or source.name, doubt)
         first = source.frame(numbers[0])
         path, given = job.sequence.resolve(), job.given
         recording: dict[str, object] = {
@@ -156,7 +166,11 @@ class RecordedInput(Input):
             recording["rig"] = digest(repr(views).encode())
         if given != AS_RECORDED:
             lens = given.intrinsics and list(given.intrinsics)
-            recording[CAMERA_GIVEN] = {"lens": lens, "depth_scale": given.depth_scale}
+            recording[CAMERA_GIVEN] = {
+                "lens": lens,
+                "depth_scale": given.depth_scale,
+                **({} if given.mirrored is None else {"mirrored": given.mirrored}),
+            }
         self.configuration = self.configure(recording)
 
     def announce(self, done: int) -> str:
@@ -190,6 +204,7 @@ class LiveInput(Input):
             ("--color", job.color),
             ("--intrinsics", job.given.intrinsics),
             ("--depth-scale", job.given.depth_scale),
+            ("--mirrored", job.given.mirrored),
         ):
             if given:
                 raise InputError(f"{option} is for recorded sequences; leave it out with live input")

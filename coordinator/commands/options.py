@@ -57,12 +57,15 @@ class CameraOptions:
 
     intrinsics: str | None = option("fx,fy,cx,cy", "Camera parameters in pixels (default: as recorded).")
     depth_scale: float | None = option("N", "Units of depth per metre (default: as recorded).")
+    mirrored: bool | None = option(
+        "", "The recorder mirrored left and right; undo it.", "--mirrored/--not-mirrored"
+    )
 
     def choose(self) -> GivenCamera:
         """These parameters; InputError if they are invalid."""
         from gepf.coordinator.sources.camera import parse_camera
 
-        return parse_camera(self.intrinsics, self.depth_scale)
+        return parse_camera(self.intrinsics, self.depth_scale, self.mirrored)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,6 +8,8 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 
+import numpy as np
+
 from gepf.common.errors import InputError, SilentWorkers
 from gepf.coordinator.commands.console import INTERRUPTS
 from gepf.coordinator.commands.finished import draw_pictures
@@ -21,8 +23,10 @@ from gepf.coordinator.results.live_recorder import LiveRecorder, Unstored
 from gepf.coordinator.results.live_results import LiveResults, PackedOutlet
 from gepf.coordinator.results.recorder import Recorder, is_complete
 from gepf.coordinator.results.ros2_results import RosOutlet
+from gepf.coordinator.results.ros_humans import HumanBodies
 from gepf.coordinator.results.summary import PERSON, folder_of
 from gepf.coordinator.results.tally import Outcome, describe_counts
+from gepf.coordinator.sources.doubts import describe_range, measured_depth
 from gepf.coordinator.sources.live_stream import is_topic, live_key
 from gepf.coordinator.sources.rig import live_cameras
 from gepf.coordinator.sources.ros2 import Node
@@ -58,7 +62,11 @@ def track(job: Job, show: Show, connect: Connect) -> bool:
     if isinstance(given, LiveInput) and not recorded:
         raise InputError(f"no depth came on {given.keys} before the stream's end; {MEND_STREAM}")
     draw(given, recorded, show)
-    return conclude(job, recorded, show)
+    tracked = conclude(given, recorded, show)
+    if not tracked and given.source is not None:
+        where = describe_range(measured_depth(given.source))
+        show.say(f"{where}; if that is wrong, correct --depth-scale N, the units per metre, or --intrinsics")
+    return tracked
 
 
 def open_recorder(given: RecordedInput | LiveInput) -> AnyRecorder:
@@ -122,7 +130,7 @@ def track_frames(
         connect(job.pool, show.say) as workers,
         show.steps("frame", keep=True) as advance,
     ):
-        outlets, streams = open_outlets(job, workers, node), given.streams(workers, node, before)
+        outlets, streams = open_outlets(given, workers, node), given.streams(workers, node, before)
         make = partial(
             Tracker,
             workers,
@@ -187,15 +195,19 @@ def open_node(job: Job, show: Show) -> Iterator[Node | None]:
         yield Node(bus, job.domain)
 
 
-def open_outlets(job: Job, workers: ZenohRefiner, node: Node | None) -> list[LiveResults]:
+def open_outlets(
+    given: RecordedInput | LiveInput, workers: ZenohRefiner, node: Node | None
+) -> list[LiveResults]:
     """The outlets that publish estimates, one per person; empty if not requested."""
+    job = given.job
     if job.results is None:
         return []
     names = [job.results]
     if job.people > 1:
         names = [f"{job.results}/{PERSON}{number}" for number in range(1, job.people + 1)]
     if node is not None and is_topic(job.results):
-        return [LiveResults(RosOutlet(node, name)) for name in names]
+        humans = HumanBodies(node) if given.bodies.people else None
+        return [LiveResults(RosOutlet(node, name, humans)) for name in names]
     return [
         LiveResults(PackedOutlet(workers.speak(name), as_json=job.results_json), run=workers.run)
         for name in names
@@ -222,11 +234,12 @@ def draw(given: RecordedInput | LiveInput, recorded: Mapping[int, Outcome], show
             show.say(f"{frames}{drawn} are in {out}: {status}{later}")
 
 
-def conclude(job: Job, recorded: Mapping[int, Outcome], show: Show) -> bool:
+def conclude(given: RecordedInput | LiveInput, recorded: Mapping[int, Outcome], show: Show) -> bool:
     """Warn of people who were not tracked in most frames; returns whether all were tracked.
 
     The first of several people has a run even if no one was found.
     """
+    job = given.job
     several = job.people > 1
     there = sum(person.found for person in recorded.values())
     if several and there < job.people:
@@ -240,4 +253,17 @@ def conclude(job: Job, recorded: Mapping[int, Outcome], show: Show) -> bool:
             tracked = False
             why = tally.describe_failure()
             show.say(f"person {number}: {why}" if several else why, "bold red")
+    advice = advise_rotation(recorded[1], is_tracked=tracked)
+    if advice and given.bodies.people and given.scope.up is None:
+        show.say(advice)
     return tracked
+
+
+def advise_rotation(person: Outcome, *, is_tracked: bool) -> str:
+    """What the user should do if the orientation of the camera was guessed wrong; empty if it was usual."""
+    turn = round(np.degrees(person.start.roll))
+    if is_tracked and turn:
+        return f"the person is upright if images are turned by {turn} degrees clockwise; else give --rotate"
+    if not is_tracked and person.up is None:
+        return "no floor was found; if the camera is rotated, give --rotate 90, 180 or 270"
+    return ""

@@ -3,7 +3,7 @@
 Bones follow the links of the body; the degrees of freedom between two links become the motion of one bone in
 another. All bones have the axes of the rest pose, rotated so that y is up. A named joint is the bone with
 this origin, or a separate bone that is fixed in its parent. If a joint is near but not at the centre of
-rotation of its bone, like a person's shoulder, it is the origin of the bone, which then also translates.
+rotation, like a person's shoulder, the limb continues from the separate bone: so offsets are constant.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from gepf.coordinator.exports.axes import CAMERA_TO_Y_UP
 
 WORLD = "world"
 LARGEST_OFFSET_M = 0.05  # of a joint from the centre of rotation of its bone
+ROUNDED_M = 1e-6  # a joint is at the centre of rotation
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,24 +82,45 @@ def pivot(model: BodyModel, above: int, dof: int) -> Array:
 
 
 def named_joints(model: BodyModel, bones: list[Bone]) -> tuple[Bone, ...]:
-    """The bones with the names and positions of joints, and one more per joint that is near no bone."""
+    """The bones with the names and positions of joints, and one more per joint that is at no bone's origin.
+
+    A limb continues from such a joint if it is near its bone's origin.
+    """
     places = model.joint_points @ CAMERA_TO_Y_UP.T
     of_joint = [[bone.dof for bone in bones].index(dof) for dof in model.link_dofs[model.joint_links]]
-    left = set(range(len(places)))
+    left, found, ends = set(range(len(places))), list[Bone](), list[int]()
     for b, bone in enumerate(bones):
         own = [j for j, at in enumerate(of_joint) if at == b]
         apart = np.linalg.norm(places[own] - bone.origin, axis=1)
+        name, parent = bone.name, ends[bone.parent] if bone.parent >= 0 else -1
+        if name in model.joint_names:
+            name = f"{name}_link"  # which no joint has
         if own and apart.min() < LARGEST_OFFSET_M:
             j = own[int(apart.argmin())]
             left.remove(j)
-            bones[b] = replace(bone, name=model.joint_names[j], origin=places[j])
-        elif bone.name in model.joint_names:
-            bones[b] = replace(bone, name=f"{bone.name}_link")  # which no joint has
+            joint = Bone(model.joint_names[j], parent, bone.dof, moves=bone.moves, origin=places[j])
+            if bone.parent >= 0 and apart.min() > ROUNDED_M and is_hinged(model, bones, bone):
+                found.append(replace(bone, name=name, parent=parent))
+                joint = replace(joint, parent=len(found) - 1, moves=False)
+        else:
+            joint = replace(bone, name=name, parent=parent)
+        found.append(joint)
+        ends.append(len(found) - 1)
     still = [
-        Bone(model.joint_names[j], of_joint[j], bones[of_joint[j]].dof, moves=False, origin=places[j])
+        Bone(model.joint_names[j], ends[of_joint[j]], bones[of_joint[j]].dof, moves=False, origin=places[j])
         for j in sorted(left)
     ]
-    return (*bones, *still)
+    return (*found, *still)
+
+
+def is_hinged(model: BodyModel, bones: list[Bone], bone: Bone) -> bool:
+    """Whether a bone only rotates in its parent."""
+    above, dof = bones[bone.parent].dof, bone.dof
+    while dof not in (above, -1):
+        if model.kinds[dof] != ROTATION:
+            return False
+        dof = int(model.parents[dof])
+    return True
 
 
 def motion_of(model: BodyModel, bones: tuple[Bone, ...], poses: Array, to_y_up: Array) -> tuple[Array, Array]:

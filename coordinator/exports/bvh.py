@@ -1,8 +1,8 @@
 """Biovision hierarchy: the skeleton with its motion, for animation programs.
 
 Centimetres and degrees, y up; a person who faces the camera looks along +z; the origin is the camera. Angles
-are in the order Z, X, Y. Prismatic joints also have positions and an offset of zero, because readers differ
-in whether positions are added to the offset. Lost frames have the reported pose.
+are in the order Z, X, Y. Only the root and prismatic joints also have positions, and an offset of zero,
+because readers differ in whether positions are added to the offset. Lost frames have the reported pose.
 
 The format has a constant frame rate: between the frames of the run, which may be missing or late, the bones
 turn and move evenly. So the duration is that of the run.
@@ -52,12 +52,8 @@ def write_bvh(run: RecordedRun, file: BinaryIO) -> None:
 
 
 def evenly(run: RecordedRun, turns: Array, places: Array) -> tuple[Array, Array]:
-    """Rotations (R, B, 3, 3) and origins (R, B, 3) of the bones at the run's rate, from those of its frames.
-
-    Where the clock of a camera that starts again goes back, one frame passes.
-    """
-    steps = np.diff(run.track.time_s)
-    times = np.concatenate([[0.0], np.cumsum(np.where(steps > 0.0, steps, 1.0 / run.rate))])
+    """Rotations (R, B, 3, 3) and origins (R, B, 3) of the bones at the run's rate, from all frames."""
+    times = run.seconds - run.seconds[0]
     if times[-1] > LONGEST_S:
         raise InputError(f"the run lasts {times[-1] / 3600:.0f} h; a BVH has a row for all times, so use glb")
     if len(times) == 1:

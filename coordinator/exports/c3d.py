@@ -23,7 +23,7 @@ from gepf.coordinator.exports.recorded import RecordedRun
 
 def write_c3d(run: RecordedRun, file: BinaryIO) -> None:
     """All frames from the first to the last, at the run's rate."""
-    times = run.track.time_s - run.track.time_s[0]
+    times = run.seconds - run.seconds[0]
     every = np.rint(times * run.rate).astype(np.int64)  # index of each frame among evenly spaced ones
     slots, count = every[~run.track.unknown], int(every[-1]) + 1
     joints = run.track.joint_positions @ run.from_camera(CAMERA_TO_OPENSIM).T * 1000.0

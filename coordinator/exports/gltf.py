@@ -20,6 +20,7 @@ from gepf.common.body import BodyModel, vertex_normals
 from gepf.coordinator.exports.axes import CAMERA_TO_Y_UP
 from gepf.coordinator.exports.bones import Bone, bones_of, children, continuous, motion_of, offset, slides
 from gepf.coordinator.exports.recorded import RecordedRun
+from gepf.coordinator.sources.source import rising
 
 COMPONENT_TYPES = {"u2": gl.UNSIGNED_SHORT, "u4": gl.UNSIGNED_INT, "f4": gl.FLOAT}
 COLOUR = [0.8, 0.45, 0.2, 1.0]
@@ -125,8 +126,8 @@ def animation_of(arrays: Arrays, run: RecordedRun, model: BodyModel, bones: tupl
     """Rotations of rotating bones and positions of translating bones, at the times of the frames."""
     track = run.track
     turns, places = motion_of(model, bones, track.pose, run.from_camera(CAMERA_TO_Y_UP))
-    seconds = (track.time_s - track.time_s[:1]).astype(np.float32)
-    times = arrays.add(seconds, "SCALAR")
+    seconds = rising((run.seconds - run.seconds[0]).astype(np.float32))
+    times = arrays.add(seconds.astype(np.float32), "SCALAR")
     animation = gl.Animation(name=run.name, samplers=[], channels=[])
     animation.extras = {"frame": track.frame.tolist(), "status": track.status.tolist()}
 

@@ -55,7 +55,7 @@ def write_mot(run: RecordedRun, file: BinaryIO) -> None:
     text.write(f"{run.name}\nversion=1\nnRows={kept.sum()}\nnColumns={len(columns) + 1}\ninDegrees=yes\n")
     text.write(f"\n{run.remark}\nendheader\n")
     text.write("\t".join(["time", *columns]) + "\n")
-    table = np.stack([track.time_s, *columns.values()], axis=1)[kept]
+    table = np.stack([run.seconds, *columns.values()], axis=1)[kept]
     np.savetxt(text, table, fmt="%.8f", delimiter="\t")
     text.detach()
 
@@ -112,8 +112,10 @@ def write_trc(run: RecordedRun, file: BinaryIO) -> None:
     ):
         text.write("\t".join(cells) + "\n")
     places = run.track.joint_positions @ run.from_camera(CAMERA_TO_OPENSIM).T * 1000.0
+    seconds = run.seconds
     for f in range(frames):
-        markers = [] if run.track.unknown[f] else [f"{value:.4f}" for value in places[f].ravel()]
-        markers = markers or [""] * places[f].size
-        text.write("\t".join([str(f + 1), f"{run.track.time_s[f]:.6f}", *markers]) + "\n")
+        markers = [f"{value:.4f}" for value in places[f].ravel()]
+        if run.track.unknown[f]:
+            markers = [""] * (len(markers) + 1)  # OpenSim expects one more tab after an empty last column
+        text.write("\t".join([str(f + 1), f"{seconds[f]:.6f}", *markers]) + "\n")
     text.detach()

@@ -18,7 +18,7 @@ from gepf.coordinator.results.track import (
     read_tracked_body,
     where_missing,
 )
-from gepf.coordinator.sources.source import rate_of
+from gepf.coordinator.sources.source import rate_of, rising
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,9 +52,14 @@ class RecordedRun:
         return read_tracked_body(self.folder)
 
     @property
+    def seconds(self) -> Array:
+        """Times (F,) that rise strictly also as text with microseconds, as other programs require."""
+        return rising(np.round(self.track.time_s, 6))
+
+    @property
     def rate(self) -> float:
         """Frames per second: the inverse of the median time between frames."""
-        return round(rate_of(self.track.time_s), 6)
+        return round(rate_of(self.seconds), 6)
 
 
 def read_run(folder: Path, smooth_hz: float | None = None) -> RecordedRun:

@@ -20,6 +20,7 @@ from gepf.common.errors import InputError
 from gepf.common.kinematics.rotations import euler_angles, handedness
 from gepf.coordinator.exports.bones import continuous
 from gepf.coordinator.results.track import Track
+from gepf.coordinator.sources.source import rising
 
 
 def smooth_track(track: Track, model: BodyModel, cutoff_hz: float) -> Track:
@@ -45,9 +46,9 @@ class LowPass:
 
     def __init__(self, track: Track, cutoff_hz: float) -> None:
         self.kept = ~track.unknown | track.unknown.all()
-        self._times = track.time_s
+        self._times = rising(track.time_s)
         steps = np.diff(self._times)
-        if len(steps) < 2 or not np.all(steps > 0.0):
+        if len(steps) < 2:
             raise InputError("a run of less than three frames cannot be smoothed; leave --smooth out")
         rate = 1.0 / float(np.median(steps))
         if not 0.0 < cutoff_hz < 0.5 * rate:

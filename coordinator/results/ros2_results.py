@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from gepf.common.body import REST_FROM_URDF, TRANSLATION, BodyModel
 from gepf.common.kinematics import link_transforms, pose_vertices
 from gepf.coordinator.bodies.tracked import coarsen
 from gepf.coordinator.results.live_results import ResultMessage
+from gepf.coordinator.results.ros_humans import HumanBodies, body_frames, body_id, in_body, joint_states
 from gepf.coordinator.sources.ros2 import Node
 from gepf.coordinator.tracking.certainty.certainty import FLAGGED
 from gepf.coordinator.tracking.estimate import POSE_UNKNOWN
@@ -33,17 +34,22 @@ class RosOutlet:
     """Publishes results on topics below `topic`, and the frames of joints on /tf.
 
     While the pose is unknown there are no joint states and frames, and the markers are deleted. The names of
-    frames begin with the topic.
+    frames begin with the topic. A person is also one of the `humans`, with frames and joint states as
+    in REP 155.
     """
 
-    def __init__(self, node: Node, topic: str) -> None:
+    def __init__(self, node: Node, topic: str, humans: HumanBodies | None = None) -> None:
         self._make, self._header, self._name = node.make, node.header, topic[1:]
+        self._humans, self._id = humans, body_id(topic)
         self._marked, self._states = node.type(MARKER), node.type(STATUS)
         self._joints = node.advertise(f"{topic}/joint_states", JOINTS)
         self._frames = node.advertise("/tf", FRAMES)
         self._certainty = node.advertise(f"{topic}/certainty", CERTAINTY)
         self._markers = node.advertise(f"{topic}/markers", MARKERS)
-        self.topics = self._joints, self._frames, self._certainty, self._markers
+        self.topics = [self._joints, self._frames, self._certainty, self._markers]
+        if humans is not None:
+            self._human_joints = node.advertise(f"/humans/bodies/{self._id}/joint_states", JOINTS)
+            self.topics += [humans.topic, self._human_joints]
 
     @property
     def has_subscriber(self) -> bool:
@@ -55,6 +61,8 @@ class RosOutlet:
         header = self._header(message.time_s)
         if self._certainty.has_subscriber:
             self._certainty.put(self._make(CERTAINTY, header, self._statuses(message)))
+        if self._humans is not None:
+            self._humans.put(self._id, message.time_s, tracked=message.status not in POSE_UNKNOWN)
         if message.status in POSE_UNKNOWN:
             self._clear(header)
             return
@@ -62,12 +70,22 @@ class RosOutlet:
         if self._joints.has_subscriber:
             slides = {name: message.pose[name] for name in model.joints_of(TRANSLATION)}  # metres
             values = {name: value for name, value in (slides | message.angles).items() if value is not None}
-            positions, nothing = np.array([*values.values()], dtype=np.float64), np.empty(0)
-            self._joints.put(self._make(JOINTS, header, [*values], positions, nothing, nothing))
+            self._joints.put(self._states_of(header, values))
+        if self._humans is not None and self._human_joints.has_subscriber:
+            states = joint_states(body_frames(model, pose[0]))
+            self._human_joints.put(
+                self._states_of(header, {f"{name}_{self._id}": value for name, value in states.items()})
+            )
         if self._frames.has_subscriber:
             turns = link_transforms(model, pose)[0][model.joint_links, :, :3] @ REST_FROM_URDF
             placed = zip(message.joints.items(), Rotation.from_matrix(turns).as_quat().tolist(), strict=True)
-            frames = [self._frame(header, name, place, turn) for (name, place), turn in placed if place]
+            frames = [
+                self._frame(header, f"{self._name}/{name}", place, turn)
+                for (name, place), turn in placed
+                if place
+            ]
+            if self._humans is not None:
+                frames += self._body(header, model, pose[0])
             self._frames.put(self._make(FRAMES, frames))
         if self._markers.has_subscriber:
             doubts = [place for name, place in message.joints.items() if place and is_doubtful(message, name)]
@@ -80,8 +98,25 @@ class RosOutlet:
             )
 
     def end(self) -> None:
-        """Delete the markers."""
+        """Delete the markers, and the body from the list of those that are tracked."""
+        if self._humans is not None:
+            self._humans.put(self._id, 0.0, tracked=False)
         self._clear(self._header(0.0))
+
+    def _states_of(self, header: Any, values: Mapping[str, float]) -> Any:
+        """Joint states by name."""
+        positions, nothing = np.array([*values.values()], dtype=np.float64), np.empty(0)
+        return self._make(JOINTS, header, [*values], positions, nothing, nothing)
+
+    def _body(self, header: Any, model: BodyModel, pose: Array) -> list[Any]:
+        """The frames of a person's body and of its parts, by REP 155."""
+        frames, root = body_frames(model, pose), f"body_{self._id}"
+        inside = self._make("std_msgs/msg/Header", header.stamp, root)
+        place, turn = frames["body"]
+        return [self._frame(header, root, place.tolist(), turn.as_quat().tolist())] + [
+            self._frame(inside, f"{name}_{self._id}", at.tolist(), own.as_quat().tolist())
+            for name, (at, own) in in_body(frames).items()
+        ]
 
     def _clear(self, header: Any) -> None:
         self._markers.put(self._make(MARKERS, [self._marker(header, BODY, self._marked.DELETEALL, [])]))
@@ -110,11 +145,11 @@ class RosOutlet:
         return self._states(level, *named, listed)
 
     def _frame(self, header: Any, name: str, place: Point, turn: Point) -> Any:
-        """The frame of a joint; `turn` is a quaternion x, y, z, w."""
+        """A frame in that of the header; `turn` is a quaternion x, y, z, w."""
         moved = self._make("geometry_msgs/msg/Vector3", *place)
         turned = self._make("geometry_msgs/msg/Quaternion", *turn)
         transform = self._make("geometry_msgs/msg/Transform", moved, turned)
-        return self._make("geometry_msgs/msg/TransformStamped", header, f"{self._name}/{name}", transform)
+        return self._make("geometry_msgs/msg/TransformStamped", header, name, transform)
 
     def _marker(self, header: Any, name: str, action: int, points: Sequence[Point]) -> Any:
         make, no_bytes = self._make, np.empty(0, dtype=np.uint8)

@@ -6,6 +6,7 @@ The inverse depth of a plane is linear in the image: 1 / z = a x/z + b y/z + c. 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -27,6 +28,11 @@ LEVEL = np.cos(np.radians(50.0))  # cosine of the largest camera tilt
 UPRIGHT = np.sin(np.radians(20.0))  # sine of the largest tilt of a wall
 LEAST_FLOOR = (0.2, 0.3)  # smallest width in metres, and area in square metres
 LEAST_WALL = (0.7, 1.5)
+RESTING_M = 0.3  # height above a floor at which a point counts 1 / e for resting on it
+MIN_RESTING = 0.1  # mean weight of things of all heights up to 3 m; needed if the usual up has no floor
+SIDES = np.array([[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
+"""Up in an upright image, and in one that is rotated by a multiple of 90 degrees; camera frame."""
+
 EXTREMES = (1.0, 99.0)  # percentiles of the points that define an extent
 
 
@@ -87,8 +93,11 @@ def extents(points: Array) -> Array:
     return np.asarray(high - low)
 
 
-def find_planes(rays: Array, approximate_up: Array) -> Planes:
-    """Floor and walls among rays (N, 4), by RANSAC, given an approximate up direction (3,)."""
+def find_planes(rays: Array, approximate_ups: Array) -> Planes:
+    """Floor and walls among rays (N, 4), by RANSAC, given the possible approximate up directions (K, 3).
+
+    Of several, up is that of the floor on which things rest; the first one if there is none.
+    """
     drawn, rest, found = draw_planes(rays, DRAWN_PLANES), rays, list[Array]()
     drawn = drawn[count_points(drawn, rays)[:, 2] <= MOST_BEYOND * len(rays)]
     while len(drawn):
@@ -99,14 +108,39 @@ def find_planes(rays: Array, approximate_up: Array) -> Planes:
             break
         found.append(refined[score.argmax()])
         rest = rest[~lie_on(found[-1], rest)]
-    floors = [
-        each for each in found if level(each, approximate_up) > LEVEL and is_large(each, rays, LEAST_FLOOR)
-    ]
-    floor = max(floors, key=lambda each: np.count_nonzero(lie_on(each, rays)), default=None)
+    large = [each for each in found if is_large(each, rays, LEAST_FLOOR)]
+    approximate_up, floor = choose_floor(large, rays, approximate_ups)
     up = approximate_up if floor is None else -floor / np.linalg.norm(floor)
     walls = [each for each in found if abs(level(each, up)) < UPRIGHT and is_large(each, rays, LEAST_WALL)]
     chosen = walls if floor is None else [floor, *walls]
     return Planes(np.array(chosen).reshape(-1, 3), floor is not None, approximate_up)
+
+
+def choose_floor(planes: Sequence[Array], rays: Array, approximate_ups: Array) -> tuple[Array, Array | None]:
+    """The approximate up direction (3,), of the possible ones (K, 3), and the floor among large planes.
+
+    Furniture and people stand on a floor, so they are more often near it than near a wall or a ceiling.
+    """
+    floors = [
+        max(
+            (each for each in planes if level(each, up) > LEVEL),
+            key=lambda each: np.count_nonzero(lie_on(each, rays)),
+            default=None,
+        )
+        for up in approximate_ups
+    ]
+    things = rays
+    for each in planes:
+        things = things[~lie_on(each, things)]
+    points, resting = to_points(things), np.zeros(len(floors))
+    for n, floor in enumerate(floors):
+        if floor is not None and len(points):
+            heights = (1.0 - points @ floor) / np.linalg.norm(floor)
+            resting[n] = np.mean(np.exp(-np.maximum(heights, 0.0) / RESTING_M))
+    if floors[0] is None:
+        resting[0] = MIN_RESTING
+    best = int(resting.argmax())
+    return approximate_ups[best], floors[best]
 
 
 def support(planes: Array, rays: Array) -> Indices:

@@ -17,7 +17,7 @@ from gepf.common.camera import NOT_MOVED, Intrinsics, Pinhole
 from gepf.common.compiling import numba
 from gepf.common.frame import DepthFrame
 from gepf.coordinator.scene.noise import USUAL_GROWTH, fit_noise, margin_at
-from gepf.coordinator.scene.planes import Planes, extents, find_planes, refit, sample_rays, to_points
+from gepf.coordinator.scene.planes import SIDES, Planes, extents, find_planes, refit, sample_rays, to_points
 
 Depth = NDArray[np.float32]
 Marks = NDArray[np.uint8]
@@ -114,12 +114,14 @@ class Scene:
 
     Args:
         background: Depth (H, W) in metres without people, 0 if unknown; None to learn all of it.
-        up: Approximate up direction (3,), camera frame; None for a camera in its usual orientation.
+        up: Approximate up direction (3,), camera frame; None for a camera that may be
+            rotated by a multiple of 90 degrees.
     """
 
     def __init__(self, background: Depth | None = None, up: Array | None = None) -> None:
         self._placed = NOT_MOVED
         self._no_planes = Planes() if up is None else Planes(approximate_up=up)
+        self._ups = SIDES if up is None else up[None]
         self._background: Depth
         self._nearer: Marks
         self._begin(np.zeros((0, 0), np.float32) if background is None else background.copy())
@@ -193,7 +195,7 @@ class Scene:
         if len(planes.coefficients):  # the camera stands still or moves slowly
             self._planes = replace(planes, coefficients=refit(planes.coefficients, rays))
         elif due and extents(to_points(rays)).max() > PERSON_LENGTH_M[1]:
-            self._planes, self._furnished = find_planes(rays, planes.approximate_up), True
+            self._planes, self._furnished = find_planes(rays, self._ups), True
         self._seen += 1
 
     def _change(self, pixels: NDArray[np.uint32]) -> SceneChange:

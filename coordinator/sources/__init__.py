@@ -8,11 +8,12 @@ from pathlib import Path
 
 from gepf.common.errors import InputError
 from gepf.coordinator.sources.arrays import ArraySource, read_npy, read_npz
+from gepf.coordinator.sources.bag import is_bag
 from gepf.coordinator.sources.camera import AS_RECORDED, GivenCamera
 from gepf.coordinator.sources.picture_folders import holds_pictures, is_tum, read_pictures
 from gepf.coordinator.sources.point_clouds import SUFFIXES, read_clouds
 from gepf.coordinator.sources.rig import read_rig
-from gepf.coordinator.sources.ros_bag import is_bag, read_ros_bag
+from gepf.coordinator.sources.ros_bag import read_ros_bag
 from gepf.coordinator.sources.source import Source
 from gepf.coordinator.sources.utd_mhad import read_utd_mhad
 
@@ -47,7 +48,7 @@ def has_suffix(suffix: str) -> Callable[[Path], bool]:
 
 FORMATS = (
     Format("TUM RGB-D folder (depth.txt)", is_tum, read_pictures),
-    Format("ROS 1 or RealSense .bag, folder of a ROS 2 bag", is_bag, read_ros_bag),
+    Format("ROS 1 or RealSense .bag, ROS 2 .mcap, .db3 or folder", is_bag, read_ros_bag),
     Format("Open3D folder (depth/000000.png)", holds_pictures, read_pictures),
     Format("point clouds (.ply or .pcd)", holds_clouds, read_clouds),
     Format("Azure Kinect or Orbbec .mkv", has_suffix(".mkv"), open_azure_kinect),
@@ -69,7 +70,10 @@ def open_source(path: Path | str, given: GivenCamera = AS_RECORDED) -> Source:
     description is damaged.
     """
     path = Path(path)
-    return find_format(path).open(path, given)
+    source = find_format(path).open(path, given)
+    if given.mirrored is None:
+        return source
+    return source.mirrored_back() if given.mirrored else source.changed(mirrored=False)
 
 
 def find_format(path: Path) -> Format:

@@ -11,9 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 from gepf.common.errors import InputError
 from gepf.coordinator.files import read_arrays
 from gepf.coordinator.sources.camera import DEFAULT_FPS, MILLIMETRES, GivenCamera, intrinsics_of
-from gepf.coordinator.sources.source import FARTHEST_M, UNITS_PER_METRE, Source, to_units
+from gepf.coordinator.sources.source import FARTHEST_M, Source
 
 logger = logging.getLogger(__name__)
+
+EXAMINED = 10  # frames by which units are chosen
 
 
 class ArraySource(Source):
@@ -42,9 +44,11 @@ class ArraySource(Source):
             raise InputError(f"{name}: depth has shape {array.shape}; give frames (F, H, W)")
         if not 0 < fps < np.inf:
             raise InputError(f"{name}: {fps} frames a second is not valid; give a positive number")
-        units, scale = whole_depth(array, depth_scale, name)
+        scale = choose_scale(array, depth_scale, name)
+        if not isinstance(array, np.memmap):
+            check_values(array, name)
         camera = intrinsics_of(matrix, array.shape[2], array.shape[1], name)
-        super().__init__(name, camera, range(len(units)), units.__getitem__, scale, fps)
+        super().__init__(name, camera, range(len(array)), array.__getitem__, scale, fps)
 
 
 def read_npz(path: Path, given: GivenCamera) -> Source:
@@ -59,35 +63,56 @@ def read_npz(path: Path, given: GivenCamera) -> Source:
 
 
 def read_npy(path: Path, given: GivenCamera) -> Source:
-    """Read an `.npy` file of depth (F, H, W), whose camera the user gives; integers are millimetres."""
+    """Read an `.npy` file of depth (F, H, W), whose camera the user gives; integers are millimetres.
+
+    Frames are read when they are needed, each with its own map of the file, so that no other stays in memory.
+    """
+    depth = map_file(path)
+    scale = given.depth_scale or (MILLIMETRES if depth.dtype.kind in "iu" else None)
+    source = ArraySource(depth, given.matrix(path), scale, name=path.stem)
+
+    def read(place: int) -> NDArray[np.generic]:
+        frame = np.array(map_file(path)[place])
+        check_values(frame, f"{path}: frame {place}")
+        return frame
+
+    return source.changed(read=read)
+
+
+def map_file(path: Path) -> NDArray[np.generic]:
+    """The array of an `.npy` file, of which only what is used is read."""
     try:
-        depth = np.load(path, allow_pickle=False, mmap_mode="r")
+        array: NDArray[np.generic] = np.load(path, allow_pickle=False, mmap_mode="r")
     except (OSError, ValueError, EOFError) as error:
         raise InputError(f"{path} is damaged or not an array of numbers ({error}); save it again") from error
-    scale = given.depth_scale or (MILLIMETRES if depth.dtype.kind in "iu" else None)
-    return ArraySource(depth, given.matrix(path), scale, name=path.stem)
+    return array
 
 
-def whole_depth(
-    array: NDArray[np.generic], depth_scale: float | None, name: str
-) -> tuple[NDArray[np.uint16], float]:
-    """Depth as integers, and units per metre.
+def choose_scale(array: NDArray[np.generic], depth_scale: float | None, name: str) -> float:
+    """Units of depth (F, H, W) per metre.
 
-    Floats are metres; if more than half of them would be too far away, they are millimetres.
+    Floats are metres; if more than half of them would be too far away in some frames, they are millimetres.
     """
-    if array.dtype.kind == "f":
-        values = array.astype(np.float64)
-        if depth_scale is None:
-            middle = median_depth(values)
-            depth_scale = MILLIMETRES if middle > FARTHEST_M else 1.0
-            if middle > FARTHEST_M:
-                logger.warning("%s: depth (median %.0f) is interpreted as millimetres", name, middle)
-        return to_units(values / depth_scale), UNITS_PER_METRE
-    if array.dtype.kind not in "iu" or array.min() < 0 or array.max() > np.iinfo(np.uint16).max:
-        raise InputError(f"{name}: depth must be metres as floats or whole units from 0 to 65535; convert it")
-    if depth_scale is None or not 0 < depth_scale < np.inf:
+    if depth_scale is not None and not 0 < depth_scale < np.inf:
+        raise InputError(f"{name}: depth_scale is {depth_scale}; give its units per metre")
+    if array.dtype.kind == "f" and depth_scale is None:
+        some = np.unique(np.linspace(0, len(array) - 1, EXAMINED).astype(int))
+        middle = median_depth(np.array([array[n][::4, ::4] for n in some], dtype=np.float64))
+        if middle > FARTHEST_M:
+            logger.warning("%s: depth (median %.0f) is interpreted as millimetres", name, middle)
+        return MILLIMETRES if middle > FARTHEST_M else 1.0
+    if depth_scale is None:
         raise InputError(f"{name}: depth in {array.dtype} needs depth_scale, its units per metre; add it")
-    return array.astype(np.uint16), float(depth_scale)
+    return float(depth_scale)
+
+
+def check_values(array: NDArray[np.generic], name: str) -> None:
+    """InputError if depth is neither floats nor whole numbers of 16 bits."""
+    if array.dtype.kind == "f":
+        return
+    kept = array.dtype.kind in "iu" and array.min() >= 0 and array.max() <= np.iinfo(np.uint16).max
+    if not kept:
+        raise InputError(f"{name}: depth must be metres as floats or whole units from 0 to 65535; convert it")
 
 
 def median_depth(depth: NDArray[np.floating]) -> float:

@@ -63,7 +63,8 @@ def read_azure_kinect(path: Path, given: GivenCamera) -> Source:
     read = Frames(path, stamps, lens).read
     times = [stamp - stamps[0] for stamp in stamps]
     scale, gravity = given.depth_scale or MILLIMETRES, gravity_of(calibration, samples)
-    return Source(path.stem, lens.camera, range(len(times)), read, scale, rate_of(times), times, gravity)
+    fps = rate_of(times)
+    return Source(path.stem, lens.camera, range(len(times)), read, scale, fps, times, gravity, mirrored=False)
 
 
 class Frames:

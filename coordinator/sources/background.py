@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 
 from gepf.common.errors import InputError
 from gepf.coordinator.sources import Source, open_source
+from gepf.coordinator.sources.camera import GivenCamera
 from gepf.coordinator.sources.picture_folders import read_depth
+from gepf.coordinator.sources.source import measured
 
 
 def read_background(asked: str, source: Source | None) -> NDArray[np.float32]:
@@ -24,9 +26,10 @@ def read_background(asked: str, source: Source | None) -> NDArray[np.float32]:
     path = Path(asked)
     if path.suffix.lower() == ".png" and source is not None:
         first = source.frame(source.numbers[0])
-        empty = np.asarray(read_depth(path) / np.float32(first.depth_scale), dtype=np.float32)
+        empty = np.asarray(measured(read_depth(path)) / np.float32(first.depth_scale), dtype=np.float32)
+        empty = empty[:, ::-1] if source.mirrored else empty
     else:
-        empty = averaged(open_source(path))
+        empty = averaged(open_source(path, GivenCamera(mirrored=None if source is None else source.mirrored)))
     if source is not None:
         check_size(asked, empty, (source.intrinsics.height, source.intrinsics.width))
     return empty

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -15,10 +14,12 @@ from numpy.typing import ArrayLike
 from gepf.common.bounds import LARGEST, SMALLEST
 from gepf.common.camera import Intrinsics
 from gepf.common.errors import InputError
-from gepf.coordinator.files import read_json, write_json
+from gepf.coordinator.files import CAMERA_FILE, read_json, write_json
 
 DEFAULT_FPS = 30.0
 MILLIMETRES = 1000.0  # per metre
+CAMERA_FILES = (CAMERA_FILE, "intrinsic.json")
+"""As Open3D's recorder for RealSense names it, and its readers of bags and Azure Kinect recordings."""
 
 NOMINAL = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
 """The camera of the first Kinect, if the camera is unknown."""
@@ -33,13 +34,34 @@ class CameraFile(msgspec.Struct):
     width: Side
     height: Side
     intrinsic_matrix: Annotated[list[float], Meta(min_length=9, max_length=9)]  # column by column
-    depth_scale: Positive
+    depth_scale: Positive = MILLIMETRES
     fps: Positive = DEFAULT_FPS
 
 
-def read_camera(path: Path) -> tuple[Intrinsics, float, float]:
-    """Read intrinsics, units of depth per metre and frames per second; InputError if damaged."""
+class PartialCameraFile(CameraFile):
+    """The same if the user gives the camera."""
+
+    width: Side | None = None  # type: ignore[assignment]
+    height: Side | None = None  # type: ignore[assignment]
+    intrinsic_matrix: object = None  # type: ignore[assignment]
+
+
+def find_camera_file(folder: Path) -> Path | None:
+    """The camera of a recorded folder, as Open3D's recorders name it; None if there is none."""
+    return next((file for name in CAMERA_FILES if (file := folder / name).exists()), None)
+
+
+def read_camera(folder: Path, given: GivenCamera | None = None) -> tuple[Intrinsics, float, float]:
+    """Read intrinsics, units of depth per metre and frames per second of a folder; InputError if damaged.
+
+    Intrinsics that the user gives are not needed. Without a size it is that of the nominal camera.
+    """
     missing = "add --intrinsics fx,fy,cx,cy (pixels), or write it (docs/formats.md)"
+    path = find_camera_file(folder) or folder / CAMERA_FILE
+    if given is not None and given.intrinsics is not None:
+        part = read_json(path, PartialCameraFile, "correct that entry", missing)
+        size = part.width or NOMINAL.width, part.height or NOMINAL.height
+        return intrinsics_of(given.matrix(path), *size, str(path)), part.depth_scale, part.fps
     camera = read_json(path, CameraFile, "correct that entry", missing)
     matrix = np.reshape(camera.intrinsic_matrix, (3, 3)).T
     intrinsics = intrinsics_of(matrix, camera.width, camera.height, f"{path}, read column by column")
@@ -69,10 +91,15 @@ def intrinsics_of(matrix: ArrayLike, width: int, height: int, name: str) -> Intr
 
 @dataclass(frozen=True, slots=True)
 class GivenCamera:
-    """The user's fx, fy, cx, cy in pixels, and units per metre; None for those of the recording."""
+    """The user's fx, fy, cx, cy in pixels, and units per metre; None for those of the recording.
+
+    mirrored: whether its images are mirrored, and are mirrored back; None if the user does not say. The
+    intrinsics are those of the images as they were recorded.
+    """
 
     intrinsics: tuple[float, float, float, float] | None = None
     depth_scale: float | None = None
+    mirrored: bool | None = None
 
     def matrix(self, path: Path) -> list[list[float]]:
         """The user's camera matrix (3, 3); InputError if the recording at `path` needs one."""
@@ -89,34 +116,20 @@ class GivenCamera:
 AS_RECORDED = GivenCamera()
 
 
-def parse_camera(intrinsics: str | None, depth_scale: float | None) -> GivenCamera:
+def parse_camera(
+    intrinsics: str | None, depth_scale: float | None, mirrored: bool | None = None
+) -> GivenCamera:
     """Parse the values of the command line; InputError if they are invalid."""
     if depth_scale is not None and not SMALLEST <= depth_scale <= LARGEST:
         raise InputError(
             f"--depth-scale {depth_scale:g} is not between {SMALLEST:g} and {LARGEST:g}; correct it"
         )
     if intrinsics is None:
-        return GivenCamera(None, depth_scale)
+        return GivenCamera(None, depth_scale, mirrored)
     try:
         fx, fy, cx, cy = (float(part) for part in intrinsics.split(","))
     except ValueError:
         raise InputError(f"--intrinsics '{intrinsics}' is not fx,fy,cx,cy; give four numbers") from None
-    given = GivenCamera((fx, fy, cx, cy), depth_scale)
+    given = GivenCamera((fx, fy, cx, cy), depth_scale, mirrored)
     given.camera((1, 1), Path("--intrinsics"))
     return given
-
-
-NEAREST_IN_A_ROOM_M, FARTHEST_IN_A_ROOM_M = 0.4, 10.0
-"""Depth that is all below or all above these limits is implausible for a camera in a room."""
-
-
-def doubts(camera: Intrinsics, near: float | None, far: float | None) -> Iterator[str]:
-    """Warnings about an implausible camera matrix, and implausible nearest and farthest depth, metres."""
-    if not (0.0 <= camera.cx <= camera.width and 0.0 <= camera.cy <= camera.height):
-        size = f"{camera.width}x{camera.height}"
-        yield f"the centre ({camera.cx:g}, {camera.cy:g}) is outside its {size} image"
-    scale = "is the unit right? --depth-scale N gives the units per metre"
-    if near is None or far is None:
-        yield f"the examined frames have no depth; {scale}"
-    elif near > FARTHEST_IN_A_ROOM_M or far < NEAREST_IN_A_ROOM_M:
-        yield f"all depth lies between {near:.3g} and {far:.3g} m; {scale}"

@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from PIL import Image
+from PIL import Image, ImageOps
 
 from gepf.common.camera import Intrinsics
 from gepf.common.errors import InputError
@@ -16,12 +16,15 @@ COLOUR_FORMATS = ("PNG", "JPEG")
 
 
 class ColourFolder:
-    """Colour frames of the depth camera, or registered to it, of its size or scaled.
+    """Colour frames of the depth camera, or registered to it, of its size or scaled; mirrored back like it.
 
     Raises InputError unless there is one for each of `numbers`, all of the camera's shape.
     """
 
-    def __init__(self, path: Path, camera: Intrinsics, numbers: Sequence[int]) -> None:
+    def __init__(
+        self, path: Path, camera: Intrinsics, numbers: Sequence[int], *, mirrored: bool = False
+    ) -> None:
+        self._mirrored = mirrored
         if not path.is_dir():
             raise InputError(f"no such folder of colour frames: {path}; give another --color")
         files = sorted(file for file in path.iterdir() if file.suffix.lower() in (".png", ".jpg", ".jpeg"))
@@ -43,4 +46,5 @@ class ColourFolder:
     def frame(self, number: int) -> Image.Image:
         """One frame, RGB; InputError if it is damaged."""
         with opened(self._files[number], *COLOUR_FORMATS) as image:
-            return image.convert("RGB")
+            colours = image.convert("RGB")
+        return ImageOps.mirror(colours) if self._mirrored else colours

@@ -19,7 +19,8 @@ import numpy as np
 from gepf.common.arrays import Array
 from gepf.common.body import unknown_dof
 from gepf.common.errors import InputError
-from gepf.coordinator.sources.ros_bag import Bag, depth_topic, is_bag
+from gepf.coordinator.sources.bag import SECOND_NS, Bag, is_bag
+from gepf.coordinator.sources.ros_bag import depth_topic
 
 logger = logging.getLogger(__name__)
 
@@ -69,7 +70,7 @@ def read_joint_states(path: Path) -> JointStates:
 def read_csv(path: Path) -> tuple[tuple[str, ...], Array, Array]:
     """Read names, times and values of a CSV."""
     try:
-        with path.open(newline="", encoding="utf-8") as file:
+        with path.open(newline="", encoding="utf-8-sig") as file:
             heads, *rows = [row for row in csv.reader(file) if row]
         table = np.array([[float(cell) for cell in row] for row in rows]).reshape(len(rows), len(heads))
     except (OSError, ValueError) as error:
@@ -91,14 +92,18 @@ def read_bag(path: Path) -> tuple[tuple[str, ...], Array, Array]:
     topics = bag.topics(STATES)
     if not topics:
         raise InputError(f"{path} holds no joint states ({STATES}); record the topic joint_states, too")
-    stamps = bag.times(topics[0])
-    messages = [bag.message(topics[0], time) for time in stamps]
+    states = bag.clock(topics[0])
+    messages = [bag.message(topics[0], place) for place in states.places.tolist()]
     names = tuple(messages[0].name)
     if any(tuple(message.name) != names for message in messages):
         raise InputError(f"{path}: messages of {topics[0]} name different joints; write them to a CSV")
     try:
-        began = bag.times(depth_topic(bag))[0]
+        images = bag.clock(depth_topic(bag))
     except InputError:  # no depth
-        began = stamps[0]
-    times = np.array([(time - began) * 1e-9 for time in stamps])
+        images = states
+    stamped = states.kind == images.kind == "stamps"
+    began, times_ns = (
+        (images.times_ns[0], states.times_ns) if stamped else (images.records_ns[0], states.records_ns)
+    )
+    times = (times_ns - began) / SECOND_NS
     return names, times, np.array([np.asarray(message.position, dtype=np.float64) for message in messages])

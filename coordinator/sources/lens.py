@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gepf.common.arrays import Indices
 from gepf.common.camera import Intrinsics
+
+Value = TypeVar("Value", bound=np.generic)
 
 
 @dataclass(frozen=True)
@@ -44,8 +47,8 @@ class Lens:
             seen &= r2 <= self.radius**2
         return np.where(seen, rows * camera.width + columns, -1.0).astype(np.int64)
 
-    def undistort(self, depth: NDArray[np.uint16]) -> NDArray[np.uint16]:
+    def undistort(self, depth: NDArray[Value]) -> NDArray[Value]:
         """The undistorted depth image (H, W); 0 for pixels outside the distorted image."""
         if not any(self.coefficients):
             return depth
-        return np.where(self.pixels >= 0, depth.ravel()[self.pixels], 0).astype(np.uint16)
+        return np.where(self.pixels >= 0, depth.ravel()[self.pixels], 0).astype(depth.dtype)

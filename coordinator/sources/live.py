@@ -187,6 +187,10 @@ class LiveFrames:
         if said is not None:
             self._report(said)
 
+    def say(self, message: str) -> None:
+        """Report a message of the source for the user."""
+        self._report(message)
+
     def end(self) -> None:
         """End the stream like its publisher: the received frames are still yielded, and no others."""
         with self._changed:

@@ -15,6 +15,8 @@ from gepf.common.camera import NOT_MOVED
 from gepf.common.frame import DepthFrame
 from gepf.common.protocol.keys import check_stream
 from gepf.coordinator.sources.devices.device import vendor_of
+from gepf.coordinator.sources.gaps import close_gaps, is_sparse
+from gepf.coordinator.sources.source import measured
 
 SCHEME, ROS_SCHEME = "zenoh:", "ros2:"
 NEW_STREAM_FRAMES = 5  # that fit each other
@@ -74,6 +76,7 @@ class LiveStream:
         self.reported = set[str]()  # causes of rejected frames
         self._skip = 0  # from the camera's numbers to those of its frames
         self._last: DepthFrame | None = None  # that fits, as received
+        self._sparse: bool | None = None  # whether gaps of depth are closed; None before the first depth
         self._recent = deque[tuple[float, float]](maxlen=RECENT_FRAMES)  # the camera's time, reception
         self._rejected = deque[DepthFrame](maxlen=2 * NEW_STREAM_FRAMES)  # since then
 
@@ -113,7 +116,7 @@ class LiveStream:
         after = 0 if self._last is None else self._last.number + self._skip + 1
         self._skip = max(0, after - frame.number) if goes_on else 0
         self._recent.clear()
-        self._last = None
+        self._last = self._sparse = None
 
     def accept(self, frame: DepthFrame, received: float, clock: LiveStream | None) -> bool:
         """Keep a frame that fits. `clock` is the stream of another camera that lives, if there is one.
@@ -145,10 +148,13 @@ class LiveStream:
         return max(time_s - received for time_s, received in self._recent)
 
     def take(self) -> DepthFrame:
-        """The frame that waits."""
+        """The frame that waits; gaps of sparse depth are closed."""
         frame, self.waiting = self.waiting, None
         assert frame is not None
-        return frame
+        depth = measured(frame.depth)
+        if self._sparse is None and depth.any():
+            self._sparse = is_sparse([depth])
+        return replace(frame, depth=close_gaps(depth) if self._sparse else depth)
 
 
 def usual_step(values: Sequence[float]) -> float:

@@ -1,9 +1,8 @@
 """Depth as folders of 16-bit PNG: as Open3D's recorders write it, of the TUM RGB-D benchmark, or any other.
 
-Names of images end in a number: that of the frame, or, if the numbers are far apart, its time in seconds,
-microseconds or nanoseconds. Alternatively a text file in the folder holds times in seconds: one per line for
-each image in order, or with the name of the image before or after it. Frames may be missing; the others keep
-their times.
+Images are in the order of all numbers in their names, which count frames or are times (`clock`).
+Alternatively a text file in the folder holds times: one line for each image in order, or with the name of the
+image. Frames may be missing; the others keep their times.
 
 A folder of the TUM benchmark (Sturm et al., "A Benchmark for the Evaluation of RGB-D SLAM Systems", IROS
 2012) lists times and images in depth.txt. Without a camera_intrinsic.json, the camera is the documented one
@@ -14,8 +13,9 @@ from __future__ import annotations
 
 import logging
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
+from decimal import Decimal
 from itertools import pairwise
 from pathlib import Path
 
@@ -25,21 +25,30 @@ from PIL import Image
 
 from gepf.common.camera import Intrinsics
 from gepf.common.errors import InputError
-from gepf.coordinator.files import CAMERA_FILE, SUMMARY_FILE
-from gepf.coordinator.sources.camera import DEFAULT_FPS, MILLIMETRES, NOMINAL, GivenCamera, read_camera
+from gepf.coordinator.files import CAMERA_FILE, SUMMARY_FILE, read_text
+from gepf.coordinator.sources.camera import (
+    DEFAULT_FPS,
+    MILLIMETRES,
+    NOMINAL,
+    GivenCamera,
+    find_camera_file,
+    read_camera,
+)
+from gepf.coordinator.sources.clock import (
+    NUMBER,
+    SIGNED,
+    columns_of,
+    order_of,
+    times_in_lines,
+    times_in_names,
+)
 from gepf.coordinator.sources.source import Source, rate_of
 
 logger = logging.getLogger(__name__)
 
 TUM_LIST = "depth.txt"
 TIMES_FILE = "timestamps.txt"
-TIME_FILES = (TUM_LIST, TIMES_FILE, "times.txt", "depth_timestamps.txt")
-NUMBER = re.compile(r"\d+(?:\.\d+)?(?=\D*$)")
-SHORTEST_FRAME_US = 3000.0
-"""Larger steps between numbers in names are micro- or nanoseconds: 300 frames per second."""
-LONGEST_FRAME_US = 2e6
-"""Steps larger than this are nanoseconds."""
-
+TIME_FILES = (TUM_LIST, TIMES_FILE, "times.txt", "depth_timestamps.txt", "timestamps.csv")
 TUM_CAMERAS = {
     "freiburg1": Intrinsics(640, 480, 517.3, 516.5, 318.6, 255.3),
     "freiburg2": Intrinsics(640, 480, 520.9, 521.0, 325.1, 249.7),
@@ -66,38 +75,47 @@ def read_pictures(path: Path, given: GivenCamera) -> Source:
             f"{path} holds no depth/000000.png; give a folder with depth/*.png and {CAMERA_FILE}"
         )
     name = path.resolve().name
-    camera, scale, fps = NOMINAL, MILLIMETRES, DEFAULT_FPS
-    if (path / CAMERA_FILE).exists() or (given.intrinsics is None and not is_tum(path)):
-        camera, scale, fps = read_camera(path / CAMERA_FILE)
-    elif is_tum(path):
-        camera = next((camera for key, camera in TUM_CAMERAS.items() if key in name), NOMINAL)
+    intrinsics, scale, fps = NOMINAL, MILLIMETRES, DEFAULT_FPS
+    if is_tum(path) and find_camera_file(path) is None:
+        intrinsics = next((camera for key, camera in TUM_CAMERAS.items() if key in name), NOMINAL)
         scale = 5000.0
+    elif given.intrinsics is None or find_camera_file(path) is not None:
+        intrinsics, scale, fps = read_camera(path, given)
     if given.intrinsics is not None:
-        camera = given.camera(read_depth(files[0]).shape, path)
+        intrinsics = given.camera(read_depth(files[0]).shape, path)
     if times is not None and len(times) > 1:
         fps = rate_of(times)
     scale = given.depth_scale or scale
-    return Source(name, camera, numbers, lambda n: read_depth(files[n]), scale, fps, times, folder=path)
+    return Source(name, intrinsics, numbers, lambda n: read_depth(files[n]), scale, fps, times, folder=path)
 
 
-def find_frames(folder: Path, beside: Path) -> tuple[Sequence[int], list[Path], list[float] | None]:
+def find_frames(
+    folder: Path, beside: Path, suffixes: Collection[str] = (".png",)
+) -> tuple[Sequence[int], list[Path], list[float] | None]:
     """Numbers, files and times of a folder's frames, ascending; times are None if names count frames.
 
     `beside` is another folder that may hold a file with times. Raises InputError for names without a number,
     or decreasing times.
     """
-    files = sorted_by_number(folder)
+    files = ordered_files(folder, suffixes)
     listed = next((p for place in (beside, folder) for n in TIME_FILES if (p := place / n).is_file()), None)
     if listed is None:
-        times = times_in_names(list(files))
+        found = times_in_names([file.stem for file in files])
+        times = None if found is None else found.seconds
+        if found is not None and found.written not in ("seconds", "dates"):
+            logger.warning("%s: names are read as times: %s", folder, found.written)
     else:
         files, times = listed_times(listed, files)
     if times is not None and np.any(np.diff(times) <= 0.0):
         late = int(np.argmax(np.diff(times) <= 0.0)) + 1
         raise InputError(f"{listed or folder}: the time of frame {late} is not after the last; correct it")
-    if (times is not None and listed is None) or not all(value.is_integer() for value in files):
-        return range(len(files)), list(files.values()), times
-    numbers = [int(value) for value in files]
+    counts = columns_of([NUMBER.findall(file.stem) for file in files])
+    values = [*map(Decimal, counts[0])] if len(counts) == 1 else []
+    if len(files) == 1:
+        values = [*order_of(files[0].stem)[-1:]]
+    if (times is not None and listed is None) or not values or any(value % 1 for value in values):
+        return range(len(files)), files, times
+    numbers = [int(value) for value in values]
     gap = next((a + 1 for a, b in pairwise(numbers) if b > a + 1), None)
     if gap is not None:
         whole = numbers[-1] - numbers[0] + 1
@@ -105,60 +123,52 @@ def find_frames(folder: Path, beside: Path) -> tuple[Sequence[int], list[Path], 
             "%s: %d of %d frames are missing, frame %d first; the others keep their times",
             folder, whole - len(numbers), whole, gap,
         )  # fmt: skip
-        return numbers, list(files.values()), times
-    return range(numbers[0], numbers[0] + len(numbers)) if numbers else range(0), list(files.values()), times
+        return numbers, files, times
+    return range(numbers[0], numbers[0] + len(numbers)), files, times
 
 
-def sorted_by_number(folder: Path) -> dict[float, Path]:
-    """Files by the number in their names, ascending."""
+def ordered_files(folder: Path, suffixes: Collection[str]) -> list[Path]:
+    """Files in the order of all numbers in their names."""
     try:
-        files = [f for f in folder.iterdir() if f.suffix.lower() == ".png" and not f.name.startswith(".")]
+        files = [f for f in folder.iterdir() if f.suffix.lower() in suffixes and not f.name.startswith(".")]
     except OSError as error:
         raise InputError(f"cannot read {folder}: {error.strerror}; change its permissions") from error
-    numbered: dict[float, Path] = {}
+    numbered: dict[tuple[Decimal, ...], Path] = {}
     for file in sorted(files):
-        found = NUMBER.search(file.stem)
-        if found is None:
-            if (folder / SUMMARY_FILE).exists():
-                raise InputError(f"{folder} is the folder of a run; give the recording that was tracked")
+        key = order_of(file.stem)
+        if not key and (folder / SUMMARY_FILE).exists():
+            raise InputError(f"{folder} is the folder of a run; give the recording that was tracked")
+        if not key and len(files) > 1:
             raise InputError(f"{file} is not named by a frame number such as 000000.png; rename or remove it")
-        value = float(found.group())
-        if value in numbered:
+        if key in numbered:
             raise InputError(
-                f"{folder} has a frame number twice ({numbered[value].name}, {file.name}); keep one"
+                f"{folder} has a frame number twice ({numbered[key].name}, {file.name}); keep one"
             )
-        numbered[value] = file
-    return dict(sorted(numbered.items()))
+        numbered[key] = file
+    return [numbered[key] for key in sorted(numbered)]
 
 
-def times_in_names(values: list[float]) -> list[float] | None:
-    """Seconds, if the numbers in names are times; None if they count frames."""
-    if len(values) < 2:
-        return None
-    step = float(np.median(np.diff(values)))
-    if any(not value.is_integer() for value in values):
-        unit = 1.0
-    elif step < SHORTEST_FRAME_US:
-        return None
-    else:
-        unit = 1e-9 if step > LONGEST_FRAME_US else 1e-6
-    return [(value - values[0]) * unit for value in values]
-
-
-def listed_times(path: Path, files: dict[float, Path]) -> tuple[dict[float, Path], list[float]]:
+def listed_times(path: Path, files: list[Path]) -> tuple[list[Path], list[float]]:
     """The images that a file names, or all if it names none, and the time of each, seconds from 0."""
     try:
-        lines = [line.split() for line in path.read_text(encoding="utf-8").splitlines()]
+        lines = [re.split(r"[,;\s]+", line.strip()) for line in read_text(path).splitlines()]
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path} is not a readable text ({error}); copy it again") from error
-    rows = [cells for cells in lines if cells and not cells[0].startswith("#")]
+    rows = [cells for cells in lines if any(cells) and not cells[0].startswith("#")]
     by_name = {Path(cell).name: cells for cells in rows if len(cells) > 1 for cell in cells}
-    named = {value: file for value, file in files.items() if file.name in by_name}
+    named = [file for file in files if file.name in by_name]
     if named:
         files = named
-        rows = [[c for c in by_name[file.name] if Path(c).name != file.name] for file in files.values()]
+        rows = [[c for c in by_name[file.name] if Path(c).name != file.name] for file in files]
+    elif len(rows) > len(files) and not any(map(SIGNED.fullmatch, rows[0])):  # names of columns
+        rows = rows[1:]
     if len(rows) != len(files):
         raise InputError(f"{path} has {len(rows)} times for {len(files)} pictures; write one line for each")
+    found = times_in_lines(rows)
+    if found is not None:
+        if found.written not in ("seconds", "dates"):
+            logger.warning("%s: times are read as %s", path, found.written)
+        return files, found.seconds
     try:
         times = [float(cells[0]) for cells in rows]
     except ValueError as error:

@@ -1,56 +1,100 @@
 """A folder of point clouds, one file per frame: PLY or PCD, metres, in the camera frame (z forward).
 
 Each cloud is projected to a depth image with the nearest point of each pixel. The camera is that of the user,
-of camera_intrinsic.json, or of the organised cloud (PCD with rows and columns). Otherwise it is a nominal
-camera of 640 x 480.
+of camera_intrinsic.json, or of the organised cloud (PCD with rows and columns). Otherwise its pixels are as
+wide as the spacing of the points, and its field of view is that of a nominal camera, or larger, so that all
+points are in it. Gaps that remain are closed, as of all sparse depth.
 """
 
 from __future__ import annotations
 
-import re
+import logging
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from gepf.common.arrays import Array
 from gepf.common.camera import Intrinsics, project
 from gepf.common.errors import InputError
 from gepf.coordinator.files import CAMERA_FILE
-from gepf.coordinator.sources.camera import DEFAULT_FPS, NOMINAL, GivenCamera, read_camera
-from gepf.coordinator.sources.source import Source
+from gepf.coordinator.sources.camera import (
+    DEFAULT_FPS,
+    MILLIMETRES,
+    NOMINAL,
+    GivenCamera,
+    find_camera_file,
+    read_camera,
+)
+from gepf.coordinator.sources.picture_folders import find_frames
+from gepf.coordinator.sources.source import FARTHEST_M, Source, rate_of
+
+logger = logging.getLogger(__name__)
 
 SUFFIXES = (".ply", ".pcd")
 LARGEST_MISFIT_PX = 0.05  # error of the pixels of a pinhole camera
+NEIGHBOUR = 4
+"""The distance to the fourth neighbour is the spacing of a square grid, and nearly that of random points."""
+STEEPEST = 2.0  # slope of the line of sight to points at the border of an image: 127 degrees in all
+FINEST = 2.0  # focal length in that of the nominal camera
 
 
 def read_clouds(path: Path, given: GivenCamera) -> Source:
     """Read the clouds of a folder in the order of the numbers in their names, numbered from 0."""
-    files = cloud_files(path)
-    first, camera, fps = read_cloud(files[0]), NOMINAL, DEFAULT_FPS
+    files, times = cloud_files(path)
+    first, fps = read_cloud(files[0]), DEFAULT_FPS if times is None else rate_of(times)
     organised = first.ndim == 3
-    if (path / CAMERA_FILE).exists():
-        camera, _, fps = read_camera(path / CAMERA_FILE)
+    camera = NOMINAL
+    if find_camera_file(path) is not None:
+        camera, _, recorded = read_camera(path, given)
+        fps = fps if times is not None else recorded
     elif organised and given.intrinsics is None:
         camera = own_camera(first, files[0])
-    if given.intrinsics is not None:
-        camera = given.camera(first.shape if organised else (camera.height, camera.width), path)
+    elif given.intrinsics is None:
+        others = {files[len(files) // 2], files[-1]} - {files[0]}
+        camera = fitting_camera([first, *map(read_cloud, sorted(others))])
+    if given.intrinsics is not None and (organised or camera is NOMINAL):
+        middle_of = round(2.0 * given.intrinsics[3] + 1.0), round(2.0 * given.intrinsics[2] + 1.0)
+        camera = given.camera(first.shape if organised else middle_of, path)
+    scale = given.depth_scale or 1.0
+    depth = first[np.isfinite(first).all(axis=-1)][:, 2]
+    if given.depth_scale is None and depth.size and (middle := float(np.median(depth))) > FARTHEST_M:
+        logger.warning("%s: points (median depth %.0f) are interpreted as millimetres", path, middle)
+        scale = MILLIMETRES
 
     def read(place: int) -> Array:
         return render_points(read_cloud(files[place]).reshape(-1, 3), camera)
 
-    scale = given.depth_scale or 1.0
-    return Source(path.resolve().name, camera, range(len(files)), read, scale, fps, folder=path)
+    return Source(path.resolve().name, camera, range(len(files)), read, scale, fps, times, folder=path)
 
 
-def cloud_files(path: Path) -> list[Path]:
-    """The clouds of a folder, in the order of the numbers in their names."""
-    files = [f for f in path.iterdir() if f.suffix.lower() in SUFFIXES and not f.name.startswith(".")]
-    kinds = {f.suffix.lower() for f in files}
+def cloud_files(path: Path) -> tuple[list[Path], list[float] | None]:
+    """The clouds of a folder, in the order of the numbers in their names, and their times if known."""
+    kinds = {f.suffix.lower() for f in path.iterdir() if not f.name.startswith(".")} & set(SUFFIXES)
     if len(kinds) > 1:
         raise InputError(f"{path} holds both .ply and .pcd files; keep those of one kind")
-    return sorted(files, key=lambda f: [int(p) if p.isdecimal() else p for p in re.split(r"(\d+)", f.stem)])
+    _, files, times = find_frames(path, path, kinds)
+    return files, times
+
+
+def fitting_camera(clouds: Sequence[Array]) -> Intrinsics:
+    """A camera for unorganised clouds (N, 3) that sees all points, about one in each pixel."""
+    slopes, spacings = [np.zeros((1, 2))], []
+    for cloud in clouds:
+        points = cloud[np.isfinite(cloud).all(axis=1) & (cloud[:, 2] > 0)]
+        seen = np.unique(points[:, :2] / points[:, 2:], axis=0)
+        slopes.append(seen[(np.abs(seen) <= STEEPEST).all(axis=1)])
+        if len(seen) > NEIGHBOUR:
+            spacings.append(float(np.median(cKDTree(seen).query(seen, NEIGHBOUR + 1)[0][:, -1])))
+    focal = min(1.0 / float(np.median(spacings)), FINEST * NOMINAL.fx) if spacings else NOMINAL.fx
+    every = np.concatenate(slopes)
+    usual = np.array([NOMINAL.width, NOMINAL.height]) / (2.0 * NOMINAL.fx)
+    first = np.floor(focal * np.minimum(every.min(axis=0), -usual))
+    width, height = (np.ceil(focal * np.maximum(every.max(axis=0), usual)) - first + 1.0).astype(int).tolist()
+    return Intrinsics(width, height, focal, focal, *(-first).tolist())
 
 
 def read_cloud(path: Path) -> Array:

@@ -124,7 +124,9 @@ def read_rig(path: Path, given: GivenCamera) -> Source:
     from gepf.coordinator.sources import open_source
 
     if given != AS_RECORDED:
-        raise InputError(f"--intrinsics and --depth-scale do not fit the rig {path}; leave them out")
+        raise InputError(
+            f"--intrinsics, --depth-scale and --mirrored do not fit the rig {path}; leave them out"
+        )
     if live_cameras(path):
         raise InputError(f"the cameras of {path} are live; gepf track and gepf.live read them")
     cameras = []

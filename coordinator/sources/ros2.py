@@ -67,6 +67,13 @@ class Node:
         except Exception as error:  # any, for a damaged message
             raise ProtocolError(f"not a {kind}: {str(error) or type(error).__name__}") from error
 
+    def define(self, kind: str, definition: str) -> None:
+        """Add a type that is not one of ROS's own, by the text of its `.msg` file."""
+        from rosbags.typesys import get_types_from_msg
+
+        if kind not in self._types.types:
+            self._types.register(get_types_from_msg(definition, kind))
+
     def type(self, kind: str) -> Any:
         """The class of a type's messages, with its constants."""
         return self._types.types[kind]

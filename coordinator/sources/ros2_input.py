@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections import deque
 from collections.abc import Callable, Collection
 from itertools import count
@@ -14,25 +15,28 @@ from gepf.common.frame import DepthFrame
 from gepf.common.protocol.frames import check_camera
 from gepf.coordinator.sources.camera import MILLIMETRES
 from gepf.coordinator.sources.joint_states import STATES, JointStates
+from gepf.coordinator.sources.lens import Lens
 from gepf.coordinator.sources.live import LiveFrames
 from gepf.coordinator.sources.ros2 import SECOND_NS, Node, nanoseconds
-from gepf.coordinator.sources.ros_bag import CAMERA, camera_in
-from gepf.coordinator.sources.ros_images import COMPRESSED, IMAGE, pixels
+from gepf.coordinator.sources.ros_camera import CAMERA, lens_in
+from gepf.coordinator.sources.ros_images import COMPRESSED, IMAGE, PICTURES, TRANSPORT, pixels
 from gepf.coordinator.sources.source import UNITS_PER_METRE, to_units
-
-TRANSPORT = "/compressedDepth"  # end of the topic of compressed images
 
 
 class DepthTopic:
     """Gives the images of a topic to live frames, numbered in the order of their reception.
 
-    The camera is that of the camera_info beside the images; images that come before it are left out.
+    The camera is that of the camera_info beside the images, whose distortion is undone; images that come
+    before it are left out. Images without a stamp have the time of their reception.
     """
 
     def __init__(self, node: Node, topic: str, frames: LiveFrames) -> None:
         self._node, self._topic, self._frames = node, topic, frames
-        self._kind = COMPRESSED if topic.endswith(TRANSPORT) else IMAGE
-        self._camera_topic = topic.removesuffix(TRANSPORT).rpartition("/")[0] + "/camera_info"
+        self._kind = COMPRESSED if topic.endswith((TRANSPORT, PICTURES)) else IMAGE
+        raw = topic.removesuffix(TRANSPORT).removesuffix(PICTURES)
+        self._raw, self._camera_topic = raw, raw.rpartition("/")[0] + "/camera_info"
+        self._lens: tuple[bytes, Lens] | None = None  # of the last message of it
+        self._stamped = True
         self._camera: bytes | None = None  # the last message of it
         self._waits = False  # images for the camera
         self._numbers = count()
@@ -52,8 +56,8 @@ class DepthTopic:
         """The frame of an image, or ProtocolError."""
         node, message = self._node, self._node.read(payload, self._kind)
         try:
-            camera = camera_in(node.read(self._camera or b"", CAMERA), self._camera_topic)
-            depth, scale = pixels(message), MILLIMETRES
+            lens = self._choose_lens(self._camera or b"")
+            camera, depth, scale = lens.camera, pixels(message), MILLIMETRES
         except Exception as error:  # any, for a damaged image
             raise ProtocolError(str(error)) from error
         if depth.dtype.kind == "f":
@@ -62,10 +66,24 @@ class DepthTopic:
         if depth.shape != (camera.height, camera.width):
             size = f"{depth.shape[1]}x{depth.shape[0]}"
             raise ProtocolError(f"it is {size}, but its camera_info {camera.width}x{camera.height}")
-        now = nanoseconds(message.header.stamp)
+        if not (now := nanoseconds(message.header.stamp)):
+            now = time.time_ns()
+            if self._stamped:
+                self._frames.say(f"images on {self._topic} have no stamps; they get the time of reception")
+            self._stamped = False
         node.began_ns, node.frame_id = node.began_ns or now, message.header.frame_id or node.frame_id
         time_s = (now - node.began_ns) / SECOND_NS
-        return DepthFrame(next(self._numbers), time_s, depth.astype(np.uint16), scale, camera)
+        image = lens.undistort(depth.astype(np.uint16))
+        return DepthFrame(next(self._numbers), time_s, image, scale, camera)
+
+    def _choose_lens(self, payload: bytes) -> Lens:
+        """The lens of a camera_info; its table of pixels is made once."""
+        if self._lens is None or self._lens[0] != payload:
+            lens = lens_in(self._node.read(payload, CAMERA), self._raw, self._camera_topic)
+            if self._lens is not None and lens == self._lens[1]:  # another stamp
+                lens = self._lens[1]
+            self._lens = payload, lens
+        return self._lens[1]
 
     def _explain(self) -> str:
         """Why no frame comes, as far as it is known."""

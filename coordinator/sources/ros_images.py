@@ -1,7 +1,7 @@
 """Depth of ROS image messages, raw or compressed.
 
-Messages of the transport compressedDepth hold PNG or RVL after a header of 12 bytes. Depth of 32FC1 is
-compressed as inverse depth: it is a / (value - b) metres, with a and b of the header.
+Messages of the transport compressed hold PNG or TIFF. Those of compressedDepth hold PNG or RVL after a header
+of 12 bytes, and depth of 32FC1 as inverse depth: it is a / (value - b) metres, with a and b of the header.
 """
 
 from __future__ import annotations
@@ -19,16 +19,40 @@ IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 FLOATS = "32FC1"  # metres
 ENCODINGS = ("mono16", "16UC1", FLOATS)
 HEADER_BYTES = 12
+LOSSLESS = ("PNG", "TIFF")
+JPEG_START = b"\xff\xd8"
+TRANSPORT, PICTURES = "/compressedDepth", "/compressed"  # ends of topics of compressed images
 
 
 def encoding_of(message: Any) -> str:
-    """The encoding of an image message of either type."""
-    return str(getattr(message, "encoding", None) or message.format.partition(";")[0])
+    """The encoding of an image message of either type; of a compressed one without it, that of its pixels."""
+    if not hasattr(message, "format"):
+        return str(message.encoding)
+    encoding, separator, _ = message.format.partition(";")
+    if separator or is_jpeg(message):
+        return str(encoding)
+    try:
+        with Image.open(BytesIO(content_of(message)), formats=LOSSLESS) as image:
+            return FLOATS if image.mode == "F" else "16UC1" if image.mode.startswith("I") else str(image.mode)
+    except (OSError, SyntaxError, ValueError):
+        return str(encoding)
+
+
+def is_jpeg(message: Any) -> bool:
+    """Whether a message holds a JPEG, which has 8 bits and has lost depth."""
+    return hasattr(message, "format") and bytes(content_of(message)[:2]) == JPEG_START
+
+
+def content_of(message: Any) -> bytes:
+    """The bytes of a message."""
+    return np.asarray(message.data, dtype=np.uint8).tobytes()
 
 
 def pixels(message: Any) -> NDArray[np.generic]:
     """Depth (H, W) of an image message, in integer units or metres; any exception if it is damaged."""
     encoding = encoding_of(message)
+    if is_jpeg(message):
+        raise ValueError(f"it is depth as JPEG ({message.format}), which has lost it; use ...{TRANSPORT}")
     if encoding not in ENCODINGS:
         raise ValueError(f"its encoding is {encoding}, not {', '.join(ENCODINGS)}")
     if hasattr(message, "format"):
@@ -42,9 +66,11 @@ def pixels(message: Any) -> NDArray[np.generic]:
 
 def decompressed(message: Any, *, is_inverse: bool) -> NDArray[np.generic]:
     """Depth (H, W) of a compressed image, in integer units, or metres of inverse depth."""
-    content = np.asarray(message.data, dtype=np.uint8).tobytes()
+    content = content_of(message)
+    if TRANSPORT[1:] not in message.format:
+        return unpack_picture(content)
     packed = content[HEADER_BYTES:]
-    values = unpack_rvl(packed) if message.format.endswith(" rvl") else unpack_png(packed)
+    values = unpack_rvl(packed) if message.format.endswith(" rvl") else unpack_picture(packed)
     if not is_inverse:
         return values
     a, b = np.frombuffer(content[:HEADER_BYTES], "<f4")[1:]
@@ -52,13 +78,13 @@ def decompressed(message: Any, *, is_inverse: bool) -> NDArray[np.generic]:
     return np.asarray(a / inverse, dtype=np.float32)
 
 
-def unpack_png(packed: bytes) -> NDArray[np.uint16]:
-    """The image (H, W) of a 16-bit PNG."""
-    with Image.open(BytesIO(packed), formats=["PNG"]) as image:
+def unpack_picture(packed: bytes) -> NDArray[Any]:
+    """The image (H, W) of a PNG or TIFF, of 16 bits or floats."""
+    with Image.open(BytesIO(packed), formats=LOSSLESS) as image:
         check_pixels(*image.size)
-        if not image.mode.startswith("I"):
-            raise ValueError(f"its PNG has pixels of type {image.mode}, not of 16 bits")
-        return np.asarray(image).astype(np.uint16)
+        if image.mode != "F" and not image.mode.startswith("I"):
+            raise ValueError(f"its {image.format} has pixels of type {image.mode}, not of 16 bits or floats")
+        return np.asarray(image).astype(np.float32 if image.mode == "F" else np.uint16)
 
 
 def unpack_rvl(packed: bytes) -> NDArray[np.uint16]:

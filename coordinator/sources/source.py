@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -16,9 +19,12 @@ from gepf.common.errors import InputError
 from gepf.common.frame import DepthFrame
 from gepf.coordinator.files import START_FILE, TRUTH_FILE
 from gepf.coordinator.sources.camera import DEFAULT_FPS
+from gepf.coordinator.sources.gaps import close_gaps, is_sparse
 
 UNITS_PER_METRE = 5000.0  # for metres: steps of 0.2 mm
 ROUNDING_S = 1e-4  # of times in files
+SATURATED = np.iinfo(np.uint16).max
+"""The largest value of a pixel stands for no depth: cameras write it where nothing was measured."""
 FARTHEST_M = np.iinfo(np.uint16).max / UNITS_PER_METRE
 
 
@@ -30,8 +36,8 @@ class Source:
         name: Name of the sequence, without folder and suffix.
         intrinsics: The camera of every frame.
         numbers: The frames' numbers, ascending; some may be missing in between.
-        read: Returns depth (H, W) of the n-th frame, counted from 0: uint16, or floats; 0 or NaN for no
-            depth. Raises InputError if the frame is damaged.
+        read: Returns depth (H, W) of the n-th frame, counted from 0: uint16, or floats; 0, NaN or the largest
+            uint16 for no depth. Raises InputError if the frame is damaged.
         depth_scale: Units of this depth per metre.
         fps: Frames per second.
         times: Times of the frames, seconds, ascending; None for number over `fps`.
@@ -41,6 +47,7 @@ class Source:
         T_rig_camera: (4, 4), metres.
         offset_s: Added to the camera's time it gives the rig's.
         others: The other cameras of the rig. There is a frame for each frame of this one.
+        mirrored: Whether the recorder mirrored the images, so that they were mirrored back; None if unknown.
     """
 
     name: str
@@ -56,6 +63,7 @@ class Source:
     T_rig_camera: Array = field(default_factory=NOT_MOVED.copy)
     offset_s: float = 0.0
     others: tuple[Source, ...] = ()
+    mirrored: bool | None = None
 
     @property
     def views(self) -> tuple[Source, ...]:
@@ -93,6 +101,16 @@ class Source:
         known = {each.name: getattr(self, each.name) for each in fields(self)}
         return Source(**(known | changes))
 
+    def mirrored_back(self) -> Source:
+        """The same sequence with left and right exchanged."""
+        camera, read = self.intrinsics, self.read
+        return self.changed(
+            read=lambda place: read(place)[:, ::-1],
+            intrinsics=msgspec.structs.replace(camera, cx=camera.width - 1 - camera.cx),
+            gravity=None if self.gravity is None else self.gravity * [-1.0, 1.0, 1.0],
+            mirrored=True,
+        )
+
     def nearest(self, time_s: float, within_s: float) -> int | None:
         """The place of the frame nearest to a time of the rig, or the later of two; None if it is far off."""
         apart = np.abs(self.times_s - time_s)
@@ -114,18 +132,39 @@ class Source:
 
     def _image(self, place: int) -> DepthFrame:
         """The frame of this camera alone at a place in `numbers`."""
-        number, camera, scale = self.numbers[place], self.intrinsics, self.depth_scale
-        depth = self.read(place)
+        depth, scale = self._units(place)
+        if self.is_sparse:
+            depth = close_gaps(depth)
+        number = self.numbers[place]
+        time_s = (number / self.fps if self.times is None else self.times[place]) + self.offset_s
+        return DepthFrame(number, time_s, depth, scale, self.intrinsics, self.camera, self.T_rig_camera)
+
+    @cached_property
+    def is_sparse(self) -> bool:
+        """Whether depth consists of points with narrow gaps in between, which are closed in all frames."""
+        return is_sparse(depth for depth, _ in self._examined(3))
+
+    def examined(self) -> list[NDArray[np.float32]]:
+        """Depth (H, W) in metres of ten frames, evenly spaced, without those that are damaged."""
+        return [depth.astype(np.float32) / np.float32(scale) for depth, scale in self._examined(10)]
+
+    def _examined(self, count: int) -> Iterator[tuple[NDArray[np.uint16], float]]:
+        """Depth (H, W) and units per metre of frames that are evenly spaced, if they can be read."""
+        for place in np.unique(np.linspace(0, len(self) - 1, count).astype(int)).tolist():
+            with suppress(InputError):
+                yield self._units(place)
+
+    def _units(self, place: int) -> tuple[NDArray[np.uint16], float]:
+        """Depth (H, W) as it was recorded, 0 for none, and its units per metre."""
+        camera, depth, number = self.intrinsics, self.read(place), self.numbers[place]
         if depth.shape != (camera.height, camera.width):
             raise InputError(
                 f"{self.name}: frame {number} is {depth.shape[1]}x{depth.shape[0]}, but its camera "
                 f"{camera.width}x{camera.height}; give frames of one size and their camera"
             )
         if depth.dtype.kind == "f":
-            depth, scale = to_units(depth.astype(np.float64) / scale), UNITS_PER_METRE
-        time_s = number / self.fps if self.times is None else self.times[place]
-        units, time_s = depth.astype(np.uint16, copy=False), time_s + self.offset_s
-        return DepthFrame(number, time_s, units, scale, camera, self.camera, self.T_rig_camera)
+            return to_units(depth.astype(np.float64) / self.depth_scale), UNITS_PER_METRE
+        return measured(depth.astype(np.uint16, copy=False)), self.depth_scale
 
     def __len__(self) -> int:
         return len(self.numbers)
@@ -135,6 +174,11 @@ class Source:
 
     def _beside(self, name: str) -> Path | None:
         return self.folder / name if self.folder and (self.folder / name).is_file() else None
+
+
+def measured(depth: NDArray[np.uint16]) -> NDArray[np.uint16]:
+    """Depth with 0 also where the largest value stands for none."""
+    return np.where(depth == SATURATED, 0, depth).astype(np.uint16) if (depth == SATURATED).any() else depth
 
 
 def to_units(metres: Array, per_metre: float = UNITS_PER_METRE) -> NDArray[np.uint16]:
@@ -157,6 +201,21 @@ def downward(accelerations: Collection[ArrayLike]) -> Array | None:
 def rate_of(seconds: Sequence[float] | Array) -> float:
     """Frames per second of ascending times: the inverse of the median time between frames."""
     return float(1.0 / np.median(np.diff(seconds))) if len(seconds) > 1 else DEFAULT_FPS
+
+
+def rising(times: NDArray[np.floating]) -> Array:
+    """Times (F,) that rise strictly: frames with one time are spread evenly up to the next time.
+
+    Where the clock was set back, one frame passes.
+    """
+    steps = np.diff(times.astype(np.float64))
+    forward = steps[steps > 0.0]
+    usual = float(np.median(forward)) if len(forward) else 1.0 / DEFAULT_FPS
+    set_back = np.concatenate([[0.0], np.cumsum(np.where(steps < 0.0, usual - steps, 0.0))])
+    distinct, first = np.unique(times + set_back, return_index=True)
+    per_frame = (distinct[-1] - distinct[0]) / first[-1] if first[-1] else usual
+    end = distinct[-1] + per_frame * (len(times) - first[-1])
+    return np.asarray(np.interp(np.arange(len(times)), [*first, len(times)], [*distinct, end]))
 
 
 def select_frames(numbers: Sequence[int], wanted: str | None) -> Sequence[int]:

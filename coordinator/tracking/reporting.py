@@ -23,7 +23,7 @@ from gepf.coordinator.tracking.certainty.certainty import (
     Certainty,
     unknown_certainty,
 )
-from gepf.coordinator.tracking.certainty.features import FrameContext, measure_features
+from gepf.coordinator.tracking.certainty.features import FrameContext, measure_features, movable_joints
 from gepf.coordinator.tracking.certainty.surface import seen_shares
 from gepf.coordinator.tracking.estimate import MAX_HYPOTHESES, POSE_UNKNOWN, Estimate, Status
 from gepf.coordinator.tracking.field_of_view import in_view
@@ -83,6 +83,7 @@ def report(updated: Updated) -> Tracked:
             certainty = FIT.judge(features, in_sight)
             if belief is not None and belief.posterior.size and not is_person(model.dof_names):
                 certainty = replace(certainty, deviation=known_deviations(model, pose, belief.posterior))
+            certainty = replace(certainty, off_probability=certainty.off_probability * movable_joints(model))
             views = [each.frame.camera for each in context.subject.views]
             seen = dict(zip(views, seen_by, strict=True))
             disputed = updated.state.checkpoint.agreement.dispute(views)

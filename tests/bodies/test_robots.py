@@ -54,4 +54,7 @@ def test_a_robot_of_meshes_is_tracked(robot: Path, capsys: pytest.CaptureFixture
     assert score["mean_angle_error_deg"] < 3.0
     track = read_track(run)
     assert track.dof_names == ("lift", "wave")
+    assert set(track.status) == {"tracked"}
+    base = [track.joint_names.index(name) for name in ("stand", "lift")]
+    assert (track.joint_off_probability[:, base] == 0.0).all()
     assert np.ptp(track.joint_positions[:, track.joint_names.index("lift")], axis=0).max() < 1e-12

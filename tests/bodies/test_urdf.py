@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -160,6 +161,39 @@ def test_what_cannot_be_tracked_is_refused_in_one_line(text: str, message: str, 
     path.write_text(text)
     with refused(message):
         read_urdf(path)
+
+
+UNITS = [(0.01, 1.0), (0.001, 1.0), (0.0254, 1.0), (1.0, 0.01), (0.01, 2.0)]
+
+
+@pytest.mark.parametrize("kind", ["visual", "collision"])
+@pytest.mark.parametrize(("unit", "scale"), UNITS)
+def test_a_collada_mesh_has_the_unit_that_it_states(
+    tmp_path: Path, unit: float, scale: float, kind: str
+) -> None:
+    """Times the scale of the robot's file, as ROS draws it; also of collision shapes."""
+    size = np.array([0.3, 0.2, 0.5])
+    box = trimesh.creation.box(size / (unit * scale))
+    content = bytes(box.export(file_type="dae")).decode()
+    stated = f'<asset><unit name="unit" meter="{unit}"/>'
+    content = re.sub("<unit[^>]*>(</unit>)?", "", content).replace("<asset>", stated)
+    assert stated in content
+    (tmp_path / "box.dae").write_text(content)
+    mesh = f"<geometry><mesh filename='box.dae' scale='{scale} {scale} {scale}'/></geometry>"
+    (tmp_path / "box.urdf").write_text(
+        f"<robot name='r'><link name='a'><{kind}>{mesh}</{kind}></link></robot>"
+    )
+    extents = np.ptp(read_urdf(tmp_path / "box.urdf").vertices, axis=0)
+    assert np.sort(extents) == pytest.approx(np.sort(size), rel=1e-3)
+
+
+def test_a_body_of_an_implausible_size_is_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """Meshes in millimetres without a scale, which a file like `.stl` cannot state."""
+    trimesh.creation.box((300.0, 200.0, 500.0)).export(tmp_path / "box.stl")
+    path = tmp_path / "large.urdf"
+    path.write_text(robot(link="<visual><geometry><mesh filename='box.stl'/></geometry></visual>"))
+    read_urdf(path)
+    assert "the body is 500 m large at rest; check the scale of its meshes" in caplog.text
 
 
 def test_collision_shapes_stand_in_where_nothing_is_seen(tmp_path: Path) -> None:

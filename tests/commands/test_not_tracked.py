@@ -33,6 +33,7 @@ def test_a_run_in_which_nobody_is_tracked_says_so_everywhere(
     said = capsys.readouterr().err
     red = [line for line in said.splitlines() if RED in line]
     assert any("most frames are not tracked (8 absent)" in line for line in red)
+    assert "--rotate" not in said
     assert "waiting for a person" in said
     assert {"track.npz", "summary.json", "poses.csv"} <= {path.name for path in out.iterdir()}
     assert set(read_track(out).status) == {"absent"}
@@ -40,17 +41,36 @@ def test_a_run_in_which_nobody_is_tracked_says_so_everywhere(
     assert "frames 0 to 7): absent" in (out / "report.html").read_text()
 
 
+@pytest.mark.parametrize(("rotate", "is_told"), [("auto", True), ("0", False)])
+def test_without_a_floor_a_line_asks_whether_the_camera_is_rotated(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], rotate: str, is_told: bool
+) -> None:
+    """Nobody is tracked, and up was guessed; not if the user said how the camera is rotated."""
+    room = Room((CABINET,), noise=0.001)
+    depth = np.array([room.see(None, number).frame.depth for number in range(FRAMES)])
+    depth[:, 85:] = 0  # the floor starts there
+    sequence = write_open3d(tmp_path / "wall", depth, CAMERA)
+    asked = ("--rotate", rotate, "--no-pictures")
+    assert main(["track", str(sequence), "--out", str(tmp_path / "run"), *asked], Direct().connect) == 3
+    line = "no floor was found; if the camera is rotated, give --rotate 90, 180 or 270"
+    assert (line in " ".join(capsys.readouterr().err.split())) == is_told
+
+
 @pytest.mark.parametrize("rotate", ["180", "auto"])
-def test_a_camera_upside_down_is_turned(tmp_path: Path, rotate: str) -> None:
-    """By --rotate, or detected; with --rotate, exports know the vertical, too."""
+def test_a_camera_upside_down_is_turned(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], rotate: str
+) -> None:
+    """By --rotate, or detected, which a line says; with --rotate, exports know the vertical, too."""
     frame = shown("standing").frames[0]
     depth = np.repeat(frame.depth[None, ::-1, ::-1], 2, axis=0)
     camera = frame.intrinsics
     lens = (camera.fx, camera.fy, camera.width - 1 - camera.cx, camera.height - 1 - camera.cy)
     sequence = write_open3d(tmp_path / "turned", depth, type(camera)(camera.width, camera.height, *lens))
     out = tmp_path / "run"
-    asked = ("--rotate", rotate, "--no-pictures", "--quiet")
+    asked = ("--rotate", rotate, "--no-pictures")
     assert main(["track", str(sequence), "--out", str(out), *asked], Direct().connect) == 0
+    line = "the person is upright if images are turned by 180 degrees clockwise; else give --rotate"
+    assert (line in " ".join(capsys.readouterr().err.split())) == (rotate == "auto")
     summary, track = msgspec.json.decode((out / "summary.json").read_bytes()), read_track(out)
     assert summary["rotate_deg"] == 180
     head, pelvis = (track.joint_positions[-1, track.joint_names.index(name)] for name in ("head", "pelvis"))

@@ -13,10 +13,11 @@ import numpy as np
 import pytest
 
 from gepf.common.kinematics import pose_vertices
+from gepf.coordinator.exports import export_run
 from gepf.coordinator.exports.axes import CAMERA_TO_Y_UP
 from tests.support.bodies import person, random_body
 from tests.support.export_readers import array_of, read_gltf, world_matrices
-from tests.support.runs import RATE, write_and_export
+from tests.support.runs import RATE, swing, write_and_export, write_run
 
 MILLIMETRE = 1e-3
 BODIES = {"person": person(), "random": random_body(np.random.default_rng(5))}
@@ -28,22 +29,51 @@ validator.validateBytes(data).then((report) => console.log(JSON.stringify(report
 """
 
 
-@pytest.mark.skipif(
+needs_validator = pytest.mark.skipif(
     not (shutil.which("node") and VALIDATOR.is_dir()) and "CI" not in os.environ,
     reason="node or npm's gltf-validator is not in the environment; where CI is set, that is a failure",
 )
+
+
+@needs_validator
 @pytest.mark.parametrize("form", ["glb", "gltf"])
 @pytest.mark.parametrize("body", BODIES)
 def test_khronos_validator_has_nothing_to_say(tmp_path: Path, body: str, form: str) -> None:
     """No error and no warning, for one frame and for several."""
     model = BODIES[body]
     for frames in (1, 5):
-        _, file = write_and_export(tmp_path / str(frames), form, model, frames)
-        done = subprocess.run(
-            ["node", "-e", VALIDATE, str(VALIDATOR), str(file)], capture_output=True, text=True, check=True
-        )
-        issues = json.loads(done.stdout)["issues"]
-        assert (issues["numErrors"], issues["numWarnings"]) == (0, 0), issues["messages"][:3]
+        check_validity(write_and_export(tmp_path / str(frames), form, model, frames)[1])
+
+
+@needs_validator
+@pytest.mark.parametrize(
+    ("times", "expected"),
+    [
+        ([0.0, 0.0, 0.2, 0.2, 0.2], [0.0, 0.1, 0.2, 0.3, 0.4]),
+        ([3.0] * 5, [0.0, 1 / 30, 2 / 30, 3 / 30, 4 / 30]),
+        ([7.0, 7.2, 1.0, 1.2, 1.2], [0.0, 0.2, 0.4, 0.6, 0.8]),
+        ([0.0, 1e3, 1e3 + 1e-5, 1e3 + 1.0, 1e3 + 2.0], [0.0, 1e3, 1e3 + 0.5, 1e3 + 1.0, 1e3 + 2.0]),
+    ],
+    ids=["repeated", "all the same", "a clock that is set back", "too near for 32 bits"],
+)
+def test_times_rise_strictly_when_stamps_do_not(
+    tmp_path: Path, times: list[float], expected: list[float]
+) -> None:
+    """The validator has nothing to say, and no frame is dropped: those with one stamp are evenly spaced."""
+    write_run(tmp_path / "run", person(), swing(person(), 5), times=np.array(times))
+    export_run(tmp_path / "run", "glb", tmp_path / "run.glb")
+    check_validity(tmp_path / "run.glb")
+    gltf = read_gltf(tmp_path / "run.glb")
+    read = array_of(gltf, gltf.animations[0].samplers[0].input).ravel()
+    np.testing.assert_allclose(read, expected, rtol=1e-6)
+
+
+def check_validity(file: Path) -> None:
+    """Khronos' validator finds no error in a file, and has no warning."""
+    command = ["node", "-e", VALIDATE, str(VALIDATOR), str(file)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    issues = json.loads(done.stdout)["issues"]
+    assert (issues["numErrors"], issues["numWarnings"]) == (0, 0), issues["messages"][:3]
 
 
 @pytest.mark.parametrize("body", BODIES)

@@ -16,7 +16,7 @@ from gepf.coordinator.exports import export_run
 from gepf.coordinator.exports.axes import CAMERA_TO_OPENSIM, CAMERA_TO_Y_UP
 from gepf.coordinator.results.track import write_track
 from tests.support.bodies import hinges, person
-from tests.support.export_readers import bvh_joints, bvhio
+from tests.support.export_readers import bvh_joints, bvhio, plain_bvh_joints
 from tests.support.runs import RATE, swing, write_and_export, write_run
 
 MILLIMETRE = 1e-3
@@ -29,6 +29,20 @@ def test_a_bvh_reader_finds_every_joint_where_the_track_has_it(tmp_path: Path, m
     read = bvh_joints(file, model.joint_names, 6) / 100.0
     expected = track.joint_positions @ CAMERA_TO_Y_UP
     assert np.abs(read - expected).max() < 0.1 * MILLIMETRE
+
+
+@pytest.mark.parametrize("translates", [False, True])
+def test_a_person_s_bvh_needs_no_translations_of_joints(tmp_path: Path, translates: bool) -> None:
+    """Importers that move only the root, and those that move all joints, find every joint, too.
+
+    Only the root has six channels, and offsets are those of the rest pose.
+    """
+    model = person()
+    track, file = write_and_export(tmp_path, "bvh", model, 6, lost=(2,))
+    read = plain_bvh_joints(file, model.joint_names, translates=translates) / 100.0
+    assert np.abs(read - track.joint_positions @ CAMERA_TO_Y_UP).max() < 0.1 * MILLIMETRE
+    channels = [line.split()[1] for line in file.read_text().splitlines() if "CHANNELS" in line]
+    assert channels == ["6", *["3"] * (len(channels) - 1)]
 
 
 def test_a_bvh_has_the_rate_the_names_and_the_tree_of_the_run(tmp_path: Path) -> None:

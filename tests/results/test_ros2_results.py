@@ -14,10 +14,13 @@ from rosbags.typesys import Stores, get_typestore
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
+from gepf.common.arrays import Array
+from gepf.common.camera import rigid
 from gepf.common.transport.opening import open_router, open_worker
 from gepf.coordinator.cli import main
 from gepf.coordinator.results.live_results import LiveResults
 from gepf.coordinator.results.ros2_results import RosOutlet
+from gepf.coordinator.results.ros_humans import HumanBodies
 from gepf.coordinator.results.track import read_track
 from gepf.coordinator.sources.ros2 import Node
 from tests.results.test_live_results import estimate, nobody
@@ -32,7 +35,10 @@ TOPICS = {
     "/gepf/certainty": "diagnostic_msgs/msg/DiagnosticArray",
     "/gepf/markers": "visualization_msgs/msg/MarkerArray",
     "/tf": "tf2_msgs/msg/TFMessage",
+    "/humans/bodies/tracked": "hri_msgs/msg/IdsList",
+    "/humans/bodies/gepf/joint_states": "sensor_msgs/msg/JointState",
 }
+HRI = {"IdsList": "std_msgs/Header header\nstring[] ids\n"}  # of the package hri_msgs
 DEPTH = "/camera/depth/image_rect_raw"
 
 
@@ -69,6 +75,9 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Peer]:
         file = folder / package / group / f"{name}.msg"
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(types.generate_msgdef(kind, ros_version=2)[0].split("=" * 80)[0])
+    for name, definition in HRI.items():
+        (folder / "hri_msgs" / "msg").mkdir(parents=True, exist_ok=True)
+        (folder / "hri_msgs" / "msg" / f"{name}.msg").write_text(definition)
     peer.get_registry().messages_dir = folder
     port = free_port()
     with open_router([f"tcp/127.0.0.1:{port}"]):
@@ -80,13 +89,15 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Peer]:
 def test_a_robot_hears_all_about_a_person(robot: Peer) -> None:
     """Frames are at the joints with ROS's axes, the surface is the body's, doubtful joints are marked.
 
-    When the person is lost, only the certainty goes on, and the markers are deleted.
+    The person is a tracked body of REP 155, whose frames are at the joints, too. When the person is lost,
+    only the certainty goes on, the markers are deleted, and no body is tracked.
     """
     model, seen, away = person(), estimate(3, 0.0), np.array([0.0, 0.0, 2.0])
     seen.pose[model.dof("root_tz")] = away[2]
     placed = replace(seen, joint_positions=seen.joint_positions + away)
     with open_worker([f"tcp/127.0.0.1:{robot.at['router_port']}"]) as bus:
-        outlet = RosOutlet(Node(bus, 0), "/gepf")
+        node = Node(bus, 0)
+        outlet = RosOutlet(node, "/gepf", HumanBodies(node))
         wait_until(lambda: all(name in dict(peer.get_topic_names_and_types(**robot.at)) for name in TOPICS))
         results = LiveResults(outlet)
         wait_until(lambda: all(each.has_subscriber for each in outlet.topics))
@@ -94,16 +105,30 @@ def test_a_robot_hears_all_about_a_person(robot: Peer) -> None:
         wait_until(lambda: all(robot.heard.values()))
         results.put(nobody(4), model, {})
         results.end()
-        wait_until(lambda: [len(got) for got in robot.heard.values()] == [1, 2, 3, 1])
+        wait_until(lambda: [len(got) for got in robot.heard.values()] == [1, 2, 3, 1, 3, 1])
     states, frames = robot.heard["/gepf/joint_states"][0], robot.heard["/tf"][0].transforms
     assert dict(zip(states.name, states.position, strict=True))["right_elbow_flexion"] == pytest.approx(0.0)
     assert (states.header.stamp.nanosec, states.header.frame_id) == (100_000_000, "camera")
+    frames, parts = frames[: len(model.joint_names)], frames[len(model.joint_names) :]
     assert [frame.child_frame_id for frame in frames] == [f"gepf/{name}" for name in model.joint_names]
     moved = [frame.transform.translation for frame in frames]
     assert np.allclose([[at.x, at.y, at.z] for at in moved], placed.joint_positions)
     turn = frames[0].transform.rotation
     ahead_left_up = Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]).as_matrix().T
     assert np.allclose(ahead_left_up, [[0, 0, -1], [1, 0, 0], [0, -1, 0]])  # the person faces the camera
+    assert [each.ids for each in robot.heard["/humans/bodies/tracked"]] == [["gepf"], [], []]
+    places = dict(zip(model.joint_names, placed.joint_positions, strict=True))
+    root, *others = parts
+    assert (root.header.frame_id, root.child_frame_id) == ("camera", "body_gepf")
+    hips = 0.5 * (places["left_hip"] + places["right_hip"])
+    assert np.allclose(transform_of(root)[:3, 3], hips)
+    assert np.allclose(transform_of(root)[:3, :3], [[0, 1, 0], [0, 0, -1], [-1, 0, 0]], atol=1e-6)
+    assert {frame.header.frame_id for frame in others} == {"body_gepf"}
+    found = {each.child_frame_id: (transform_of(root) @ transform_of(each))[:3, 3] for each in others}
+    for short, side in (("l", "left"), ("r", "right")):
+        for part in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle"):
+            assert np.allclose(found[f"{short}_{part}_gepf"], places[f"{side}_{part}"])
+    assert {"waist_gepf", "torso_gepf", "head_gepf"} < set(found)
     body, doubts = robot.heard["/gepf/markers"][0].markers
     corners = [[at.x, at.y, at.z] for at in body.points]
     surface = model.vertices + away
@@ -116,6 +141,14 @@ def test_a_robot_hears_all_about_a_person(robot: Peer) -> None:
     values = {each.key: float(each.value) for each in wrist.values}
     assert (wrist.level, values) == (1, {"off_probability": 0.25, "deviation_m": 0.05, "seen": 0.75})
     assert (certain.status[0].level, lost.status[0].level, lost.status[0].message) == (0, 2, "absent")
+
+
+def transform_of(frame: Any) -> Array:
+    """The transform (4, 4) of a frame."""
+    at, turn = frame.transform.translation, frame.transform.rotation
+    return rigid(
+        Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]).as_matrix(), np.array([at.x, at.y, at.z])
+    )
 
 
 def test_a_robot_has_its_images_tracked(robot: Peer, tmp_path: Path) -> None:

@@ -9,15 +9,19 @@ import pytest
 from numpy.typing import NDArray
 
 from gepf.common.arrays import Array
+from gepf.common.camera import Intrinsics
 from gepf.coordinator.scene.noise import fit_noise
-from gepf.coordinator.scene.planes import Planes, find_planes, refit, sample_rays
+from gepf.coordinator.scene.planes import SIDES, Planes, find_planes, refit, sample_rays
 from tests.support.rooms import CABINET, CAMERA, HEIGHT, PERSON, TABLE, WALL, Box, Room
+
+SIDE_WALL: Box = ((-1.4, -3.0, 0.3), (-1.3, HEIGHT, WALL))
+CEILING: Box = ((-3.0, -1.4, 0.3), (3.0, -1.3, WALL))
 
 
 def planes_of(room: Room) -> Planes:
     """What is found with a person in the room."""
     depth = room.see(PERSON).frame.metres()
-    return find_planes(rays_of(depth), Planes().approximate_up)
+    return find_planes(rays_of(depth), SIDES)
 
 
 def rays_of(depth: NDArray[np.float32]) -> Array:
@@ -55,7 +59,7 @@ def test_a_person_alone_has_no_planes() -> None:
     """If only a person is measured, no part of it becomes a wall or a floor."""
     seen = Room().see(PERSON)
     depth = np.where(seen.mask, seen.frame.metres(), np.float32(0.0))
-    assert len(find_planes(rays_of(depth), Planes().approximate_up).coefficients) == 0
+    assert len(find_planes(rays_of(depth), SIDES).coefficients) == 0
 
 
 @pytest.mark.parametrize("growth", [0.001, 0.004])
@@ -85,7 +89,7 @@ def test_no_floor_is_made_up() -> None:
     rows = (np.arange(CAMERA.height) - CAMERA.cy)[:, None] / CAMERA.fy
     shown = (np.abs(rows * depth - HEIGHT) > 0.05) | (rows < 0)  # without the floor itself
     above = np.where(shown, depth, np.float32(0.0))
-    found = find_planes(rays_of(above), Planes().approximate_up)
+    found = find_planes(rays_of(above), SIDES)
     assert not found.has_floor
 
 
@@ -96,3 +100,36 @@ def test_points_on_a_line_do_not_stop_the_fit() -> None:
         x = rng.uniform(-0.5, 0.5, 40)
         rays = np.column_stack([x, rng.uniform() * x + rng.uniform(), 0.2 + 0.1 * x, np.full(40, 1e-3)])
         assert np.isfinite(refit(np.array([[0.1, 0.0, 0.2]]), rays)).all()
+
+
+@pytest.mark.parametrize("quarters", range(4))
+@pytest.mark.parametrize(
+    ("boxes", "people"),
+    [((), 1), ((TABLE, CABINET), 1), ((CABINET, SIDE_WALL), 1), ((TABLE, CABINET, SIDE_WALL, CEILING), 2)],
+    ids=["a person", "furniture", "a wall beside", "walls, a ceiling and two people"],
+)
+def test_the_floor_of_a_rotated_camera_is_that_on_which_things_stand(
+    quarters: int, boxes: tuple[Box, ...], people: int
+) -> None:
+    """Without gravity, up is found within a degree in images rotated by any multiple of 90 degrees."""
+    room = Room(boxes, 0.1, noise=0.002)
+    seen = room.see(PERSON).frame.metres()
+    if people == 2:
+        other = room.see((0.45, 2.0))
+        seen = np.where(other.mask, other.frame.metres(), seen)
+    depth, camera, up = seen, CAMERA, room.tilt.T @ np.array([0.0, -1.0, 0.0])
+    for _ in range(quarters):
+        depth, up = np.rot90(depth), np.array([up[1], -up[0], up[2]])
+        middle = camera.cy, camera.width - 1 - camera.cx
+        camera = Intrinsics(camera.height, camera.width, camera.fy, camera.fx, *middle)
+    found = find_planes(sample_rays(depth, camera, fit_noise(depth)), SIDES)
+    assert found.up @ up > np.cos(np.radians(1.0))
+    assert found.camera_height == pytest.approx(HEIGHT, abs=0.02)
+
+
+def test_a_wall_beside_is_no_floor_if_the_floor_is_not_visible() -> None:
+    """A camera that sees a person to the knees, a wall ahead and one at its side is not taken as rotated."""
+    seen = Room((SIDE_WALL,), noise=0.002).see(PERSON)
+    depth = seen.frame.metres()
+    depth[85:] = 0.0  # the floor starts there
+    assert not find_planes(rays_of(depth), SIDES).has_floor

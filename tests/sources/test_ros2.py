@@ -6,6 +6,7 @@ import struct
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from io import BytesIO
+from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
 
@@ -18,13 +19,14 @@ from rosbags.typesys import Stores, get_typestore
 from gepf.common.camera import Intrinsics
 from gepf.common.transport.bus import Bus
 from gepf.common.transport.opening import open_router, open_worker
+from gepf.coordinator.sources.lens import Lens
 from gepf.coordinator.sources.live import LiveFrames
 from gepf.coordinator.sources.live_stream import LiveCamera
 from gepf.coordinator.sources.ros2 import Node
 from gepf.coordinator.sources.ros2_input import DepthTopic, JointTopic
-from gepf.coordinator.sources.ros_images import pixels
+from gepf.coordinator.sources.ros_images import COMPRESSED, pixels
 from tests.support.processes.programs import wait_until
-from tests.support.ros import CAMERA, IMAGE, camera_of, image_of
+from tests.support.ros import CAMERA, IMAGE, camera_of, header_of, image_of
 
 TYPES, TOPIC = get_typestore(Stores.ROS2_JAZZY).types, "/camera/depth/image_rect_raw"
 TALKER = (
@@ -108,13 +110,15 @@ METRES = np.array([[0.0, np.nan, 1.5], [np.inf, 2.0, -1.0]], dtype=np.float32)
 
 
 @contextmanager
-def listening(ours: Node, robot: Node, *limits: float) -> Iterator[tuple[LiveFrames, list[str], Any]]:
+def listening(
+    ours: Node, robot: Node, *limits: float, topic: str = TOPIC, kind: str = IMAGE
+) -> Iterator[tuple[LiveFrames, list[str], Any]]:
     """Live frames of the topic, what is reported meanwhile, and a function that publishes."""
-    reports, sent = list[str](), {TOPIC: IMAGE, "/camera/depth/camera_info": CAMERA}
-    frames = LiveFrames([LiveCamera(TOPIC)], reports.append, *limits)
-    DepthTopic(ours, TOPIC, frames)
+    reports, sent = list[str](), {topic: kind, "/camera/depth/camera_info": CAMERA}
+    frames = LiveFrames([LiveCamera(topic)], reports.append, *limits)
+    DepthTopic(ours, topic, frames)
     publishers = [robot.advertise(*named) for named in sent.items()]
-    wait_until(lambda: all(each.has_subscriber for each in publishers) and ours.topics(IMAGE) == [TOPIC])
+    wait_until(lambda: all(each.has_subscriber for each in publishers) and ours.topics(kind) == [topic])
 
     def publish(message: Any, camera: Any = None) -> None:
         if camera is not None:
@@ -129,15 +133,18 @@ def listening(ours: Node, robot: Node, *limits: float) -> Iterator[tuple[LiveFra
 @pytest.mark.parametrize(
     ("encoding", "depth", "metres"),
     [
-        ("16UC1", DEPTH, DEPTH / 1000),
-        ("mono16", DEPTH, DEPTH / 1000),
+        ("16UC1", DEPTH, DEPTH % 65535 / 1000),
+        ("mono16", DEPTH, DEPTH % 65535 / 1000),
         ("32FC1", METRES, [[0.0, 0.0, 1.5], [0.0, 2.0, 0.0]]),
     ],
 )
 def test_images_become_frames_with_exact_times(
     endpoint: str, encoding: str, depth: NDArray[np.generic], metres: Any
 ) -> None:
-    """In metres, with their camera; the header of a result is that of its image, to the nanosecond."""
+    """In metres, with their camera; the header of a result is that of its image, to the nanosecond.
+
+    The largest value of 16 bits is no depth.
+    """
     with meeting(endpoint) as (_, robot, ours), listening(ours, robot) as (frames, _, publish):
         robot.began_ns, robot.frame_id = 1_764_000_000_123_456_789, "optical"
         for time_s in (0.0, 1 / 3, 5000 / 3):
@@ -149,6 +156,55 @@ def test_images_become_frames_with_exact_times(
             assert ours.header(frame.time_s) == message.header
             assert np.allclose(frame.metres(), metres, atol=1e-4)
             assert (frame.intrinsics.fx, frame.intrinsics.cy) == (50.0, 0.5)
+
+
+def test_images_without_stamps_have_the_times_of_their_reception(endpoint: str) -> None:
+    """No image is rejected, times rise, and one line says so."""
+    with meeting(endpoint) as (_, robot, ours), listening(ours, robot) as (frames, reports, publish):
+        message, times = image_of(TYPES, header_of(TYPES), DEPTH), list[float]()
+        while len(times) < 4:
+            before = frames.counts["received"]
+            publish(message, camera_info(robot))
+            if frames.counts["received"] > before:
+                times.append(next(iter(frames)).time_s)
+        assert frames.counts["rejected"] == 0
+        assert all(late > early for early, late in pairwise(times))
+        assert [line for line in reports if "no stamps" in line] == [
+            f"images on {TOPIC} have no stamps; they get the time of reception"
+        ]
+
+
+@pytest.mark.parametrize("name", ["image_raw", "image_rect"])
+def test_distortion_of_a_live_camera_is_undone(endpoint: str, name: str) -> None:
+    """A frame has the depth of the distorted pixels, unless the topic is of rectified images."""
+    camera, ramp = Intrinsics(32, 24, 20.0, 20.0, 15.5, 11.5), np.arange(32 * 24, dtype=np.uint16) + 1000
+    depth, coefficients = ramp.reshape(24, 32), (0.1, -0.05, 0.001, 0.002, 0.01)
+    topic = f"/camera/depth/{name}"
+    with meeting(endpoint) as (_, robot, ours), listening(ours, robot, topic=topic) as (frames, _, publish):
+        info = camera_of(TYPES, robot.header(1.0), camera, coefficients)
+        while not frames.counts["received"]:
+            publish(image(robot, depth, 1.0), info)
+        expected = depth if name == "image_rect" else Lens(camera, coefficients).undistort(depth)
+        received = next(iter(frames)).depth
+        np.testing.assert_array_equal(received, expected)
+        assert np.array_equal(received, depth) == (name == "image_rect")
+
+
+def test_compressed_live_depth_is_read_unless_it_is_jpeg(endpoint: str) -> None:
+    """PNG of the usual transport gives the pixels; a JPEG is refused by name, with what to use."""
+    jpeg, topic = BytesIO(), f"{TOPIC}/compressed"
+    Image.fromarray(DEPTH.astype(np.uint8)).save(jpeg, "JPEG")
+    with (
+        meeting(endpoint) as (_, robot, ours),
+        listening(ours, robot, topic=topic, kind=COMPRESSED) as (frames, reports, publish),
+    ):
+        make = TYPES[COMPRESSED]
+        for form, content in (("16UC1; jpeg compressed mono8", jpeg.getvalue()), ("16UC1; png", png(DEPTH))):
+            message = make(robot.header(1.0), form, np.frombuffer(content, np.uint8))
+            while not (frames.counts["received"] if "png" in form else reports):
+                publish(message, camera_info(robot))
+        np.testing.assert_array_equal(next(iter(frames)).depth, DEPTH % 65535)
+        assert "it is depth as JPEG (16UC1; jpeg compressed mono8), which has lost it; use" in reports[0]
 
 
 def test_a_topic_that_nobody_publishes_is_named_beside_those_that_exist(endpoint: str) -> None:

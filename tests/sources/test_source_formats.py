@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from pypcd4.pypcd4 import Encoding
 
 from gepf.common.camera import Intrinsics, back_project
@@ -20,6 +21,7 @@ from tests.support.recordings import (
     FPS,
     FRAMES,
     WRITERS,
+    clouds_of,
     matrix_of,
     read_all,
     recorded,
@@ -35,7 +37,7 @@ FORMATS = {
     "tum": "TUM RGB-D folder (depth.txt)",
     "ply": "point clouds (.ply or .pcd)",
     "pcd": "point clouds (.ply or .pcd)",
-    "walk.bag": "ROS 1 or RealSense .bag, folder of a ROS 2 bag",
+    "walk.bag": "ROS 1 or RealSense .bag, ROS 2 .mcap, .db3 or folder",
     "walk.npz": "numpy .npz (depth, intrinsics)",
     "metres.npz": "numpy .npz (depth, intrinsics)",
     "walk.mat": "UTD-MHAD .mat",
@@ -90,15 +92,43 @@ def test_every_encoding_of_pcd_is_read(tmp_path: Path, encoding: Encoding) -> No
     np.testing.assert_array_equal(source.frame(0).metres(), recorded()[0] / np.float32(1000.0))
 
 
-def test_an_unorganised_cloud_without_a_camera_is_seen_by_the_nominal_one(tmp_path: Path) -> None:
-    """Every point has its position, to the width of a pixel."""
-    path = write_ply(tmp_path / "clouds", recorded()[:1])
+def test_an_unorganised_cloud_without_a_camera_has_pixels_as_wide_as_its_spacing(tmp_path: Path) -> None:
+    """The camera that recorded it is found up to its size, and every point is a pixel."""
+    path = write_ply(tmp_path / "clouds", recorded())
     (path / "camera_intrinsic.json").unlink()
     source = open_source(path)
-    assert (source.intrinsics.width, source.intrinsics.fx) == (640, 525.0)
-    seen = source.frame(0).metres()
-    assert 0.5 < np.count_nonzero(seen) / np.count_nonzero(recorded()[0]) <= 1.0
-    assert seen[seen > 0].min() == pytest.approx(recorded()[0][recorded()[0] > 0].min() / 1000.0, abs=2e-4)
+    assert (source.intrinsics.fx, source.intrinsics.fy) == pytest.approx((KINECT.fx, KINECT.fy), rel=1e-3)
+    for frame, whole in zip(source, recorded(), strict=True):
+        seen = frame.metres()
+        assert np.count_nonzero(seen) == np.count_nonzero(whole)
+        assert seen[seen > 0].mean() == pytest.approx(whole[whole > 0].mean() / 1000.0, abs=1e-3)
+
+
+def test_a_thinned_cloud_has_a_surface_without_gaps(tmp_path: Path) -> None:
+    """Of a quarter of the points at random, pixels are larger, and hardly one within the person is empty."""
+    path, rng = tmp_path / "clouds", np.random.default_rng(0)
+    path.mkdir()
+    for n, cloud in enumerate(clouds_of(recorded())):
+        seen = cloud[np.isfinite(cloud).all(axis=2)]
+        kept = seen[rng.random(len(seen)) < 0.25]
+        (path / f"{n}.ply").write_bytes(trimesh.PointCloud(kept).export(file_type="ply"))  # type: ignore[no-untyped-call]
+    source = open_source(path)
+    assert source.intrinsics.fx == pytest.approx(0.5 * KINECT.fx, rel=0.15)
+    share = (source.intrinsics.fx / KINECT.fx) ** 2
+    covered = np.count_nonzero(source.frame(0).depth) / (share * np.count_nonzero(recorded()[0]))
+    assert 0.9 < covered < 1.1
+
+
+def test_points_in_millimetres_are_known_by_their_distance(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """As the vendor's tools for Azure Kinect write them; a line says so."""
+    path = write_ply(tmp_path / "clouds", recorded(), per_metre=1000.0)
+    depth = open_source(path).frame(0).metres()
+    assert np.median(depth[depth > 0]) == pytest.approx(
+        np.median(recorded()[recorded() > 0]) / 1000.0, abs=0.01
+    )
+    assert "are interpreted as millimetres" in caplog.text
 
 
 def test_of_points_in_one_pixel_the_nearest_counts(tmp_path: Path) -> None:
@@ -263,8 +293,8 @@ def test_info_says_what_a_sequence_is(tmp_path: Path, capsys: pytest.CaptureFixt
 @pytest.mark.parametrize(
     ("given", "says"),
     [
-        (["--depth-scale", "50"], "all depth lies between 40 and 40 m; is the unit right? --depth-scale"),
-        (["--depth-scale", "10000"], "all depth lies between 0.2 and 0.2 m; is the unit right?"),
+        (["--depth-scale", "50"], "between 40 and 40 m, half of it beyond 40 m; is the unit right?"),
+        (["--depth-scale", "10000"], "between 0.2 and 0.2 m, half of it beyond 0.2 m; is the unit"),
         (["--intrinsics", "500,500,3200,240"], "centre (3200, 240) is outside its 40x30 image"),
         (["--depth-scale", "1000"], ""),
     ],

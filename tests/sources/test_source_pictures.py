@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import tracemalloc
 from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
@@ -71,12 +72,36 @@ def test_missing_frames_keep_their_numbers_and_times(
         (["d_1700000000000000.png", "d_1700000000033000.png"], [0, 1], [0.0, 0.033]),
         (["1700000000000000000.png", "1700000000066000000.png"], [0, 1], [0.0, 0.066]),
         (["depth_9.png", "depth_10.png", "depth_12.png"], [9, 10, 12], [0.3, 0.333333, 0.4]),
+        (
+            ["1700000000_966666666.png", "1700000001_0.png", "1700000001_33333333.png"],
+            [0, 1, 2],
+            [0.0, 0.033333, 0.066667],
+        ),
+        (["12_900000.png", "12_933333.png", "13_066667.png"], [0, 1, 2], [0.0, 0.033333, 0.166667]),
+        (
+            ["20240131_235959_966667.png", "20240201_000000_000000.png", "20240201_000000_033333.png"],
+            [0, 1, 2],
+            [0.0, 0.033333, 0.066666],
+        ),
+        (["2024-01-31_14-25-59-950.png", "2024-01-31_14-26-00-010.png"], [0, 1], [0.0, 0.06]),
+        (["cam1_7_1700000000100.png", "cam1_8_1700000000133.png"], [0, 1], [0.0, 0.033]),
+        (["1700000000100_9.png", "1700000000133_10.png"], [0, 1], [0.0, 0.033]),
+        (
+            ["0.png", "33.png", "67.png", "100.png", "133.png"],
+            [0, 1, 2, 3, 4],
+            [0.0, 0.033, 0.067, 0.1, 0.133],
+        ),
+        (["0000.png", "0010.png", "0020.png", "0030.png"], [0, 10, 20, 30], [0.0, 0.333333, 0.666667, 1.0]),
+        (["take1_8.png", "take1_9.png", "take2_1.png"], [0, 1, 2], [0.0, 0.033333, 0.066667]),
     ],
 )
 def test_names_are_times_or_numbers(
     tmp_path: Path, names: list[str], numbers: list[int], times: list[float]
 ) -> None:
-    """Seconds, microseconds, nanoseconds; numbers close together count frames. No depth/ is needed."""
+    """Of all units, with fractions, dates or an index; numbers close together count. No depth/ is needed.
+
+    Files are in the order of all their numbers, whatever the width of the fractions.
+    """
     assert taken(write_pictures(tmp_path / "seq", names)) == (numbers, times)
 
 
@@ -87,14 +112,47 @@ def test_names_are_times_or_numbers(
         ("# time name\n10.0 2.png\n10.2 5.png\n10.04 3.png\n", [0.0, 0.04, 0.2]),
         ("depth/5.png 10.2\ndepth/3.png 10.04\ndepth/2.png 10.0\n", [0.0, 0.04, 0.2]),
         ("10.0 2.png\n10.04 3.png\n", [0.0, 0.04]),
+        ("1700000000000\n1700000000040\n1700000000200\n", [0.0, 0.04, 0.2]),
+        ("0\n40000\n200000\n", [0.0, 0.04, 0.2]),
+        ("0.0\n40.0\n200.0\n", [0.0, 0.04, 0.2]),
+        ("0 1700000000.00\n1 1700000000.04\n2 1700000000.20\n", [0.0, 0.04, 0.2]),
+        ("1700000000 960000000\n1700000001 0\n1700000001 160000000\n", [0.0, 0.04, 0.2]),
+        ("index,timestamp_ms,file\n0,5000,2.png\n1,5040,3.png\n2,5200,5.png\n", [0.0, 0.04, 0.2]),
+        ("2024-01-31 23:59:59.960\n2024-02-01 00:00:00.000\n2024-02-01 00:00:00.160\n", [0.0, 0.04, 0.2]),
+        ("\ufeff10.0\r\n10.04\r\n10.2\r\n", [0.0, 0.04, 0.2]),
     ],
 )
 def test_a_text_file_gives_times(tmp_path: Path, lines: str, times: list[float]) -> None:
-    """One per line, or with the image's name on either side; some images may be omitted."""
+    """One per line, or with the image's name and an index; some images may be omitted.
+
+    In seconds, or in another unit if frames then come at a plausible rate; as dates; with a byte order mark.
+    """
     write_pictures(tmp_path / "seq" / "depth", ["2.png", "3.png", "5.png"])
     (tmp_path / "seq" / "timestamps.txt").write_text(lines)
     assert taken(tmp_path / "seq") == ([2, 3, 5][: len(times)], times)
     assert open_source(tmp_path / "seq", LENS).fps == pytest.approx(1.0 / np.median(np.diff(times)))
+
+
+def test_units_that_are_assumed_are_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """One line names the file and the unit; seconds need none."""
+    write_pictures(tmp_path / "seq" / "depth", ["2.png", "3.png", "5.png"])
+    for lines, says in (("10.0\n10.04\n10.2\n", ""), ("10\n50\n210\n", "times are read as milliseconds")):
+        caplog.clear()
+        (tmp_path / "seq" / "timestamps.txt").write_text(lines)
+        taken(tmp_path / "seq")
+        assert says in caplog.text
+        assert sum("times are read" in line for line in caplog.messages) == bool(says)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_byte_order_marks_are_passed_over(tmp_path: Path, encoding: str) -> None:
+    """Windows' editors write camera files and times with one."""
+    write_pictures(tmp_path / "seq" / "depth", ["2.png", "3.png"])
+    write_camera(camera := tmp_path / "seq" / "camera_intrinsic.json", SMALL, 1000.0)
+    camera.write_text(camera.read_text(), encoding=encoding)
+    (tmp_path / "seq" / "timestamps.txt").write_text("10.0\n10.04\n", encoding=encoding)
+    assert taken(tmp_path / "seq", GivenCamera()) == ([2, 3], [0.0, 0.04])
+    assert open_source(tmp_path / "seq").intrinsics == SMALL
 
 
 @pytest.mark.parametrize(
@@ -146,6 +204,19 @@ def test_an_array_file_is_metres_whatever_it_holds(
     assert np.allclose(source.frame(1).metres(), depth(2)[1] / 1000.0, atol=1e-3)
     assert source.intrinsics.fy == 51.0
     assert ("is interpreted as millimetres" in caplog.text) == (units == "millimetres as floats")
+
+
+def test_an_array_file_is_read_frame_by_frame(tmp_path: Path) -> None:
+    """Reading all of it needs a small part of its size, as recordings are larger than memory."""
+    shape, path = (300, 120, 160), tmp_path / "depth.npy"
+    file = np.lib.format.open_memmap(path, mode="w+", dtype=np.float32, shape=shape)
+    file[:] = 2.0
+    del file
+    tracemalloc.start()
+    assert all(frame.metres().min() == 2.0 for frame in open_source(path, LENS))
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 0.2 * path.stat().st_size
 
 
 def write_ros2(path: Path, encoding: str = "16UC1", kind: str = "sensor_msgs/msg/Image") -> Path:

@@ -16,6 +16,7 @@ from scipy.io import savemat
 from gepf.common.camera import Intrinsics
 from gepf.common.errors import InputError
 from gepf.coordinator.sources import open_source
+from gepf.coordinator.sources.camera import AS_RECORDED, GivenCamera
 from gepf.coordinator.sources.source import select_frames
 from tests.support.recordings import read_all, write_open3d
 from tests.support.refusals import refused
@@ -114,6 +115,7 @@ def test_the_folder_of_a_run_is_no_recording(folder: Path) -> None:
     ("content", "says"),
     [
         ({"width": ...}, "width"),
+        ({"width": None}, "width"),
         ({"depth_scale": 0}, "depth_scale"),
         ({"fps": -1}, "fps"),
         ({"intrinsic_matrix": [10, 0, 4, 0, 11, 3, 0, 0, 1]}, "read column by column: intrinsics are not"),
@@ -122,7 +124,7 @@ def test_the_folder_of_a_run_is_no_recording(folder: Path) -> None:
         ({"intrinsic_matrix": ["10", 0, 0, 0, 11, 0, 4, 3, 1]}, "intrinsic_matrix"),
         ({"intrinsic_matrix": [float("nan"), 0, 0, 0, 11, 0, 4, 3, 1]}, "malformed"),
         (b"", "truncated"),
-        (b"\xff\xfe{", "malformed"),
+        (b"\xff\xfe{", "truncated"),
         (b"[" * 100_000, "Expected `object`"),
         (b'{"depth_scale": 1e999}', "depth_scale|out of range"),
     ],
@@ -138,6 +140,61 @@ def test_a_camera_file_that_makes_no_sense_is_refused(
     (folder / "camera_intrinsic.json").write_bytes(content)
     with refused(rf"camera_intrinsic\.json.*({says})"):
         open_source(folder)
+
+
+MATRIX = [10.0, 0, 0, 0, 11.0, 0, 4.0, 3.0, 1]
+GIVEN = GivenCamera((12.0, 13.0, 3.5, 2.5))
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "given", "fx", "scale"),
+    [
+        (
+            "camera_intrinsic.json",
+            {"width": 8, "height": 6, "intrinsic_matrix": MATRIX},
+            AS_RECORDED,
+            10,
+            1000,
+        ),
+        (
+            "intrinsic.json",
+            {"width": 8, "height": 6, "intrinsic_matrix": MATRIX, "depth_scale": 4000.0, "fps": 15.0},
+            AS_RECORDED,
+            10,
+            4000,
+        ),
+        (
+            "camera_intrinsic.json",
+            {"width": 8, "height": 6, "intrinsic_matrix": MATRIX},
+            GivenCamera(depth_scale=5000.0),
+            10,
+            5000,
+        ),
+        ("intrinsic.json", {"width": 8, "height": 6, "intrinsic_matrix": MATRIX}, GIVEN, 12, 1000),
+        ("intrinsic.json", {"stream_length_usec": 1}, GIVEN, 12, 1000),
+        ("intrinsic.json", {"intrinsic_matrix": [1], "depth_scale": 500.0}, GIVEN, 12, 500),
+    ],
+)
+def test_the_camera_is_as_each_recorder_of_open3d_writes_it(
+    folder: Path, name: str, content: dict[str, object], given: GivenCamera, fx: float, scale: float
+) -> None:
+    """Of either name, with names of five digits, in millimetres unless it says otherwise; options win."""
+    (folder / "camera_intrinsic.json").unlink()
+    for n in range(3):
+        (folder / "depth" / f"{n:06d}.png").rename(folder / "depth" / f"{n:05d}.png")
+    (folder / name).write_text(json.dumps(content))
+    source = open_source(folder, given)
+    assert (source.intrinsics.fx, source.frame(2).depth_scale) == (fx, scale)
+    assert (source.intrinsics.width, source.numbers) == (8, range(3))
+    assert source.fps == content.get("fps", 30.0)
+
+
+def test_the_largest_value_is_no_depth(folder: Path) -> None:
+    """Cameras write 65535 where nothing was measured; it is no wall at 65.5 m."""
+    depth = np.full((6, 8), 2000, np.uint16)
+    depth[:, 4:] = 65535
+    Image.fromarray(depth).save(folder / "depth" / "000001.png")
+    assert open_source(folder).frame(1).metres().max() == 2.0
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import c3d
 import numpy as np
@@ -76,3 +76,56 @@ def bvh_joints(path: Path, names: tuple[str, ...], frames: int) -> Array:
         by_name = {joint.Name: joint for joint, _, _ in root.layout()}
         places[f] = [tuple(by_name[name].PositionWorld) for name in names]
     return places
+
+
+class PlainJoint(NamedTuple):
+    """A joint in a BVH file: the index of its parent, -1 for the root, and its offset (3,), centimetres."""
+
+    name: str
+    parent: int
+    offset: Array
+    channels: list[str]
+
+
+def plain_bvh(path: Path) -> tuple[list[PlainJoint], Array]:
+    """The joints of a BVH file, and the values (F, C) of all channels."""
+    head, _, motion = path.read_text().partition("MOTION")
+    joints, open_joints = list[PlainJoint](), list[int]()
+    for words in (line.split() for line in head.splitlines()):
+        match words:
+            case ["ROOT" | "JOINT" | "End", name]:
+                joints.append(PlainJoint(name, open_joints[-1] if open_joints else -1, np.zeros(3), []))
+            case ["{"]:
+                open_joints.append(len(joints) - 1)
+            case ["}"]:
+                open_joints.pop()
+            case ["OFFSET", *values]:
+                joints[-1].offset[:] = [float(value) for value in values]
+            case ["CHANNELS", _, *channels]:
+                joints[-1].channels.extend(channels)
+    rows = [[float(cell) for cell in row.split()] for row in motion.strip().splitlines()[2:]]
+    return joints, np.array(rows)
+
+
+def plain_bvh_joints(path: Path, names: tuple[str, ...], *, translates: bool) -> Array:
+    """Places (F, J, 3) of named joints in centimetres, as simple importers work them out.
+
+    They move the root; other joints only if they honour translations (`translates`), added to the offset.
+    """
+    joints, rows = plain_bvh(path)
+    columns, places, turns = iter(rows.T), list[Array](), list[Rotation]()
+    for n, joint in enumerate(joints):
+        place, turn = np.tile(joint.offset, (len(rows), 1)), Rotation.identity(len(rows))
+        for channel in joint.channels:
+            values = next(columns)
+            if channel.endswith("rotation"):
+                turn = turn * Rotation.from_euler(channel[0], values[:, None], degrees=True)
+            elif translates or n == 0:
+                place[:, "XYZ".index(channel[0])] += values
+        if joint.parent >= 0:
+            above = turns[joint.parent]
+            place, turn = places[joint.parent] + above.apply(place), above * turn
+        places.append(place)
+        turns.append(turn)
+    found = [joint.name for joint in joints]
+    return np.stack([places[found.index(name)] for name in names], axis=1)

@@ -68,11 +68,11 @@ def clouds_of(depth: Depth) -> NDArray[np.float32]:
     return np.where(depth[..., None] > 0, points, np.nan).astype(np.float32)
 
 
-def write_ply(path: Path, depth: Depth) -> Path:
+def write_ply(path: Path, depth: Depth, per_metre: float = 1.0) -> Path:
     """Unorganised clouds as PLY, the camera beside them."""
     path.mkdir(parents=True)
     for n, cloud in enumerate(clouds_of(depth)):
-        seen = cloud[np.isfinite(cloud).all(axis=2)]
+        seen = cloud[np.isfinite(cloud).all(axis=2)] * per_metre
         points: Any = trimesh.PointCloud(seen)  # type: ignore[no-untyped-call]
         (path / f"cloud_{n}.ply").write_bytes(points.export(file_type="ply"))
     write_camera(path / CAMERA_FILE, KINECT, 1000.0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -26,9 +26,11 @@ def image_of(types: Types, header: Any, depth: NDArray[np.generic], encoding: st
     return types[IMAGE](header, *depth.shape, encoding, 0, step, data)
 
 
-def camera_of(types: Types, header: Any, camera: Intrinsics) -> Any:
-    """The camera of images."""
+def camera_of(types: Types, header: Any, camera: Intrinsics, distortion: Sequence[float] = (0.0,) * 5) -> Any:
+    """The camera of images, with the distortion of a lens."""
     matrix = np.array([camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1])
     region = types["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False)
     unused = np.eye(3).ravel(), np.zeros(12), 0, 0, region
-    return types[CAMERA](header, camera.height, camera.width, "plumb_bob", np.zeros(5), matrix, *unused)
+    return types[CAMERA](
+        header, camera.height, camera.width, "plumb_bob", np.array(distortion), matrix, *unused
+    )

@@ -79,16 +79,19 @@ def write_run(
     frames: Indices | None = None,
     up: Array | None = None,
     status: str = "lost",
+    times: Array | None = None,
 ) -> Track:
     """A run's folder with these poses (F, D); one hypothesis a frame; `frames` (F,) count from 100.
 
-    `up` (3,) leads away from the ground, camera frame. Frames that are `lost` have this status.
+    `up` (3,) leads away from the ground, camera frame. Frames that are `lost` have this status. Without
+    `times` (F,) in seconds, frames have the RATE.
     """
     folder.mkdir(parents=True)
     count = len(poses)
     numbers = 100 + (np.arange(count, dtype=np.int64) if frames is None else frames)
     statuses = np.array([status if f in lost else "tracked" for f in range(count)])
-    track = make_track(model, poses, held, frame=numbers, time_s=numbers / RATE, status=statuses, up=up)
+    seconds = numbers / RATE if times is None else times
+    track = make_track(model, poses, held, frame=numbers, time_s=seconds, status=statuses, up=up)
     with (folder / TRACK_FILE).open("wb") as file:
         write_track(track, file)
     with (folder / MODEL_FILE).open("wb") as file:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
@@ -9,7 +10,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gepf.common.camera import back_project
+from gepf.common.arrays import Array
+from gepf.common.camera import Intrinsics, back_project
 from gepf.common.kinematics import joint_positions, pose_vertices
 from gepf.coordinator.bodies.choice import USUAL, choose_bodies
 from gepf.coordinator.bodies.human.template import human
@@ -29,7 +31,7 @@ from tests.support.people import (
     rendered,
     show,
 )
-from tests.support.rooms import along
+from tests.support.rooms import Box, along, of_box
 
 WALL = 4.2  # metres away
 STARTS = {"arms hang": STANDING, "elbows bent": {**STANDING, "l_elbow_flexion": 1.2, "r_elbow_flexion": 1.2}}
@@ -128,3 +130,46 @@ def looked_down_on(roll: float) -> Shown:
     room[room > 8.0] = 0.0  # beyond the camera's range
     frames = [frame_of(n, np.where(each > 0.0, each, room)) for n, each in enumerate(pictures)]
     return Shown(frames, joints @ turn.T)
+
+
+BEHIND = {**STANDING, "root_tx": 0.95, "root_tz": 3.1, "root_ry": 0.5}  # another person
+CHAIR: Box = ((-0.95, 0.45, 2.3), (-0.5, 0.9, 2.8))  # relative to a camera at half its height
+SIDE: Box = ((-1.7, -3.0, 0.3), (-1.6, 3.0, WALL))  # a wall
+ROOMS = {"furnished": (CHAIR, SIDE), "with another person": (CHAIR,)}
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_a_rotated_camera_in_a_furnished_room(room: str) -> None:
+    """Without options, joint errors with a rotated camera are within 1 cm of those with an upright one."""
+    pictures, joints = furnished(ROOMS[room], with_another=room == "with another person")
+    errors = []
+    for quarters in range(4):
+        tracker, off = OnePerson(DirectRefiner(), SETTINGS, people()), []
+        for number, (picture, truth) in enumerate(zip(pictures, joints, strict=True)):
+            depth, camera, places = picture, CAMERA, truth
+            for _ in range(quarters):
+                depth, middle = np.rot90(depth), (camera.cy, camera.width - 1 - camera.cx)
+                camera = Intrinsics(camera.height, camera.width, camera.fy, camera.fx, *middle)
+                places = np.stack([places[:, 1], -places[:, 0], places[:, 2]], axis=1)
+            estimate = tracker.track(frame_of(number, np.ascontiguousarray(depth), camera))
+            assert estimate.status in ("tracked", "ambiguous")
+            off.append(np.linalg.norm(estimate.joint_positions - places, axis=-1).mean())
+        assert round(np.degrees(tracker.start.roll)) == 90 * quarters
+        errors.append(np.mean(off))
+    assert np.ptp(errors) < 0.01
+
+
+def furnished(boxes: Sequence[Box], *, with_another: bool) -> tuple[list[Array], Array]:
+    """Depth images (H, W) of a person before a wall, with boxes and perhaps another one; joints (F, J, 3)."""
+    model = human(1.82)
+    poses = np.array([name_pose(model, raised(STANDING, n)) for n in range(FRAMES)])
+    floor = float(pose_vertices(model, poses[:1])[..., 1].max()) + 0.005
+    rays = back_project(np.ones((CAMERA.height, CAMERA.width)), CAMERA)
+    room = np.minimum(along(floor, rays[..., 1]), WALL)
+    for low, high in boxes:
+        room = np.minimum(room, of_box(rays, (low, (high[0], max(high[1], floor), high[2]))))
+    if with_another:
+        (other,) = rendered(model, name_pose(model, BEHIND)[None])
+        room = np.where((other > 0.0) & (other < room), other, room)
+    pictures = [np.where((each > 0.0) & (each < room), each, room) for each in rendered(model, poses)]
+    return pictures, joint_positions(model, poses)

@@ -20,6 +20,7 @@ from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions
 
 SPREAD_FLOOR_M, SPEED_FLOOR_M_S = 0.005, 0.1  # are added before the logarithm
+STILL_M = 1e-9  # rounding of the place of a joint that does not move
 CROWDED_M = 0.2  # standard deviation of the weight of a neighbouring joint by distance
 
 
@@ -88,6 +89,14 @@ def between(joints: Array) -> Array:
 def count_near(distances: Array) -> Array:
     """Number of joints near each joint (J,), from their distances (J, J)."""
     return np.asarray(np.exp(-0.5 * (distances / CROWDED_M) ** 2).sum(axis=1))
+
+
+@lru_cache(maxsize=16)
+def movable_joints(model: BodyModel) -> Mask:
+    """Which joints (J,) a degree of freedom moves; not those of a held base, nor the first on it."""
+    poses = np.stack([np.zeros(len(model.kinds)), np.linspace(0.3, 0.7, len(model.kinds))])
+    rest, pose = joint_positions(model, poses)
+    return np.asarray(np.linalg.norm(pose - rest, axis=1) > STILL_M)
 
 
 @lru_cache(maxsize=16)

@@ -68,7 +68,7 @@ def signal_workers(
     def disturb(stop: threading.Event) -> None:
         seen = 0
         while len(signalled) < times and not stop.wait(0.02):
-            done = sum(recorded(job.out) for job in jobs)
+            done = sum(recorded(job.folder) for job in jobs)
             worker = find_worker()
             if done > seen and worker is not None and worker not in signalled:
                 seen = done
@@ -91,4 +91,4 @@ def test_a_batch_outlives_its_workers(
     assert code in (0, 3), written.getvalue()
     assert len(set(signalled)) == times
     assert written.getvalue().count("was ended by SIGKILL; starting it again") == times
-    assert [len(read_track(job.out).frame) for job in jobs] == [FRAMES, FRAMES]
+    assert [len(read_track(job.folder).frame) for job in jobs] == [FRAMES, FRAMES]

@@ -1,0 +1,76 @@
+"""What is suspicious about a recording's camera: unit, lens, rate, mirrored images, gaps between points."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from gepf.common.arrays import Array
+from gepf.common.camera import Intrinsics
+from gepf.coordinator.sources.clock import LONGEST_STEP_S, SHORTEST_STEP_S
+from gepf.coordinator.sources.source import Source
+
+NEAREST_MIDDLE_M, FARTHEST_MIDDLE_M = 1.2, 10.0
+"""Limits of the median depth around people, who are tracked at 1.5 to 4 m."""
+NEAREST_TO_BODY_M = 0.4
+"""The lower limit around other bodies."""
+LARGEST_SHIFT = 0.25  # of the centre from the middle of the image, in its width or height
+LARGEST_STRETCH = 1.2  # of pixels
+KINECT_V2 = (512, 424)
+"""Size of the depth images of a Kinect v2 alone, which libfreenect2 and the vendor's driver mirror.
+
+Depth alone does not show it. Recordings with ground truth are not in doubt."""
+
+
+def find_doubts(source: Source, *, of_person: bool = True) -> Iterator[str]:
+    """Lines about what is suspicious in a recording of one camera, each with a mend.
+
+    `of_person` is whether people are tracked, who are not as near to the camera as other bodies.
+    """
+    yield from doubts_of_lens(source.intrinsics)
+    yield from doubts_of_unit(measured_depth(source), NEAREST_MIDDLE_M if of_person else NEAREST_TO_BODY_M)
+    if len(source) > 1 and not 1.0 / LONGEST_STEP_S <= source.fps <= 1.0 / SHORTEST_STEP_S:
+        yield f"{source.fps:.4g} frames per second are implausible; write their times to timestamps.txt"
+    size = source.intrinsics.width, source.intrinsics.height
+    if size == KINECT_V2 and source.mirrored is None and source.truth is None:
+        yield (
+            "images of a Kinect v2 (512x424) are often mirrored, and left and right are exchanged then: if "
+            "text reads backwards in its colour images, add --mirrored, else --not-mirrored"
+        )
+    if source.is_sparse:
+        yield "depth has narrow gaps between its points, which are closed"
+
+
+def measured_depth(source: Source) -> Array:
+    """All depth (N,) that was measured in some frames, metres."""
+    return np.concatenate([np.empty(0), *(depth[depth > 0] for depth in source.examined())])
+
+
+def doubts_of_lens(camera: Intrinsics) -> Iterator[str]:
+    """Lines about a matrix that does not fit the size of the images."""
+    size = f"{camera.width}x{camera.height}"
+    shift = max(abs((camera.cx + 0.5) / camera.width - 0.5), abs((camera.cy + 0.5) / camera.height - 0.5))
+    mend = "--intrinsics fx,fy,cx,cy gives those of images of this size"
+    if shift > 0.5:
+        yield f"the centre ({camera.cx:g}, {camera.cy:g}) is outside its {size} image; {mend}"
+    elif shift > LARGEST_SHIFT:
+        yield f"the centre ({camera.cx:g}, {camera.cy:g}) is far from the middle of its {size} image; {mend}"
+    if not 1.0 / LARGEST_STRETCH < camera.fx / camera.fy < LARGEST_STRETCH:
+        yield f"focal lengths {camera.fx:g} and {camera.fy:g} are of pixels that are not square; {mend}"
+
+
+def doubts_of_unit(seen: Array, nearest_m: float) -> Iterator[str]:
+    """Lines about measured depth (N,) in metres that is implausibly near or far."""
+    scale = "is the unit right? --depth-scale N gives the units per metre"
+    if not len(seen):
+        yield f"the examined frames have no depth; {scale}"
+        return
+    if not nearest_m <= np.median(seen) <= FARTHEST_MIDDLE_M:
+        yield f"{describe_range(seen)}; {scale}"
+
+
+def describe_range(seen: Array) -> str:
+    """Where the measured depth (N,) lies."""
+    near, middle, far = np.quantile(seen, [0.01, 0.5, 0.99]) if len(seen) else (0.0, 0.0, 0.0)
+    return f"depth lies between {near:.3g} and {far:.3g} m, half of it beyond {middle:.3g} m"

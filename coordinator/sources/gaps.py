@@ -1,0 +1,45 @@
+"""Gaps between the points of sparse depth, as of depth registered to a larger colour image, or a cloud.
+
+A morphological closing of nearness with a window of 3 x 3 fills gaps of up to two pixels, and moves no
+outline: a gap gets the depth of a surface around it, at an outline that of the farther one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+SPARSE = 0.25
+"""Closed gaps for each measured pixel above which depth is sparse. Gaps of cameras are few, or large."""
+MIN_MEASURED = 100
+"""Pixels without which depth is not called sparse."""
+NOWHERE = np.uint16(np.iinfo(np.uint16).max)
+
+
+def close_gaps(depth: NDArray[np.uint16]) -> NDArray[np.uint16]:
+    """Depth (H, W), 0 for none, with gaps of up to two pixels filled; measured depth is not changed."""
+    nearness = (NOWHERE - depth) * (depth > 0)
+    closed = over_neighbours(np.minimum, over_neighbours(np.maximum, nearness))
+    return np.where((depth == 0) & (closed > 0), NOWHERE - closed, depth)
+
+
+def over_neighbours(combine: np.ufunc, values: NDArray[np.uint16]) -> NDArray[np.uint16]:
+    """The maximum or minimum (H, W) of each pixel and its eight neighbours."""
+    rows = values.copy()
+    combine(rows[1:], values[:-1], out=rows[1:])
+    combine(rows[:-1], values[1:], out=rows[:-1])
+    found = rows.copy()
+    combine(found[:, 1:], rows[:, :-1], out=found[:, 1:])
+    combine(found[:, :-1], rows[:, 1:], out=found[:, :-1])
+    return found
+
+
+def is_sparse(images: Iterable[NDArray[np.uint16]]) -> bool:
+    """Whether depth (H, W) of some frames consists of points with narrow gaps in between."""
+    measured = closed = 0
+    for depth in images:
+        before = int(np.count_nonzero(depth))
+        measured, closed = measured + before, closed + int(np.count_nonzero(close_gaps(depth))) - before
+    return measured >= MIN_MEASURED and closed > SPARSE * measured
