@@ -94,8 +94,8 @@ def track(
     """Track a recorded sequence, or depth frames as they are published."""
     show = on_stderr(quiet=options.quiet)
     into = "" if options.out is None else f" into {options.out}"
-    given_input = ", ".join(map(str, options.sequences or [options.listed or "nothing"]))
-    show.say(f"tracking {given_input}{into}; loading")
+    inputs = ", ".join(map(str, options.sequences or [f"the recordings in {options.listed}"]))
+    show.say(f"tracking {inputs}{into}; loading")
     with loading():
         from gepf.coordinator.commands.runs import run_track
         from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner

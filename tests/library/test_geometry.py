@@ -33,7 +33,8 @@ def test_a_frame_is_a_point_cloud_as_open3d_makes_it() -> None:
     frame = wall()
     cloud = gepf.to_open3d(frame)
     lens = o3d.camera.PinholeCameraIntrinsic(64, 48, 60.0, 60.0, 31.5, 23.5)
-    expected = o3d.geometry.PointCloud.create_from_depth_image(o3d.geometry.Image(frame.depth), lens)
+    image = o3d.geometry.Image(frame.depth)  # type: ignore[call-overload]
+    expected = o3d.geometry.PointCloud.create_from_depth_image(image, lens)
     assert np.allclose(np.asarray(cloud.points), np.asarray(expected.points), atol=1e-6)
     assert np.allclose(np.asarray(cloud.normals), (0.0, 0.0, -1.0), atol=1e-6)
 
