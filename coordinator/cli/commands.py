@@ -94,7 +94,7 @@ def track(
     """Track a recorded sequence, or depth frames as they are published."""
     show = on_stderr(quiet=options.quiet)
     into = "" if options.out is None else f" into {options.out}"
-    inputs = ", ".join(map(str, options.sequences or [f"the recordings in {options.listed}"]))
+    inputs = ", ".join(map(str, options.sequences or [])) or options.listed or "nothing"
     show.say(f"tracking {inputs}{into}; loading")
     with loading():
         from gepf.coordinator.commands.runs import run_track

@@ -12,7 +12,8 @@ import gepf
 
 if __name__ == "__main__":
     runs, *recordings = [Path(each).resolve() for each in sys.argv[1:]]
-    with Client() as client:  # a task refines on one core
+    with Client() as client:  # type: ignore[no-untyped-call]
         out = [runs / path.name for path in recordings]
-        for task in as_completed(client.map(gepf.track, recordings, out, quiet=True, workers=None)):
+        tasks = client.map(gepf.track, recordings, out, quiet=True, workers=None)  # on one core each
+        for task in as_completed(tasks):  # type: ignore[no-untyped-call]
             print(task.result().folder, len(task.result()), "frames")
