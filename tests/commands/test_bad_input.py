@@ -157,7 +157,7 @@ TO_ONE = "--connect tcp/127.0.0.1:1"
         ("export run --out x", "Missing option '--to' FORMAT: bvh, c3d, csv"),
         ("export run --to avi --out x", "choose from bvh, c3d, csv"),
         ("synth leg --out {}/seq", "unknown scene 'leg'; choose from arm"),
-        ("demo --out {}", "files that are not from a demo; choose another --out"),
+        ("demo --out {}", "is not from a demo and stays; choose another --out"),
         ("demo --scene dog", "unknown scene 'dog'; choose from person, arm"),
         ("trak", "No such command 'trak'. Did you mean 'track'?"),
         ("nonsense", "No such command 'nonsense'; there are demo, track, info"),
