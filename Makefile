@@ -50,7 +50,7 @@ check: setup ## lint, format, types, walls, dependencies, images' recipes
 	$(BIN)/hadolint docker/*.Dockerfile
 	$(BIN)/check-jsonschema --builtin-schema vendor.compose-spec docker/compose.yaml
 	$(BIN)/kubernetes-validate --strict --quiet $(filter-out %/kustomization.yaml,$(wildcard docker/kubernetes/*.yaml)) \
-		examples/kubernetes-recordings.yaml
+		examples/batch/kubernetes.yaml
 
 format: setup ## rewrite the code in the house's format
 	$(BIN)/ruff check --fix $(PACKAGES)

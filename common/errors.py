@@ -2,6 +2,7 @@
 
 GepfError
 ├── InputError       wrong input of the user; the message says what is wrong and how to fix it (exit code 2)
+│   └── MissingPackage  a package of an extra is not installed (common/packages.py)
 ├── ProtocolError    a message is invalid or cannot be served
 │   └── VersionError it has another version of the protocol
 └── BusError         the transport failed

@@ -25,7 +25,7 @@ COPY worker worker
 RUN --mount=type=secret,id=pip,target=/etc/pip.conf --mount=type=secret,id=ca \
     /opt/pip/bin/pip wheel --no-cache-dir --no-deps --wheel-dir /wheels . \
     && /opt/pip/bin/pip --python /opt/gepf install --no-cache-dir --no-compile --constraint constraints.txt \
-        "gepf[coordinator] @ file://$(echo /wheels/gepf-*.whl)" \
+        "gepf[robots,synth] @ file://$(echo /wheels/gepf-*.whl)" \
     && docker/finish.sh /opt/gepf
 # Kernels are compiled for all processors with these instructions, so all run the same machine code.
 ARG KERNEL_CPU=x86-64-v3

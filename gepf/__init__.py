@@ -15,6 +15,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from gepf.common.packages import needs
+
 if TYPE_CHECKING:
     from gepf.common.body import BodyModel as BodyModel
     from gepf.common.camera import Intrinsics as Intrinsics
@@ -30,6 +32,7 @@ if TYPE_CHECKING:
     from gepf.coordinator.sources import ArraySource as ArraySource
     from gepf.coordinator.sources import Source as Source
     from gepf.coordinator.sources import open_source as open_source
+    from gepf.geometry import to_open3d as to_open3d
     from gepf.live_source import LiveSource as LiveSource
     from gepf.live_source import live as live
     from gepf.named import Estimate as Estimate
@@ -50,6 +53,7 @@ _PUBLIC = {
     "gepf.coordinator.pool.options": ("Pool",),
     "gepf.coordinator.security.access": ("TlsFiles",),
     "gepf.coordinator.sources": ("ArraySource", "Source", "open_source"),
+    "gepf.geometry": ("to_open3d",),
     "gepf.live_source": ("LiveSource", "live"),
     "gepf.named": ("Estimate",),
     "gepf.run": ("Run", "load"),
@@ -62,11 +66,15 @@ __all__ = list(_HOMES)
 
 
 def __getattr__(name: str) -> Any:
-    """Load public names when they are used: numpy, compiler and figures take seconds to load."""
+    """Load public names when they are used: numpy, compiler and figures take seconds to load.
+
+    MissingPackage names the extra of what is not installed: the base install is a worker.
+    """
     if name not in _HOMES:
         raise AttributeError(f"module 'gepf' has no attribute '{name}'")
-    found = globals()[name] = getattr(import_module(_HOMES[name]), name)
-    return found
+    with needs("coordinator", f"gepf.{name}"):
+        value = globals()[name] = getattr(import_module(_HOMES[name]), name)
+    return value
 
 
 def __dir__() -> list[str]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from gepf.common.arrays import Array
 from gepf.common.body import ROOT_DOFS
-from gepf.common.errors import InputError
+from gepf.common.packages import needs
 from gepf.coordinator.bodies.swing_twist import isb_angles, isb_names
 from gepf.coordinator.exports import export_run
 from gepf.coordinator.exports.recorded import RecordedRun, read_run
@@ -32,6 +32,7 @@ class Run:
     folder, summary: The folder, and all settings, versions and counts, as in `summary.json`.
     track: All arrays of `track.npz`, radians and metres.
     frame, time_s, status: Number, seconds and status of each frame (F,).
+    placed: Frames (F,) with a pose; those before the body was found have the first one.
     joint_names: Names for `joint`.
     angle_names: Names for `angle`: anatomical angles of a person, joints of a robot.
     isb_angle_names: Shoulder angles by the ISB; also names for `angle`.
@@ -42,6 +43,7 @@ class Run:
         self.folder, self.track, self._smoothed_hz = recorded.folder, recorded.track, recorded.smoothed_hz
         track = self.track
         self.frame, self.time_s, self.status = track.frame, track.time_s, track.status
+        self.placed = recorded.placed
         self.joint_names, self.dof_names = track.joint_names, track.dof_names
         self.angle_names = track.angle_names
         self.isb_angle_names = isb_names(self.angle_names)
@@ -111,23 +113,24 @@ class Run:
 
     def to_dataframe(self) -> pd.DataFrame:
         """The columns of `poses.csv`, one row per frame; InputError if pandas is not installed."""
-        try:
+        with needs("tables", "to_dataframe"):
             import pandas as pd
-        except ImportError:
-            raise InputError("to_dataframe needs the package pandas; pip install pandas") from None
         text = io.BytesIO()
         write_csv(self.track, text)
         text.seek(0)
         return pd.read_csv(text)
 
-    def export(self, path: str | Path, form: str | None = None, *, force: bool = False) -> Path:
+    def export(
+        self, path: str | Path, form: str | None = None, *, frame: int | None = None, force: bool = False
+    ) -> Path:
         """Write the run in the format `form`, by default that of the suffix of the file.
 
+        A mesh or point cloud has the frame with the number `frame`, by default the first that is tracked.
         InputError for unknown formats, and for an existing file without `force`.
         """
         path = Path(path)
         form = form or path.suffix.removeprefix(".")
-        export_run(self.folder, form, path, smooth_hz=self._smoothed_hz, force=force)
+        export_run(self.folder, form, path, frame=frame, smooth_hz=self._smoothed_hz, force=force)
         return path
 
     def report(self, path: str | Path | None = None) -> Path:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from gepf.common.body import ROOT_DOFS, BodyModel, unknown_dof
 from gepf.common.errors import InputError
+from gepf.common.packages import needs
 from gepf.coordinator.bodies.human.dofs import HUMAN, HUMAN_DOFS
 from gepf.coordinator.bodies.human.measures import DEVIATION, Measures
 from gepf.coordinator.bodies.human.shape_space import shape_space
@@ -69,7 +70,8 @@ def load_body(model: str) -> BodyModel:
     path = Path(model)
     if path.suffix == PERSON_SUFFIX:
         return human_of(read_person(path))
-    from gepf.coordinator.bodies.urdf import read_urdf
+    with needs("robots", "a URDF file"):
+        from gepf.coordinator.bodies.urdf import read_urdf
 
     return read_urdf(path)
 

@@ -14,6 +14,7 @@ import typer
 from typer.core import TyperGroup
 
 from gepf.common.errors import InputError
+from gepf.common.packages import needs
 from gepf.coordinator.cli.commands import app
 from gepf.coordinator.commands.console import DEBUG, INTERRUPTED, exit_code
 
@@ -84,7 +85,8 @@ def main(arguments: Sequence[str] | None = None, connect: Connect | None = None)
 
     def work() -> int:
         try:
-            code = app(arguments, prog_name="gepf", standalone_mode=False, obj=connect)
+            with needs("coordinator", "this command"):
+                code = app(arguments, prog_name="gepf", standalone_mode=False, obj=connect)
         except typer.TyperException as error:
             raise InputError(describe_misuse(error)) from error
         if code == INTERRUPTED:  # what typer makes of it

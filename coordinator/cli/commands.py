@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 import typer
 
 from gepf.common.errors import InputError
+from gepf.common.packages import needs
 from gepf.coordinator.commands import options as given
 from gepf.coordinator.commands.console import loading, say
 from gepf.coordinator.commands.options import CameraOptions, Quiet, SecurityOptions
@@ -79,10 +80,10 @@ def demo(options: given.DemoOptions, quiet: Quiet = False) -> None:
     """Track rendered sequences with one particle and with many; show errors and draw pictures."""
     show = on_stderr(quiet=quiet)
     show.say("rendering a scene and tracking it in two ways; loading")
-    with loading():
-        from gepf.coordinator.commands.demo import run_demo
-
-    run_demo(options.out, show, options.scene)
+    with needs("synth", "gepf demo"):
+        with loading():
+            from gepf.coordinator.commands.demo import run_demo
+        run_demo(options.out, show, options.scene)
 
 
 @app.command(rich_help_panel=TRACK)
@@ -93,7 +94,8 @@ def track(
     """Track a recorded sequence, or depth frames as they are published."""
     show = on_stderr(quiet=options.quiet)
     into = "" if options.out is None else f" into {options.out}"
-    show.say(f"tracking {', '.join(map(str, options.sequences))}{into}; loading")
+    inputs = ", ".join(map(str, options.sequences or [])) or options.listed or "nothing"
+    show.say(f"tracking {inputs}{into}; loading")
     with loading():
         from gepf.coordinator.commands.runs import run_track
         from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
@@ -126,7 +128,8 @@ def calibrate(context: typer.Context, options: given.CalibrateOptions, quiet: Qu
 @grouped
 def synth(options: given.SynthOptions, quiet: Quiet = False) -> None:
     """Render a sequence with ground truth and, unless the person is to be detected, a start pose."""
-    from gepf.coordinator.synthesis.sequence import synthesise
+    with needs("synth", "gepf synth"):
+        from gepf.coordinator.synthesis.sequence import synthesise
 
     with on_stderr(quiet=quiet).steps("rendering frame") as advance:
         synthesise(**asdict(options), advance=advance)
@@ -208,13 +211,15 @@ def export(options: given.ExportOptions, quiet: Quiet = False) -> None:
     from gepf.coordinator.exports import export_run
 
     out, form, smooth = options.out, options.form, options.smooth
-    track = export_run(options.run, form, out, smooth_hz=smooth, force=options.force).track
+    track = export_run(
+        options.run, form, out, frame=options.frame, smooth_hz=smooth, force=options.force
+    ).track
+    count = len(track.frame)
+    frames = f"{count} frames" if count > 1 else f"frame {track.frame[0]}"
     gone = f", {lost} of them lost" if (lost := int(track.unknown.sum())) else ""
     low_pass = f", low pass {smooth:g} Hz" if smooth else ""
     kilobytes = out.stat().st_size / 1000
-    on_stderr(quiet=quiet).say(
-        f"{out}: {len(track.frame)} frames{gone}{low_pass}, {kilobytes:.0f} kB as {form}"
-    )
+    on_stderr(quiet=quiet).say(f"{out}: {frames}{gone}{low_pass}, {kilobytes:.0f} kB as {form}")
 
 
 @app.command(rich_help_panel=FINISHED)
@@ -233,7 +238,8 @@ def view(options: given.ViewOptions, security: SecurityOptions, quiet: Quiet = F
     if str(options.run).startswith("zenoh:"):
         # only when no other program wants to: even loading would slow down a tracker on this host
         os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
-    from gepf.coordinator.commands.view import run_view
+    with needs("view", "gepf view"):
+        from gepf.coordinator.commands.view import run_view
 
     run_view(options, security, on_stderr(quiet=quiet))
 

@@ -112,8 +112,6 @@ def complain(name: str, error: Exception) -> None:
 
 def describe_fault(error: Exception) -> str:
     """Message for an unexpected error, with a remedy if one is known."""
-    if isinstance(error, ModuleNotFoundError):
-        return f"the package {error.name} is missing; pip install 'gepf[coordinator]'"
     if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
         where = f" for {error.filename}" if error.filename else ""
         continues = "gepf track --resume continues a recording, gepf report finishes a live run"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -81,7 +81,7 @@ def choose_job(options: TrackOptions, camera: CameraOptions, security: SecurityO
     )
     as_given = {name: value for name, value in asdict(options).items() if name in Job.__dataclass_fields__}
     interpreted: dict[str, Any] = {
-        "sequence": options.sequences[0],
+        "sequence": recordings_of(options)[0],
         "settings": choose_settings(options),
         "pool": pool,
         "model": choose_model(options.model),
@@ -185,9 +185,30 @@ def split(text: str, option: str, kind: Callable[[str], T], count: int | None = 
 
 def is_several(options: TrackOptions) -> bool:
     """Whether the options describe several runs, each with its own folder in `--out`."""
-    return len(options.sequences) > 1 or is_list(options.sequences[0])
+    return options.listed is not None or len(recordings_of(options)) > 1
 
 
-def is_list(path: Path) -> bool:
-    """Whether a path is a file that lists recordings."""
-    return path.suffix == ".txt" and not path.is_dir()
+def recordings_of(options: TrackOptions) -> Sequence[Path]:
+    """What is tracked; InputError if it is missing, given twice, or an unreadable list."""
+    given = options.sequences or []
+    if options.index is not None and options.listed is None:
+        raise InputError("--index is a place in a list; add --list FILE")
+    if options.listed is None:
+        if not given:
+            raise InputError("nothing is given to track; add a recording, or --list FILE")
+        return given
+    if given:
+        raise InputError(f"--list and {given[0]} both say what to track; give one of them")
+    return read_list(options.listed)
+
+
+def read_list(file: Path) -> Sequence[Path]:
+    """The recordings of a list: one per line, relative to the folder of the list; # starts a comment."""
+    try:
+        lines = file.read_text(encoding="utf-8").splitlines()
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot read {file}: {error}; give a text file, one recording per line") from None
+    found = [file.parent / text for line in lines if (text := line.split("#", 1)[0].strip())]
+    if not found:
+        raise InputError(f"{file} is empty; write one recording per line")
+    return found

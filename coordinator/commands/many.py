@@ -5,6 +5,8 @@ The processes are forked from one that has loaded all libraries, so they start i
 
 from __future__ import annotations
 
+import csv
+import io
 import logging
 import math
 import multiprocessing
@@ -27,15 +29,19 @@ from rich.table import Table
 
 from gepf.common.errors import InputError
 from gepf.coordinator.commands.console import INTERRUPTED, INTERRUPTS, NOT_TRACKED, exit_code
-from gepf.coordinator.commands.job import Job, is_list
+from gepf.coordinator.commands.job import Job
 from gepf.coordinator.commands.progress import Advance, Show, bars_on
 from gepf.coordinator.commands.track import track
+from gepf.coordinator.files import write_atomically
 from gepf.coordinator.pool.local_worker import shared_pool
 from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
 from gepf.coordinator.results.summary import read_summary
+from gepf.coordinator.results.tally import STATUSES
 from gepf.coordinator.sources.rig import live_cameras
 
 CONTEXT = multiprocessing.get_context("forkserver")
+TABLE_FILE = "runs.csv"
+FACTS = ("digest", "frames", "seconds", "frame_rate")  # of a summary; statuses follow
 
 
 class SentShow(Show):
@@ -109,9 +115,8 @@ class Ended:
     seconds: float
 
 
-def choose_runs(job: Job, sequences: Sequence[Path]) -> list[Job]:
-    """One run per recording, with a folder. InputError for an unreadable list, or equal names."""
-    paths = [path for given in sequences for path in (read_list(given) if is_list(given) else [given])]
+def choose_runs(job: Job, paths: Sequence[Path]) -> list[Job]:
+    """One run per recording, which continues what is in its folder; InputError for equal names."""
     if any(map(live_cameras, paths)):
         raise InputError("live input is tracked alone; give zenoh:KEY or a rig, and nothing else")
     whole = [path.resolve() for path in paths]
@@ -119,28 +124,19 @@ def choose_runs(job: Job, sequences: Sequence[Path]) -> list[Job]:
     twice = [name for name, count in Counter(names).items() if count > 1]
     if twice:
         raise InputError(f"two recordings have the name '{twice[0]}'; track them into different folders")
+    folders = [job.folder / name for name in names]
     return [
-        replace(job, sequence=path, out=job.folder / name) for path, name in zip(paths, names, strict=True)
+        replace(job, sequence=path, out=folder, resume=job.resume or folder.exists())
+        for path, folder in zip(paths, folders, strict=True)
     ]
 
 
-def read_list(file: Path) -> Sequence[Path]:
-    """The recordings of a list: one per line, relative to the folder of the list; # starts a comment."""
-    try:
-        lines = file.read_text(encoding="utf-8").splitlines()
-    except (OSError, ValueError) as error:
-        raise InputError(f"cannot read {file}: {error}; give a text file, one recording per line") from None
-    found = [file.parent / text for line in lines if (text := line.split("#", 1)[0].strip())]
-    if not found:
-        raise InputError(f"{file} is empty; write one recording per line")
-    return found
-
-
 def track_many(jobs: Sequence[Job], show: Show) -> int:
-    """Track all and show a table; returns the most severe exit code: 130, then 1, 2, 3.
+    """Track all, show a table and write it as runs.csv; returns the most severe exit code: 130, then 1, 2, 3.
 
-    The results are the bytes of single runs. A run that fails does not stop the others. An interrupt ends all
-    runs; their frames are kept for `--resume`.
+    The results are the bytes of single runs. A run that is finished is not tracked again, if its input and
+    settings are the same; one that was stopped continues. A run that fails does not stop the others. An
+    interrupt ends all runs; their frames are kept.
     """
     show.say(f"tracking {len(jobs)} recordings into {jobs[0].folder.parent}")
     ended = run_pool(jobs, show, quiet=show.console.quiet)
@@ -148,6 +144,7 @@ def track_many(jobs: Sequence[Job], show: Show) -> int:
     for run in ended:
         table.add_row(*row_of(run))
     show.console.print(table)
+    write_table(jobs[0].folder.parent / TABLE_FILE, ended)
     codes = [run.code for run in ended if run.code]
     return INTERRUPTED if INTERRUPTED in codes else min(codes, default=0)
 
@@ -198,6 +195,19 @@ def row_of(run: Ended) -> tuple[str, ...]:
     summary = read_summary(run.job.folder)
     tracked = f"{100 * summary['status'].get('tracked', 0) / max(summary['frames'], 1):.0f} %"
     return name, str(summary["frames"]), tracked, took, "most are not tracked" if run.code else ""
+
+
+def write_table(file: Path, ended: Sequence[Ended]) -> None:
+    """Write one line per run as CSV: its exit code and, unless it failed, facts of its summary."""
+    text = io.StringIO(newline="")
+    rows = csv.writer(text, lineterminator="\n")
+    rows.writerow(("recording", "folder", "exit_code", *FACTS, *STATUSES))
+    for run in ended:
+        summary = {} if run.code not in (0, NOT_TRACKED) else read_summary(run.job.folder)
+        facts = [summary.get(name, "") for name in FACTS]
+        counts = [summary["status"].get(name, 0) if summary else "" for name in STATUSES]
+        rows.writerow((run.job.sequence, run.job.folder, run.code, *facts, *counts))
+    write_atomically(file, lambda opened: opened.write(text.getvalue().encode()))
 
 
 def track_one(job: Job, quiet: bool, pipe: Connection | None) -> None:

@@ -91,11 +91,14 @@ class SecurityOptions:
 class TrackOptions:
     """Options of `gepf track` without camera and security: input, scene, method, workers, output."""
 
-    sequences: list[Path] = argument(
-        "SEQ...",
+    sequences: list[Path] | None = argument(
+        "[SEQ...]",
         "Recorded depth (docs/formats.md), or live: zenoh:KEY, ros2:/TOPIC, realsense:[SERIAL], orbbec:, "
-        "azure-kinect:. Several recordings, or a .txt file that lists them, share the workers.",
+        "azure-kinect:. Several recordings share the workers.",
+        default=None,
     )
+    listed: Path | None = input_option("FILE", "Recordings, one per line, instead of SEQ.", "--list")
+    index: int | None = input_option("N", "Only the recording N, from 0, of --list.", min=0)
     dof: str | None = input_option("NAME,...", "Track only these; `joints`: all but root.")
     model: str = input_option("human|FILE", "Body: a URDF file, or a file of measures.", default="human")
     init: str | None = input_option("auto|FILE", "Pose to start from (default: SEQ/init.json, else auto).")
@@ -233,8 +236,14 @@ class ExportOptions:
     """Options of `gepf export`."""
 
     run: Path = argument("DIR", RUN)
-    form: str = option("FORMAT", "csv, mot, c3d, trc, bvh, glb, gltf or json.", "--to", default=MISSING)
+    form: str = option(
+        "FORMAT",
+        "bvh, c3d, csv, glb, gltf, json, mot or trc; obj, pcd, ply or xyz of one frame.",
+        "--to",
+        default=MISSING,
+    )
     out: Path = option("FILE", "File to write.", default=MISSING)
+    frame: int | None = option("N", "The frame for obj, pcd, ply, xyz (default: first tracked).")
     smooth: float | None = option("HZ", "Low pass without delay, e.g. 6 (default: as tracked).")
     force: bool = option("", FORCE, "--force", default=False)
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 
+from gepf.common.errors import InputError
 from gepf.coordinator.commands.console import NOT_TRACKED
-from gepf.coordinator.commands.job import choose_job, is_several
+from gepf.coordinator.commands.job import Job, choose_job, is_several, recordings_of
 from gepf.coordinator.commands.options import CameraOptions, SecurityOptions, TrackOptions
 from gepf.coordinator.commands.progress import Show
 from gepf.coordinator.commands.track import track
@@ -18,18 +20,26 @@ def run_track(
 ) -> int:
     """Track; returns the exit code. Raises InputError for invalid options, before anything is read.
 
-    Several recordings are tracked in parallel, each into its own folder.
+    Several recordings are tracked in parallel, each into its own folder; of a list, one may be chosen.
     """
     job = choose_job(options, camera, security)
-    if is_several(options):
+    jobs, single = [job], not is_several(options)
+    if not single:
         from gepf.coordinator.commands.many import choose_runs, track_many  # loads what one run does not need
 
-        jobs = choose_runs(job, options.sequences)
-        code = track_many(jobs, show)
-    else:
-        jobs, code = [job], 0 if track(job, show, connect) else NOT_TRACKED
+        jobs = choose_runs(job, recordings_of(options))
+        if options.index is not None:
+            jobs, single = [listed_at(options.index, jobs)], True
+    code = (0 if track(jobs[0], show, connect) else NOT_TRACKED) if single else track_many(jobs, show)
     if options.as_json:
         files = [each.folder / SUMMARY_FILE for each in jobs]
         texts = ",\n".join(file.read_text(encoding="utf-8").strip() for file in files if file.exists())
-        sys.stdout.write(f"[{texts}]\n" if is_several(options) else f"{texts}\n")
+        sys.stdout.write(f"{texts}\n" if single else f"[{texts}]\n")
     return code
+
+
+def listed_at(index: int, jobs: Sequence[Job]) -> Job:
+    """The run with an index; InputError if the list is shorter."""
+    if index >= len(jobs):
+        raise InputError(f"--index {index} is beyond the {len(jobs)} recordings of the list; it starts at 0")
+    return jobs[index]

@@ -83,9 +83,8 @@ def update(
     poses, log_likelihood = after.poses[chosen], after.log_likelihood[chosen]
     inherited = past.covariances[parents]
     covariances = estimate_covariances(model, before, poses, group, inherited)  # 7
-    if proposal.unseen is not None:  # they got no noise
-        kept = proposal.unseen[:, None] | proposal.unseen
-        covariances[:, kept] = inherited[:, kept]
+    if proposal.unseen is not None:
+        covariances = keep_unseen(covariances, inherited, proposal.unseen)
     if len(posteriors) and proposal.expected is not None:
         poses = fuse_with_prediction(model, poses, posteriors, proposal.expected[chosen], proposal.interval)
     reported = choose_reported(model, past.reported, poses, log_likelihood, proposal.interval)
@@ -131,6 +130,15 @@ def explore(
     return Proposal(
         past, ancestors, particles, observation.interval, expected=expected, unseen=observation.unseen
     )
+
+
+def keep_unseen(covariances: Array, inherited: Array, unseen: Mask) -> Array:
+    """Covariances (M, D, D) in which degrees of freedom (D,) that got no noise keep the inherited ones.
+
+    Those of the others do not depend on them: a mixture of both matrices might be indefinite.
+    """
+    both, neither = unseen[:, None] & unseen, ~unseen[:, None] & ~unseen
+    return np.where(both, inherited, np.where(neither, covariances, 0.0))
 
 
 def merge_by_angle(

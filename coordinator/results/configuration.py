@@ -53,6 +53,12 @@ def digest(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()[:12]
 
 
+def digest_of(configuration: RunConfiguration) -> str:
+    """A hash of what determines the results of a run, the same wherever its sequence lies."""
+    facts = {key: value for key, value in flatten(configuration) if key != PATH}
+    return digest(msgspec.json.encode(facts, order="deterministic"))
+
+
 def differences(recorded: Mapping[str, Any], asked: RunConfiguration) -> str:
     """The first difference from the recorded configuration, by dotted name, and the number of others.
 

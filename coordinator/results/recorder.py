@@ -171,22 +171,26 @@ def write_run(
         own = {} if len(people) == 1 else {PERSON: number}
         summary = {**facts, **summarise(totals, person), **own}
         folder = folder_of(run, len(people), number)
-        write_files(folder, track, TrackedBody(body, start.held), summary)
         if person.found and configuration["model"]["name"] == HUMAN:
             names = ("stature", DEVIATION, "girth", "age")
+            folder.mkdir(parents=True, exist_ok=True)
             write_json(folder / PERSON_FILE, dict(zip(names, describe_size(person).values(), strict=True)))
+        write_files(folder, track, TrackedBody(body, start.held), summary)
     if len(people) > 1:
         write_json(run / SUMMARY_FILE, {**facts, **summarise_all(totals, found)})
     return found
 
 
 def write_files(folder: Path, track: Track, body: TrackedBody, summary: Mapping[str, object]) -> None:
-    """Write all files of one person except pictures; the folder is created if it is missing."""
+    """Write all files of one person except pictures; the folder is created if it is missing.
+
+    The summary is the last: where it is, all others are.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     write_atomically(folder / MODEL_FILE, lambda file: write_tracked_body(body, file))
     write_atomically(folder / TRACK_FILE, lambda file: write_track(track, file))
-    write_json(folder / SUMMARY_FILE, summary)
     write_atomically(folder / CSV_FILE, lambda file: write_csv(track, file))
+    write_json(folder / SUMMARY_FILE, summary)
 
 
 def is_complete(run: Path, configuration: RunConfiguration) -> bool:

@@ -13,7 +13,7 @@ import numpy as np
 from gepf.common.errors import InputError
 from gepf.coordinator.bodies.human.shape_space import shape_space
 from gepf.coordinator.files import SUMMARY_FILE
-from gepf.coordinator.results.configuration import RunConfiguration, versions
+from gepf.coordinator.results.configuration import RunConfiguration, digest_of, versions
 from gepf.coordinator.results.tally import STATUSES, Outcome
 
 if TYPE_CHECKING:  # it loads Zenoh, which is slow
@@ -46,6 +46,7 @@ def summarise(totals: RunTotals, person: Outcome) -> dict[str, object]:
     settings, tally, body = configuration["settings"], person.tally, start.body_of(person.shape)
     return {
         **configuration,
+        "digest": digest_of(configuration),
         "method": settings["method"],
         "preset": settings["preset"],
         "seed": settings["seed"],

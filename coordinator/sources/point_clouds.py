@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from gepf.common.arrays import Array
 from gepf.common.camera import Intrinsics, project
@@ -88,6 +87,8 @@ def fitting_camera(clouds: Sequence[Array]) -> Intrinsics:
         seen = np.unique(points[:, :2] / points[:, 2:], axis=0)
         slopes.append(seen[(np.abs(seen) <= STEEPEST).all(axis=1)])
         if len(seen) > NEIGHBOUR:
+            from scipy.spatial import cKDTree  # takes long to load
+
             spacings.append(float(np.median(cKDTree(seen).query(seen, NEIGHBOUR + 1)[0][:, -1])))
     focal = min(1.0 / float(np.median(spacings)), FINEST * NOMINAL.fx) if spacings else NOMINAL.fx
     every = np.concatenate(slopes)

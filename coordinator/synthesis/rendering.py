@@ -16,6 +16,7 @@ from gepf.common.arrays import Array
 from gepf.common.camera import Intrinsics
 from gepf.common.closing import Closing
 from gepf.common.errors import GepfError
+from gepf.common.packages import MissingPackage, needs
 
 NEAR_M, FAR_M = 0.2, 20.0  # with a 24-bit buffer: 1.5 um at 2 m, 40 um at 10 m
 OPENGL_FROM_CAMERA = np.array([1.0, -1.0, -1.0])  # OpenGL looks along -z, with y up
@@ -25,14 +26,17 @@ class DepthRenderer(Closing):
     """Renders closed surfaces to depth images. Use it as a context manager, one at a time."""
 
     def __init__(self, camera: Intrinsics) -> None:
-        """Open an OpenGL context; raises GepfError with the missing packages if that fails."""
+        """Open an OpenGL context; raises GepfError with a remedy if that fails."""
         self.camera = camera
         os.environ["PYOPENGL_PLATFORM"] = "egl"
         os.environ["PYGLET_HEADLESS"] = "1"
         try:
-            import pyrender
+            with needs("synth", "rendering"):
+                import pyrender
 
             self._renderer = pyrender.OffscreenRenderer(camera.width, camera.height)
+        except MissingPackage:
+            raise
         except Exception as error:  # EGL, PyOpenGL, pyrender and the loader raise different ones
             remedy = "on Debian or Ubuntu: apt install libegl1 libgl1"
             raise GepfError(f"OpenGL through EGL does not start ({error}); {remedy}") from error

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import tarfile
 import zipfile
 from pathlib import Path
 
@@ -55,14 +56,18 @@ def test_a_script_beside_packages_of_these_names_uses_the_library(foreign: Path)
     assert not (foreign / "trace").exists()
 
 
+def build(kind: str, checkout: Path, folder: Path) -> Path:
+    """The wheel or sdist of a checkout, in a new folder."""
+    command = [sys.executable, "-m", "hatchling", "build", "-t", kind, "-d", str(folder)]
+    subprocess.run(command, cwd=checkout, check=True, capture_output=True, timeout=300)
+    (built,) = folder.iterdir()
+    return built
+
+
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The wheel of this checkout."""
-    folder = tmp_path_factory.mktemp("dist")
-    command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)]
-    subprocess.run(command, cwd=ROOT, check=True, capture_output=True, timeout=300)
-    (built,) = folder.glob("*.whl")
-    return built
+    return build("wheel", ROOT, tmp_path_factory.mktemp("dist") / "wheel")
 
 
 def test_the_wheel_installs_one_package(wheel: Path) -> None:
@@ -71,12 +76,24 @@ def test_the_wheel_installs_one_package(wheel: Path) -> None:
     assert {name.partition("/")[0] for name in names if ".dist-info/" not in name} == {"gepf"}
     for needed in (
         "__init__.py",
+        "py.typed",
         "common/protocol/wire.py",
         "coordinator/bodies/human/person.npz",
         "coordinator/report/page.html.j2",
         "worker/cli.py",
     ):
         assert f"gepf/{needed}" in names
+
+
+def test_the_source_distribution_builds_the_same_wheel(wheel: Path, tmp_path: Path) -> None:
+    """Although three folders of the package are links in a checkout: the same files with the same bytes."""
+    with tarfile.open(build("sdist", ROOT, tmp_path / "sdist")) as archive:
+        archive.extractall(tmp_path / "source", filter="data")
+    (source,) = (tmp_path / "source").iterdir()
+    again = build("wheel", source, tmp_path / "again")
+    assert {each.filename: each.CRC for each in zipfile.ZipFile(again).infolist()} == {
+        each.filename: each.CRC for each in zipfile.ZipFile(wheel).infolist()
+    }
 
 
 def test_an_installed_worker_starts(wheel: Path, foreign: Path) -> None:

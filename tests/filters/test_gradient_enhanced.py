@@ -22,6 +22,7 @@ from gepf.coordinator.filters.gradient_enhanced import (
     Hypotheses,
     begin,
     estimate_covariances,
+    keep_unseen,
     merge_by_angle,
     propose,
 )
@@ -295,3 +296,17 @@ def test_the_report_goes_on_where_it_was_unless_another_is_much_likelier(
     poses[0, turning], poses[1, turning] = 0.02, 1.2
     chosen = choose_reported(model, last, poses, np.array([0.0, better_by]), interval)
     assert np.array_equal(chosen, poses[reported])
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_covariances_stay_valid_while_limbs_are_out_of_view(seed: int) -> None:
+    """Those of limbs that got no noise are kept; the whole stays positive semidefinite, whatever the frame said."""
+    rng = np.random.default_rng(seed)
+    roots = rng.normal(size=(2, 3, 6, 6)) * np.exp(3.0 * rng.normal(size=(2, 3, 6, 1)))
+    now, before = roots @ roots.transpose(0, 1, 3, 2)
+    unseen = rng.random(6) < 0.5
+    kept = keep_unseen(now, before, unseen)
+    both = np.ix_(range(3), np.flatnonzero(unseen), np.flatnonzero(unseen))
+    np.testing.assert_array_equal(kept[both], before[both])
+    values = np.linalg.eigvalsh(kept)
+    assert np.all(values >= -1e-9 * np.abs(values).max(axis=1, keepdims=True))

@@ -56,7 +56,7 @@ def test_a_data_frame_holds_the_csv(run: gepf.Run, monkeypatch: pytest.MonkeyPat
     assert np.allclose(table["time_s"], run.time_s)
     assert len(table) == 30
     monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(gepf.InputError, match="needs the package pandas; pip install pandas"):
+    with pytest.raises(gepf.InputError, match=r"needs the package pandas, .* pip install 'gepf\[tables\]'"):
         run.to_dataframe()
 
 

@@ -47,7 +47,7 @@ class OnePerson(Tracker):
     @property
     def model(self) -> BodyModel:
         """The body that is tracked."""
-        return self.state.start.model
+        return self.state.body
 
     def track(self, frame: DepthFrame) -> Estimate:  # type: ignore[override]
         """The estimate of the next frame."""

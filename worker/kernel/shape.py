@@ -23,9 +23,11 @@ RANK = 1e-6  # least singular value of a fit, relative to the largest: links may
 def fit_fields(model: BodyModel) -> Array:
     """Fields (L, S, 3, 4) of the links at rest, by least squares over their vertices and skin weights."""
     fields = np.zeros((len(model.link_names), model.shape_count, 3, 4))
+    if not model.shape_count:
+        return fields
     places = np.column_stack([model.vertices, np.ones(len(model.vertices))])
     for link in range(len(fields)):
-        share = np.sqrt(np.sum(model.skin_weights * (model.skin_links == link), axis=1))[:, None]
+        share = np.sqrt(np.sum(np.abs(model.skin_weights) * (model.skin_links == link), axis=1))[:, None]
         mine = share[:, 0] > 0.0
         for s, directions in enumerate(model.shape_vertices):
             if mine.any():

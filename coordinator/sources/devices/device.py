@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from gepf.common.errors import GepfError, InputError
 from gepf.common.frame import DepthFrame
+from gepf.common.packages import MissingPackage, needs
 
 SILENCE_MS = 3000  # without an image, after which a camera is lost
 RETRY_S = 1.0
@@ -78,9 +79,10 @@ def open_camera(camera: Path | str, *, colour: bool = False) -> Camera:
     name, _, which = str(camera).partition(":")
     vendor = VENDORS[name]
     try:
-        module = import_module(f"gepf.coordinator.sources.devices.{name.replace('-', '_')}")
-    except ModuleNotFoundError:
-        raise InputError(f"{name}: needs a package of its vendor; pip install 'gepf[{name}]'") from None
+        with needs(name, f"{name}:"):
+            module = import_module(f"gepf.coordinator.sources.devices.{name.replace('-', '_')}")
+    except MissingPackage:
+        raise
     except ImportError as error:
         raise InputError(f"{name}: {vendor.package} does not load ({error}); install its driver") from error
     opener: Callable[[str, bool], Camera | None] = module.open_device

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import io
 import json
 import os
@@ -18,7 +19,7 @@ from rich.console import Console
 
 from gepf.common.errors import InputError
 from gepf.coordinator.cli import main
-from gepf.coordinator.commands.job import Job
+from gepf.coordinator.commands.job import Job, read_list
 from gepf.coordinator.commands.many import choose_runs, track_many
 from gepf.coordinator.commands.progress import Show
 from gepf.coordinator.commands.track import track
@@ -55,7 +56,7 @@ def test_a_list_gives_a_run_each(tmp_path: Path) -> None:
     """Names come from folders and files; the lines of a list are relative to its folder, without comments."""
     (tmp_path / "walk").mkdir()
     (tmp_path / "list.txt").write_text("walk  # slowly\n\n# nothing\nsub/run.mat\n")
-    runs = choose_runs(small_job(tmp_path, tmp_path, 0), [tmp_path / "list.txt"])
+    runs = choose_runs(small_job(tmp_path, tmp_path, 0), read_list(tmp_path / "list.txt"))
     assert [each.folder.name for each in runs] == ["walk", "run"]
     assert runs[-1].sequence == tmp_path / "sub" / "run.mat"
 
@@ -64,16 +65,65 @@ def test_a_list_gives_a_run_each(tmp_path: Path) -> None:
     ("names", "says"),
     [
         (("a/walk", "b/walk"), "two recordings have the name 'walk'"),
-        (("none.txt",), "cannot read"),
         (("a/walk", "zenoh:camera"), "live input is tracked alone"),
     ],
 )
 def test_what_cannot_be_several_is_refused(tmp_path: Path, names: tuple[str, ...], says: str) -> None:
-    """Equal names, missing lists, and live input, before anything is read."""
+    """Equal names, and live input, before anything is read."""
     given = [name if ":" in name else str(tmp_path / name) for name in names]
     job = small_job(tmp_path, tmp_path, 0)
     with pytest.raises(InputError, match=says):
         choose_runs(job, [Path(each) for each in given])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        ((), "nothing is given to track; add a recording, or --list FILE"),
+        (("walk", "--index", "0"), "--index is a place in a list; add --list FILE"),
+        (("walk", "--list", "list.txt"), "--list and walk both say what to track"),
+        (("--list", "none.txt"), "cannot read none.txt"),
+        (("--list", "list.txt", "--index", "2"), "--index 2 is beyond the 2 recordings of the list"),
+    ],
+)
+def test_a_wrong_choice_of_recordings_has_one_line(
+    arguments: tuple[str, ...],
+    says: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """What is missing, given twice, or beyond the end of the list; nothing is written."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "list.txt").write_text("walk\nrun\n")
+    assert main(["track", *arguments, "--out", "runs"]) == 2
+    assert says in capsys.readouterr().err
+    assert not (tmp_path / "runs").exists()
+
+
+def test_a_task_tracks_one_recording_of_a_list_once(
+    sequence: Path, tmp_path: Path, workers: StillWorkers, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """--index gives the bytes of a run alone; again, it does nothing; other settings are refused."""
+    for name in ("first", "second"):
+        copy_of(sequence, name)
+    (tmp_path / "list.txt").write_text(f"{sequence.with_name('first')}\n{sequence.with_name('second')}\n")
+    chosen = ["track", "--list", str(tmp_path / "list.txt"), "--index", "1", "--out", str(tmp_path / "runs")]
+    chosen.append("--no-pictures")
+    assert main(chosen, workers.connect) == 0
+    assert workers.track(sequence.with_name("second"), tmp_path / "alone") == 0
+    run = tmp_path / "runs" / "second"
+    assert [each.name for each in (tmp_path / "runs").iterdir()] == ["second"]
+    assert (run / "track.npz").read_bytes() == (tmp_path / "alone" / "track.npz").read_bytes()
+    summaries = [json.loads((each / "summary.json").read_text()) for each in (run, tmp_path / "alone")]
+    assert summaries[0]["digest"] == summaries[1]["digest"]
+    before = {each: each.stat().st_mtime_ns for each in run.iterdir()}
+    capsys.readouterr()
+    assert main(chosen, workers.connect) == 0
+    assert "frames are in" in capsys.readouterr().err
+    assert {each: each.stat().st_mtime_ns for each in run.iterdir()} == before
+    assert main([*chosen, "--seed", "5"], workers.connect) == 2
+    assert "was recorded with other options" in capsys.readouterr().err
 
 
 def test_several_have_the_bytes_of_each_alone_and_one_fault_stops_no_other(
@@ -95,6 +145,12 @@ def test_several_have_the_bytes_of_each_alone_and_one_fault_stops_no_other(
     assert [line.split()[0] for line in table[1:]] == list(names)  # though the damaged one ends first
     assert "exit code 2" in table[-1]
     assert not (tmp_path / "runs" / "damaged").exists()
+    with (tmp_path / "runs" / "runs.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [Path(row["folder"]).name for row in rows] == list(names)
+    assert [row["exit_code"] for row in rows][2] == "2"
+    assert [row["frames"] for row in rows] == ["5", "5", ""]
+    assert len({row["digest"] for row in rows}) == 3  # of another recording, another seed, and of none
     for job in jobs[:2]:
         out = tmp_path / "alone" / job.folder.name
         track(replace(job, out=out), show, ZenohRefiner)
@@ -176,24 +232,23 @@ def test_a_task_of_slurm_takes_the_line_of_its_number(tmp_path: Path) -> None:
     """The example's script, with a gepf that prints what it was called with."""
     (tmp_path / "gepf").write_text('#!/bin/sh\necho "$@"\n')
     (tmp_path / "gepf").chmod(0o755)
-    (tmp_path / "list.txt").write_text("walks/slow\nwalks/fast.mat\n")
-    script = Path(__file__).parents[3] / "examples" / "slurm.sh"
+    script = Path(__file__).parents[3] / "examples" / "batch" / "slurm.sh"
     numbers = {"SLURM_ARRAY_TASK_ID": "2", "SLURM_CPUS_PER_TASK": "8"}
     done = subprocess.run(
-        ["bash", script, tmp_path / "list.txt", "runs"],
+        ["bash", script, "list.txt", "runs"],
         env={**os.environ, **numbers, "PATH": f"{tmp_path}:{os.environ['PATH']}"},
         capture_output=True,
         text=True,
         check=True,
     )
-    assert done.stdout == "track walks/fast.mat --out runs/fast --resume --no-pictures --workers 8\n"
+    assert done.stdout == "track --list list.txt --index 2 --out runs --no-pictures --workers 8\n"
 
 
 FRAMES, NAMES = 60, ("a", "b", "c")
 
 
 def test_an_interrupt_ends_all_and_each_can_be_gone_on_with(tmp_path: Path) -> None:
-    """Exit code 130 within seconds, frames of running recordings are kept, and --resume does the rest."""
+    """Exit code 130 in seconds, running recordings keep their frames, and the same command does the rest."""
     write_small_sequence(tmp_path / "a", FRAMES)
     recordings = [tmp_path / "a", *(copy_of(tmp_path / "a", name) for name in NAMES[1:])]
     options = ["--out", str(tmp_path / "runs"), "--no-pictures", *OPTIONS]
@@ -205,7 +260,7 @@ def test_an_interrupt_ends_all_and_each_can_be_gone_on_with(tmp_path: Path) -> N
     assert said.read_text().splitlines()[-1] == "gepf: stopped"
     assert 0 < len(read_track(tmp_path / "runs" / NAMES[0]).frame) < FRAMES
     some = ["--frames", f"0:{FRAMES}"]
-    again = start(gepf, *command, *some, "--resume", "-q", log=said)
+    again = start(gepf, *command, *some, "-q", log=said)
     again.join(300.0)
     assert again.exitcode in (0, 3)
     tracks = [read_track(tmp_path / "runs" / name) for name in NAMES]
