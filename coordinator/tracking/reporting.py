@@ -81,7 +81,8 @@ def report(updated: Updated) -> Tracked:
             seen_by = seen_shares(model, pose, context.subject, context.stretch) * in_sight
             features = measure_features(model, pose, joints, weights, context, management.residual, seen_by)
             certainty = FIT.judge(features, in_sight)
-            if belief is not None and belief.posterior.size and not is_person(model.dof_names):
+            names = [name for name, moves in zip(model.dof_names, model.moves, strict=True) if moves]
+            if belief is not None and belief.posterior.size and not is_person(names):
                 certainty = replace(certainty, deviation=known_deviations(model, pose, belief.posterior))
             certainty = replace(certainty, off_probability=certainty.off_probability * movable_joints(model))
             views = [each.frame.camera for each in context.subject.views]

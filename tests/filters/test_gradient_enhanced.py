@@ -300,7 +300,7 @@ def test_the_report_goes_on_where_it_was_unless_another_is_much_likelier(
 
 @given(st.integers(0, 2**32 - 1))
 def test_covariances_stay_valid_while_limbs_are_out_of_view(seed: int) -> None:
-    """Those of limbs that got no noise are kept; the whole stays positive semidefinite, whatever the frame said."""
+    """Those of limbs that got no noise are kept, and the whole stays positive semidefinite."""
     rng = np.random.default_rng(seed)
     roots = rng.normal(size=(2, 3, 6, 6)) * np.exp(3.0 * rng.normal(size=(2, 3, 6, 1)))
     now, before = roots @ roots.transpose(0, 1, 3, 2)
