@@ -122,3 +122,15 @@ def test_what_is_reported_has_no_degrees_of_freedom_of_shape() -> None:
     np.testing.assert_allclose(
         joint_positions(body, estimate.pose[None])[0], estimate.joint_positions, atol=1e-9
     )
+
+
+def test_a_person_of_unknown_size_has_the_uncertainty_of_a_person() -> None:
+    """Joints are about as uncertain as those of a person whose size does not change, not as a robot's."""
+    frames = timed(swaying(Measures.of(1.7, 1.0), POSTURE, 4))
+    deviations = []
+    for measured in (True, False):
+        settings = msgspec.structs.replace(SETTINGS, measure_person=measured)
+        tracker = OnePerson(DirectRefiner(), settings, BODIES)
+        estimate = [tracker.track(frame) for frame in frames][-1]
+        deviations.append(np.median(estimate.certainty.deviation))
+    assert deviations[0] == pytest.approx(deviations[1], rel=0.3)
