@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gepf.common.arrays import Array, Indices
+from gepf.common.arrays import Array, Indices, Numbers
 from gepf.common.body import SHAPE, TRANSLATION, BodyModel
 from gepf.common.compiling import numba
 from gepf.common.kinematics.rotations import fill_rotation
@@ -144,6 +144,15 @@ def blend_vertices(
     """Fill out (V, 3) with vertices (V, 3) blended over their links' T_camera_rest (L, 3, 4)."""
     for v in range(len(vertices)):
         blend_vertex(v, vertices, links, weights, transforms, out)
+
+
+@numba.njit(cache=True, nogil=True)
+def blend_some(
+    some: Numbers, vertices: Array, links: Numbers, weights: Array, transforms: Array, out: Array
+) -> None:
+    """As `blend_vertices`, but fill some rows only."""
+    for m in range(len(some)):
+        blend_vertex(some[m], vertices, links, weights, transforms, out)
 
 
 @numba.njit(cache=True, nogil=True, inline="always")

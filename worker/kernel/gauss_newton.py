@@ -34,10 +34,11 @@ def minimise(pose: Array, mean: Array, solver: Solver, problem: Problem, workspa
     `mean` (D,) is that of the prior.
     """
     skeleton, equations = problem.skeleton, workspace.equations
-    before = pose.copy()
+    before, linearised = pose.copy(), np.any(equations.links != 0.0)
     for k in range(solver.iterations):
         if k > 0:
-            move_wrenches(skeleton, step_between(skeleton.axes, skeleton.balls, before, pose), equations)
+            if linearised:
+                move_wrenches(skeleton, step_between(skeleton.axes, skeleton.balls, before, pose), equations)
             move_links(pose, skeleton, workspace)
         before[:] = pose
         fill_normal_equations(pose, mean, problem, workspace)
@@ -67,10 +68,11 @@ def solve(pose: Array, damping: float, problem: Problem, equations: Equations) -
 @numba.njit(cache=True, nogil=True)
 def hold_active_limits(skeleton: Skeleton, pose: Array, gram: Array, gradient: Array) -> None:
     """Remove single axes at a limit from the equations if the gradient leads beyond it (active set)."""
+    limits, single = skeleton.limits, skeleton.single
     for j in range(len(pose)):
-        low = pose[j] <= skeleton.limits[j, 0] and gradient[j] > 0.0
-        high = pose[j] >= skeleton.limits[j, 1] and gradient[j] < 0.0
-        if skeleton.single[j] and (low or high):
+        low = pose[j] <= limits[j, 0] and gradient[j] > 0.0
+        high = pose[j] >= limits[j, 1] and gradient[j] < 0.0
+        if single[j] and (low or high):
             stiffness = gram[j, j]
             gram[j, :] = 0.0
             gram[:, j] = 0.0

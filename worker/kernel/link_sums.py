@@ -66,70 +66,92 @@ def sum_by_link(view: CameraView) -> None:
 
 
 @numba.njit(cache=True, nogil=True)
-def add_wrenches(t: Array, sums: Array, metric: Array, scratch: Array, out: Array) -> None:
-    """Add the matrix and the wrench of a link, without shape, to out (6 + S, 7 + S).
+def add_link(t: Array, sums: Array, metric: Array, fields: Array, scratch: Array, out: Array) -> None:
+    """Add the matrix and the wrench of a link to out (6 + S, 7 + S).
 
-    For the link's transform t (3, 4) of `Workspace.of_links`, and its sums (4, 8). scratch (3, 4, 8) holds
-    intermediate results.
+    For the link's transform t (3, 4) of `Workspace.of_links`, its sums (4, 8), the metric G (3, 3) and the
+    fields (S, 3, 4) of shape in the rig. scratch (4, 3, 4) holds intermediate results.
     """
-    moved, moments = scratch[0], scratch[1]
-    move_sums(t, sums, scratch[2], moved)
+    half, residuals, moments, forces = scratch[0], scratch[1], scratch[2], scratch[3]
+    multiply(t, sums, half)  # of x X^T
     for a in range(3):
-        for k in range(4):
-            moments[a, k] = moved[k, a] - moved[k, 4 + a]
-    add_wrench(moments, metric, out.shape[1] - 1, out)
-    for a in range(3):
-        b, c = (a + 1) % 3, (a + 2) % 3
-        for k in range(4):  # of e_a x x
-            moments[a, k], moments[b, k], moments[c, k] = 0.0, -moved[c, k], moved[b, k]
-        add_wrench(moments, metric, a, out)
-    for a in range(3):
-        b, c = (a + 1) % 3, (a + 2) % 3
-        for k in range(4):  # of e_a
-            moments[a, k], moments[b, k], moments[c, k] = moved[3, k], 0.0, 0.0
-        add_wrench(moments, metric, 3 + a, out)
+        for b in range(4):
+            residuals[a, b] = half[a, b] - sums[b, 4 + a]  # of (x - p~) X^T
+    multiply_transposed(half, t, moments)  # of x [x; 1]^T
+    add_matrix(moments, sums[3, 3], metric, forces, out)
+    multiply(metric, residuals, forces)
+    for s in range(len(fields)):
+        out[6 + s, -1] += total_product(fields[s], forces)
+    multiply_transposed(forces, t, moments)
+    add_wrench(moments, out.shape[1] - 1, out)
+    add_shape(t, sums, metric, fields, moments, forces, out)
 
 
 @numba.njit(cache=True, nogil=True)
-def add_shape(t: Array, sums: Array, metric: Array, fields: Array, scratch: Array, out: Array) -> None:
-    """Add what `add_wrenches` leaves out: the rows and columns of shape, for fields (S, 3, 4) in the rig.
+def add_matrix(moments: Array, mass: float, metric: Array, weighted: Array, out: Array) -> None:
+    """Add the matrix of a rigid link to the first entries (6, 6) of out.
 
-    A coefficient displaces a point X by f = F X. With f' of another one, its derivative is the sum of
-    w f . G (x - p~), its products are those of w f . G f', and its column is the wrench of the forces w G f.
+    moments (3, 4) are [P p] with P = sum w x x^T and p = sum w x; the mass is sum w. The velocity of x is
+    v - [x] w, with [x] y = x x y. So the matrix is sum w [-[x] 1]^T G [-[x] 1], with the blocks m G, -G [p],
+    and, for symmetric G,
+
+        -sum w [x] G [x] = (tr G tr P - tr GP) 1 - tr G P - tr P G + GP + (GP)^T.
+
+    weighted (3, 4) receives G [P p].
     """
-    residuals, moments, forces = scratch[0], scratch[1], scratch[2]
+    multiply(metric, moments, weighted)
+    trace = metric[0, 0] + metric[1, 1] + metric[2, 2]
+    spread = moments[0, 0] + moments[1, 1] + moments[2, 2]
+    both = trace * spread - weighted[0, 0] - weighted[1, 1] - weighted[2, 2]
+    for a in range(3):
+        out[a, a] += both
+        for b in range(3):
+            out[a, b] += weighted[a, b] + weighted[b, a] - trace * moments[a, b] - spread * metric[a, b]
+            out[3 + a, 3 + b] += mass * metric[a, b]
+            c, d = (b + 1) % 3, (b + 2) % 3
+            lever = metric[a, d] * moments[c, 3] - metric[a, c] * moments[d, 3]  # of G (e_b x p)
+            out[3 + a, b] += lever
+            out[b, 3 + a] += lever
+
+
+@numba.njit(cache=True, nogil=True)
+def add_shape(
+    t: Array, sums: Array, metric: Array, fields: Array, moments: Array, forces: Array, out: Array
+) -> None:
+    """Add the rows and columns of shape, but not the derivatives, to out (6 + S, 7 + S).
+
+    A coefficient displaces a point X by f = F X. With f' of another one, their product is the sum of
+    w f . G f', and a coefficient's column is the wrench of the forces w G f. moments and forces (3, 4) hold
+    intermediate results.
+    """
     for s in range(len(fields)):
         multiply(fields[s], sums, moments)  # of f X^T
-        fill_forces(metric, moments, forces)
-        for k in range(len(fields)):
-            out[6 + k, 6 + s] += total_product(fields[k], forces)
-        multiply_transposed(moments, t, residuals)  # of f [x; 1]^T
+        multiply(metric, moments, forces)
+        for k in range(s + 1):
+            total = total_product(fields[k], forces)
+            out[6 + s, 6 + k] += total
+            if k < s:
+                out[6 + k, 6 + s] += total
         for a in range(6):
             out[6 + s, a] -= out[a, 6 + s]
-        add_wrench(residuals, metric, 6 + s, out)
+        multiply_transposed(forces, t, moments)  # of G f [x; 1]^T
+        add_wrench(moments, 6 + s, out)
         for a in range(6):
             out[6 + s, a] += out[a, 6 + s]
-    if len(fields) > 0:
-        multiply(t, sums, residuals)
-        for a in range(3):
-            for b in range(4):
-                residuals[a, b] -= sums[b, 4 + a]  # of (x - p~) X^T
-        fill_forces(metric, residuals, forces)
-        for s in range(len(fields)):
-            out[6 + s, -1] += total_product(fields[s], forces)
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@numba.njit(cache=True, nogil=True)
 def multiply(t: Array, sums: Array, out: Array) -> None:
-    """Fill the first entries (3, 4) of out with the product of t (3, 4) and sums (4, 8)."""
+    """Fill out (3, 4) with the product of t, (3, 4) or (3, 3), and the first columns of sums."""
     for a in range(3):
         for b in range(4):
-            out[a, b] = row_sum(t, sums, a, b)
+            total = t[a, 0] * sums[0, b] + t[a, 1] * sums[1, b] + t[a, 2] * sums[2, b]
+            out[a, b] = total + t[a, 3] * sums[3, b] if t.shape[1] == 4 else total
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@numba.njit(cache=True, nogil=True)
 def multiply_transposed(moments: Array, t: Array, out: Array) -> None:
-    """Fill the first entries (3, 4) of out with the product of moments (3, 4) and [t; 0 0 0 1]^T."""
+    """Fill out (3, 4) with the product of moments (3, 4) and [t; 0 0 0 1]^T."""
     m = moments
     for a in range(3):
         for b in range(3):
@@ -137,24 +159,9 @@ def multiply_transposed(moments: Array, t: Array, out: Array) -> None:
         out[a, 3] = m[a, 3]
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
-def fill_forces(metric: Array, moments: Array, out: Array) -> None:
-    """Fill the first entries (3, 4) of out with the product of a metric (3, 3) and moments (3, 4)."""
-    for a in range(3):
-        for b in range(4):
-            out[a, b] = force(metric, moments, a, b)
-
-
-@numba.njit(cache=True, nogil=True, inline="always")
-def row_sum(t: Array, sums: Array, a: int, b: int) -> float:
-    """Entry (a, b) of the product of t (3, 4) and sums (4, 8)."""
-    total: float = t[a, 0] * sums[0, b] + t[a, 1] * sums[1, b] + t[a, 2] * sums[2, b] + t[a, 3] * sums[3, b]
-    return total
-
-
-@numba.njit(cache=True, nogil=True, inline="always")
+@numba.njit(cache=True, nogil=True)
 def total_product(one: Array, other: Array) -> float:
-    """The sum of the products of the first entries (3, 4) of both."""
+    """The sum of the products of the entries (3, 4) of both."""
     total = 0.0
     for a in range(3):
         for b in range(4):
@@ -163,37 +170,13 @@ def total_product(one: Array, other: Array) -> float:
 
 
 @numba.njit(cache=True, nogil=True)
-def move_sums(t: Array, sums: Array, half: Array, out: Array) -> None:
-    """Fill out (4, 7) with T M T^T and T C, for t (3, 4) and sums (4, 8), by way of half (4, 8)."""
-    half[3] = sums[3]  # the last row of T is [0, 0, 0, 1]
+def add_wrench(forces: Array, column: int, out: Array) -> None:
+    """Add the wrench of forces f, from the sums (3, 4) of f [x; 1]^T, to a column of out."""
+    out[0, column] += forces[2, 1] - forces[1, 2]
+    out[1, column] += forces[0, 2] - forces[2, 0]
+    out[2, column] += forces[1, 0] - forces[0, 1]
     for a in range(3):
-        for b in range(7):
-            half[a, b] = row_sum(t, sums, a, b)
-    for a in range(4):
-        for b in range(3):
-            out[a, b] = (
-                t[b, 0] * half[a, 0] + t[b, 1] * half[a, 1] + t[b, 2] * half[a, 2] + t[b, 3] * half[a, 3]
-            )
-        for b in range(3, 7):
-            out[a, b] = half[a, b]
-
-
-@numba.njit(cache=True, nogil=True, inline="always")
-def add_wrench(moments: Array, metric: Array, column: int, out: Array) -> None:
-    """Add the wrench of forces G f, from the sums (3, 4) of f [x; 1]^T and G (3, 3), to a column of out."""
-    g, m = metric, moments
-    out[0, column] += force(g, m, 2, 1) - force(g, m, 1, 2)
-    out[1, column] += force(g, m, 0, 2) - force(g, m, 2, 0)
-    out[2, column] += force(g, m, 1, 0) - force(g, m, 0, 1)
-    for a in range(3):
-        out[3 + a, column] += force(g, m, a, 3)
-
-
-@numba.njit(cache=True, nogil=True, inline="always")
-def force(metric: Array, moments: Array, a: int, b: int) -> float:
-    """Entry (a, b) of the product of a metric (3, 3) and moments (3, 4)."""
-    total: float = metric[a, 0] * moments[0, b] + metric[a, 1] * moments[1, b] + metric[a, 2] * moments[2, b]
-    return total
+        out[3 + a, column] += forces[a, 3]
 
 
 @numba.njit(cache=True, nogil=True)

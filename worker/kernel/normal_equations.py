@@ -25,7 +25,7 @@ from gepf.common.body import SHAPE, TRANSLATION
 from gepf.common.compiling import numba
 from gepf.common.kinematics.chain import motion_axes
 from gepf.worker.kernel import terms
-from gepf.worker.kernel.link_sums import add_shape, add_wrenches, metric_of
+from gepf.worker.kernel.link_sums import add_link, metric_of
 from gepf.worker.kernel.shape import fill_drifts, place_fields
 from gepf.worker.kernel.surface import Skeleton
 from gepf.worker.kernel.workspace import Equations, Problem, Workspace
@@ -41,29 +41,21 @@ def fill_normal_equations(pose: Array, mean: Array, problem: Problem, workspace:
     skeleton, equations = problem.skeleton, workspace.equations
     gram, gradient, parents = equations.gram, equations.gradient, skeleton.parents
     fill_twists(skeleton, workspace)
-    subtrees, twists = sum_subtrees(problem, workspace), equations.twists
+    sum_subtrees(problem, workspace)
+    subtrees, twists, force = equations.subtrees, equations.twists, np.empty(equations.twists.shape[1])
     gram[:, :], gradient[:] = 0.0, 0.0
-    force = np.empty(twists.shape[1])
     for k in range(len(gradient)):
         for a in range(len(force)):
-            gradient[k] += twists[k, a] * subtrees[k, a, -1]
-            force[a] = product(subtrees[k, a], twists[k])
+            gradient[k] += twists[k, a] * subtrees[k, a, len(force)]
+            force[a] = 0.0
+            for b in range(len(force)):
+                force[a] += subtrees[k, a, b] * twists[k, b]
         j = k
         while j >= 0:  # only ancestors share moved links
-            gram[k, j] += product(force, twists[j])
+            for a in range(len(force)):
+                gram[k, j] += force[a] * twists[j, a]
             j = parents[j]
     terms.linearise_pose(pose, mean, problem, equations)
-
-
-@numba.njit(cache=True, nogil=True, inline="always")
-def product(one: Array, other: Array) -> float:
-    """The scalar product of a twist (6 + S,) and the first entries of another row."""
-    turning: float = one[0] * other[0] + one[1] * other[1] + one[2] * other[2]
-    moving: float = one[3] * other[3] + one[4] * other[4] + one[5] * other[5]
-    total = turning + moving
-    for a in range(6, len(other)):
-        total += one[a] * other[a]
-    return total
 
 
 @numba.njit(cache=True, nogil=True)
@@ -85,35 +77,41 @@ def fill_twists(skeleton: Skeleton, workspace: Workspace) -> None:
 
 
 @numba.njit(cache=True, nogil=True)
-def sum_subtrees(problem: Problem, workspace: Workspace) -> Array:
-    """Matrices and wrenches (D, 6 + S, 7 + S), summed over the links that each degree of freedom moves."""
+def sum_subtrees(problem: Problem, workspace: Workspace) -> None:
+    """Fill equations.subtrees with matrices and wrenches, summed over the links that j moves, for each j."""
     skeleton, equations, of_rig = problem.skeleton, workspace.equations, workspace.of_rig
-    parents, link_dofs, drifts = skeleton.parents, skeleton.link_dofs, equations.drifts
-    rows, columns = equations.links.shape[1:]
-    subtrees, scratch = np.zeros((len(parents), rows, columns)), np.empty((3, 4, 8))
-    fields = np.empty((rows - 6, 3, 4))
+    parents, link_dofs, of_links = skeleton.parents, skeleton.link_dofs, workspace.of_links
+    subtrees, links, drifts = equations.subtrees, equations.links, equations.drifts
+    at_rest, fields, scratch = skeleton.shape_fields, equations.fields, equations.scratch
     fill_drifts(skeleton.kinds, parents, skeleton.shape_points, of_rig, drifts)
+    subtrees[:] = 0.0
     for s in range(len(link_dofs)):
         if link_dofs[s] >= 0:
-            subtrees[link_dofs[s]] += equations.links[s]
+            add_entries(links[s], subtrees[link_dofs[s]])
     for v in range(len(equations.sums)):
-        metric = metric_of(equations.turns[v], problem.parameters.stretch)
+        of_camera, metric = equations.sums[v], metric_of(equations.turns[v], problem.parameters.stretch)
         for s in range(len(link_dofs)):
-            sums, j = equations.sums[v, s], link_dofs[s]
-            if j >= 0 and sums[3, 3] > 0.0:
-                add_wrenches(workspace.of_links[s], sums, metric, scratch, subtrees[j])
-                place_fields(of_rig[j], skeleton.shape_fields[s], drifts[j], fields)
-                add_shape(workspace.of_links[s], sums, metric, fields, scratch, subtrees[j])
+            j = link_dofs[s]
+            if j >= 0 and of_camera[s, 3, 3] > 0.0:
+                place_fields(of_rig[j], at_rest[s], drifts[j], fields)
+                add_link(of_links[s], of_camera[s], metric, fields, scratch, subtrees[j])
     for j in range(len(parents) - 1, 0, -1):
         if parents[j] >= 0:
-            subtrees[parents[j]] += subtrees[j]
-    return subtrees
+            add_entries(subtrees[j], subtrees[parents[j]])
+
+
+@numba.njit(cache=True, nogil=True)
+def add_entries(matrix: Array, out: Array) -> None:
+    """Add a matrix to out; numpy's += on a part of an array takes longer."""
+    for a in range(matrix.shape[0]):
+        for b in range(matrix.shape[1]):
+            out[a, b] += matrix[a, b]
 
 
 @numba.njit(cache=True, nogil=True)
 def move_wrenches(skeleton: Skeleton, step: Array, equations: Equations) -> None:
     """Change the wrenches of equations.links by a step (D,) of the pose, to first order."""
-    moved = np.zeros_like(equations.twists)
+    moved, links = np.zeros_like(equations.twists), equations.links
     for j in range(len(moved)):
         if skeleton.parents[j] >= 0:
             moved[j] = moved[skeleton.parents[j]]
@@ -122,4 +120,5 @@ def move_wrenches(skeleton: Skeleton, step: Array, equations: Equations) -> None
         j = skeleton.link_dofs[s]
         if j >= 0:
             for a in range(moved.shape[1]):
-                equations.links[s, a, -1] += product(equations.links[s, a], moved[j])
+                for b in range(moved.shape[1]):
+                    links[s, a, -1] += links[s, a, b] * moved[j, b]

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gepf.common.arrays import Array, Indices
+from gepf.common.arrays import Array, Indices, Numbers
 from gepf.common.body import ROTATION, BodyModel
 from gepf.common.compiling import numba
 
@@ -46,16 +46,22 @@ def shape_points(rest: Array, directions: Array, pose: Array, out: Array) -> Non
         shape_point(k, rest, directions, pose, out)
 
 
+@numba.njit(cache=True, nogil=True)
+def shape_some(some: Numbers, rest: Array, directions: Array, pose: Array, out: Array) -> None:
+    """As `shape_points`, but fill some rows only."""
+    for m in range(len(some) if len(directions) > 0 else 0):
+        shape_point(some[m], rest, directions, pose, out)
+
+
 @numba.njit(cache=True, nogil=True, inline="always")
 def shape_point(k: int, rest: Array, directions: Array, pose: Array, out: Array) -> None:
     """Fill one row of `shape_points`."""
-    if len(directions) > 0:
-        x, y, z = rest[k, 0], rest[k, 1], rest[k, 2]
-        for s in range(len(directions)):
-            x += pose[s] * directions[s, k, 0]
-            y += pose[s] * directions[s, k, 1]
-            z += pose[s] * directions[s, k, 2]
-        out[k, 0], out[k, 1], out[k, 2] = x, y, z
+    x, y, z = rest[k, 0], rest[k, 1], rest[k, 2]
+    for s in range(len(directions)):
+        x += pose[s] * directions[s, k, 0]
+        y += pose[s] * directions[s, k, 1]
+        z += pose[s] * directions[s, k, 2]
+    out[k, 0], out[k, 1], out[k, 2] = x, y, z
 
 
 @numba.njit(cache=True, nogil=True)
@@ -65,9 +71,10 @@ def shape_links(pose: Array, link_dofs: Indices, fields: Array, transforms: Arra
         t = transforms[link_dofs[link]]
         out[link] = t
         for s in range(fields.shape[1]):
+            field = fields[link, s]
             for a in range(3):
                 for b in range(4):
-                    out[link, a, b] += pose[s] * row_product(t, fields[link, s], a, b)
+                    out[link, a, b] += pose[s] * row_product(t, field, a, b)
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
@@ -102,7 +109,8 @@ def fill_drifts(
 def place_fields(t: Array, at_rest: Array, drifts: Array, out: Array) -> None:
     """Fill out (S, 3, 4) with a link's fields in the rig, for its T_rig_rest t and drifts (S, 3)."""
     for s in range(len(out)):
+        field = at_rest[s]
         for a in range(3):
             for b in range(4):
-                out[s, a, b] = row_product(t, at_rest[s], a, b)
+                out[s, a, b] = row_product(t, field, a, b)
             out[s, a, 3] += drifts[s, a]

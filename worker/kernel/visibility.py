@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from gepf.common.arrays import Array, Numbers
 from gepf.common.bounds import MOST_PIXELS
 from gepf.common.compiling import numba
-from gepf.common.kinematics.chain import blend_vertex, blend_vertices, forward_kinematics
+from gepf.common.kinematics.chain import blend_some, blend_vertices, forward_kinematics
 from gepf.common.kinematics.manifold import apply_step
 from gepf.worker.kernel.drawing import SIDE, draw_block
-from gepf.worker.kernel.shape import shape_links, shape_point, shape_points
+from gepf.worker.kernel.shape import shape_links, shape_points, shape_some
 from gepf.worker.kernel.surface import Skeleton, Surface
 from gepf.worker.kernel.workspace import LARGEST_SIDE_PX, Workspace
 
@@ -48,10 +48,8 @@ def pose_body(pose: Array, skeleton: Skeleton, surface: Surface, workspace: Work
 def pose_some(some: Numbers, pose: Array, skeleton: Skeleton, surface: Surface, workspace: Workspace) -> None:
     """As `pose_body`, but fill .posed for some vertices only."""
     links, weights, rest = surface.skin_links, surface.skin_weights, workspace.rest
-    of_links, posed = pose_links(pose, skeleton, workspace), workspace.posed
-    for m in range(len(some)):
-        shape_point(some[m], surface.vertices, surface.shape_vertices, pose, rest)
-        blend_vertex(some[m], rest, links, weights, of_links, posed)
+    shape_some(some, surface.vertices, surface.shape_vertices, pose, rest)
+    blend_some(some, rest, links, weights, pose_links(pose, skeleton, workspace), workspace.posed)
 
 
 @numba.njit(cache=True, nogil=True)

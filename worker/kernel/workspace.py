@@ -57,6 +57,9 @@ class Equations(NamedTuple):
     links: Array  # (L, 6 + S, 7 + S) matrix and wrench of each link, side by side; see `normal_equations`
     twists: Array  # (D, 6 + S) about the rig's origin
     drifts: Array  # (D + 1, S, 3), see `shape`
+    fields: Array  # (S, 3, 4) of one link, alike
+    subtrees: Array  # (D, 6 + S, 7 + S) `links` and `sums`, summed over the links that j moves, for each j
+    scratch: Array  # (4, 3, 4) of one link
     gram: Array  # (D, D)
     gradient: Array  # (D,)
     information: Array  # (D, D) gram of the last step, before damping and limits
@@ -196,6 +199,9 @@ def allocate(skeleton: Skeleton, surface: Surface, points: int, T_camera_rig: Ar
             links=np.zeros((links, 6 + shapes, 7 + shapes)),
             twists=np.zeros((dofs, 6 + shapes)),
             drifts=np.zeros((dofs + 1, shapes, 3)),
+            fields=np.empty((shapes, 3, 4)),
+            subtrees=np.empty((dofs, 6 + shapes, 7 + shapes)),
+            scratch=np.empty((4, 3, 4)),
             gram=np.empty((dofs, dofs)),
             gradient=np.empty(dofs),
             information=np.empty((dofs, dofs)),

@@ -46,25 +46,26 @@ def linearise(pose: Array, mean: Array, problem: Problem, equations: Equations) 
         turning = 0.5 * handedness(skeleton.axes, start)
         for a in range(3):
             pull[start + a] += turning * once[a] + curvature * twice[a]
+    precision, elimination = problem.precision, problem.elimination
     for k in range(len(pose)):
         gradient[k] += pull[k]
         j = k
         while j >= 0:
-            gram[k, j] += problem.precision[k, j]
-            j = problem.elimination[j]
+            gram[k, j] += precision[k, j]
+            j = elimination[j]
 
 
 @numba.njit(cache=True, nogil=True)
 def weighted(away: Array, problem: Problem) -> Array:
     """The product of precision (D, D) and a step (D,)."""
-    product, precision = np.zeros_like(away), problem.precision
+    product, precision, elimination = np.zeros_like(away), problem.precision, problem.elimination
     for k in range(len(away)):
         product[k] += precision[k, k] * away[k]
-        j = problem.elimination[k]
+        j = elimination[k]
         while j >= 0:
             product[k] += precision[k, j] * away[j]
             product[j] += precision[k, j] * away[k]
-            j = problem.elimination[j]
+            j = elimination[j]
     return product
 
 
