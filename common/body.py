@@ -110,6 +110,14 @@ class BodyModel:
         return np.asarray(self.kinds != SHAPE)
 
     @cached_property
+    def related(self) -> Mask:
+        """Which pairs of degrees of freedom (D, D) move a common link: one is the other, or its ancestor."""
+        related = np.eye(len(self.parents), dtype=np.bool_)
+        for j, parent in enumerate(self.parents):
+            related[j] |= related[parent] & (parent >= 0)
+        return related | related.T
+
+    @cached_property
     def single(self) -> Mask:
         """Which degrees of freedom (D,) are not part of a spherical joint."""
         single = np.ones(len(self.kinds), dtype=np.bool_)

@@ -31,7 +31,7 @@ from gepf.worker.kernel.likelihood import evaluate
 from gepf.worker.kernel.link_sums import sum_by_link
 from gepf.worker.kernel.observation import Observation, pack_views, view_of
 from gepf.worker.kernel.parameters import pack_parameters
-from gepf.worker.kernel.surface import Skeleton, pack_model
+from gepf.worker.kernel.surface import pack_model
 from gepf.worker.kernel.terms import linearise_points
 from gepf.worker.kernel.visibility import pose_body, pose_some, visible_vertices
 from gepf.worker.kernel.workspace import CameraView, Problem, Workspaces, make_workspaces, workspace_of
@@ -69,7 +69,7 @@ def pack_batch(model: BodyModel, observation: Observation, particles: Particles)
     views, parameters = pack_views(observation, settings), pack_parameters(settings, observation.total)
     mean = np.zeros(dofs) if particles.prior is None else particles.prior.mean
     return Batch(
-        Problem(skeleton, surface, views, parameters, *pack_prior(skeleton, particles.prior)),
+        Problem(skeleton, surface, views, parameters, *pack_prior(model, particles.prior)),
         np.zeros(dofs) if velocity is None else np.array(velocity, dtype=np.float64),
         np.array(np.broadcast_to(mean, poses.shape), dtype=np.float64, order="C"),
         np.array(poses, dtype=np.float64, order="C"),  # kernels are compiled for one layout
@@ -79,21 +79,18 @@ def pack_batch(model: BodyModel, observation: Observation, particles: Particles)
     )
 
 
-def pack_prior(skeleton: Skeleton, prior: PosePrior | None) -> tuple[Array, Indices]:
+def pack_prior(model: BodyModel, prior: PosePrior | None) -> tuple[Array, Indices]:
     """Precision (D, D) of a prior, (0, 0) without any, and the elimination tree (D,) of equations with it.
 
     A precision that connects degrees of freedom with their ancestors leaves them branch-sparse. Any other may
     connect all of them.
     """
     if prior is None:
-        return np.empty((0, 0)), skeleton.parents.copy()
+        return np.empty((0, 0)), model.parents.copy()
     if prior.precision.ndim == 1:
-        return np.diag(prior.precision.astype(np.float64)), skeleton.parents.copy()
-    precision, parents = np.array(prior.precision, np.float64, order="C"), skeleton.parents.copy()
-    related = np.eye(len(parents), dtype=np.bool_)
-    for j, parent in enumerate(parents):
-        related[j] |= related[parent] & (parent >= 0)
-    sparse = not np.any(precision[~(related | related.T)])
+        return np.diag(prior.precision.astype(np.float64)), model.parents.copy()
+    precision, parents = np.array(prior.precision, np.float64, order="C"), model.parents.copy()
+    sparse = not np.any(precision[~model.related])
     return precision, parents if sparse else np.arange(-1, len(parents) - 1)
 
 
