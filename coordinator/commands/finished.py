@@ -14,7 +14,7 @@ from gepf.coordinator.files import HYPOTHESES_FILE
 from gepf.coordinator.results.configuration import CAMERA_GIVEN, PATH, PEOPLE
 from gepf.coordinator.results.evaluation import Truth, read_truth
 from gepf.coordinator.results.killed import finish_killed
-from gepf.coordinator.results.summary import people_in, read_summary
+from gepf.coordinator.results.summary import find_summary, people_in, read_summary
 from gepf.coordinator.results.track import read_track, read_tracked_body
 from gepf.coordinator.sources import Source, open_source
 from gepf.coordinator.sources.camera import GivenCamera
@@ -59,9 +59,9 @@ def draw_pictures(
 
 def find_sequence(run: Path, moved_to: Path | None = None) -> Source | None:
     """The tracked sequence: as given, else at its recorded path; None if it is missing."""
-    summary = read_summary(run)
     if moved_to is not None:
-        return open_source(moved_to, camera_in(summary))
+        return open_source(moved_to, camera_in(find_summary(run) or {}))
+    summary = read_summary(run)
     recorded = summary.get(PATH)
     return open_source(recorded, camera_in(summary)) if recorded and Path(recorded).exists() else None
 
