@@ -32,7 +32,7 @@ from gepf.coordinator.tracking.estimate import Estimate
 from gepf.coordinator.tracking.state import Start
 
 FORM = 1
-TORN = (McapError, struct.error, ValueError, MemoryError, zstandard.ZstdError)
+TORN = (McapError, struct.error, ValueError, OverflowError, MemoryError, zstandard.ZstdError)
 """Raised for an incomplete or altered chunk."""
 ARRAYS = ("pose", "joint_positions", "hypothesis_pose", "hypothesis_weight")
 

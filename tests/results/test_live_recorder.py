@@ -138,11 +138,14 @@ def test_a_container_torn_at_any_byte_is_finished(container: bytes, tmp_path: Pa
 
 
 def test_an_altered_byte_ends_the_run_before_it(container: bytes, tmp_path: Path) -> None:
-    """As after a loss of power: the frames are those written, up to the altered one, and no others."""
+    """As after a loss of power: the frames are those written, up to the altered one, and no others.
+
+    Every byte of the second frame is altered, the sizes in its head among them, and random others.
+    """
     ends, path, rng = ends_of_frames(container, tmp_path / "whole"), tmp_path / "live.mcap", random.Random(3)
-    for place in rng.sample(range(ends[0], len(container)), 50):
-        altered = bytearray(container)
-        altered[place] ^= rng.randrange(1, 256)
+    for place in [*range(ends[0], ends[1]), *rng.sample(range(ends[1], len(container)), 50)]:
+        altered = bytearray(container[: max(place + 1, ends[2])])
+        altered[place] ^= rng.choice((0x80, 0xFF, rng.randrange(1, 256)))
         path.write_bytes(altered)
         count = sum(1 for _ in read_frames(path))
         whole = sum(end <= place for end in ends)
