@@ -21,6 +21,7 @@ from gepf.common.refinement import Particles
 from gepf.common.settings import RefineSettings
 from gepf.coordinator.bodies.human.shape_space import shape_space
 from gepf.coordinator.bodies.tracked import Bodies, Size, coarsen
+from gepf.coordinator.filters.exploration import layout_of
 from gepf.coordinator.filters.pose_prior import pose_prior
 from gepf.coordinator.tracking.field_of_view import TOP, cut_sides, in_view, out_of_reach
 from gepf.coordinator.tracking.gating import Gate, gate_pose
@@ -36,8 +37,8 @@ GIRTHS = (0.9, 1.05, 1.2, 1.4)
 MATURITIES = (0.0, 0.5, 1.0)  # of a small person: proportions of the mean child, halfway, of an adult
 ITERATIONS = 12  # until candidates converge; the last stage has half of these
 FEW_POINTS = 1_000  # on which the first candidates are refined
-VERTEX_SHARE = 0.009  # of stature: rms distance of a surface from the nearest vertex, 0.008 to 0.010
 ENDS = ("head", "left_ankle", "right_ankle")
+RECOMBINED = 2  # candidates that get limbs of others
 REQUEST_ITERATIONS = 150  # of ICP in one request: about 10 ms on one lane
 
 
@@ -48,7 +49,7 @@ class Effort(NamedTuple):
     kept: int  # distinct candidates that it leaves
 
 
-ROUGH, FINE = Effort(3, 16), Effort(ITERATIONS, 4)
+ROUGH, FINE, MIXED = Effort(3, 16), Effort(ITERATIONS, 4), Effort(3, 4)
 
 T = TypeVar("T")
 Search = Generator[Requests, None, T]
@@ -105,9 +106,10 @@ class CandidateStages:
         return coarsen(self._bodies.for_start(*size), self._cell_m)
 
     def shortlist(self, query: Query, groups: Iterable[Group]) -> Search[Candidates]:
-        """The best distinct candidates after both stages on few points."""
+        """The best distinct candidates after all stages on few points."""
         proposed = yield from self.on_few_points(query, groups, ROUGH)
         best = yield from self.on_few_points(query, [proposed.group], FINE)
+        best = yield from self.on_few_points(query, [best.group, self._recombined(query, best)], MIXED)
         if query.cut.any():
             proposed = yield from self.on_few_points(query, [best.group, self._completed(query, best)], ROUGH)
             best = yield from self.on_few_points(query, [proposed.group], FINE)
@@ -126,6 +128,23 @@ class CandidateStages:
         if not query.cut[TOP] and (heads := seen[:, names.index("head")]).any():
             found, seen = found.take(np.flatnonzero(heads)), seen[heads]
         return found.distinct(names, effort.kept, seen)
+
+    def _recombined(self, query: Query, best: Candidates) -> Group:
+        """Poses (N, D) and sizes (N,): the best candidates, each with one limb of another candidate.
+
+        Limbs fit or fail independently of each other. So the right ones may be spread over candidates.
+        """
+        limbs = [limb.dofs for limb in layout_of(self.coarse(query.sizes[0])).limbs]
+        poses, of = list[Array](), list[int]()
+        for pose, size in zip(best.poses[:RECOMBINED], best.sizes, strict=False):
+            for other in best.poses:
+                for limb in limbs:
+                    mixed = pose.copy()
+                    mixed[limb] = other[limb]
+                    if np.any(mixed != pose):
+                        poses.append(mixed)
+                        of.append(size)
+        return np.array(poses).reshape(-1, best.poses.shape[1]), np.array(of, dtype=np.int64)
 
     def _completed(self, query: Query, best: Candidates) -> Group:
         """Poses (N, D) and sizes (N,): candidates in every size, as they are and with unseen limbs at rest.
@@ -192,9 +211,7 @@ class CandidateStages:
     ) -> Search[tuple[Size, Array]]:
         """The likelihood-weighted mean of sizes with the maturity of the best, and its pose: (1, D).
 
-        If none is visible, the present size and the given pose. The likelihood measures distances to the
-        nearest vertex. Vertices of a larger body are farther apart, so the part of the distances that this
-        causes is left out.
+        If none is visible, the present size and the given pose.
         """
         models = [self._bodies.for_start(*size) for size in tried]
         poses = np.tile(pose, (len(tried), 1))
@@ -207,8 +224,7 @@ class CandidateStages:
         if not found.is_visible:
             return present, pose[None]
         measures = np.array(tried)[found.sizes]
-        between = VERTEX_SHARE * measures[:, 0] / settings.likelihood_scale
-        likely = found.log_likelihood + 0.5 * between**2
+        likely = found.log_likelihood
         if query.cut.any():
             likely = likely + query.log_prior(found, [size.stature for size in tried], models[0].joint_names)
         best = likely.argmax()

@@ -34,7 +34,6 @@ from gepf.coordinator.tracking.candidate_refinement import (
     GIRTHS,
     ITERATIONS,
     ROUGH,
-    VERTEX_SHARE,
     CandidateStages,
     Group,
     Query,
@@ -139,10 +138,10 @@ class Detector:
         candidates, gate = yield from self._stages.as_tracked(subject, start, found, settings)
         if self._bodies.people and candidates.is_visible:
             gate = gate.against(reject_points(subject, size.stature, whole=not query.cut.any()))
-            some, between = observed_points(subject, FEW_POINTS), VERTEX_SHARE * size.stature
             head = candidates.joints[0, start.model.joint_names.index("head")]
             if not (query.cut.any() and in_view(subject, head)):  # a near trunk is as flat as furniture
-                gate = gate.against(reject_planes(some, candidates.residual[0], between))
+                some = observed_points(subject, FEW_POINTS)
+                gate = gate.against(reject_planes(some, candidates.residual[0]))
             gate = gate.against(reject_parts(start.model, candidates.poses[0], subject, size.stature))
             if planes.has_floor:
                 joints, names = subject.frame.to_camera(candidates.joints[0]), start.model.joint_names

@@ -17,7 +17,7 @@ from gepf.common.settings import SOFT_NOISE_RATIO, RefineSettings
 from gepf.coordinator.tracking.observation import observed_points
 
 RESIDUAL_M = 0.03  # largest mean distance of observed points, in addition to the camera's noise
-MISFIT_M = 0.028  # root of the mean cost, which includes model surface in empty space
+MISFIT_M = 0.0235  # root of the mean cost, which includes model surface in empty space
 LEAST_PIXELS = 150  # smallest number that can show a body
 SPAN_SHARES = (0.35, 1.6)  # extent / stature of a person in a frame; else the depth scale is wrong
 PART_SHARE = 0.2  # the smallest extent if a part is in view: head and shoulders
@@ -72,14 +72,13 @@ def reject_points(subject: SubjectFrame, stature: float, *, whole: bool = True) 
     return f"the observed points extend over {size}, which is not a person: is depth_scale right?"
 
 
-def reject_planes(points: Array, residual: float, between: float) -> str:
+def reject_planes(points: Array, residual: float) -> str:
     """Why a subject with points (P, 3) is not a person; empty if it may be.
 
     Furniture has large sides that are nearly flat. So two planes are nearer to its points than the body is.
-    `residual` is their mean distance from the nearest vertices of the body, metres, and `between` the part of
-    it that the distances between vertices cause.
+    `residual` is their mean distance from the body's surface, metres.
     """
-    if fit_two_planes(points) ** 2 + between**2 < residual**2:
+    if fit_two_planes(points) < residual:
         return "two planes fit the observed points better than a body: an object, not a person"
     return ""
 

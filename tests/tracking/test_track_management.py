@@ -94,8 +94,8 @@ def test_what_two_planes_fit_better_is_an_object() -> None:
     """Two sides of a box are an object, unless a body fits them as well."""
     across, down = np.random.default_rng(0).uniform(-0.5, 0.5, (2, 1_000))
     box = np.stack([across, 1.6 * down, 2.5 + 0.5 * abs(across + 0.2)], axis=1)
-    assert "object" in reject_planes(box, 0.02, 0.016)
-    assert not reject_planes(box, 0.015, 0.016)
+    assert "object" in reject_planes(box, 0.012)
+    assert not reject_planes(box, 0.0)
 
 
 @pytest.mark.parametrize(
