@@ -79,6 +79,8 @@ def measure(choice: Namespace) -> int:
     with TemporaryDirectory() as folder:
         if choice.fit:
             gathered = gather_to_fit(choice, Path(folder), bodies, crashes)
+            if not gathered:
+                raise InputError(f"nothing could be tracked: {'; '.join(crashes) or 'no recordings'}")
             found = fit(gathered, (PEOPLE, GRADIENT, CUT))
             screen().print(found)
             for kind in KINDS:

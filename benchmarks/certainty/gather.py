@@ -90,14 +90,16 @@ def gather(
         found = np.flatnonzero(reference.frame == frame.number)
         if estimate.status in POSE_UNKNOWN or not len(found):
             continue
+        belief, weights = updated.belief, estimate.hypothesis_weight
+        assert belief is not None  # the pose is known
         features = measure_features(
             tracker.model,
-            estimate.pose,
-            joint_positions(tracker.model, np.stack([estimate.pose, *estimate.hypothesis_pose])),
-            estimate.hypothesis_weight,
+            belief.reported,
+            joint_positions(tracker.model, np.stack([belief.reported, *belief.poses[: len(weights)]])),
+            weights,
             context,
             tracker.management.residual,
-            seen_shares(tracker.model, estimate.pose, context.subject, context.stretch),
+            seen_shares(tracker.model, belief.reported, context.subject, context.stretch),
         )
         mine, row = positions(tracker.model.joint_names, reference.names), found[0]
         apart = estimate.joint_positions[mine] - reference.joints[row]

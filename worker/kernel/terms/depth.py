@@ -19,8 +19,6 @@ from gepf.worker.kernel.terms.robust import robust_cost, robust_weight
 from gepf.worker.kernel.vectors import add_scaled
 from gepf.worker.kernel.workspace import CameraView, Search
 
-TINY = np.float32(1e-9)
-
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def cost(view: CameraView) -> float:
@@ -62,6 +60,10 @@ def offset_from_surface(i: int, points: Points, search: Search) -> tuple[float, 
     dx, dy, dz = points[0, i] - model[m, 0], points[1, i] - model[m, 1], points[2, i] - model[m, 2]
     nx, ny, nz, radius = discs[m, 0], discs[m, 1], discs[m, 2], discs[m, 3]
     out = nx * dx + ny * dy + nz * dz
-    ax, ay, az = dx - out * nx, dy - out * ny, dz - out * nz
-    within = min(np.float32(1.0), radius / np.sqrt(max(ax * ax + ay * ay + az * az, TINY * TINY)))
-    return np.float64(dx - within * ax), np.float64(dy - within * ay), np.float64(dz - within * az)
+    nx, ny, nz = out * nx, out * ny, out * nz
+    ax, ay, az = dx - nx, dy - ny, dz - nz
+    aside = ax * ax + ay * ay + az * az
+    if aside > radius * radius:
+        beyond = np.float32(1.0) - radius / np.sqrt(aside)
+        nx, ny, nz = nx + beyond * ax, ny + beyond * ay, nz + beyond * az
+    return np.float64(nx), np.float64(ny), np.float64(nz)
