@@ -111,7 +111,7 @@ class BodyModel:
 
     @cached_property
     def related(self) -> Mask:
-        """Pairs (D, D) of degrees of freedom that move a common link, the same one or one and its ancestor."""
+        """Pairs (D, D) of degrees of freedom that move a common link: the same, or with its ancestor."""
         related = np.eye(len(self.parents), dtype=np.bool_)
         for j, parent in enumerate(self.parents):
             related[j] |= related[parent] & (parent >= 0)
