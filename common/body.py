@@ -50,28 +50,28 @@ class BodyModel:
     """
 
     name: str
-    dof_names: tuple[str, ...]  # (D,)
-    kinds: Indices  # (D,) SHAPE, TRANSLATION or ROTATION
-    parents: Indices  # (D,) -1 for none
-    axes: Array  # (D, 3) unit
-    points: Array  # (D, 3) on the axis
-    limits: Array  # (D, 2) radians or metres, infinite where free
-    rest_spreads: Array  # (D,) in units of pose_deviation
-    balls: Indices  # (B,)
-    link_names: tuple[str, ...]  # (L,)
-    link_dofs: Indices  # (L,) the last degree of freedom that moves the link, -1 for none
-    vertices: Array  # (V, 3)
-    triangles: Indices  # (T, 3) counter-clockwise from outside
-    skin_links: Indices  # (V, K)
-    skin_weights: Array  # (V, K)
-    joint_names: tuple[str, ...]  # (J,)
-    joint_links: Indices  # (J,)
-    joint_points: Array  # (J, 3)
+    dof_names: tuple[str, ...]  #: (D,)
+    kinds: Indices  #: (D,) SHAPE, TRANSLATION or ROTATION
+    parents: Indices  #: (D,) -1 for none
+    axes: Array  #: (D, 3) unit
+    points: Array  #: (D, 3) on the axis
+    limits: Array  #: (D, 2) radians or metres, infinite where free
+    rest_spreads: Array  #: (D,) in units of pose_deviation
+    balls: Indices  #: (B,)
+    link_names: tuple[str, ...]  #: (L,)
+    link_dofs: Indices  #: (L,) the last degree of freedom that moves the link, -1 for none
+    vertices: Array  #: (V, 3)
+    triangles: Indices  #: (T, 3) counter-clockwise from outside
+    skin_links: Indices  #: (V, K)
+    skin_weights: Array  #: (V, K)
+    joint_names: tuple[str, ...]  #: (J,)
+    joint_links: Indices  #: (J,)
+    joint_points: Array  #: (J, 3)
     shape_vertices: Array = field(
         default_factory=lambda: NO_DIRECTIONS
     )  # (S, V, 3) per unit of the shape coefficient
-    shape_points: Array = field(default_factory=lambda: NO_DIRECTIONS)  # (S, D, 3)
-    shape_joint_points: Array = field(default_factory=lambda: NO_DIRECTIONS)  # (S, J, 3)
+    shape_points: Array = field(default_factory=lambda: NO_DIRECTIONS)  #: (S, D, 3)
+    shape_joint_points: Array = field(default_factory=lambda: NO_DIRECTIONS)  #: (S, J, 3)
 
     def __post_init__(self) -> None:
         for member in fields(self):
@@ -106,12 +106,12 @@ class BodyModel:
 
     @cached_property
     def moves(self) -> Mask:
-        """Which degrees of freedom (D,) change with time: all but shape coefficients."""
+        """Which degrees of freedom (D,) change with time, that is, all but shape coefficients."""
         return np.asarray(self.kinds != SHAPE)
 
     @cached_property
     def related(self) -> Mask:
-        """Which pairs of degrees of freedom (D, D) move a common link: one is the other, or its ancestor."""
+        """Pairs (D, D) of degrees of freedom that move a common link: the same, or with its ancestor."""
         related = np.eye(len(self.parents), dtype=np.bool_)
         for j, parent in enumerate(self.parents):
             related[j] |= related[parent] & (parent >= 0)

@@ -239,7 +239,7 @@ class PeopleTracker(FrameLoop):
 
     @property
     def found(self) -> int:
-        """Number of people found so far: they are the first in each list of estimates."""
+        """Number of people found so far, who are the first in each list of estimates."""
         return sum(each.start.found for each in self._tracker.states)
 
     def track(self, depth: DepthFrame | ArrayLike, time_s: float | None = None) -> list[Estimate]:

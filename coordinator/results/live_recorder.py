@@ -226,7 +226,7 @@ def finish_log(run: Path, facts: Mapping[str, object], rate: float = 0.0) -> dic
     def estimates(person: int) -> Iterable[Estimate]:
         return (as_estimate(frame.people[person].estimate) for frame in read_frames(path))
 
-    return write_run(run, totals, people, facts, estimates, InFiles(run))
+    return write_run(run, totals, people, facts, estimates, InFiles(run), packed=True)
 
 
 class InFiles:

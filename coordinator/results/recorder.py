@@ -155,11 +155,13 @@ def write_run(
     facts: Mapping[str, object],
     estimates: Callable[[int], Iterable[Estimate]],
     new: NewArray = np.empty,
+    *,
+    packed: bool = False,
 ) -> dict[int, Outcome]:
     """Write all files except pictures for each person found, and for the first; returns them by number.
 
     Each summary starts with `facts`. `estimates` gives those of a person by index; they are read once, into
-    the arrays that `new` makes.
+    the arrays that `new` makes. With `packed`, tracks are compressed.
     """
     configuration = totals.configuration
     said = configuration.get("scene", {}).get("up")
@@ -175,20 +177,22 @@ def write_run(
             names = ("stature", DEVIATION, "girth", "age")
             folder.mkdir(parents=True, exist_ok=True)
             write_json(folder / PERSON_FILE, dict(zip(names, describe_size(person).values(), strict=True)))
-        write_files(folder, track, TrackedBody(body, start.held), summary)
+        write_files(folder, track, TrackedBody(body, start.held), summary, packed=packed)
     if len(people) > 1:
         write_json(run / SUMMARY_FILE, {**facts, **summarise_all(totals, found)})
     return found
 
 
-def write_files(folder: Path, track: Track, body: TrackedBody, summary: Mapping[str, object]) -> None:
+def write_files(
+    folder: Path, track: Track, body: TrackedBody, summary: Mapping[str, object], *, packed: bool = False
+) -> None:
     """Write all files of one person except pictures; the folder is created if it is missing.
 
     The summary is the last: where it is, all others are.
     """
     folder.mkdir(parents=True, exist_ok=True)
     write_atomically(folder / MODEL_FILE, lambda file: write_tracked_body(body, file))
-    write_atomically(folder / TRACK_FILE, lambda file: write_track(track, file))
+    write_atomically(folder / TRACK_FILE, lambda file: write_track(track, file, packed=packed))
     write_atomically(folder / CSV_FILE, lambda file: write_csv(track, file))
     write_json(folder / SUMMARY_FILE, summary)
 
