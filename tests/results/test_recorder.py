@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import itertools
 import tempfile
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import BinaryIO
 
@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from gepf.common.errors import InputError
 from gepf.coordinator.bodies.tracked import Size
 from gepf.coordinator.files import write_atomically
+from gepf.coordinator.filters.belief import Belief
 from gepf.coordinator.pool.options import PoolStatistics
 from gepf.coordinator.results.log import Recorded, read_log, read_records
 from gepf.coordinator.results.recorder import Recorder
@@ -24,8 +25,9 @@ from gepf.coordinator.results.track import read_track
 from gepf.coordinator.scene.scene import SceneChange
 from gepf.coordinator.tracking.certainty.certainty import Certainty, unknown_certainty
 from gepf.coordinator.tracking.estimate import Estimate, Status
-from gepf.coordinator.tracking.reporting import Tracked
-from gepf.coordinator.tracking.state import Checkpoint, Start, TrackerState
+from gepf.coordinator.tracking.reporting import TrackedFrame, TrackedPerson
+from gepf.coordinator.tracking.state import Checkpoint, FrameState, PersonState, Start
+from gepf.coordinator.tracking.track_state import Tracked
 from gepf.worker.warm_up import tiny_model
 
 MODEL = replace(
@@ -62,19 +64,25 @@ def estimate(number: int, hypotheses: int = 2, status: Status = "tracked") -> Es
 ESTIMATES = [estimate(4, 1), estimate(5, 3, "ambiguous"), estimate(6, 2, "lost")]
 
 
-def state(number: int) -> TrackerState:
-    """The tracker's state after a frame; its arrays hold values that are hard to encode."""
-    belief = {"poses": np.array([[0.1, np.nan, -np.inf, 5e-324]]), "reported": np.array([number / 3.0])}
-    generator = f'{{"state": {2**127 + number}}}'
-    scenes = {"front": SceneChange(seen=number)}
-    return TrackerState(START, Checkpoint(belief, np.array([0.5]), number / 3.0, generator, scenes))
+def state(number: int) -> PersonState:
+    """A person's state after a frame; its arrays hold values that are hard to encode."""
+    poses = np.array([[0.1, np.nan, -np.inf, 5e-324]])
+    belief = replace(Belief.at(poses[0]), poses=poses, reported=np.array([number / 3.0]))
+    track = Tracked(belief=belief, segmentation_pose=np.array([0.5]), time_s=number / 3.0)
+    return PersonState(START, Checkpoint(track, f'{{"state": {2**127 + number}}}'))
+
+
+def frame_state(number: int) -> FrameState:
+    """What is known beside the people after a frame."""
+    return FrameState({"front": SceneChange(seen=number)})
 
 
 def append(recorder: Recorder, *estimates: Estimate) -> None:
     """Record frames of one person."""
     for each in estimates:
-        tracked = Tracked(each, state(each.frame))
-        recorder.append([tracked], PoolStatistics(("a",), {"batches_sent": 2}), each.frame / 10)
+        people = [TrackedPerson(each, state(each.frame))]
+        tracked = TrackedFrame(people, frame_state(each.frame))
+        recorder.append(tracked, PoolStatistics(("a",), {"batches_sent": 2}), each.frame / 10)
 
 
 def record(
@@ -151,8 +159,12 @@ def test_a_frame_is_in_the_file_before_the_next_begins(tmp_path: Path) -> None:
             (one,) = recorded.people
             assert one.state.start.model.hash == MODEL.hash
             assert one.state.checkpoint.generator == state(each.frame).checkpoint.generator
-            for name, array in state(each.frame).checkpoint.belief.items():
-                assert one.state.checkpoint.belief[name].tobytes() == array.tobytes()
+            recorded_track, track = one.state.track, state(each.frame).track
+            assert isinstance(recorded_track, Tracked)
+            assert isinstance(track, Tracked)
+            for field in fields(Belief):
+                values = getattr(track.belief, field.name)
+                assert getattr(recorded_track.belief, field.name).tobytes() == values.tobytes()
             last = one.estimates[-1]
             np.testing.assert_array_equal(last.hypothesis_pose, each.hypothesis_pose)
             assert last.stage_seconds == each.stage_seconds
