@@ -31,7 +31,7 @@ from gepf.coordinator.results.track import read_track
 from gepf.coordinator.tracking.estimate import Estimate
 from gepf.coordinator.tracking.reporting import TrackedFrame, TrackedPerson
 from gepf.coordinator.tracking.state import PersonState
-from tests.results.test_recorder import CONFIGURATION, START, estimate, frame_state, names, record, state
+from tests.support.recorded import CONFIGURATION, START, estimate, frame_state, names, record, state
 
 FRAMES = 40
 KINDS = ("tracked", "ambiguous", "lost")
