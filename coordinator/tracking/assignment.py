@@ -12,7 +12,7 @@ from gepf.common.frame import SubjectFrame
 from gepf.coordinator.tracking.observation import middle_of
 from gepf.coordinator.tracking.segmenter import BodyView, SegmentedFrame, Segmenter
 from gepf.coordinator.tracking.target import TargetTracker
-from gepf.coordinator.tracking.track_state import SEARCH_INTERVAL_FRAMES, Body, Found, Searching
+from gepf.coordinator.tracking.track_state import Body, Found, Searching
 
 MAX_MOTION_M = 0.8  # of a body between two frames
 GONE_SHARE = 0.35  # of the body's pixels in the last good frame; with fewer it may have left
@@ -58,8 +58,10 @@ class Assignment:
         target, count = self._targets[place], len(self._free)
         if not count or not all(isinstance(before.track, Body) for before in self._targets[:place]):
             return None
-        frames = target.track.frames if isinstance(target.track, Searching) else 0
-        rounds, turn = divmod(frames // SEARCH_INTERVAL_FRAMES, count)
+        search = 0
+        if isinstance(target.track, Searching):
+            search = target.track.searches - (not target.track.is_due(self._segmented.frame.time_s))
+        rounds, turn = divmod(search, count)
         chosen = self._free[turn]
         if target.search.subject is not None:
             chosen = nearest(self._free, middle_of(target.search.subject)) or chosen

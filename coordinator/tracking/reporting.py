@@ -35,7 +35,6 @@ from gepf.coordinator.tracking.estimate import MAX_HYPOTHESES, POSE_UNKNOWN, Est
 from gepf.coordinator.tracking.field_of_view import in_view
 from gepf.coordinator.tracking.state import FrameState, PersonState
 from gepf.coordinator.tracking.track_state import (
-    CHECK_INTERVAL_FRAMES,
     Absent,
     Followed,
     Found,
@@ -101,7 +100,7 @@ def report(updated: Updated, cameras: CameraStates) -> TrackedPerson:
             views = [view.frame.camera for view in context.subject.views]
             seen = dict(zip(views, seen_by, strict=True))
             faulty = any(state.fault for state in cameras.values())
-            new = len(cameras) > 1 and followed.frames < CHECK_INTERVAL_FRAMES
+            new = len(cameras) > 1 and followed.is_new
             limit = least_probability(certainty, faulty=faulty, new=new)
             disputed = followed.agreement.dispute(views)
             doubt = explain_doubt(model.joint_names, certainty, np.where(in_sight, limit, 1.0))
@@ -141,7 +140,7 @@ def status_of(track: TrackState, *, is_ambiguous: bool) -> Status:
             return "searching"
         case Absent() | Found() | Searching() | Lost(sight="nothing"):
             return "absent"
-        case Tracked(unexplained=0):
+        case Tracked(unexplained_s=0.0):
             return "ambiguous" if is_ambiguous else "tracked"
     return "lost"
 

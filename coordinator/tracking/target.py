@@ -35,7 +35,6 @@ from gepf.coordinator.tracking.segmenter import BodyView
 from gepf.coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise, assume_noise, measure_noise
 from gepf.coordinator.tracking.state import Checkpoint, PersonState
 from gepf.coordinator.tracking.track_state import (
-    SEARCH_INTERVAL_FRAMES,
     Body,
     Event,
     Found,
@@ -108,7 +107,7 @@ class TargetTracker:
         """
         if not isinstance(self.track, Body) or self.track.segmentation_pose is None:
             return None
-        return pose_vertices(self.model, self.track.segmentation_pose[None])[0]
+        return np.asarray(pose_vertices(self.model, self.track.segmentation_pose[None])[0])
 
     @property
     def last_seen(self) -> Array:
@@ -141,7 +140,7 @@ class TargetTracker:
     def begin_frame(self) -> None:
         """Begin at the body that a first search has detected meanwhile, if it has."""
         if not isinstance(self.track, Body):
-            self._end_search(live=True)  # in a recording a search ends with its frame
+            self._end_search()  # in a recording a search ends with its frame
 
     def end(self) -> None:
         """Give up what the workers do for later frames."""
@@ -164,36 +163,26 @@ class TargetTracker:
         """
         subject, detection = view.subject, None
         self._distance = distance_to(subject)
-        todo = self._segmented(view, subject)
-        if subject is not None:
-            with clock.stage("search"):
+        with clock.stage("search"):
+            todo = self._segmented(view, subject)
+            if subject is not None:
                 if "search" in todo:
                     self._begin_search(view, subject)
                 if budget is None:
                     self.search.finish()
-                detection = self._end_search(live=budget is not None)
+                detection = self._end_search()
                 if isinstance(self.track, Found) and "refine" not in todo:  # it was detected just now
                     if budget is None and self._detected is not None:
                         subject = self._detected.person
                     todo = self._segmented(view, subject)
                 if detection is not None:
                     detection = self._detector.transfer(detection, subject, self._refine_settings)
+        if subject is not None:
             with clock.stage("publish"):
                 self._refiner.publish(subject)
-        if "refine" not in todo:
-            return Updated(view.frame, self.state, 0, None, clock)
-        assert subject is not None
-        assert isinstance(self.track, Body)
-        first, belief = isinstance(self.track, Found), self.track.belief
-        if first and budget is not None:  # with few particles, hypotheses of the detection would be lost
-            budget = replace(budget, is_late=False)
-        with clock.stage("draw"):
-            proposal = self._filter.propose(self.model, belief, subject, self.track.time_s, budget)
-        with clock.stage("refine"):
-            settings = self._filter.scale_iterations(self._refine_settings, proposal.interval, budget)
-            context = FrameContext(subject, belief.reported, proposal.interval, settings.stretch, first)
-            pending = self._filter.send(self.model, subject, proposal, settings)
-        return Submitted(view, settings, proposal, pending, context, detection, clock)
+            if "refine" in todo:
+                return self._refine(view, subject, detection, clock, budget)
+        return Updated(view.frame, self.state, 0, None, clock)
 
     def update(self, submitted: Submitted, cameras: CameraStates) -> Updated:
         """Wait for the refined particles of the last submitted frame, and update the state."""
@@ -204,6 +193,27 @@ class TargetTracker:
             if "stop searching" in todo:
                 self.search.drop()
         return Updated(submitted.view.frame, self.state, particles, submitted.context, submitted.clock)
+
+    def _refine(
+        self,
+        view: BodyView,
+        subject: SubjectFrame,
+        detection: Detection | None,
+        clock: Stopwatch,
+        budget: FrameBudget | None,
+    ) -> Submitted:
+        """Predict the particles of a frame and send them to the workers."""
+        assert isinstance(self.track, Body)  # it has a belief
+        first, belief = isinstance(self.track, Found), self.track.belief
+        if first and budget is not None:  # with few particles, hypotheses of the detection would be lost
+            budget = replace(budget, is_late=False)
+        with clock.stage("draw"):
+            proposal = self._filter.propose(self.model, belief, subject, self.track.time_s, budget)
+        with clock.stage("refine"):
+            settings = self._filter.scale_iterations(self._refine_settings, proposal.interval, budget)
+            context = FrameContext(subject, belief.reported, proposal.interval, settings.stretch, first)
+            pending = self._filter.send(self.model, subject, proposal, settings)
+        return Submitted(view, settings, proposal, pending, context, detection, clock)
 
     @property
     def _refine_settings(self) -> RefineSettings:
@@ -218,15 +228,18 @@ class TargetTracker:
         """The event of a segmented frame; a body with a given start is first seen there."""
         has_depth = any(image.depth.any() for image in view.frame.views)
         if subject is None:
-            return self._step(Segmented(has_depth=has_depth))
+            return self._step(Segmented(view.frame.time_s, has_depth=has_depth))
         moved = None
         if isinstance(self.track, Found):
             if self.track.place is None:
                 self.start = replace(self.start, noise=self._measure_noise(subject))
             else:
                 moved = self._move(self.track.belief, middle_of(subject) - self.track.place)
-        event = Segmented(subject.pixels, len(subject.picked), has_depth, view.is_elsewhere, moved)
-        return self._step(event)
+        return self._step(
+            Segmented(
+                view.frame.time_s, subject.pixels, len(subject.picked), has_depth, view.is_elsewhere, moved
+            )
+        )
 
     def _move(self, belief: Belief, step_m: Array) -> Belief:
         """The belief in a body that has moved (3,) since the frame in which it was detected."""
@@ -252,7 +265,7 @@ class TargetTracker:
             stages = self._detector.detect(subject, self._measure_noise(subject), view.planes)
         self.search.begin(stages, subject)
 
-    def _end_search(self, *, live: bool) -> Detection | None:
+    def _end_search(self) -> Detection | None:
         """Take the result of a search that has ended; returns that of a later one, to be compared.
 
         A first search finds the body, in the frame in which it began, or nothing.
@@ -264,8 +277,7 @@ class TargetTracker:
             self._step(SearchEnded())
             return detection
         if not detection.gate.passes:
-            frames = SEARCH_INTERVAL_FRAMES if live else 1
-            self._step(SearchEnded(why=detection.gate.why, frames=frames))
+            self._step(SearchEnded(why=detection.gate.why))
             return None
         self.start, person = detection.start, detection.subject
         belief = self._filter.believe(self.model, detection.candidates)

@@ -6,22 +6,24 @@ their order, and makes the events. The table of transitions is in docs/states.md
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple, TypeAlias, TypeVar
+from typing import ClassVar, Literal, NamedTuple, TypeAlias
 
 import msgspec
 from msgspec.structs import replace
 
 from gepf.common.arrays import Array
-from gepf.coordinator.filters.belief import Belief
+from gepf.coordinator.filters.belief import USUAL_INTERVAL, Belief
 from gepf.coordinator.tracking.cameras import Agreement
 from gepf.coordinator.tracking.gating import Gate
 
 LOST_RESIDUAL = 1.3  # normalised; above it a frame is badly explained. Usual frames are below 1.2
-PATIENCE_FRAMES = 2  # after more successive badly explained frames the body is lost
-SEARCH_INTERVAL_FRAMES = 4  # between searches for an unknown body, and from detection to the first check
-CHECK_INTERVAL_FRAMES = 10  # between checks while the pose is doubtful
+PATIENCE_S = 0.1  # a body that explains no frame for so long is lost
+SEARCH_INTERVAL_S = 4 / 30  # between searches for an unknown body, and from detection to the first check
+CHECK_INTERVAL_S = 1 / 3  # between checks while the pose is doubtful
+ROUNDING_S = 1e-3  # of times in files
 FACING_DOUBT = "front and back look alike: it may face the other way"
 
 Instruction = Literal["search", "stop searching", "learn the room", "refine", "report"]
@@ -41,10 +43,15 @@ class Absent(msgspec.Struct, frozen=True, tag="absent"):
 class Searching(msgspec.Struct, frozen=True, tag="searching"):
     """The body is unknown, and something that may be one is seen."""
 
-    frames: int = 0  # since the first search; a search during live tracking counts as those of its interval
-    why: str = ""  # the last search detected nothing
+    searches: int = 1  # that have begun
+    searched_s: float = 0.0  # time of the frame in which the last one began
+    why: str = ""  # the last one detected nothing
     is_running: bool = False  # a search
     sight: Sight = "something"
+
+    def is_due(self, time_s: float) -> bool:
+        """Whether the next search may begin."""
+        return not self.is_running and time_s >= self.searched_s + SEARCH_INTERVAL_S - ROUNDING_S
 
 
 class Body(msgspec.Struct, frozen=True, kw_only=True):
@@ -73,14 +80,19 @@ class Found(Body, frozen=True, kw_only=True, tag="found"):
 class Followed(Body, frozen=True, kw_only=True):
     """The fields that tracked and lost bodies share."""
 
-    frames: int = 0  # since the last detection; less if the body is checked sooner
-    unexplained: int = 0  # successive frames
+    age_s: float = 0.0  # since the last detection, in frames that show the body; less to be checked sooner
+    unexplained_s: float = 0.0  # for which no frame was explained
     residual: float = 0.0  # normalised, of the last frame that showed the body
     why: str = ""  # to doubt that frame
     pixels: int = 0  # of the body in the last explained frame
     ambiguous_facing: bool = False  # in the last search, front and back explained the frame equally well
     faulty: tuple[str, ...] = ()  # cameras at fault in the last frame that showed the body
     sight: Sight = "body"  # in the last frame
+
+    @property
+    def is_new(self) -> bool:
+        """Whether the body was detected, or a camera came back, shortly before."""
+        return self.age_s < CHECK_INTERVAL_S - ROUNDING_S
 
     @property
     def doubt(self) -> str:
@@ -91,19 +103,13 @@ class Followed(Body, frozen=True, kw_only=True):
 class Tracked(Followed, frozen=True, kw_only=True, tag="tracked"):
     """The body is at its pose, except that the last few frames may be unexplained."""
 
-    @property
-    def is_lost(self) -> bool:
-        """No."""
-        return False
+    is_lost: ClassVar[bool] = False
 
 
 class Lost(Followed, frozen=True, kw_only=True, tag="lost"):
     """The body may be anywhere."""
 
-    @property
-    def is_lost(self) -> bool:
-        """Yes."""
-        return True
+    is_lost: ClassVar[bool] = True
 
 
 TrackState: TypeAlias = Absent | Searching | Found | Tracked | Lost
@@ -117,6 +123,7 @@ class Segmented:
     not where the body was expected. `moved`: the belief in a detected body, moved to where it is now.
     """
 
+    time_s: float
     pixels: int = 0
     points: int = 0
     has_depth: bool = True
@@ -128,13 +135,12 @@ class Segmented:
 class SearchEnded:
     """A search has ended, or is given up.
 
-    The first search for a body gives the `found` one, or the reason `why` nothing was detected, and for how
-    many frames it counts.
+    The first search for a body gives the `found` one, or the reason `why` nothing was detected; none if it is
+    given up.
     """
 
     found: Found | None = None
     why: str = ""
-    frames: int = 0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -194,16 +200,19 @@ def _look_for_anybody(
     state: Absent | Searching, event: Segmented, policy: Policy
 ) -> tuple[TrackState, Instructions]:
     """An unknown body: search for it at intervals while there is something to search in."""
-    before = state if isinstance(state, Searching) else Searching()
-    sight: Sight = "something" if event.pixels or event.has_depth else "nothing"
-    if before.is_running:
-        before = before if sight == "something" else replace(before, frames=0, why="")
-        return replace(before, sight=sight), ("report",)
+    if isinstance(state, Searching) and state.is_running:
+        if event.pixels or event.has_depth:
+            return replace(state, sight="something"), ("report",)
+        return replace(state, searches=1, why="", sight="nothing"), ("report",)
     if event.points < policy.min_points:
         return Absent(), ("report",)
-    if before.frames % SEARCH_INTERVAL_FRAMES:
-        return replace(before, frames=before.frames + 1, sight=sight), ("report",)
-    return replace(before, is_running=True, sight=sight), ("search", "report")
+    if isinstance(state, Absent):
+        return Searching(searched_s=event.time_s, is_running=True), ("search", "report")
+    state = replace(state, sight="something")
+    if not state.is_due(event.time_s):
+        return state, ("report",)
+    state = replace(state, searches=state.searches + 1, searched_s=event.time_s, is_running=True)
+    return state, ("search", "report")
 
 
 def _miss(state: Found | Tracked | Lost, event: Segmented, policy: Policy) -> TrackState:
@@ -230,16 +239,27 @@ def _follow(
     state = replace(state, segmentation_pose=_segmentation_pose(state, policy))
     if isinstance(state, Found):
         return state, ("refine",)
-    if state.is_searched or not (policy.recovers and _check_due(state)):
+    if state.is_searched or not (policy.recovers and _check_due(state, event.time_s)):
         return replace(state, sight="body"), ("refine",)
     return replace(state, sight="body", is_searched=True), ("search", "refine")
 
 
-def _check_due(state: Tracked | Lost) -> bool:
-    """Whether to search for a body again: lost, new, or in doubt."""
-    new = state.frames == SEARCH_INTERVAL_FRAMES - 1
-    due = state.frames % CHECK_INTERVAL_FRAMES == CHECK_INTERVAL_FRAMES - 1
+def _check_due(state: Tracked | Lost, time_s: float) -> bool:
+    """Whether to search for a body again: lost, new, or in doubt.
+
+    A check is due in the frame in which the age of the track reaches an interval, or a multiple of it.
+    """
+    before = state.age_s + ROUNDING_S
+    after = before + _interval(state, time_s)
+    new = before < SEARCH_INTERVAL_S <= after
+    due = after // CHECK_INTERVAL_S > before // CHECK_INTERVAL_S
     return state.is_lost or new or (due and (state.residual > 1.0 or state.ambiguous_facing))
+
+
+def _interval(state: Found | Tracked | Lost, time_s: float) -> float:
+    """Seconds since the last frame that showed the body; the usual ones if it was not tracked in it."""
+    since = 0.0 if isinstance(state, Found) or state.time_s is None else time_s - state.time_s
+    return since if since > 0.0 else USUAL_INTERVAL
 
 
 def _segmentation_pose(state: Found | Tracked | Lost, policy: Policy) -> Array | None:
@@ -253,43 +273,45 @@ def _search_ended(state: TrackState, event: SearchEnded) -> tuple[TrackState, In
         return replace(state, is_searched=False), ()
     if event.found is not None:
         return event.found, ("learn the room",)
-    before = state if isinstance(state, Searching) else Searching()
-    frames = before.frames + event.frames
-    if not frames:
+    if isinstance(state, Absent) or not state.is_running:
+        return state, ()
+    if event.why:
+        return replace(state, why=event.why, is_running=False), ()
+    if state.searches == 1:
         return Absent(), ()
-    return replace(before, frames=frames, why=event.why or before.why, is_running=False), ()
+    # a search that is given up does not count
+    return replace(state, searches=state.searches - 1, searched_s=-math.inf, is_running=False), ()
 
 
 def _refined(
     state: Found | Tracked | Lost, event: Refined, policy: Policy
 ) -> tuple[TrackState, Instructions]:
     """A body is tracked if it explains the frame, and lost if it has not for some frames."""
-    before = _followed(state)
-    agreement = state.agreement
+    before, interval, agreement = _followed(state), _interval(state, event.time_s), state.agreement
     if state.is_lost and not agreement.contradicting:
         agreement = Agreement()
-    facing = before.ambiguous_facing if event.ambiguous_facing is None else event.ambiguous_facing
-    after = replace(
+    is_explained = event.gate.residual <= (1.0 if state.is_lost else LOST_RESIDUAL)
+    unexplained_s = 0.0 if is_explained else before.unexplained_s + interval
+    is_lost = not is_explained and (state.is_lost or unexplained_s > PATIENCE_S - ROUNDING_S)
+    after = _become(
+        Lost if is_lost else Tracked,
         before,
         belief=event.belief,
         time_s=event.time_s,
         agreement=agreement.after(event.residuals, event.noise_depth, event.interval_s),
-        frames=before.frames + 1,
+        age_s=0.0 if is_explained and event.redetected else before.age_s + interval,
+        unexplained_s=unexplained_s,
         residual=event.gate.residual,
         why=event.gate.why,
-        ambiguous_facing=facing,
+        pixels=event.pixels if is_explained else before.pixels,
+        ambiguous_facing=(
+            before.ambiguous_facing if event.ambiguous_facing is None else event.ambiguous_facing
+        ),
         faulty=event.faulty,
     )
-    if event.gate.residual <= (1.0 if state.is_lost else LOST_RESIDUAL):
-        frames = 0 if event.redetected else after.frames
-        after = _become(Tracked, after, frames=frames, unexplained=0, pixels=event.pixels)
-    else:
-        unexplained = before.unexplained + 1
-        kind = Lost if state.is_lost or unexplained > PATIENCE_FRAMES else Tracked
-        after = _become(kind, after, unexplained=unexplained)
     if set(before.faulty) - set(event.faulty) and policy.recovers:  # a camera is back
         # a running search began without it; check the body in the next frame
-        after = replace(after, frames=SEARCH_INTERVAL_FRAMES - 1, is_searched=False)
+        after = replace(after, age_s=SEARCH_INTERVAL_S - USUAL_INTERVAL, is_searched=False)
         return after, ("stop searching", "report")
     return after, ("report",)
 
@@ -298,20 +320,17 @@ def _followed(state: Found | Tracked | Lost) -> Tracked | Lost:
     """A found body as a tracked one; a given start is checked only while in doubt."""
     if not isinstance(state, Found):
         return state
-    return _become(Tracked, state, frames=CHECK_INTERVAL_FRAMES if state.place is None else 0)
+    return _become(Tracked, state, age_s=CHECK_INTERVAL_S if state.place is None else 0.0)
 
 
-def _lose(state: Found | Tracked | Lost) -> Lost:
+def _lose(state: Found | Tracked | Lost) -> Tracked | Lost:
     """The body may be anywhere."""
     return _become(Lost, _followed(state), why="", ambiguous_facing=False)
 
 
-F = TypeVar("F", Tracked, Lost)
-
-
-def _become(kind: type[F], state: Body, **changes: object) -> F:
-    """A state of another kind, with the fields that both have."""
+def _become(kind: type[Tracked] | type[Lost], state: Body, **changes: object) -> Tracked | Lost:
+    """A tracked or lost body, with the fields that its state before has as well."""
     shared = {
-        name: getattr(state, name) for name in state.__struct_fields__ if name in kind.__struct_fields__
+        name: getattr(state, name) for name in kind.__struct_fields__ if name in state.__struct_fields__
     }
     return kind(**(shared | changes))

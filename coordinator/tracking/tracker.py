@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import NamedTuple
 
 from gepf.common.frame import DepthFrame
 from gepf.common.settings import Settings
 from gepf.coordinator.bodies.tracked import Bodies
-from gepf.coordinator.scene.scene import SETTLED_FRAMES
 from gepf.coordinator.scene.scope import Scope
 from gepf.coordinator.sources.live import LiveFrames
 from gepf.coordinator.stopwatch import Stopwatch
@@ -24,6 +24,8 @@ from gepf.coordinator.tracking.state import FrameState, TrackerState, first_stat
 from gepf.coordinator.tracking.target import TargetTracker
 from gepf.coordinator.tracking.track_state import Body, Searching
 
+MAX_SEARCHES = 8  # for an unknown body, until what detects nobody is learned as the room
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ready:
@@ -34,11 +36,17 @@ class Ready:
     clocks: Sequence[Stopwatch]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class InProgress:
-    """A frame of which each person is with the workers or updated, and what is known beside them after it."""
+class SubmittedFrame(NamedTuple):
+    """A frame whose people are with the workers, or updated already, and what is known beside them."""
 
-    people: Sequence[Submitted | Updated]
+    people: list[Submitted | Updated]
+    state: FrameState
+
+
+class UpdatedFrame(NamedTuple):
+    """A frame that is not reported yet."""
+
+    people: list[Updated]
     state: FrameState
 
 
@@ -100,7 +108,7 @@ class Tracker:
         """
         upcoming = Lookahead(map(self._segment, frames))  # read, segment
         pacing = Recorded(look_ahead=look_ahead) if live is None else Live(live, upcoming)
-        updated = list[InProgress]()  # at most one frame, which is not reported yet
+        updated = list[UpdatedFrame]()  # at most one frame, which is not reported yet
         try:
             for ready in upcoming:
                 submitted = self._submit(ready, pacing.begin_frame(self._targets))  # predict, refine
@@ -134,22 +142,23 @@ class Tracker:
                 frame,
                 [target.segmentation_surface for target in self._targets],
                 excluded=excluded,
-                rejected=any(isinstance(t, Searching) and t.frames > SETTLED_FRAMES for t in tracks),
+                rejected=any(isinstance(t, Searching) and t.searches > MAX_SEARCHES for t in tracks),
                 find=any(target.needs_candidates for target in self._targets),
             )
         return Ready(segmented, self._cameras, clocks)
 
-    def _submit(self, ready: Ready, budget: FrameBudget | None) -> InProgress:
+    def _submit(self, ready: Ready, budget: FrameBudget | None) -> SubmittedFrame:
         """Predict the particles of each person, and send them to the workers."""
         segmented, scenes = ready.segmented, ready.segmented.changes
-        assignment, submitted = Assignment(self._targets, self._segmenter, segmented), []
+        assignment = Assignment(self._targets, self._segmenter, segmented)
+        submitted = list[Submitted | Updated]()
         for place, (target, clock) in enumerate(zip(self._targets, ready.clocks, strict=True)):
             submitted.append(target.submit(assignment.view_of(place), clock, budget))
             if (detected := target.take_detected()) is not None:
                 beside = assignment.people_beside(place, detected.searched)
                 scenes = self._segmenter.learn_things(segmented, scenes, *detected, beside)
         self._frame = FrameState(scenes, ready.cameras)
-        return InProgress(submitted, self._frame)
+        return SubmittedFrame(submitted, self._frame)
 
     def _send_ahead(self, ready: Ready | None) -> None:
         """Send the workers the people's pixels of the next frame before their turn."""
@@ -160,18 +169,17 @@ class Tracker:
                 with clock.stage("publish"):
                     self._refiner.publish(subject)
 
-    def _update(self, frame: InProgress) -> InProgress:
+    def _update(self, frame: SubmittedFrame) -> UpdatedFrame:
         """Wait for the refined particles of each person, and update the states."""
         people = [
             target.update(person, frame.state.cameras) if isinstance(person, Submitted) else person
             for target, person in zip(self._targets, frame.people, strict=True)
         ]
-        return replace(frame, people=people)
+        return UpdatedFrame(people, frame.state)
 
 
-def reported(updated: list[InProgress]) -> Iterator[TrackedFrame]:
+def reported(updated: list[UpdatedFrame]) -> Iterator[TrackedFrame]:
     """The reports of updated frames, if there are any; they are removed from the list."""
     while updated:
-        frame = updated.pop(0)
-        people = [report(person, frame.state.cameras) for person in frame.people]
-        yield TrackedFrame(people, frame.state)
+        people, state = updated.pop(0)
+        yield TrackedFrame([report(person, state.cameras) for person in people], state)

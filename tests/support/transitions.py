@@ -13,13 +13,12 @@ from typing import NamedTuple
 import numpy as np
 from msgspec.structs import replace
 
-from gepf.coordinator.filters.belief import Belief
+from gepf.coordinator.filters.belief import USUAL_INTERVAL, Belief
 from gepf.coordinator.tracking.gating import Gate
 from gepf.coordinator.tracking.reporting import status_of
 from gepf.coordinator.tracking.track_state import (
-    CHECK_INTERVAL_FRAMES,
-    PATIENCE_FRAMES,
-    SEARCH_INTERVAL_FRAMES,
+    CHECK_INTERVAL_S,
+    SEARCH_INTERVAL_S,
     Absent,
     Event,
     Found,
@@ -49,14 +48,16 @@ GIVEN = Found(belief=BELIEF, segmentation_pose=BELIEF.reported)
 DETECTED = Found(
     belief=BELIEF, time_s=1.0, segmentation_pose=BELIEF.reported, place=np.zeros(3), detected_pixels=900
 )
-RUNNING = Searching(is_running=True)
-TRACKED = Tracked(belief=BELIEF, time_s=1.0, segmentation_pose=BELIEF.reported, frames=20, pixels=900)
-DUE = replace(TRACKED, frames=CHECK_INTERVAL_FRAMES - 1)
-LOST = Lost(belief=BELIEF, time_s=1.0, segmentation_pose=None, frames=20, pixels=900)
+RUNNING = Searching(searched_s=1.0, is_running=True)
+TRACKED = Tracked(belief=BELIEF, time_s=1.0, segmentation_pose=BELIEF.reported, age_s=0.5, pixels=900)
+DUE = replace(TRACKED, age_s=CHECK_INTERVAL_S - 0.01)
+LOST = Lost(belief=BELIEF, time_s=1.0, segmentation_pose=None, age_s=0.5, pixels=900)
 
-CANDIDATE = Segmented(pixels=900, points=500)
-NOTHING, DARK = Segmented(), Segmented(has_depth=False)
-FITS = Refined(AFTER, Gate(0.8), pixels=800, time_s=1.1)
+INTERVAL_S = 1 / 32
+NEXT_S, LATER_S = 1.0 + INTERVAL_S, 2.0
+CANDIDATE = Segmented(NEXT_S, pixels=900, points=500)
+NOTHING, DARK = Segmented(NEXT_S), Segmented(NEXT_S, has_depth=False)
+FITS = Refined(AFTER, Gate(0.8), pixels=800, time_s=NEXT_S)
 DOUBTFUL = with_fields(FITS, gate=Gate(1.2, "doubt"))  # above the limit, but explained
 WRONG = with_fields(FITS, gate=Gate(2.0, "wrong"))
 ENDED = SearchEnded()
@@ -77,9 +78,10 @@ class Transition(NamedTuple):
 
 TRANSITIONS = [
     Transition(Absent(), "", NOTHING, "nothing is seen", Absent, {}, ("report",)),
-    Transition(Absent(), "", Segmented(50, 50), "too few points are seen", Absent, {}, ("report",)),
+    Transition(Absent(), "", Segmented(NEXT_S, 50, 50), "too few points are seen", Absent, {}, ("report",)),
     Transition(
-        Absent(), "", CANDIDATE, "a candidate is seen", Searching, {"is_running": True}, ("search", "report")
+        Absent(), "", CANDIDATE, "a candidate is seen", Searching, {"searched_s": NEXT_S, "is_running": True},
+        ("search", "report")
     ),
     Transition(Absent(), "", ENDED, "the search is given up", Absent, {}, ()),
     Transition(RUNNING, "a search runs", CANDIDATE, "a candidate is seen", Searching, {}, ("report",)),
@@ -87,21 +89,21 @@ TRANSITIONS = [
         RUNNING, "a search runs", NOTHING, "no candidate, but something is seen", Searching, {}, ("report",)
     ),
     Transition(
-        replace(RUNNING, frames=4, why="wrong"),
+        replace(RUNNING, searches=4, why="wrong"),
         "a search runs",
         DARK,
         "nothing is seen",
         Searching,
-        {"frames": 0, "why": "", "sight": "nothing"},
+        {"searches": 1, "why": "", "sight": "nothing"},
         ("report",),
     ),
     Transition(
         RUNNING,
         "a search runs",
-        SearchEnded(why="wrong", frames=1),
+        SearchEnded(why="wrong"),
         "the search detects nothing",
         Searching,
-        {"frames": 1, "why": "wrong", "is_running": False},
+        {"why": "wrong", "is_running": False},
         (),
     ),
     Transition(
@@ -115,34 +117,34 @@ TRANSITIONS = [
     ),
     Transition(RUNNING, "the first search runs", ENDED, "the search is given up", Absent, {}, ()),
     Transition(
-        replace(RUNNING, frames=4),
+        replace(RUNNING, searches=4),
         "a later search runs",
         ENDED,
         "the search is given up",
         Searching,
-        {"is_running": False},
+        {"searches": 3, "searched_s": -np.inf, "is_running": False},
         (),
     ),
     Transition(
-        Searching(frames=1, why="wrong"),
+        Searching(searched_s=1.0, why="wrong"),
         "no search is due",
         CANDIDATE,
         "a candidate is seen",
         Searching,
-        {"frames": 2},
+        {},
         ("report",),
     ),
     Transition(
-        Searching(frames=SEARCH_INTERVAL_FRAMES, why="wrong"),
+        Searching(searched_s=1.0, why="wrong"),
         "a search is due",
-        CANDIDATE,
+        with_fields(CANDIDATE, time_s=LATER_S),
         "a candidate is seen",
         Searching,
-        {"is_running": True},
+        {"searches": 2, "searched_s": LATER_S, "is_running": True},
         ("search", "report"),
     ),
     Transition(
-        Searching(frames=2, why="wrong"), "no search runs", NOTHING, "no candidate is seen", Absent, {},
+        Searching(searched_s=1.0, why="wrong"), "no search runs", NOTHING, "no candidate is seen", Absent, {},
         ("report",),
     ),
     Transition(GIVEN, "its start is given", CANDIDATE, "it is seen", Found, {}, ("refine",)),
@@ -188,7 +190,7 @@ TRANSITIONS = [
         FITS,
         "its pose is refined and explains the frame",
         Tracked,
-        {"belief": AFTER, "time_s": 1.1, "frames": 1, "residual": 0.8, "pixels": 800},
+        {"belief": AFTER, "time_s": NEXT_S, "age_s": USUAL_INTERVAL, "residual": 0.8, "pixels": 800},
         ("report",),
     ),
     Transition(
@@ -199,11 +201,11 @@ TRANSITIONS = [
         Tracked,
         {
             "belief": AFTER,
-            "time_s": 1.1,
-            "frames": CHECK_INTERVAL_FRAMES + 1,
+            "time_s": NEXT_S,
+            "age_s": CHECK_INTERVAL_S + USUAL_INTERVAL,
             "residual": 2.0,
             "why": "wrong",
-            "unexplained": 1,
+            "unexplained_s": USUAL_INTERVAL,
         },
         ("report",),
     ),
@@ -215,18 +217,18 @@ TRANSITIONS = [
         Lost,
         {
             "belief": AFTER,
-            "time_s": 1.1,
-            "frames": CHECK_INTERVAL_FRAMES + 1,
+            "time_s": NEXT_S,
+            "age_s": CHECK_INTERVAL_S + USUAL_INTERVAL,
             "residual": 1.2,
             "why": "doubt",
-            "unexplained": 1,
+            "unexplained_s": USUAL_INTERVAL,
         },
         ("report",),
     ),
     Transition(TRACKED, "", CANDIDATE, "it is seen", Tracked, {}, ("refine",)),
     Transition(
-        replace(TRACKED, frames=SEARCH_INTERVAL_FRAMES - 1),
-        "detected a few frames ago",
+        replace(TRACKED, age_s=SEARCH_INTERVAL_S - 0.01),
+        "detected 0.13 s before",
         CANDIDATE,
         "it is seen",
         Tracked,
@@ -291,18 +293,18 @@ TRANSITIONS = [
     ),
     Transition(TRACKED, "", DARK, "nothing is seen", Lost, {"sight": "nothing"}, ("report",)),
     Transition(
-        replace(TRACKED, unexplained=1, why="wrong"),
+        replace(TRACKED, unexplained_s=INTERVAL_S, why="wrong"),
         "",
         FITS,
         "its pose is refined and explains the frame",
         Tracked,
         {
             "belief": AFTER,
-            "time_s": 1.1,
-            "frames": 21,
+            "time_s": NEXT_S,
+            "age_s": 0.5 + INTERVAL_S,
             "residual": 0.8,
             "why": "",
-            "unexplained": 0,
+            "unexplained_s": 0.0,
             "pixels": 800,
         },
         ("report",),
@@ -313,22 +315,29 @@ TRANSITIONS = [
         WRONG,
         "its pose is refined and does not explain the frame",
         Tracked,
-        {"belief": AFTER, "time_s": 1.1, "frames": 21, "residual": 2.0, "why": "wrong", "unexplained": 1},
+        {
+            "belief": AFTER,
+            "time_s": NEXT_S,
+            "age_s": 0.5 + INTERVAL_S,
+            "residual": 2.0,
+            "why": "wrong",
+            "unexplained_s": INTERVAL_S,
+        },
         ("report",),
     ),
     Transition(
-        replace(TRACKED, unexplained=PATIENCE_FRAMES),
+        replace(TRACKED, unexplained_s=0.09375),
         "the last frames are not explained",
         WRONG,
         "its pose is refined and does not explain the frame",
         Lost,
         {
             "belief": AFTER,
-            "time_s": 1.1,
-            "frames": 21,
+            "time_s": NEXT_S,
+            "age_s": 0.5 + INTERVAL_S,
             "residual": 2.0,
             "why": "wrong",
-            "unexplained": PATIENCE_FRAMES + 1,
+            "unexplained_s": 0.125,
         },
         ("report",),
     ),
@@ -340,8 +349,8 @@ TRANSITIONS = [
         Tracked,
         {
             "belief": AFTER,
-            "time_s": 1.1,
-            "frames": 0,
+            "time_s": NEXT_S,
+            "age_s": 0.0,
             "residual": 0.8,
             "pixels": 800,
             "ambiguous_facing": True,
@@ -356,8 +365,8 @@ TRANSITIONS = [
         Tracked,
         {
             "belief": AFTER,
-            "time_s": 1.1,
-            "frames": SEARCH_INTERVAL_FRAMES - 1,
+            "time_s": NEXT_S,
+            "age_s": SEARCH_INTERVAL_S - USUAL_INTERVAL,
             "residual": 0.8,
             "pixels": 800,
             "faulty": (),
@@ -404,21 +413,35 @@ TRANSITIONS = [
     ),
     Transition(LOST, "", NOTHING, "no candidate is seen", Lost, {"sight": "nothing"}, ("report",)),
     Transition(
-        replace(LOST, unexplained=1),
+        replace(LOST, unexplained_s=INTERVAL_S),
         "",
         DOUBTFUL,
         "its pose is refined and doubtful",
         Lost,
-        {"belief": AFTER, "time_s": 1.1, "frames": 21, "residual": 1.2, "why": "doubt", "unexplained": 2},
+        {
+            "belief": AFTER,
+            "time_s": NEXT_S,
+            "age_s": 0.5 + INTERVAL_S,
+            "residual": 1.2,
+            "why": "doubt",
+            "unexplained_s": 2 * INTERVAL_S,
+        },
         ("report",),
     ),
     Transition(
-        replace(LOST, unexplained=4),
+        replace(LOST, unexplained_s=4 * INTERVAL_S),
         "",
         FITS,
         "its pose is refined and explains the frame",
         Tracked,
-        {"belief": AFTER, "time_s": 1.1, "frames": 21, "residual": 0.8, "pixels": 800, "unexplained": 0},
+        {
+            "belief": AFTER,
+            "time_s": NEXT_S,
+            "age_s": 0.5 + INTERVAL_S,
+            "residual": 0.8,
+            "pixels": 800,
+            "unexplained_s": 0.0,
+        },
         ("report",),
     ),
     Transition(

@@ -185,13 +185,13 @@ def test_the_body_is_searched_for_when_a_camera_is_back(
 ) -> None:
     """After a fault of more than half a second; its image may show what was hidden from the other camera."""
     _, _, frames = seen
-    tracker, since = Tracker(DirectRefiner(), SETTINGS, known(), start=STANDING), list[int]()
+    tracker, since = Tracker(DirectRefiner(), SETTINGS, known(), start=STANDING), list[float]()
     for number, images in enumerate(frames):
         views = [view for name, view in images.items() if name == "front" or not 5 <= number < 25]
         (tracked,) = tracker.track(together(views)).people
         assert isinstance(tracked.state.track, Tracked)
-        since.append(tracked.state.track.frames)
-    assert since[24:27] == [since[0] + 24, 3, 4]
+        since.append(tracked.state.track.age_s)
+    assert since[24:27] == pytest.approx([since[0] + 24 / FPS, 3 / FPS, 4 / FPS])
 
 
 @pytest.mark.parametrize(

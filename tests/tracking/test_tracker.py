@@ -273,21 +273,25 @@ def test_a_person_who_walks_during_a_live_search_is_tracked_whole() -> None:
 
 
 def test_a_live_search_that_fails_counts_as_in_a_recording() -> None:
-    """What is no person is given up after as many searches, also if frames meanwhile show nobody else."""
-    frame = frame_of(0, np.pad(np.full((40, 40), 2.5), ((100, 100), (150, 130))))
+    """What is no person is searched as often, also if a frame shows nobody else while a search runs."""
+    image = np.pad(np.full((40, 40), 2.5), ((100, 100), (150, 130)))
     recorded, live = (
         TargetTracker(StillWorkers(), SETTINGS, people(), first_state(people(), None, SETTINGS))
         for _ in range(2)
     )
-    before, *later = subject_of(frame, 2000), None, subject_of(frame, 2000)
     budget = FrameBudget(1 / 30, is_late=True)
-    for _ in range(3):
-        for _ in range(4):
-            recorded.submit(BodyView(frame, before, Planes()), Stopwatch())
-        live.submit(BodyView(frame, before, Planes()), Stopwatch(), budget)
-        live.search.finish()
-        for subject in later:
-            live.submit(BodyView(frame, subject, Planes()), Stopwatch(), budget)
+    for number in range(0, 12, 4):
+        for n in range(number, number + 4):
+            frame = frame_of(n, image)
+            view = BodyView(frame, subject_of(frame, 2000), Planes())
+            recorded.submit(view, Stopwatch())
+            if n == number:
+                live.submit(view, Stopwatch(), budget)
+            elif n == number + 1:
+                live.submit(replace(view, subject=None), Stopwatch(), budget)
+                live.search.finish()
+            elif n == number + 3:
+                live.submit(view, Stopwatch(), budget)  # it takes the result
         assert live.track == recorded.track
 
 
