@@ -84,6 +84,7 @@ class BodyView:
     """What a frame shows of one body.
 
     excluded: what the cameras show that are not used for it. is_elsewhere: not where the body was expected.
+    is_slow: it is long since the frame before, so the next one is segmented when this one is refined.
     """
 
     frame: DepthFrame
@@ -91,6 +92,7 @@ class BodyView:
     planes: Planes
     excluded: SubjectFrame | None = None
     is_elsewhere: bool = False
+    is_slow: bool = False
 
 
 class Segmenter:

@@ -158,6 +158,7 @@ class FrameState:
 
     scenes: SceneChanges = field(default_factory=dict)  # changes by the frame; in a resumed run, all of them
     cameras: CameraStates = field(default_factory=dict)
+    time_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -103,7 +103,8 @@ class TargetTracker:
     def segmentation_surface(self) -> Array | None:
         """The vertices (V, 3) around which the next frame is segmented; None if the body may be anywhere.
 
-        The present frame is still being refined. So they are those of the pose of the frame before.
+        The present frame may still be refined. So they are those of the pose of the frame before, unless
+        frames are slow.
         """
         if not isinstance(self.track, Body) or self.track.segmentation_pose is None:
             return None
@@ -321,6 +322,7 @@ class TargetTracker:
             noise_depth=noise_depth,
             # the interval of the first frame includes the search, in which no cameras were compared
             interval_s=USUAL_INTERVAL if context.first else submitted.proposal.interval,
+            is_slow=view.is_slow,
         )
 
 

@@ -149,7 +149,7 @@ class Refined:
 
     `redetected`: the pose is that of a search, and not where the body was tracked. `ambiguous_facing`: front
     and back look alike in that search; None without one. `faulty` cameras are left out; the others have
-    residuals in metres, as `Agreement.after` takes them.
+    residuals in metres, as `Agreement.after` takes them. `is_slow`: the next frame is not segmented yet.
     """
 
     belief: Belief
@@ -162,6 +162,7 @@ class Refined:
     residuals: Mapping[str, float] = field(default_factory=dict)
     noise_depth: float = 0.0
     interval_s: float = 0.0
+    is_slow: bool = False
 
 
 Event: TypeAlias = Segmented | SearchEnded | Refined
@@ -309,6 +310,9 @@ def _refined(
         ),
         faulty=event.faulty,
     )
+    if event.is_slow:
+        pose = _segmentation_pose(after, policy)
+        after = replace(after, segmentation_pose=pose, excluded=after.agreement.contradicting)
     if set(before.faulty) - set(event.faulty) and policy.recovers:  # a camera is back
         # a running search began without it; check the body in the next frame
         after = replace(after, age_s=SEARCH_INTERVAL_S - USUAL_INTERVAL, is_searched=False)

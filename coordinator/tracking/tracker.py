@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from gepf.common.frame import DepthFrame
@@ -22,17 +22,22 @@ from gepf.coordinator.tracking.reporting import TrackedFrame, Updated, report
 from gepf.coordinator.tracking.segmenter import SegmentedFrame, Segmenter
 from gepf.coordinator.tracking.state import FrameState, TrackerState, first_state
 from gepf.coordinator.tracking.target import TargetTracker
-from gepf.coordinator.tracking.track_state import Body, Searching
+from gepf.coordinator.tracking.track_state import ROUNDING_S, Body, Searching
 
+MAX_LOOKAHEAD_S = 0.1  # between frames; people move too far in longer intervals
 MAX_SEARCHES = 8  # for an unknown body, until what detects nobody is learned as the room
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ready:
-    """A segmented frame, the state of its cameras, and a stopwatch for each person."""
+    """A segmented frame, the state of its cameras, and a stopwatch for each person.
+
+    is_slow: the time since the frame before is longer than MAX_LOOKAHEAD_S.
+    """
 
     segmented: SegmentedFrame
     cameras: CameraStates
+    is_slow: bool
     clocks: Sequence[Stopwatch]
 
 
@@ -80,7 +85,8 @@ class Tracker:
         self._refiner, self._settings, self._bodies = refiner, settings, bodies
         self._segmenter = Segmenter(settings.points, scope)
         self._segmenter.recall(state.frame.scenes)
-        self._frame, self._cameras = state.frame, state.frame.cameras
+        self._frame = state.frame
+        self._cameras, self._time_s = state.frame.cameras, state.frame.time_s  # of the last segmented frame
         self._targets = [TargetTracker(refiner, settings, bodies, person, motion) for person in state.people]
 
     @property
@@ -104,7 +110,8 @@ class Tracker:
         """Track frames; each frame is reported while the workers refine the next one.
 
         The results are those of `track`. If a frame fails, the frame before is still reported. Without
-        `look_ahead`, each frame is reported at once. So is each `live` frame, see `Live`.
+        `look_ahead`, each frame is reported at once. So is each `live` frame, see `Live`. A frame is
+        segmented around the pose of two frames before; at low rates, around that of the frame before.
         """
         upcoming = Lookahead(map(self._segment, frames))  # read, segment
         pacing = Recorded(look_ahead=look_ahead) if live is None else Live(live, upcoming)
@@ -114,7 +121,7 @@ class Tracker:
                 submitted = self._submit(ready, pacing.begin_frame(self._targets))  # predict, refine
                 # the workers are busy from here until the update
                 yield from reported(updated)
-                if pacing.looks_ahead:
+                if pacing.looks_ahead and not ready.is_slow:
                     self._send_ahead(upcoming.peek())
                     advance_search(self._targets, wait=False)
                 updated = [self._update(submitted)]  # update, assess
@@ -138,6 +145,8 @@ class Tracker:
             tracks = [target.track for target in self._targets]
             excluded = [track.excluded if isinstance(track, Body) else () for track in tracks]
             self._cameras, frame = watch(self._cameras, frame, set().union(*excluded))
+            is_slow = self._time_s is not None and frame.time_s - self._time_s > MAX_LOOKAHEAD_S + ROUNDING_S
+            self._time_s = frame.time_s
             segmented = self._segmenter.segment(
                 frame,
                 [target.segmentation_surface for target in self._targets],
@@ -145,7 +154,7 @@ class Tracker:
                 rejected=any(isinstance(t, Searching) and t.searches > MAX_SEARCHES for t in tracks),
                 find=any(target.needs_candidates for target in self._targets),
             )
-        return Ready(segmented, self._cameras, clocks)
+        return Ready(segmented, self._cameras, is_slow, clocks)
 
     def _submit(self, ready: Ready, budget: FrameBudget | None) -> SubmittedFrame:
         """Predict the particles of each person, and send them to the workers."""
@@ -153,11 +162,12 @@ class Tracker:
         assignment = Assignment(self._targets, self._segmenter, segmented)
         submitted = list[Submitted | Updated]()
         for place, (target, clock) in enumerate(zip(self._targets, ready.clocks, strict=True)):
-            submitted.append(target.submit(assignment.view_of(place), clock, budget))
+            view = replace(assignment.view_of(place), is_slow=ready.is_slow)
+            submitted.append(target.submit(view, clock, budget))
             if (detected := target.take_detected()) is not None:
                 beside = assignment.people_beside(place, detected.searched)
                 scenes = self._segmenter.learn_things(segmented, scenes, *detected, beside)
-        self._frame = FrameState(scenes, ready.cameras)
+        self._frame = FrameState(scenes, ready.cameras, segmented.frame.time_s)
         return SubmittedFrame(submitted, self._frame)
 
     def _send_ahead(self, ready: Ready | None) -> None:

@@ -312,6 +312,22 @@ TRANSITIONS = [
     Transition(
         TRACKED,
         "",
+        with_fields(FITS, is_slow=True),
+        "its pose is refined and explains the frame, long after the frame before",
+        Tracked,
+        {
+            "belief": AFTER,
+            "time_s": NEXT_S,
+            "age_s": 0.5 + INTERVAL_S,
+            "residual": 0.8,
+            "pixels": 800,
+            "segmentation_pose": AFTER.reported,
+        },
+        ("report",),
+    ),
+    Transition(
+        TRACKED,
+        "",
         WRONG,
         "its pose is refined and does not explain the frame",
         Tracked,

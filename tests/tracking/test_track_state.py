@@ -106,6 +106,7 @@ RESULTS = st.builds(
     residuals=st.sampled_from([{}, {"a": 0.01, "b": 0.01}, {"a": 0.01, "b": 0.2}]),
     noise_depth=st.just(0.01),
     interval_s=st.sampled_from([0.03, 0.6]),
+    is_slow=st.booleans(),
 )
 ENDS = st.sampled_from(["runs on", "detects", "detects nothing", "is given up"])
 PAUSES = st.sampled_from([0.0, 1 / 30, 0.1, 0.25, 2.0])

@@ -44,6 +44,7 @@ from tests.support.people import (
     SETTINGS,
     STANDING,
     OnePerson,
+    as_bytes,
     empty,
     frame_of,
     known,
@@ -194,6 +195,21 @@ def test_a_frame_is_told_while_the_workers_are_busy_with_the_next() -> None:
         assert msgspec.msgpack.encode(state.checkpoint, enc_hook=pack_array) == msgspec.msgpack.encode(
             one_by_one.person.checkpoint, enc_hook=pack_array
         )
+
+
+def test_at_low_rates_a_frame_is_segmented_around_the_pose_of_the_frame_before() -> None:
+    """Four frames a second, also with look-ahead; at video rate, around that of two frames before."""
+    frames = shown("standing").frames
+    for interval_s in (0.25, 1 / 30):
+        timed = [replace(frame, time_s=interval_s * n) for n, frame in enumerate(frames)]
+        ahead, alone = tracker(FOLLOWING), tracker(FOLLOWING)
+        estimates = [tracked.people[0].estimate for tracked in ahead.follow(timed)]
+        assert [as_bytes(each) for each in estimates] == [as_bytes(alone.track(frame)) for frame in timed]
+        for track in (ahead.person.track, alone.person.track):
+            assert isinstance(track, Body)
+            assert track.segmentation_pose is not None
+            is_newest = np.array_equal(track.segmentation_pose, track.belief.reported)
+            assert is_newest == (interval_s > 0.1)
 
 
 class Waiting(LiveFrames):
