@@ -18,7 +18,7 @@ from gepf.coordinator.bodies.tracked import Bodies
 from gepf.coordinator.results.evaluation import NEAR_M, positions
 from gepf.coordinator.results.tally import count_status
 from gepf.coordinator.sources.source import rate_of
-from gepf.coordinator.tracking.reporting import Tracked
+from gepf.coordinator.tracking.reporting import TrackedPerson
 from gepf.coordinator.tracking.tracker import Tracker
 from gepf.refiners import DirectRefiner
 from gepf.worker.cli import load_kernel
@@ -98,12 +98,12 @@ def track(
     )
 
 
-def follow(tracker: Tracker, frames: Iterable[DepthFrame]) -> tuple[list[Tracked], Array]:
+def follow(tracker: Tracker, frames: Iterable[DepthFrame]) -> tuple[list[TrackedPerson], Array]:
     """Estimates, and processor time (F,) in seconds of each frame, without reading it."""
     found, seconds = [], []
     for frame in frames:
         began = time.process_time()
-        found.append(tracker.track(frame)[0])
+        found.append(tracker.track(frame).people[0])
         seconds.append(time.process_time() - began)
     return found, np.array(seconds)
 

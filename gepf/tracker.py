@@ -90,7 +90,7 @@ class FrameLoop(Closing):
                 self._tracker, last = self._make(), stream
             for tracked in self._tracker.follow(part, look_ahead=look_ahead, live=live):
                 self._frames += 1
-                yield [named(each.estimate, each.state.body, each.state.start.held) for each in tracked]
+                yield [named(p.estimate, p.state.body, p.state.start.held) for p in tracked.people]
 
     def _frame_of(self, depth: DepthFrame | ArrayLike, time_s: float | None) -> DepthFrame:
         """The frame itself, or the next frame from an array (H, W)."""
@@ -109,8 +109,9 @@ class FrameLoop(Closing):
 
     def _save(self, estimates: Iterable[Estimate], place: int, folder: Path) -> Path:
         """Write one person's estimates as the folder of a run."""
-        state = self._tracker.states[place]
-        start, up = state.start, floor_up(self._tracker.states[0].checkpoint.scenes)
+        tracker_state = self._tracker.state
+        state, up = tracker_state.people[place], floor_up(tracker_state.frame.scenes)
+        start = state.start
         track = assemble(state.body, list(estimates), held=start.held, up=up)
         save_run(folder, track, TrackedBody(state.body, start.held), self._settings)
         return folder
@@ -163,12 +164,12 @@ class Tracker(FrameLoop):
         In the first seconds a person's body is replaced a few times, by one of another size with the same
         names.
         """
-        return self._tracker.states[0].body
+        return self._tracker.state.people[0].body
 
     @property
     def size(self) -> tuple[float, float] | None:
         """Estimated stature of the person, metres, and girth; None before detection, and for other bodies."""
-        size = self._tracker.states[0].size
+        size = self._tracker.state.people[0].size
         return (size.stature, size.girth) if np.isfinite(size.stature) else None
 
     def track(self, depth: DepthFrame | ArrayLike, time_s: float | None = None) -> Estimate:
@@ -240,7 +241,7 @@ class PeopleTracker(FrameLoop):
     @property
     def found(self) -> int:
         """Number of people found so far, who are the first in each list of estimates."""
-        return sum(each.start.found for each in self._tracker.states)
+        return sum(person.start.found for person in self._tracker.state.people)
 
     def track(self, depth: DepthFrame | ArrayLike, time_s: float | None = None) -> list[Estimate]:
         """Track all people in the next frame, as `Tracker.track`; one estimate per person, found or not."""

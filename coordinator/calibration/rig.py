@@ -28,7 +28,7 @@ from gepf.coordinator.sources.source import Source
 from gepf.coordinator.tracking.candidate_refinement import ITERATIONS
 from gepf.coordinator.tracking.estimate import POSE_UNKNOWN
 from gepf.coordinator.tracking.refiner import Refiner, iterations
-from gepf.coordinator.tracking.reporting import Tracked
+from gepf.coordinator.tracking.reporting import TrackedPerson
 from gepf.coordinator.tracking.sensor_noise import assume_noise
 from gepf.coordinator.tracking.tracker import Tracker
 
@@ -129,7 +129,8 @@ def track_alone(source: Source, refiner: Refiner, settings: Settings, bodies: Bo
     """The motion of a person whom one camera shows; its Jacobian is measured once in BLOCK_S."""
     rows = list[tuple[float, Array, Array, Array]]()
     next_s, jacobian = -np.inf, np.zeros(3)
-    for (tracked,) in Tracker(refiner, settings, bodies).follow(source):
+    for frame in Tracker(refiner, settings, bodies).follow(source):
+        (tracked,) = frame.people
         estimate, deviation = tracked.estimate, np.full(len(tracked.estimate.joint_positions), np.inf)
         if estimate.status not in POSE_UNKNOWN:
             deviation = estimate.certainty.deviation
@@ -143,7 +144,7 @@ def track_alone(source: Source, refiner: Refiner, settings: Settings, bodies: Bo
 
 
 def measure_jacobian(
-    tracked: Tracked, subject: SubjectFrame, refiner: Refiner, settings: Settings, bodies: Bodies
+    tracked: TrackedPerson, subject: SubjectFrame, refiner: Refiner, settings: Settings, bodies: Bodies
 ) -> Array:
     """Derivatives (J, 3) of the joints with respect to the girth, by fits of a thinner and a thicker body."""
     start, rules = tracked.state.start, assume_noise(settings.refine, tracked.state.start.noise)

@@ -30,7 +30,15 @@ from gepf.coordinator.pool.options import PoolStatistics
 from gepf.coordinator.results.configuration import RunConfiguration, differences, versions
 from gepf.coordinator.results.csv_file import write_csv
 from gepf.coordinator.results.live_log import is_empty
-from gepf.coordinator.results.log import Entry, Opening, Recorded, append_records, assemble, read_log
+from gepf.coordinator.results.log import (
+    Entry,
+    Opening,
+    Recorded,
+    append_records,
+    assemble,
+    floor_up,
+    read_log,
+)
 from gepf.coordinator.results.summary import (
     PERSON,
     PERSON_FILE,
@@ -52,7 +60,7 @@ from gepf.coordinator.results.track import (
     write_tracked_body,
 )
 from gepf.coordinator.tracking.estimate import Estimate
-from gepf.coordinator.tracking.reporting import Tracked
+from gepf.coordinator.tracking.reporting import TrackedFrame
 from gepf.coordinator.tracking.state import TrackerState
 
 CSV_FILE = "poses.csv"
@@ -102,12 +110,12 @@ class Recorder:
             remove_empty(self._made)
 
     @property
-    def states(self) -> list[TrackerState] | None:
-        """The state of each person at the end of the interrupted run; None for a new run."""
-        return [person.state for person in self.past.people] if self.past else None
+    def state(self) -> TrackerState | None:
+        """The state of the tracker at the end of the interrupted run; None for a new run."""
+        return self.past.state if self.past else None
 
-    def append(self, tracked: Sequence[Tracked], statistics: PoolStatistics, seconds: float) -> None:
-        """Write the results of one frame, and the state of the tracker after it for each person.
+    def append(self, tracked: TrackedFrame, statistics: PoolStatistics, seconds: float) -> None:
+        """Write the results of one frame, and the state of the tracker after it.
 
         When this returns, readers see them, and they survive the end of this process. They survive a loss of
         power some milliseconds later, at the latest when the next frame is appended or the results are read.
@@ -116,11 +124,12 @@ class Recorder:
         """
         if self.past:
             statistics, seconds = statistics.after(self.past.statistics), seconds + self.past.seconds
-        starts = [each.state.start for each in tracked]
+        starts = [person.state.start for person in tracked.people]
         entry = Entry(
+            frame=tracked.state,
             starts=[new if new is not old else None for new, old in zip_longest(starts, self._starts)],
-            checkpoints=[each.state.checkpoint for each in tracked],
-            estimates=[each.estimate for each in tracked],
+            checkpoints=[person.state.checkpoint for person in tracked.people],
+            estimates=[person.estimate for person in tracked.people],
             statistics=statistics,
             seconds=seconds,
         )
@@ -141,7 +150,8 @@ class Recorder:
         recorded = read_log(self.run / LOG_FILE)
         if recorded is None:
             return {}
-        people = [person.outcome for person in recorded.people]
+        up = floor_up(recorded.frame.scenes)
+        people = [person.outcome(up) for person in recorded.people]
         facts = {**facts, "frame_rate": rate or recorded.frames / max(recorded.seconds, 1e-9)}
         found = write_run(self.run, recorded, people, facts, lambda p: recorded.people[p].estimates)
         self._finished = bool(facts["complete"])

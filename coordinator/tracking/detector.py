@@ -201,7 +201,7 @@ class Detector:
             return detection
         model = detection.start.model
         best = detection.candidates.distinct(model.joint_names, 1)
-        poses = move_with_points(model, best.poses, detection.subject, now)
+        poses = move_root(model, best.poses, middle_of(now) - middle_of(detection.subject))
         prior = pose_prior(model, rules, poses[:, : model.shape_count])
         particles = Particles(poses, iterations(rules, ITERATIONS), prior=prior)
         pending = self._refiner.submit(now, model, particles)
@@ -262,10 +262,10 @@ def gain(query: Query, found: Candidates) -> float:
     return query.subject.pixels * (float(found.log_likelihood[0]) - least)
 
 
-def move_with_points(model: BodyModel, poses: Array, before: SubjectFrame, now: SubjectFrame) -> Array:
-    """Poses (N, D), with the root moved as the middle of the observed points moves between two frames."""
+def move_root(model: BodyModel, poses: Array, step_m: Array) -> Array:
+    """Poses (N, D) with the root moved by (3,) metres."""
     after = poses.copy()
-    for name, step in zip(ROOT_DOFS[:3], middle_of(now) - middle_of(before), strict=True):
+    for name, step in zip(ROOT_DOFS[:3], step_m, strict=True):
         if name in model.dof_names:
             after[:, model.dof(name)] += step
     return after

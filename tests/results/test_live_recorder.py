@@ -31,9 +31,9 @@ from gepf.coordinator.results.summary import read_summary
 from gepf.coordinator.results.tally import Tally
 from gepf.coordinator.results.track import read_track
 from gepf.coordinator.tracking.estimate import Estimate
-from gepf.coordinator.tracking.reporting import Tracked
-from gepf.coordinator.tracking.state import TrackerState
-from tests.results.test_recorder import CONFIGURATION, START, estimate, names, record, state
+from gepf.coordinator.tracking.reporting import TrackedFrame, TrackedPerson
+from gepf.coordinator.tracking.state import PersonState
+from tests.support.recorded import CONFIGURATION, START, estimate, frame_state, names, record, state
 
 FRAMES = 40
 KINDS = ("tracked", "ambiguous", "lost")
@@ -64,8 +64,9 @@ def append(recorder: LiveRecorder | Recorder | Unstored, estimates: Sequence[Est
     """Record frames of one person."""
     for each in estimates:
         start = START if each.frame >= 2 else UNFOUND
-        tracked = Tracked(each, TrackerState(start, state(each.frame).checkpoint))
-        recorder.append([tracked], PoolStatistics(("a",), {"batches_sent": each.frame}), each.frame / 10)
+        people = [TrackedPerson(each, PersonState(start, state(each.frame).checkpoint))]
+        tracked = TrackedFrame(people, frame_state(each.frame))
+        recorder.append(tracked, PoolStatistics(("a",), {"batches_sent": each.frame}), each.frame / 10)
 
 
 def record_live(run: Path, estimates: Sequence[Estimate], *, killed: bool = False) -> None:
@@ -200,8 +201,8 @@ def test_people_of_a_killed_run_have_their_folders(tmp_path: Path) -> None:
         for each in frames(5):
             after = state(each.frame).checkpoint
             starts = [UNFOUND, START if each.frame >= 2 else UNFOUND, UNFOUND]
-            tracked = [Tracked(each, TrackerState(start, after)) for start in starts]
-            recorder.append(tracked, PoolStatistics(), 1.0)
+            people = [TrackedPerson(each, PersonState(start, after)) for start in starts]
+            recorder.append(TrackedFrame(people, frame_state(each.frame)), PoolStatistics(), 1.0)
     finish_killed(run / "person2")
     assert names(run) == ["person1", "person2", "summary.json"]
     assert len(read_track(run / "person2").frame) == 5

@@ -146,7 +146,7 @@ def test_a_person_whom_one_camera_no_longer_sees_is_kept_by_the_other() -> None:
     shows = ("both", "both", "side", "side", "front")
     true, tracker = joint_positions(model, standing[None])[0], Tracker(DirectRefiner(), SETTINGS, known())
     for number, which in enumerate(shows):
-        (tracked,) = tracker.track(shown_by(frame, which, number))
+        (tracked,) = tracker.track(shown_by(frame, which, number)).people
         estimate = tracked.estimate
         assert estimate.status in ("tracked", "ambiguous")
         assert set(estimate.seen_by) == (set(ASIDE) if which == "both" else {which})

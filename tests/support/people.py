@@ -26,7 +26,7 @@ from gepf.coordinator.tracking.certainty.certainty import Certainty
 from gepf.coordinator.tracking.estimate import Estimate
 from gepf.coordinator.tracking.observation import isolate
 from gepf.coordinator.tracking.pose_candidates import Detection
-from gepf.coordinator.tracking.state import Start, TrackerState
+from gepf.coordinator.tracking.state import PersonState, Start
 from gepf.coordinator.tracking.tracker import Tracker
 from gepf.refiners import DirectRefiner
 
@@ -35,23 +35,23 @@ class OnePerson(Tracker):
     """`Tracker` for one person."""
 
     @property
-    def state(self) -> TrackerState:
-        """The state for the next frame."""
-        return self.states[0]
+    def person(self) -> PersonState:
+        """The person's state for the next frame."""
+        return self.state.people[0]
 
     @property
     def start(self) -> Start:
         """The body, and where tracking began."""
-        return self.state.start
+        return self.person.start
 
     @property
     def model(self) -> BodyModel:
         """The body that is tracked."""
-        return self.state.body
+        return self.person.body
 
     def track(self, frame: DepthFrame) -> Estimate:  # type: ignore[override]
         """The estimate of the next frame."""
-        return super().track(frame)[0].estimate
+        return super().track(frame).people[0].estimate
 
 
 CAMERA = Intrinsics(320, 240, 290.0, 290.0, 159.5, 119.5)
