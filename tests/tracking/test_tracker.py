@@ -275,7 +275,7 @@ def test_a_person_who_moves_during_a_live_search_is_tracked_soon_after(rates: di
             estimates.append(report(target.update(submitted, {}), {}).estimate)
     off = [apart(each, joints[-1]).max() for each in estimates]
     assert off[-1] < 0.05
-    assert max(o for o, each in zip(off, estimates, strict=True) if each.status == "tracked") < 0.15
+    assert max(o for o, each in zip(off, estimates, strict=True) if each.status == "tracked") < 0.2
 
 
 def test_a_person_who_walks_during_a_live_search_is_tracked_whole() -> None:
