@@ -11,7 +11,7 @@ from gepf.common.camera import Intrinsics
 from gepf.common.frame import DepthFrame, SubjectFrame
 from gepf.common.refinement import Particles, Refined, triangle_size
 from gepf.common.settings import Settings
-from gepf.coordinator.bodies.tracked import Bodies
+from gepf.coordinator.bodies.family import Bodies
 from gepf.coordinator.scene.planes import Planes
 from gepf.coordinator.stopwatch import Stopwatch
 from gepf.coordinator.tracking.observation import isolate
@@ -60,7 +60,7 @@ def rehearse(settings: Settings, bodies: Bodies) -> None:
         segmenter.segment(room, [body])
         shown = replace(room, depth=np.where(depth < 4000, depth, 0))
         short = replace(shown, depth=shown.depth[:30], intrinsics=CAMERA.crop(0, 0, CAMERA.width, 30))
-        for each in (target, unknown, cut) if bodies.people else (target,):
+        for each in (target, unknown, cut):
             seen = short if each is cut else shown
             each.begin_frame()
             updated = each.submit(seen, isolate(seen, 400), Planes(), Stopwatch())

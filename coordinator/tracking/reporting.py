@@ -10,7 +10,6 @@ from gepf.common.arrays import Array
 from gepf.common.body import BodyModel
 from gepf.common.frame import DepthFrame, SubjectFrame
 from gepf.common.kinematics import joint_positions, retract
-from gepf.coordinator.bodies.angles import is_person
 from gepf.coordinator.filters.belief import Belief
 from gepf.coordinator.filters.motion import precisions
 from gepf.coordinator.stopwatch import Stopwatch
@@ -81,8 +80,7 @@ def report(updated: Updated) -> Tracked:
             seen_by = seen_shares(model, pose, context.subject, context.stretch) * in_sight
             features = measure_features(model, pose, joints, weights, context, management.residual, seen_by)
             certainty = FIT.judge(features, in_sight)
-            names = [name for name, moves in zip(model.dof_names, model.moves, strict=True) if moves]
-            if belief is not None and belief.posterior.size and not is_person(names):
+            if belief is not None and belief.posterior.size and start.family.is_exact:
                 certainty = replace(certainty, deviation=known_deviations(model, pose, belief.posterior))
             certainty = replace(certainty, off_probability=certainty.off_probability * movable_joints(model))
             views = [each.frame.camera for each in context.subject.views]

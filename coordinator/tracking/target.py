@@ -18,7 +18,7 @@ from gepf.common.body import BodyModel
 from gepf.common.frame import DepthFrame, SubjectFrame
 from gepf.common.kinematics import joint_positions, pose_vertices
 from gepf.common.settings import RefineSettings, Settings
-from gepf.coordinator.bodies.tracked import Bodies
+from gepf.coordinator.bodies.family import Bodies
 from gepf.coordinator.filters.belief import USUAL_INTERVAL, Belief
 from gepf.coordinator.filters.methods import apply_method
 from gepf.coordinator.scene.planes import Planes
@@ -299,7 +299,7 @@ class TargetTracker:
                 self._belief = replace(redetected_as, shape_precision=belief.shape_precision)
                 gate = detection.gate
             joints = joint_positions(self.model, self._belief.poses[:1])[0]
-            facing = detection.looks_alike(self.model.joint_names, joints, self._belief.log_weights[0])
+            facing = detection.looks_alike(joints, self._belief.log_weights[0])
             self.management = replace(self.management, ambiguous_facing=facing)
         if self.management.is_lost and not self._agreement.contradicting:
             self._agreement = Agreement()

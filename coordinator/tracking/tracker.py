@@ -16,7 +16,7 @@ import numpy as np
 from gepf.common.arrays import Array
 from gepf.common.frame import DepthFrame, SubjectFrame
 from gepf.common.settings import Settings
-from gepf.coordinator.bodies.tracked import Bodies
+from gepf.coordinator.bodies.family import Bodies
 from gepf.coordinator.scene.scene import NOTHING, SETTLED_FRAMES
 from gepf.coordinator.scene.scope import Scope
 from gepf.coordinator.sources.live import LiveFrames

@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gepf.common.errors import InputError
-from gepf.coordinator.bodies.tracked import Size
+from gepf.coordinator.bodies.human.shape_space import Size
 from gepf.coordinator.files import write_atomically
 from gepf.coordinator.pool.options import PoolStatistics
 from gepf.coordinator.results.log import Recorded, read_log, read_records
