@@ -130,7 +130,7 @@ class Tracker(FrameLoop):
             local worker; the endpoint of a router with workers; or a Pool. The results are the same, bit for
             bit.
         start: Values of degrees of freedom in the first frame, metres and radians, or a file of them; None
-            to detect the body, which is possible only for people.
+            to detect the body.
         active: Degrees of freedom to track; None for the default ones.
         camera: Matrix (3, 3), fx 0 cx, 0 fy cy, 0 0 1 in pixels; needed only for arrays.
         depth_scale: Units per metre of integer arrays.

@@ -22,8 +22,11 @@ def family_of(model: BodyModel) -> BodyFamily:
     for family in FAMILIES:
         if family.name == model.family:
             return family
-    known = ", ".join(family.name for family in FAMILIES)
-    raise InputError(f"the body is of the unknown family '{model.family}'; this version knows {known}")
+    names = ", ".join(family.name for family in FAMILIES)
+    raise InputError(
+        f"the body is of the unknown family '{model.family}', this version knows {names}; "
+        "use the version of gepf that tracked it"
+    )
 
 
 def family_that_reads(model: str) -> BodyFamily:

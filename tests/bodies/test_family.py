@@ -79,7 +79,7 @@ def test_a_body_faces_away_if_it_is_turned_round(model: BodyModel) -> None:
 
 def test_a_body_of_an_unknown_family_is_refused(model: BodyModel) -> None:
     """A run of another version says which families this one knows."""
-    with pytest.raises(InputError, match=r"unknown family 'octopus'.*human"):
+    with pytest.raises(InputError, match=r"unknown family 'octopus'.*human.*use the version"):
         family_of(replace(model, family="octopus"))
 
 
