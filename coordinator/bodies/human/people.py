@@ -55,8 +55,12 @@ def near_statures(size: BodySize) -> Sequence[BodySize]:
     stature, girth, _ = Size(*size)
     adult, statures = shape_space().statures[-1], stature * STATURE_STEPS
     maturities = MATURITIES if stature <= adult else MATURITIES[:1]
-    pairs = [(each, m) for m in maturities for each in statures if m == 0.0 or each < adult]
-    return [Size(tried, girth, maturity) for tried, maturity in pairs]
+    return [
+        Size(tried, girth, maturity)
+        for maturity in maturities
+        for tried in statures
+        if maturity == 0.0 or tried < adult
+    ]
 
 
 def all_girths(size: BodySize) -> Sequence[BodySize]:
