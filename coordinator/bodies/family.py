@@ -15,11 +15,9 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
-from gepf.common.activation import activate
 from gepf.common.arrays import Array, Mask
 from gepf.common.body import BodyModel
 from gepf.common.frame import SubjectFrame
-from gepf.common.kinematics import joint_positions
 from gepf.coordinator.bodies.angles import Angles
 from gepf.coordinator.bodies.tracked import activate_at, name_pose
 
@@ -168,6 +166,8 @@ class BodyFamily(ABC):
 
         `turn` (3, 3) leads from the rig to the camera.
         """
+        from gepf.common.kinematics import joint_positions  # loads the compiler
+
         if self.axis is None:
             return None
         joints, names = joint_positions(model, pose[None])[0], model.joint_names
@@ -269,7 +269,7 @@ class Bodies:
     @cached_property
     def _usual(self) -> BodyModel:
         full = self.full(*self.usual_size)
-        return activate(full, self.start_dofs, np.zeros(len(full.dof_names)))
+        return activate_at(full, self.start_dofs, np.zeros(len(full.dof_names)))[0]
 
 
 def one_body(

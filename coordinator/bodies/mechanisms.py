@@ -12,7 +12,6 @@ from gepf.common.body import MECHANISM, ROOT_DOFS, ROTATION, BodyModel
 from gepf.common.packages import needs
 from gepf.coordinator.bodies.angles import Angles, RevoluteJoint, level_turn, whole_body
 from gepf.coordinator.bodies.family import Bodies, BodyFamily, one_body
-from gepf.coordinator.bodies.random_poses import draw_within_limits
 from gepf.coordinator.bodies.tracked import choose_active
 
 
@@ -45,6 +44,8 @@ class Mechanisms(BodyFamily):
 
     def draw_poses(self, model: BodyModel, count: int, rng: np.random.Generator) -> Array:
         """Poses (N, D) in any orientation, with joints anywhere within their ranges."""
+        from gepf.coordinator.bodies.random_poses import draw_within_limits  # loads the compiler
+
         return draw_within_limits(model, count, rng)
 
     def angles(self, model: BodyModel, held: Mapping[str, float], up: Array | None) -> Angles:

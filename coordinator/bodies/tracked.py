@@ -8,7 +8,6 @@ from functools import lru_cache
 
 import numpy as np
 
-from gepf.common.activation import activate
 from gepf.common.arrays import Array
 from gepf.common.body import ROOT_DOFS, BodyModel, unknown_dof
 from gepf.common.errors import InputError
@@ -61,6 +60,8 @@ def pose_by_name(model: BodyModel, pose: Array) -> dict[str, float]:
 
 def activate_at(full: BodyModel, active: tuple[str, ...], pose: Array) -> tuple[BodyModel, Array]:
     """A body of which the active degrees of freedom move from a pose (D,) on, and its own pose there."""
+    from gepf.common.activation import activate  # loads the compiler
+
     model = activate(full, active, pose)
     return model, pose[[full.dof(name) for name in model.dof_names]]
 

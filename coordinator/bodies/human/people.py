@@ -13,13 +13,11 @@ from gepf.common.body import BodyModel
 from gepf.common.errors import InputError
 from gepf.coordinator.bodies.angles import Angles
 from gepf.coordinator.bodies.family import Bodies, BodyFamily, BodySize, FittedBody, one_body
-from gepf.coordinator.bodies.human import plausibility
 from gepf.coordinator.bodies.human.angles import person_angles
 from gepf.coordinator.bodies.human.dofs import HUMAN, HUMAN_DOFS
 from gepf.coordinator.bodies.human.measures import DEVIATION, Measures
 from gepf.coordinator.bodies.human.shape_space import REFERENCE_STATURE, Size, shape_space
 from gepf.coordinator.bodies.human.template import DEFAULT_ACTIVE, human, human_of
-from gepf.coordinator.bodies.human.typical_poses import draw_people
 from gepf.coordinator.bodies.tracked import choose_active
 from gepf.coordinator.files import read_json
 
@@ -109,6 +107,8 @@ class People(BodyFamily):
 
     def draw_poses(self, model: BodyModel, count: int, rng: np.random.Generator) -> Array:
         """Typical poses (N, D)."""
+        from gepf.coordinator.bodies.human.typical_poses import draw_people  # loads the compiler
+
         return draw_people(model, count, rng)
 
     def angles(self, model: BodyModel, held: Mapping[str, float], up: Array | None) -> Angles:
@@ -143,7 +143,9 @@ class People(BodyFamily):
 
     def implausible(self, body: FittedBody) -> str:
         """Why a fitted body is not a person; empty if it may be."""
-        return plausibility.reject(body, self.length(body.size), self.vertex_gap(body.size))
+        from gepf.coordinator.bodies.human.plausibility import reject  # loads the compiler
+
+        return reject(body, self.length(body.size), self.vertex_gap(body.size))
 
     def describe_size(self, size: BodySize, deviation_m: float) -> dict[str, float | None]:
         """Stature, its standard deviation, girth and age by proportions; None if nobody was detected."""
