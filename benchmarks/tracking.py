@@ -14,7 +14,7 @@ from gepf.common.arrays import Array, Mask
 from gepf.common.frame import DepthFrame
 from gepf.common.settings import Settings
 from gepf.coordinator.bodies.choice import choose_bodies
-from gepf.coordinator.bodies.tracked import Bodies
+from gepf.coordinator.bodies.family import Bodies
 from gepf.coordinator.results.evaluation import NEAR_M, positions
 from gepf.coordinator.results.tally import count_status
 from gepf.coordinator.sources.source import rate_of
@@ -85,7 +85,7 @@ def track(
         start = found[-1].state.start
         columns = positions(start.model.joint_names, reference.names)
         joints = np.array([found[row].estimate.joint_positions[columns] for row in mine])
-        status, stature = count_status(one.estimate.status for one in found), found[-1].state.size.stature
+        status, stature = count_status(one.estimate.status for one in found), found[-1].state.size[0]
     return Outcome(
         recording,
         joints,

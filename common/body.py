@@ -26,6 +26,9 @@ TRANSLATION, ROTATION, SHAPE = 0, 1, 2
 
 LEAST_SPREAD = 1e-3
 
+MECHANISM = "mechanism"
+"""The family of robots and objects: rigid links of known shape."""
+
 REST_FROM_URDF = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
 """URDF and ROS: x forward, y left, z up. Rest: x to the body's left, y down, z to its back."""
 
@@ -47,6 +50,8 @@ class BodyModel:
 
     Shape coefficients (S) are the first degrees of freedom. The rest pose of a body with coefficients b is
     `vertices` + b . `shape_vertices`; `points` and `joint_points` change alike.
+
+    `family` names what else is known of such bodies, see `gepf.coordinator.bodies.family`; workers ignore it.
     """
 
     name: str
@@ -72,6 +77,7 @@ class BodyModel:
     )  # (S, V, 3) per unit of the shape coefficient
     shape_points: Array = field(default_factory=lambda: NO_DIRECTIONS)  #: (S, D, 3)
     shape_joint_points: Array = field(default_factory=lambda: NO_DIRECTIONS)  #: (S, J, 3)
+    family: str = MECHANISM
 
     def __post_init__(self) -> None:
         for member in fields(self):
@@ -108,6 +114,14 @@ class BodyModel:
     def moves(self) -> Mask:
         """Which degrees of freedom (D,) change with time, that is, all but shape coefficients."""
         return np.asarray(self.kinds != SHAPE)
+
+    @cached_property
+    def root(self) -> Indices:
+        """Indices (6,) of the root's degrees of freedom: three translations, three rotations.
+
+        InputError if some of them are held.
+        """
+        return np.array([self.dof(name) for name in ROOT_DOFS], dtype=np.int64)
 
     @cached_property
     def related(self) -> Mask:

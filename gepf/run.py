@@ -13,7 +13,7 @@ import numpy as np
 from gepf.common.arrays import Array
 from gepf.common.body import ROOT_DOFS
 from gepf.common.packages import needs
-from gepf.coordinator.bodies.swing_twist import isb_angles, isb_names
+from gepf.coordinator.bodies.human.isb import isb_angles, isb_names
 from gepf.coordinator.exports import export_run
 from gepf.coordinator.exports.recorded import RecordedRun, read_run
 from gepf.coordinator.results.angles import sliding_joints

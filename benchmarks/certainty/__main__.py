@@ -41,7 +41,7 @@ from benchmarks.running import (
 )
 from benchmarks.tracking import prepare
 from gepf.common.errors import InputError
-from gepf.coordinator.bodies.tracked import Bodies
+from gepf.coordinator.bodies.family import Bodies
 from gepf.coordinator.tracking.certainty.certainty import FIT
 
 EVERY = [1, 2, 3]  # n-th frame

@@ -15,7 +15,7 @@ from gepf.common.camera import Intrinsics
 from gepf.common.frame import DepthFrame
 from gepf.common.kinematics import joint_positions
 from gepf.common.settings import Settings
-from gepf.coordinator.bodies.tracked import Bodies
+from gepf.coordinator.bodies.family import Bodies
 from gepf.coordinator.files import TRUTH_FILE
 from gepf.coordinator.results.evaluation import positions
 from gepf.coordinator.stopwatch import Stopwatch

@@ -22,7 +22,8 @@ from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions
 from gepf.common.refinement import Particles
 from gepf.common.settings import Settings
-from gepf.coordinator.bodies.tracked import Bodies
+from gepf.coordinator.bodies.family import Bodies
+from gepf.coordinator.bodies.human.shape_space import Size
 from gepf.coordinator.filters.pose_prior import pose_prior
 from gepf.coordinator.sources.source import Source
 from gepf.coordinator.tracking.candidate_refinement import ITERATIONS
@@ -137,7 +138,8 @@ def track_alone(source: Source, refiner: Refiner, settings: Settings, bodies: Bo
             if tracked.subject is not None and estimate.time_s >= next_s:
                 next_s = estimate.time_s + BLOCK_S
                 jacobian = measure_jacobian(tracked, tracked.subject, refiner, settings, bodies)
-        to_girth_1 = (1.0 - tracked.state.size.girth) * jacobian
+        girth = Size(*tracked.state.size).girth if tracked.state.size else np.nan
+        to_girth_1 = (1.0 - girth) * jacobian
         joints = np.nan_to_num(estimate.joint_positions + to_girth_1)
         rows.append((estimate.time_s, joints, deviation**2, np.broadcast_to(jacobian, joints.shape)))
     return Motion(*map(np.array, zip(*rows, strict=True)))
@@ -149,7 +151,7 @@ def measure_jacobian(
     """Derivatives (J, 3) of the joints with respect to the girth, by fits of a thinner and a thicker body."""
     start, rules = tracked.state.start, assume_noise(settings.refine, tracked.state.start.noise)
     pose, settled = tracked.estimate.pose[None], iterations(rules, ITERATIONS)
-    size = tracked.state.size
+    size = Size(*tracked.state.size)
     girths = size.girth * GIRTHS
     models = [bodies.tracked(size._replace(girth=girth), start.values)[0] for girth in girths.tolist()]
     sent = [

@@ -19,7 +19,6 @@ from gepf.common.errors import InputError
 from gepf.common.frame import DepthFrame
 from gepf.common.protocol.keys import check_stream
 from gepf.common.transport.channels import Publisher
-from gepf.coordinator.bodies.angles import is_person
 from gepf.coordinator.bodies.choice import choose_bodies
 from gepf.coordinator.commands.job import Job
 from gepf.coordinator.commands.progress import FrameRate, Show, counted, describe_frame
@@ -152,7 +151,7 @@ class RecordedInput(Input):
             mirrored = bool(source.mirrored)
             self.colours = ColourFolder(job.color, source.intrinsics, numbers, mirrored=mirrored)
         for view in source.views:
-            for doubt in find_doubts(view, of_person=is_person(self.bodies.dof_names)):
+            for doubt in find_doubts(view, self.bodies.family.nearest_m):
                 logger.warning("%s: %s", view.camera or source.name, doubt)
         first = source.frame(numbers[0])
         path, given = job.sequence.resolve(), job.given

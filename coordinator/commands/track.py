@@ -11,6 +11,7 @@ from functools import partial
 import numpy as np
 
 from gepf.common.errors import InputError, SilentWorkers
+from gepf.coordinator.bodies.human.people import PEOPLE
 from gepf.coordinator.commands.console import INTERRUPTS
 from gepf.coordinator.commands.finished import draw_pictures
 from gepf.coordinator.commands.inputs import MEND_STREAM, LiveInput, RecordedInput
@@ -207,7 +208,7 @@ def open_outlets(
     if job.people > 1:
         names = [f"{job.results}/{PERSON}{number}" for number in range(1, job.people + 1)]
     if node is not None and is_topic(job.results):
-        humans = HumanBodies(node) if given.bodies.people else None
+        humans = HumanBodies(node) if given.bodies.family is PEOPLE else None
         return [LiveResults(RosOutlet(node, name, humans)) for name in names]
     return [
         LiveResults(PackedOutlet(workers.speak(name), as_json=job.results_json), run=workers.run)
@@ -255,7 +256,7 @@ def conclude(given: RecordedInput | LiveInput, recorded: Mapping[int, Outcome], 
             why = tally.describe_failure()
             show.say(f"person {number}: {why}" if several else why, "bold red")
     advice = advise_rotation(recorded[1], is_tracked=tracked)
-    if advice and given.bodies.people and given.scope.up is None:
+    if advice and given.bodies.family.axis and given.scope.up is None:
         show.say(advice)
     return tracked
 

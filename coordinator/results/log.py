@@ -22,7 +22,7 @@ import numpy as np
 from gepf.common.arrays import Array
 from gepf.common.body import BodyModel
 from gepf.common.errors import InputError
-from gepf.coordinator.bodies.angles import angles_of
+from gepf.coordinator.bodies.families import angles_of
 from gepf.coordinator.pool.options import PoolStatistics
 from gepf.coordinator.results.angles import with_angles
 from gepf.coordinator.results.summary import RunTotals

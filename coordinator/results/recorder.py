@@ -16,8 +16,6 @@ import numpy as np
 
 from gepf.common.errors import InputError
 from gepf.common.settings import Settings
-from gepf.coordinator.bodies.human.dofs import HUMAN
-from gepf.coordinator.bodies.human.measures import DEVIATION
 from gepf.coordinator.files import (
     LIVE_FILE,
     LOG_FILE,
@@ -43,7 +41,6 @@ from gepf.coordinator.results.summary import (
     PERSON,
     PERSON_FILE,
     RunTotals,
-    describe_size,
     find_summary,
     folder_of,
     summarise,
@@ -183,10 +180,11 @@ def write_run(
         own = {} if len(people) == 1 else {PERSON: number}
         summary = {**facts, **summarise(totals, person), **own}
         folder = folder_of(run, len(people), number)
-        if person.found and configuration["model"]["name"] == HUMAN:
-            names = ("stature", DEVIATION, "girth", "age")
-            folder.mkdir(parents=True, exist_ok=True)
-            write_json(folder / PERSON_FILE, dict(zip(names, describe_size(person).values(), strict=True)))
+        if person.found and configuration["model"]["content"] is None:  # the size was not known
+            measures = start.family.size_file(start.size_of(person.shape), person.stature_deviation)
+            if measures:
+                folder.mkdir(parents=True, exist_ok=True)
+                write_json(folder / PERSON_FILE, measures)
         write_files(folder, track, TrackedBody(body, start.held), summary, packed=packed)
     if len(people) > 1:
         write_json(run / SUMMARY_FILE, {**facts, **summarise_all(totals, found)})

@@ -11,7 +11,7 @@ from gepf.common.camera import Intrinsics
 from gepf.common.frame import DepthFrame, SubjectFrame
 from gepf.common.refinement import Particles, Refined, triangle_size
 from gepf.common.settings import Settings
-from gepf.coordinator.bodies.tracked import Bodies
+from gepf.coordinator.bodies.family import Bodies
 from gepf.coordinator.scene.planes import Planes
 from gepf.coordinator.stopwatch import Stopwatch
 from gepf.coordinator.tracking.observation import isolate
@@ -60,7 +60,7 @@ def warm_up(settings: Settings, bodies: Bodies) -> None:
         segmenter.segment(room, [surface])
         whole = replace(room, depth=np.where(depth < 4000, depth, 0))
         short = replace(whole, depth=whole.depth[:30], intrinsics=CAMERA.crop(0, 0, CAMERA.width, 30))
-        for target in (tracked, unknown, cut) if bodies.people else (tracked,):
+        for target in (tracked, unknown, cut):
             frame = short if target is cut else whole
             target.begin_frame()
             updated = target.submit(BodyView(frame, isolate(frame, 400), Planes()), Stopwatch())

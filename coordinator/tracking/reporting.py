@@ -11,7 +11,6 @@ from gepf.common.arrays import Array, Mask
 from gepf.common.body import BodyModel
 from gepf.common.frame import DepthFrame, SubjectFrame
 from gepf.common.kinematics import joint_positions, retract
-from gepf.coordinator.bodies.angles import is_person
 from gepf.coordinator.filters.belief import Belief
 from gepf.coordinator.filters.motion import precisions
 from gepf.coordinator.stopwatch import Stopwatch
@@ -33,7 +32,7 @@ from gepf.coordinator.tracking.certainty.features import (
 from gepf.coordinator.tracking.certainty.surface import seen_shares
 from gepf.coordinator.tracking.estimate import MAX_HYPOTHESES, POSE_UNKNOWN, Estimate, Status
 from gepf.coordinator.tracking.field_of_view import in_view
-from gepf.coordinator.tracking.state import FrameState, PersonState
+from gepf.coordinator.tracking.state import FrameState, PersonState, Start
 from gepf.coordinator.tracking.track_state import (
     Absent,
     Followed,
@@ -96,7 +95,7 @@ def report(updated: Updated, cameras: CameraStates) -> TrackedPerson:
             in_sight = in_view(context.subject, joints[0])
             seen_by = seen_shares(model, pose, context.subject, context.stretch) * in_sight
             features = measure_features(model, pose, joints, weights, context, followed.residual, seen_by)
-            certainty = certainty_of(model, pose, followed.belief, features, in_sight)
+            certainty = certainty_of(start, pose, followed.belief, features, in_sight)
             views = [view.frame.camera for view in context.subject.views]
             seen = dict(zip(views, seen_by, strict=True))
             faulty = any(state.fault for state in cameras.values())
@@ -155,15 +154,12 @@ def has_rival(weights: Array, joints: Array, reported: Array) -> bool:
     return bool(np.any(apart > OFF))
 
 
-def certainty_of(
-    model: BodyModel, pose: Array, belief: Belief, features: Features, in_sight: Mask
-) -> Certainty:
+def certainty_of(start: Start, pose: Array, belief: Belief, features: Features, in_sight: Mask) -> Certainty:
     """The certainty of each joint of the reported pose (D,); `in_sight` (J,) are those in view."""
     certainty = FIT.judge(features, in_sight)
-    names = [name for name, moves in zip(model.dof_names, model.moves, strict=True) if moves]
-    if belief.posterior.size and not is_person(names):
-        certainty = replace(certainty, deviation=known_deviations(model, pose, belief.posterior))
-    return replace(certainty, off_probability=certainty.off_probability * movable_joints(model))
+    if belief.posterior.size and start.family.is_exact:
+        certainty = replace(certainty, deviation=known_deviations(start.model, pose, belief.posterior))
+    return replace(certainty, off_probability=certainty.off_probability * movable_joints(start.model))
 
 
 def least_probability(certainty: Certainty, *, faulty: bool, new: bool) -> Array:

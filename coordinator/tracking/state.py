@@ -13,10 +13,9 @@ from gepf.common.arrays import Array
 from gepf.common.body import ROOT_DOFS, BodyModel, unknown_dof, with_fixed_shape
 from gepf.common.bounds import LARGEST
 from gepf.common.errors import InputError
-from gepf.common.kinematics import joint_positions
 from gepf.common.settings import Settings
-from gepf.coordinator.bodies.human.shape_space import shape_space
-from gepf.coordinator.bodies.tracked import USUAL_SIZE, Bodies, Size
+from gepf.coordinator.bodies.families import family_of
+from gepf.coordinator.bodies.family import Bodies, BodyFamily, BodySize
 from gepf.coordinator.files import read_json
 from gepf.coordinator.filters.methods import initial_belief
 from gepf.coordinator.scene.scene import SceneChanges
@@ -30,16 +29,21 @@ class Start:
     """A body and its pose (D,) in the first frame that shows it.
 
     `values` are by name, including degrees of freedom that are held. Until the body is `found`, only the
-    names of its degrees of freedom and joints are valid; pose and size are NaN. `noise` is the
+    names of its degrees of freedom and joints are valid; the pose is NaN, the size empty. `noise` is the
     camera's noise in that frame; zero if it was not measured.
     """
 
     model: BodyModel
     pose: Array
-    size: Size
+    size: BodySize
     values: Mapping[str, float] = field(default_factory=dict)
     noise: SensorNoise = NO_NOISE
     found: bool = True
+
+    @property
+    def family(self) -> BodyFamily:
+        """What is known of such bodies."""
+        return family_of(self.model)
 
     @property
     def held(self) -> dict[str, float]:
@@ -50,9 +54,9 @@ class Start:
         """The body of the shape with these coefficients (S,), without degrees of freedom of shape."""
         return with_fixed_shape(self.model, shape) if self.model.shape_count else self.model
 
-    def size_of(self, shape: Array) -> Size:
-        """The size of a person with these shape coefficients (S,); that of the start without any."""
-        return Size(*shape_space().measures_of(shape)) if len(shape) else self.size
+    def size_of(self, shape: Array) -> BodySize:
+        """The size of the body with these shape coefficients (S,); that of the start without any."""
+        return self.family.size_of(shape) if len(shape) else self.size
 
     @property
     def is_free(self) -> bool:
@@ -61,14 +65,17 @@ class Start:
 
     @property
     def roll(self) -> float:
-        """The rotation of the image that makes the body upright: a multiple of pi / 2, radians."""
-        return roll_of(self.model, self.pose, np.eye(3)) if self.found else 0.0
+        """The rotation of the image that makes the body upright: a multiple of pi / 2, radians.
+
+        Zero for a body without an axis.
+        """
+        return (self.family.roll(self.model, self.pose, np.eye(3)) or 0.0) if self.found else 0.0
 
 
 def start_at(
     values: Mapping[str, float],
     bodies: Bodies,
-    size: Size | None = None,
+    size: BodySize | None = None,
     noise: SensorNoise = NO_NOISE,
     *,
     flexible: bool = False,
@@ -77,23 +84,9 @@ def start_at(
 
     If it is `flexible`, a size that is not known can change.
     """
-    size = size or bodies.measures or USUAL_SIZE
+    size = bodies.usual_size if size is None else size
     model, pose = (bodies.flexible if flexible else bodies.tracked)(size, values)
     return Start(model, pose, size, dict(values), noise)
-
-
-def roll_of(model: BodyModel, pose: Array, turn: Array) -> float:
-    """The rotation of an image that makes a pose (D,) upright: a multiple of pi / 2, radians.
-
-    `turn` (3, 3) leads from the rig to the camera.
-    """
-    if not {"head", "pelvis"} <= set(model.joint_names):
-        return 0.0
-    joints = joint_positions(model, pose[None])[0]
-    rises = joints[model.joint_names.index("head")] - joints[model.joint_names.index("pelvis")]
-    across, down, _ = turn @ rises
-    quarter = 0.5 * np.pi
-    return round(float(-np.arctan2(across, -down)) / quarter) % 4 * quarter
 
 
 def read_start(path: Path, dof_names: Collection[str], remedy: str = "") -> dict[str, float]:
@@ -140,8 +133,8 @@ class PersonState:
         return self.start.body_of(self.shape)
 
     @property
-    def size(self) -> Size:
-        """The present size of a person; NaN of other bodies."""
+    def size(self) -> BodySize:
+        """The present size; empty until the body is found, or if its shape is known."""
         return self.start.size_of(self.shape)
 
     @property
@@ -177,6 +170,6 @@ def first_state(bodies: Bodies, values: Mapping[str, float] | None, settings: Se
         belief = initial_belief(start.model, start.pose, settings)
         track = Found(belief=belief, segmentation_pose=start.pose)
         return PersonState(start, Checkpoint(track, generator))
-    model, pose = bodies.tracked(bodies.measures or USUAL_SIZE, {})
-    start = Start(model, np.full_like(pose, np.nan), Size(np.nan, np.nan), found=False)
+    model, pose = bodies.tracked(bodies.usual_size, {})
+    start = Start(model, np.full_like(pose, np.nan), (), found=False)
     return PersonState(start, Checkpoint(Absent(), generator))

@@ -17,7 +17,7 @@ from gepf.common.body import BodyModel
 from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions, pose_vertices
 from gepf.common.settings import RefineSettings, Settings
-from gepf.coordinator.bodies.tracked import Bodies
+from gepf.coordinator.bodies.family import Bodies
 from gepf.coordinator.filters.belief import USUAL_INTERVAL, Belief
 from gepf.coordinator.filters.methods import apply_method
 from gepf.coordinator.stopwatch import Stopwatch
@@ -307,7 +307,7 @@ class TargetTracker:
                 belief = replace(redetected_as, shape_precision=belief.shape_precision)
                 gate = detection.gate
             joints = joint_positions(self.model, belief.poses[:1])[0]
-            ambiguous_facing = detection.looks_alike(self.model.joint_names, joints, belief.log_weights[0])
+            ambiguous_facing = detection.looks_alike(joints, belief.log_weights[0])
         view, noise_depth = submitted.view, submitted.settings.noise_depth
         views = [*context.subject.views, *(view.excluded.views if view.excluded is not None else ())]
         return Refined(

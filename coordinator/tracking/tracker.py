@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from gepf.common.frame import DepthFrame
 from gepf.common.settings import Settings
-from gepf.coordinator.bodies.tracked import Bodies
+from gepf.coordinator.bodies.family import Bodies
 from gepf.coordinator.scene.scope import Scope
 from gepf.coordinator.sources.live import LiveFrames
 from gepf.coordinator.stopwatch import Stopwatch

@@ -17,9 +17,12 @@ from gepf.common.camera import Intrinsics, inverse, moved
 from gepf.common.frame import DepthFrame, SubjectFrame
 from gepf.common.kinematics import joint_positions, pose_vertices
 from gepf.common.settings import Settings, preset
-from gepf.coordinator.bodies.human.shape_space import shape_space
+from gepf.coordinator.bodies.family import Bodies
+from gepf.coordinator.bodies.human.dofs import HUMAN_DOFS
+from gepf.coordinator.bodies.human.people import PEOPLE
+from gepf.coordinator.bodies.human.shape_space import Size, shape_space
 from gepf.coordinator.bodies.human.template import DEFAULT_ACTIVE, human
-from gepf.coordinator.bodies.tracked import Bodies, Size, name_pose
+from gepf.coordinator.bodies.tracked import name_pose
 from gepf.coordinator.synthesis.rendering import DepthRenderer
 from gepf.coordinator.tracking.candidate_refinement import Search
 from gepf.coordinator.tracking.certainty.certainty import Certainty
@@ -130,16 +133,21 @@ def empty(number: int) -> DepthFrame:
     return frame_of(number, np.zeros((CAMERA.height, CAMERA.width)))
 
 
+def people_of(size: Size | None) -> Bodies:
+    """People of this size, or of any, with the paper's degrees of freedom."""
+    return Bodies(PEOPLE, shape_space().person, DEFAULT_ACTIVE, DEFAULT_ACTIVE, HUMAN_DOFS, size=size)
+
+
 @cache
 def known() -> Bodies:
     """The person who is shown, whose measures are known."""
-    return Bodies(shape_space().person, DEFAULT_ACTIVE, DEFAULT_ACTIVE, measures=Size(1.82, 1.0))
+    return people_of(Size(1.82, 1.0))
 
 
 @cache
 def people() -> Bodies:
     """People of any size, as the command line makes them, of the paper's degrees of freedom."""
-    return Bodies(shape_space().person, DEFAULT_ACTIVE, DEFAULT_ACTIVE)
+    return people_of(None)
 
 
 def tracker(settings: Settings = SETTINGS, start: dict[str, float] = STANDING) -> OnePerson:

@@ -14,6 +14,7 @@ from gepf.common.kinematics import joint_positions
 from gepf.common.settings import Settings
 from gepf.coordinator.bodies.choice import choose_bodies
 from gepf.coordinator.bodies.human.measures import Measures
+from gepf.coordinator.bodies.human.shape_space import Size
 from gepf.coordinator.bodies.human.template import human_of
 from gepf.coordinator.bodies.tracked import name_pose
 from gepf.coordinator.tracking.state import PersonState
@@ -66,14 +67,14 @@ def at_time(frame: DepthFrame, n: int) -> DepthFrame:
 def test_a_person_who_stands_has_the_right_stature(stature: float, girth: float) -> None:
     """Adult, heavy adult and child; the stated deviation covers the error."""
     state = follow(timed(swaying(Measures.of(stature, girth), POSTURE, 20)))
-    assert state.size.stature == pytest.approx(stature, rel=0.025)
-    assert abs(state.size.stature - stature) < 3.0 * state.stature_deviation < 0.15
+    assert Size(*state.size).stature == pytest.approx(stature, rel=0.025)
+    assert abs(Size(*state.size).stature - stature) < 3.0 * state.stature_deviation < 0.15
 
 
 def test_a_person_who_sits_has_about_the_right_stature() -> None:
     """From the first frame on, and less certain than one who stands."""
     sits = follow(timed(swaying(Measures.of(1.7, 1.0), {**SITTING, "root_tz": 2.7}, 20)))
-    assert sits.size.stature == pytest.approx(1.7, rel=0.06)
+    assert Size(*sits.size).stature == pytest.approx(1.7, rel=0.06)
 
 
 def test_the_stature_becomes_certain_with_time() -> None:
@@ -81,7 +82,7 @@ def test_the_stature_becomes_certain_with_time() -> None:
     tracker, statures, deviations = OnePerson(DirectRefiner(), SETTINGS, BODIES), [], []
     for frame in timed(swaying(Measures.of(1.7, 1.0), POSTURE, 30)):
         tracker.track(frame)
-        statures.append(tracker.person.size.stature)
+        statures.append(Size(*tracker.person.size).stature)
         deviations.append(tracker.person.stature_deviation)
     assert np.all(np.diff(deviations) < 0.0)
     steps = np.abs(np.diff(statures))
@@ -95,8 +96,8 @@ def test_cameras_on_both_sides_show_the_girth(girth: float) -> None:
     pose = name_pose(body, POSTURE)
     frame = seen_from(body, [pose, pose], {"front": around(0.0), "back": around(180.0)})
     state = follow([at_time(frame, n) for n in range(20)])
-    assert state.size.girth == pytest.approx(girth, rel=0.05)
-    assert state.size.stature == pytest.approx(1.7, rel=0.025)
+    assert Size(*state.size).girth == pytest.approx(girth, rel=0.05)
+    assert Size(*state.size).stature == pytest.approx(1.7, rel=0.025)
 
 
 def test_a_size_that_is_not_wanted_is_not_measured() -> None:

@@ -17,8 +17,9 @@ from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions
 from gepf.common.refinement import Particles, Refined
 from gepf.common.settings import Settings
+from gepf.coordinator.bodies.human.shape_space import Size
 from gepf.coordinator.bodies.human.template import human
-from gepf.coordinator.bodies.tracked import Size, name_pose
+from gepf.coordinator.bodies.tracked import name_pose
 from gepf.coordinator.filters.belief import Belief
 from gepf.coordinator.results.log import pack_array
 from gepf.coordinator.scene.planes import Planes
@@ -86,7 +87,7 @@ def test_it_starts_by_itself_and_follows(posture: str, stature: float, room: boo
         assert apart(estimate, truth)[fresh.model.joint_names.index("pelvis")] < 0.05
         assert np.median(apart(estimate, truth)) < 0.03
         assert apart(estimate, truth).max() < 0.08
-    assert fresh.start.size.stature == pytest.approx(stature, rel=0.05)
+    assert Size(*fresh.start.size).stature == pytest.approx(stature, rel=0.05)
 
 
 def test_legs_behind_a_table_are_not_drawn_out_of_it() -> None:
