@@ -45,6 +45,8 @@ docs/reference
 docs/architecture
 docs/filter
 docs/posterior
+docs/states
+docs/detection
 docs/scene
 docs/model
 BENCHMARK

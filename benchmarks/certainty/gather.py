@@ -92,8 +92,7 @@ def gather(
         found = np.flatnonzero(reference.frame == frame.number)
         if estimate.status in POSE_UNKNOWN or not len(found):
             continue
-        belief, weights = updated.belief, estimate.hypothesis_weight
-        assert belief is not None  # the pose is known
+        belief, weights = track.belief, estimate.hypothesis_weight
         features = measure_features(
             tracker.model,
             belief.reported,

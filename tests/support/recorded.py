@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gepf.coordinator.bodies.tracked import Size
+from gepf.coordinator.bodies.human.shape_space import Size
 from gepf.coordinator.filters.belief import Belief
 from gepf.coordinator.pool.options import PoolStatistics
 from gepf.coordinator.results.log import Recorded
