@@ -105,7 +105,7 @@ def test_a_second_camera_finds_the_arm_that_the_first_does_not_see() -> None:
         assert found.covariance_roots is not None
         root = lower_triangular(found.covariance_roots, len(pose()))[0]
         spreads.append(np.sqrt(np.diag(root @ root.T))[arm])
-    assert errors[1] < 0.05
+    assert errors[1] < 0.06
     assert errors[0] > 2.0 * errors[1]
     assert np.all(spreads[1] < 0.7 * spreads[0])
 

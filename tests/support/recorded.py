@@ -29,7 +29,11 @@ MODEL = replace(
 DOFS, JOINTS = MODEL.dof_names, MODEL.joint_names
 START = Start(MODEL, np.arange(len(DOFS)) / 7.0, Size(1.7, 1.0))
 SETTINGS = {"seed": 3, "method": "gepf", "preset": "default", "filter": {"particles": 2}}
-CONFIGURATION = {"sequence": "wall", "model": {"name": "wall"}, "settings": SETTINGS}
+CONFIGURATION = {
+    "sequence": "wall",
+    "model": {"name": "wall", "content": "0f1e2d3c4b5a"},
+    "settings": SETTINGS,
+}
 
 
 def estimate(number: int, hypotheses: int = 2, status: Status = "tracked") -> Estimate:
