@@ -1,7 +1,6 @@
 """Poses in which a body can be detected, each with its descriptor.
 
-Poses of people are drawn around modes: typical poses of arms, legs and trunk, in degrees, with the signs of
-`gepf.coordinator.bodies.human`, within the limits of the joints.
+Those of people are in a file: the medoids of recorded poses, combined with poses within ranges of joints.
 """
 
 from __future__ import annotations
@@ -9,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,47 +26,9 @@ from gepf.coordinator.tracking.descriptor import BOUND_CELLS, COLUMNS, ROWS, Ima
 POSES = 3_000
 PERSON_CELL_M = 0.06  # side of a cell of the descriptor, for a person of reference stature
 DESCRIBED_VERTICES = 1_700  # of the surface; enough to fill the cells of a descriptor
-RANDOM_ORIENTATION_SHARE = 0.1  # of people's poses
-ELEVATION_DEG = (-20.0, 50.0)  # range of the camera's downward pitch
 LEAST_LEVEL = 0.3  # cosine of the camera's pitch; below it an image has no upright direction
-SPREAD_DEG = 15.0  # standard deviation of joint angles around their mode, and of the trunk's roll
-
-Angles = tuple[float, float, float, float]
-
-ARM = ("shoulder_flexion", "shoulder_abduct", "shoulder_twisting", "elbow_flexion")
-ARMS: tuple[Angles, ...] = (
-    (0, 8, 0, 10),  # hanging
-    (85, 5, 0, 10),  # points forward
-    (0, 85, 0, 10),  # straight sideways
-    (165, 10, 0, 15),  # overhead
-    (-15, 45, 40, 80),  # hand on the hip
-    (10, 10, 0, 90),  # forearm forward
-    (40, 10, 60, 100),  # in front of the chest
-    (70, 30, 0, 130),  # hand at the face
-    (0, 90, -80, 85),  # hands up
-)
-
-LEG = ("hip_flexion", "hip_abduct", "hip_twisting", "knee_flexion")
-STRAIGHT: Angles = (0, 3, 0, 5)
-STANDING: tuple[tuple[Angles, Angles], ...] = (
-    (STRAIGHT, STRAIGHT),
-    ((0, 20, 0, 5), (0, 20, 0, 5)),  # wide
-    ((30, 3, 0, 15), (-15, 3, 0, 20)),  # a stride
-    ((80, 5, 0, 90), STRAIGHT),  # a knee lifted
-    ((70, 3, 0, 10), STRAIGHT),  # a kick
-)
-LEGS = (
-    *STANDING,
-    ((70, 5, 0, 75), (-15, 3, 0, 35)),  # a lunge
-    ((85, 10, 0, 90), (0, 5, 0, 95)),  # down on one knee
-    ((85, 8, 0, 85), (85, 8, 0, 85)),  # sits
-    ((110, 15, 0, 120), (110, 15, 0, 120)),  # squats
-    ((0, 5, 0, 100), (0, 5, 0, 100)),  # kneels
-    ((95, 8, 0, 140), (95, 8, 0, 140)),  # sits on the heels
-    ((90, 5, 0, 10), (90, 5, 0, 10)),  # sits with the legs stretched out
-)
-
-TILTS = (0.0, 25.0, 55.0)
+POSES_FILE = Path(__file__).with_name("poses.npz")
+UNIT_RAD = 2e-4  # the angles in the file are whole numbers of it
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -115,10 +77,10 @@ def library_of(bodies: Bodies, size: Size) -> PoseLibrary:
     A person's degrees of freedom have their MPEG-4 names. Any other body can have any orientation, and its
     joints any values within their ranges.
     """
-    model, rng = bodies.for_start(*size), np.random.default_rng(20)  # independent of the run's seed
+    model = bodies.for_start(*size)
     if bodies.people:
-        return describe_poses(model, draw_people(model, POSES, rng), PERSON_CELL_M)
-    poses = draw_any(model, POSES, rng)
+        return describe_poses(model, people_poses(model), PERSON_CELL_M)
+    poses = draw_any(model, POSES, np.random.default_rng(20))  # independent of the run's seed
     extent = float(np.max(np.ptp(pose_vertices(model, poses[:: POSES // 100]), axis=1)))
     return describe_poses(model, poses, extent / COLUMNS)
 
@@ -169,47 +131,18 @@ def seen_centre(points: Array, cell_m: float) -> Array:
     return middle
 
 
-def draw_people(model: BodyModel, count: int, rng: np.random.Generator) -> Array:
-    """Poses (N, D) around the modes, seen from all sides and from slightly above or below.
+def people_poses(model: BodyModel, count: int = POSES) -> Array:
+    """The first poses (N, D) of the file, seen from all sides and from slightly above or below.
 
-    Each arm has its own mode. Legs have modes in pairs, also mirrored. Half of the people stand.
+    `python -m benchmarks.pose_library` chose them from recorded and rendered people. Fewer are coarser.
     """
-    poses = np.zeros((count, len(model.dof_names)))
-    for side in "lr":
-        arm = np.array(ARMS)[rng.integers(len(ARMS), size=count)]
-        put(model, poses, f"{side}_", ARM, arm + SPREAD_DEG * rng.standard_normal(arm.shape))
-    chosen = rng.integers(len(LEGS), size=count)
-    stands = rng.random(count) < 0.5
-    chosen[stands] = rng.integers(len(STANDING), size=int(stands.sum()))
-    pairs = np.array(LEGS, dtype=np.float64)[chosen]  # (N, 2, 4)
-    swapped = rng.random(count) < 0.5
-    pairs[swapped] = pairs[swapped, ::-1]
-    pairs += SPREAD_DEG * rng.standard_normal(pairs.shape)
-    for leg, side in enumerate("lr"):
-        put(model, poses, f"{side}_", LEG, pairs[:, leg])
-    tilt = np.array(TILTS)[rng.integers(len(TILTS), size=(count, 1))]
-    put(model, poses, "", ("vl3_tilt",), tilt + SPREAD_DEG * rng.standard_normal(tilt.shape))
-    np.clip(poses, model.limits[:, 0], model.limits[:, 1], out=poses)
-    poses[:, 3:6] = turns(count, rng)
-    return poses
-
-
-def put(model: BodyModel, poses: Array, side: str, names: tuple[str, ...], degrees: Array) -> None:
-    """Set the degrees of freedom with these names to angles (N, K) in degrees, if the model has them."""
-    for k, name in enumerate(names):
-        if side + name in model.dof_names:
-            poses[:, model.dof(side + name)] = np.radians(degrees[:, k])
-
-
-def turns(count: int, rng: np.random.Generator) -> Array:
-    """Angles (N, 3) of the root: any yaw, seen from above or below; some with any orientation."""
-    down = np.radians(rng.uniform(*ELEVATION_DEG, size=count))
-    yaw = rng.uniform(-np.pi, np.pi, size=count)
-    lean = np.radians(SPREAD_DEG) * rng.standard_normal(count)
-    angles = np.stack([down, yaw, lean], axis=-1)
-    turned = rng.random(count) < RANDOM_ORIENTATION_SHARE
-    angles[turned] = any_turns(int(turned.sum()), rng)
-    return angles
+    with np.load(POSES_FILE) as file:
+        names, units = file["dof_names"].tolist(), file["poses"][:count]
+    poses = np.zeros((len(units), len(model.dof_names)))
+    for name, column in zip(names, units.T, strict=True):
+        if name in model.dof_names:
+            poses[:, model.dof(name)] = UNIT_RAD * column
+    return np.asarray(np.clip(poses, model.limits[:, 0], model.limits[:, 1]))
 
 
 def any_turns(count: int, rng: np.random.Generator) -> Array:

@@ -73,6 +73,7 @@ def test_the_wheel_installs_one_package(wheel: Path) -> None:
         "__init__.py",
         "common/protocol/wire.py",
         "coordinator/bodies/human/person.npz",
+        "coordinator/tracking/poses.npz",
         "coordinator/report/page.html.j2",
         "worker/cli.py",
     ):
