@@ -168,7 +168,8 @@ POOL = 9_000  # poses
 RANDOM_ORIENTATION_SHARE = 0.1  # of people's poses
 ELEVATION_DEG = (-20.0, 50.0)  # range of the camera's downward pitch
 LEAN_DEG = 15.0  # standard deviation of the camera's roll
-RECORDED_SHARE = 0.5  # of the arms and of the lower bodies
+RECORDED_ARMS, RECORDED_LEGS = 0.5, 0.25  # shares; half of all people stand
+STRAIGHT_PERCENT = 2.0  # of recorded elbows and knees
 
 
 def mirrored(model: BodyModel, poses: Array) -> Array:
@@ -181,11 +182,24 @@ def mirrored(model: BodyModel, poses: Array) -> Array:
     return np.asarray(poses[:, columns] * signs)
 
 
+def straightened(model: BodyModel, poses: Array) -> Array:
+    """Poses (N, D) whose straightest elbows and knees are straight.
+
+    Recorded joints lie beside the axes of rotation, so recorded limbs are always somewhat bent.
+    """
+    poses = poses.copy()
+    for name in ("elbow_flexion", "knee_flexion"):
+        columns = [model.dof(f"{side}_{name}") for side in "lr"]
+        straight = max(0.0, float(np.percentile(poses[:, columns], STRAIGHT_PERCENT)))
+        poses[:, columns] = np.maximum(poses[:, columns] - straight, 0.0)
+    return poses
+
+
 def combine(model: BodyModel, recorded: Array, count: int, rng: np.random.Generator) -> Array:
     """Poses (count, D) of people seen from all sides, with the root at the origin.
 
-    Half of the arms and of the lower bodies are those of recorded poses (N, D) or of their mirror images, the
-    others are drawn from ranges of joints, where they stand as often as they sit or kneel.
+    Half of the arms and a quarter of the lower bodies are those of recorded poses (N, D) or of their mirror
+    images, the others are drawn from ranges of joints.
     """
     recorded = np.concatenate([recorded, mirrored(model, recorded)])
 
@@ -193,14 +207,14 @@ def combine(model: BodyModel, recorded: Array, count: int, rng: np.random.Genera
         return recorded[rng.integers(len(recorded), size=count)]
 
     poses = some()
-    upright = rng.random(count) >= RECORDED_SHARE
+    upright = rng.random(count) >= RECORDED_LEGS
     poses[upright] = 0.0
     draw(model, poses, "", TRUNK, upright, rng)
     draw_legs(model, poses, upright, rng)
     for side in "lr":
         columns = [model.dof(f"{side}_{name}") for name in ARM]
         poses[:, columns] = some()[:, columns]
-        draw(model, poses, f"{side}_", ARM, rng.random(count) >= RECORDED_SHARE, rng)
+        draw(model, poses, f"{side}_", ARM, rng.random(count) >= RECORDED_ARMS, rng)
     for pose, view in zip(poses, turns(count, rng), strict=True):
         pose[3:6] = euler_angles(euler_matrix(view) @ euler_matrix(pose[3:6]), view)
     poses[:, :3] = 0.0
@@ -284,7 +298,7 @@ def build(clips: Mapping[str, Array], names: list[str]) -> dict[str, Array]:
     bodies, rng = choose_bodies(None, "default"), np.random.default_rng(0)
     model = bodies.for_start(*Size(REFERENCE_STATURE, 1.0))
     poses, error = fit(model, resized(model, recorded_joints(clips, names)))
-    pool = combine(model, poses[error < MISFIT_M], POOL, rng)
+    pool = combine(model, straightened(model, poses[error < MISFIT_M]), POOL, rng)
     chosen = pool[choose_medoids(differences(model, pool), POSES)]
     moving = [n for n, name in enumerate(model.dof_names) if name not in ROOT_DOFS[:3]]
     units = np.rint(chosen[:, moving] / UNIT_RAD).astype(np.int16)
