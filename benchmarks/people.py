@@ -21,7 +21,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from benchmarks.recordings import Recording, choose, find_people, find_skinned
+from benchmarks.recordings import CUTS_M, Recording, choose, find_people, find_skinned
 from benchmarks.running import (
     Crash,
     add_changes,
@@ -131,6 +131,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     add("--every", nargs="+", type=int, default=[1], metavar="N", help="every n-th frame")
     add("--rows", nargs="+", default=[DEFAULT.name], metavar="ROW", help=", ".join(r.name for r in ROWS))
     add("--seeds", type=int, default=1, metavar="N")
+    add("--cut", choices=CUTS_M, help="end the images here; the seven joints from head to wrists count")
     add("--by", nargs="+", choices=GROUPS, default=["data"], help="lines of the tables; default: data")
     add("--picture", type=Path, metavar="FILE", help="draw accuracy over the number of particles here")
     add_changes(parser)
@@ -150,7 +151,7 @@ def measure(chosen: argparse.Namespace) -> int:
         for seed in range(1 if row.name in (STILL.name, "gradient") else chosen.seeds)
         for recording in recordings
     ]
-    outcomes = run_trials(trials, chosen.processes, chosen.changes)
+    outcomes = run_trials(trials, chosen.processes, chosen.changes, cut=chosen.cut)
     scores: list[Score] = []
     for by in chosen.by:
         found = list(score_all(outcomes, GROUPS[by]))
@@ -171,7 +172,11 @@ def choose_rows(names: Sequence[str]) -> list[Row]:
 
 
 def run_trials(
-    trials: Sequence[Trial], processes: int, changes: Sequence[str] = (), frames: int | None = None
+    trials: Sequence[Trial],
+    processes: int,
+    changes: Sequence[str] = (),
+    frames: int | None = None,
+    cut: str | None = None,
 ) -> dict[Trial, Outcome]:
     """Results of the trials that did not crash, each in its own process; a line on stderr for each."""
     console, found = progress(), dict[Trial, Outcome]()
@@ -179,7 +184,7 @@ def run_trials(
     prepare()
 
     def run(trial: Trial) -> Outcome:
-        return track(trial.recording, trial.row.settings(trial.seed, changes), trial.every, frames)
+        return track(trial.recording, trial.row.settings(trial.seed, changes), trial.every, frames, cut)
 
     for count, (trial, result) in enumerate(run_forked(run, trials, processes), start=1):
         line = f"{count:4} of {len(trials)}  {trial.recording.name:<11} seed {trial.seed}  {trial.row.name}"

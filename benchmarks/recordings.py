@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +33,12 @@ JOINTS = (
     "right_hip", "right_knee", "right_ankle", "left_hip", "left_knee", "left_ankle",
 )  # fmt: skip
 """The joints of UTD-MHAD that count."""
+
+UPPER_JOINTS = JOINTS[:7]
+"""Those that are in view if an image ends below the hips."""
+CUTS_M = {"hips": ("hip", 0.05), "knees": ("knee", 0.0)}
+"""Where an image is cut: the joint, and how far below it."""
+CUT_FRAMES = 5  # the first ones with a reference, which say where the joint is
 
 SKELETON_LEAD = 2  # frames: depth frame t belongs to skeleton frame t - 2
 SURFACE_BEFORE_M, SURFACE_BEHIND_M = 0.28, 0.08  # how far the surface may be in front of a joint, and behind
@@ -70,6 +76,11 @@ class Reference:
     frame: Indices
     joints: Array
     holds: Mask  # (F, J)
+
+    def take(self, names: tuple[str, ...]) -> Reference:
+        """The reference of some joints."""
+        columns = [self.names.index(name) for name in names]
+        return Reference(names, self.frame, self.joints[:, columns], self.holds[:, columns])
 
 
 def find_people(data: Path, subjects: Sequence[int] = (1, 2, 3, 4)) -> list[Recording]:
@@ -144,6 +155,17 @@ def read_skeleton(path: Path) -> Array:
     rows = [_ROWS.index(name) for name in mirrored]
     joints: Array = np.moveaxis(skeleton[rows], 2, 0) * np.array([1.0, -1.0, 1.0])  # y down
     return joints
+
+
+def cut_frames(frames: Sequence[DepthFrame], reference: Reference, cut: str) -> list[DepthFrame]:
+    """The frames of a camera whose image ends just below the `cut` joints of the first frames."""
+    kind, below = CUTS_M[cut]
+    columns = [n for n, name in enumerate(reference.names) if name.endswith(f"_{kind}")]
+    _, y, z = np.median(reference.joints[:CUT_FRAMES, columns].max(axis=1), axis=0)  # of the lower joint
+    camera = frames[0].intrinsics
+    rows = min(camera.height, int(camera.cy + camera.fy * (y + below) / z))
+    short = camera.crop(0, 0, camera.width, rows)
+    return [replace(frame, depth=frame.depth[:rows].copy(), intrinsics=short) for frame in frames]
 
 
 def fits_depth(joints: Array, frame: DepthFrame) -> Mask:

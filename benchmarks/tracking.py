@@ -9,14 +9,14 @@ from functools import cache
 
 import numpy as np
 
-from benchmarks.recordings import Recording, read_frames, read_reference
+from benchmarks.recordings import UPPER_JOINTS, Recording, cut_frames, read_frames, read_reference
 from gepf.common.arrays import Array, Mask
 from gepf.common.frame import DepthFrame
 from gepf.common.settings import Settings
 from gepf.coordinator.bodies.choice import choose_bodies
 from gepf.coordinator.bodies.tracked import Bodies
 from gepf.coordinator.results.evaluation import NEAR_M, positions
-from gepf.coordinator.results.summary import count_status
+from gepf.coordinator.results.tally import count_status
 from gepf.coordinator.sources.source import rate_of
 from gepf.coordinator.tracking.reporting import Tracked
 from gepf.coordinator.tracking.tracker import Tracker
@@ -59,11 +59,22 @@ def prepare() -> Bodies:
 
 
 def track(
-    recording: Recording, settings: Settings | None, every: int = 1, frames: int | None = None
+    recording: Recording,
+    settings: Settings | None,
+    every: int = 1,
+    frames: int | None = None,
+    cut: str | None = None,
 ) -> Outcome:
-    """Track every n-th frame, at most `frames`; without settings, keep the first reference pose."""
+    """Track every n-th frame, at most `frames`; without settings, keep the first reference pose.
+
+    Of images that are `cut` below a joint, only the upper joints count.
+    """
     read = read_frames(recording)
-    reference, thinned = read_reference(recording, read), read[::every][:frames]
+    reference = read_reference(recording, read)
+    if cut is not None:
+        read = cut_frames(read, reference, cut)
+        reference = reference.take(UPPER_JOINTS)
+    thinned = read[::every][:frames]
     numbers = [frame.number for frame in thinned]
     _, mine, theirs = np.intersect1d(numbers, reference.frame, return_indices=True)
     status, seconds, stature = dict[str, int](), np.zeros(len(thinned)), float("nan")

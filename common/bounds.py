@@ -14,6 +14,7 @@ MAX_ITERATIONS = 100  # of ICP
 SMALLEST = 1e-4  # of positive values: focal lengths, units of depth, noise and scale in settings
 LARGEST = 1e5  # of a pose, a length in a model (metres or radians), a camera's numbers (pixels), a setting
 LARGEST_LOG_LIKELIHOOD = 1e100
+LARGEST_PRECISION = 1e12  # of a prior
 MOST_PIXELS = 2**26  # drawn into a depth buffer
 MOST_WORK = 1e13  # of a request: comparisons of points, and pixels drawn
 POSITIVE_SETTINGS = {"noise_depth", "noise_lateral", "likelihood_scale"}

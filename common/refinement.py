@@ -15,6 +15,17 @@ WEAK_TURN, WEAK_SLIDE = float(np.radians(30.0)), 0.05
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class PosePrior:
+    """A Gaussian prior of the refined pose, in relative motion from its mean.
+
+    The precision is that of the nats of the log posterior: positive semidefinite, diagonal or not.
+    """
+
+    mean: Array  # (D,), or (N, D) for each particle
+    precision: Array  # (D,) or (D, D) inverse (co)variance, radians and metres
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Particles:
     """Particles to refine, and how."""
 
@@ -24,10 +35,14 @@ class Particles:
     spare: bool = False  # whether other requests come first
     velocity: Array | None = None
     """Relative motion (D,) per second, for cameras with another time than the frame; None: none."""
+    prior: PosePrior | None = None
 
     def part(self, start: int, stop: int) -> Particles:
         """Particles start to stop - 1."""
-        return replace(self, poses=self.poses[start:stop])
+        prior = self.prior
+        if prior is not None and prior.mean.ndim == 2:
+            prior = replace(prior, mean=prior.mean[start:stop])
+        return replace(self, poses=self.poses[start:stop], prior=prior)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -24,6 +24,7 @@ START_FILE = "init.json"
 SUMMARY_FILE = "summary.json"
 
 LOG_FILE = "frames.log"
+LIVE_FILE = "live.mcap"
 FILM_FILE, SHEET_FILE, HYPOTHESES_FILE = "overlay.mp4", "sheet.png", "hypotheses.png"
 
 

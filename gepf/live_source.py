@@ -14,11 +14,11 @@ from gepf.common.protocol.keys import check_stream
 from gepf.common.transport.bus import Bus
 from gepf.common.transport.opening import open_coordinator
 from gepf.coordinator.pool.options import Pool
-from gepf.coordinator.security.access import TlsFiles
+from gepf.coordinator.security.access import TlsFiles, choose_security
 from gepf.coordinator.sources.live import LiveFrames, from_first_seen
 from gepf.coordinator.sources.live_stream import LiveCamera
 from gepf.coordinator.sources.rig import live_cameras
-from gepf.refiners import said_in_python, secure
+from gepf.refiners import said_in_python
 
 log = logging.getLogger("gepf")
 
@@ -79,7 +79,7 @@ def live(
         connect: Endpoint of a router or publisher, which may start later.
         idle_timeout: Seconds without an image after which the stream ends; None to wait for ever.
         tls: The authority's certificate, the coordinator's, and its key, for endpoints such as tls/HOST:7447.
-        insecure: Listen to other hosts without encryption; anyone there could publish.
+        insecure: Reach other hosts without encryption; anyone there could publish, or read the images.
 
     Raises InputError for an invalid key, endpoint or certificate; the iteration raises it for a port that is
     in use, and if the other side refuses the connection.
@@ -88,7 +88,8 @@ def live(
         raise InputError("no publisher could connect; give listen or connect an endpoint")
     if idle_timeout is not None and not idle_timeout > 0.0:
         raise InputError(f"idle_timeout={idle_timeout:g} would end at once; give seconds above 0, or None")
-    security = secure(listen, connect, tls, insecure=insecure)
+    with said_in_python():
+        security = choose_security(listen, connect, tls or TlsFiles(), insecure=insecure)
     reached = Pool(0, listen, connect, security)
     path = Path(key)
     cameras = live_cameras(path) if path.suffix == ".json" else [LiveCamera(str(key))]

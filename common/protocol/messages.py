@@ -12,6 +12,7 @@ import numpy as np
 from gepf.common.bounds import (
     LARGEST,
     LARGEST_LOG_LIKELIHOOD,
+    LARGEST_PRECISION,
     MAX_DOFS,
     MAX_ITERATIONS,
     MAX_PARTICLES,
@@ -21,10 +22,19 @@ from gepf.common.bounds import (
 from gepf.common.errors import ProtocolError
 from gepf.common.protocol.keys import NAME
 from gepf.common.protocol.wire import Array, Hash, Message, Natural, check, decode, encode, pack, unpack
-from gepf.common.refinement import Particles, Refined, triangle_size
+from gepf.common.refinement import Particles, PosePrior, Refined, triangle_size
 from gepf.common.settings import RefineSettings
 
+ROUNDING = 1e-9  # relative, of the smallest eigenvalue of a precision
+
 RunName = Annotated[str, msgspec.Meta(pattern=rf"^{NAME.pattern}\Z")]
+
+
+class PriorMessage(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A PosePrior."""
+
+    mean: Array
+    precision: Array
 
 
 class RequestMessage(Message, frozen=True, tag="request"):
@@ -38,6 +48,7 @@ class RequestMessage(Message, frozen=True, tag="request"):
     covariance: bool = False
     spare: bool = False
     velocity: Array | None = None
+    prior: PriorMessage | None = None
 
 
 class ReplyMessage(Message, frozen=True, tag="reply"):
@@ -71,6 +82,9 @@ def encode_request(request: RefineRequest) -> bytes:
     """A batch for one worker."""
     values = {field.name: getattr(request.particles, field.name) for field in fields(Particles)}
     packed: dict[str, Any] = {name: pack(v) if isinstance(v, np.ndarray) else v for name, v in values.items()}
+    if request.particles.prior is not None:
+        prior = request.particles.prior
+        packed["prior"] = PriorMessage(pack(prior.mean), pack(prior.precision))
     return encode(RequestMessage(request.run, request.frame, request.model, **packed))
 
 
@@ -84,8 +98,24 @@ def decode_request(payload: bytes) -> RefineRequest:
     velocity = None
     if message.velocity is not None:
         velocity = unpack("velocity", message.velocity, "<f8", poses.shape[1:], -LARGEST, LARGEST)
-    particles = Particles(poses, message.settings, message.covariance, message.spare, velocity)
+    prior = None if message.prior is None else unpack_prior(message.prior, poses.shape)
+    particles = Particles(poses, message.settings, message.covariance, message.spare, velocity, prior)
     return RefineRequest(message.run, message.frame, message.model, particles)
+
+
+def unpack_prior(message: PriorMessage, shape: tuple[int, ...]) -> PosePrior:
+    """A prior of poses of a shape (N, D), or ProtocolError."""
+    dofs = shape[1:]
+    of_each, dense = len(message.mean.shape) == 2, len(message.precision.shape) == 2
+    mean = unpack("the prior's mean", message.mean, "<f8", shape if of_each else dofs, -LARGEST, LARGEST)
+    least = -LARGEST_PRECISION if dense else 0.0
+    size, what = dofs * 2 if dense else dofs, "the prior's precision"
+    precision = unpack(what, message.precision, "<f8", size, least, LARGEST_PRECISION)
+    if dense and not np.array_equal(precision, precision.T):
+        raise ProtocolError(f"{what} is not symmetric")
+    if dense and np.linalg.eigvalsh(precision)[0] < -ROUNDING * np.abs(precision).max():
+        raise ProtocolError(f"{what} is not positive semidefinite")
+    return PosePrior(mean, precision)
 
 
 @lru_cache(maxsize=64)  # a run's are always the same

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 
 import zenoh
 from zenoh import handlers
@@ -17,10 +18,11 @@ from gepf.common.transport.channels import ANSWER_S, IncomingRequest, Publisher,
 
 
 class Bus(Closing):
-    """One session. All its declarations end with it."""
+    """One session. All its declarations end with it, and then what it stands on."""
 
     def __init__(self, session: zenoh.Session) -> None:
         self._session = session
+        self._beneath = ExitStack()
         self._declared: list[object] = []  # declarations end when they are garbage collected
 
     @property
@@ -30,8 +32,13 @@ class Bus(Closing):
 
     def close(self) -> None:
         """End the session; otherwise the interpreter cannot exit."""
-        with mapped("closing the session"):
+        with self._beneath, mapped("closing the session"):
             self._session.close()  # type: ignore[no-untyped-call]
+
+    def stand_on(self, beneath: ExitStack) -> Bus:
+        """Close something after the session; returns this."""
+        self._beneath = beneath
+        return self
 
     def publish(self, key: str) -> Publisher:
         """A publisher of messages for all present subscribers."""

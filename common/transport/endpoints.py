@@ -17,11 +17,15 @@ from gepf.common.transport.credentials import MEND, Credentials
 
 ENDPOINT = re.compile(r"(tcp|tls|udp|quic|ws|unixsock-stream)/\S+")
 ENCRYPTED, LOCAL = "tls", "unixsock-stream"
+LISTEN, CONNECT = "--listen", "--connect"
 TLS_OPTIONS = "--tls-ca, --tls-cert and --tls-key"
 
 
-def check_endpoint(option: str, endpoint: str, credentials: Credentials | None) -> None:
-    """InputError for an invalid endpoint, or one that does not fit the certificate."""
+def check_endpoint(option: str, endpoint: str, credentials: Credentials | None, *, insecure: bool) -> None:
+    """InputError for an invalid endpoint, or one that does not fit the certificate.
+
+    Beyond this host, everybody must have a certificate unless `insecure` is set: depth images show people.
+    """
     if not ENDPOINT.fullmatch(endpoint) or (
         protocol_of(endpoint) != LOCAL and host_and_port(endpoint)[1] >= 2**16
     ):
@@ -31,14 +35,10 @@ def check_endpoint(option: str, endpoint: str, credentials: Credentials | None) 
         raise InputError(f"{option} {endpoint} needs a certificate; add {TLS_OPTIONS}")
     if credentials is not None and not encrypted:
         raise InputError(f"{option} {endpoint} is not encrypted; with a certificate, give tls/HOST:PORT")
-
-
-def check_listening(endpoint: str, credentials: Credentials | None, *, insecure: bool) -> None:
-    """InputError for listening without access control."""
-    check_endpoint("--listen", endpoint, credentials)
-    if credentials is None and not insecure and not is_loopback(endpoint):
+    if not (encrypted or insecure or is_loopback(endpoint)):
+        danger = "accepts anyone" if option == LISTEN else "is not encrypted: anyone on the way can read"
         raise InputError(
-            f"--listen {endpoint} accepts anyone; give tls/HOST:PORT with {TLS_OPTIONS} "
+            f"{option} {endpoint} {danger}; give tls/HOST:PORT with {TLS_OPTIONS} "
             "(gepf certificates makes them), or --insecure"
         )
 

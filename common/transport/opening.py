@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import tempfile
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from functools import partial
 from typing import Any
 
 import zenoh
@@ -11,7 +14,8 @@ import zenoh
 from gepf.common.errors import BusError, InputError
 from gepf.common.transport.bus import Bus
 from gepf.common.transport.channels import ANSWER_S, bus_error
-from gepf.common.transport.endpoints import why_refused
+from gepf.common.transport.endpoints import ENCRYPTED, LOCAL, protocol_of, why_refused
+from gepf.common.transport.renewal import Front
 from gepf.common.transport.session import Security, session_settings
 
 UNREACHABLE = "Unable to connect"  # start of Zenoh's message if no endpoint answers
@@ -20,12 +24,26 @@ UNREACHABLE = "Unable to connect"  # start of Zenoh's message if no endpoint ans
 def open_coordinator(
     listen: Sequence[str], connect: Sequence[str] = (), security: Security | None = None
 ) -> Bus:
-    """A session to which workers connect, and which connects to routers.
+    """A session to which workers connect, and which connects to routers. Its certificate may be renewed.
 
     InputError if an endpoint cannot be opened, or a router refuses the connection; a router that does not
     answer is tried in the background.
     """
-    return open_linked("peer", listen, connect, security)
+    return open_listening("peer", listen, connect, security)
+
+
+def open_listening(
+    mode: str, listen: Sequence[str], connect: Sequence[str], security: Security | None
+) -> Bus:
+    """A session with links to all its endpoints; behind a router if it listens with a certificate."""
+    if security is None or not any(protocol_of(endpoint) == ENCRYPTED for endpoint in listen):
+        return open_linked(mode, listen, connect, security)
+    with ExitStack() as stack:
+        behind = f"{LOCAL}/{stack.enter_context(private_folder())}/front"
+        reopen = partial(open_linked, "router", [behind, *listen], connect, security)
+        stack.enter_context(Front(reopen, security.credentials))
+        bus = open_session(session_settings("client", (), [behind]))
+        return bus.stand_on(stack.pop_all())
 
 
 def open_linked(mode: str, listen: Sequence[str], connect: Sequence[str], security: Security | None) -> Bus:
@@ -71,8 +89,17 @@ def open_worker(
 
 
 def open_router(listen: Sequence[str], connect: Sequence[str] = (), security: Security | None = None) -> Bus:
-    """The session of a router. InputError if another router refuses the connection."""
-    return open_linked("router", listen, connect, security)
+    """The session of a router. InputError if another router refuses the connection.
+
+    Its certificate may be renewed.
+    """
+    return open_listening("router", listen, connect, security)
+
+
+def private_folder() -> tempfile.TemporaryDirectory[str]:
+    """A private folder whose path is short enough for a socket."""
+    usual = len(tempfile.gettempdir()) <= 80  # the path of a socket has at most 107 characters
+    return tempfile.TemporaryDirectory(prefix="gepf-", dir=None if usual else "/tmp")
 
 
 def check_refusals(connect: Sequence[str], security: Security | None) -> None:

@@ -197,17 +197,22 @@ class Angles:
         Rotations that are not visible, because the elbow is straight, and `unknown` (F,) frames are not used
         as reference for the next frame.
         """
-        angles = angles.copy()
-        last = angles[0].copy() if len(angles) else np.empty(0)
+        return self.follow_on(angles, unknown, None)[0]
+
+    def follow_on(self, angles: Array, unknown: Mask | None, last: Array | None) -> tuple[Array, Array]:
+        """The same for frames that follow others, whose reference is `last` (A,), and the next reference."""
+        angles, is_first = angles.copy(), last is None
+        last = (angles[0] if len(angles) else np.empty(0)) if last is None else last
+        last = last.copy()
         for number, frame in enumerate(angles):
-            if number > 0:
+            if number > 0 or not is_first:
                 frame[:] = self.near(frame[None], last)[0]
             if unknown is not None and unknown[number]:
                 continue
             hidden = [twist for twist, bend in self.levers.items() if frame[bend] < SHOWN_FROM_BEND]
             seen = np.delete(np.arange(len(frame)), hidden)
             last[seen] = frame[seen]
-        return angles
+        return angles, last
 
     def _in_names(self, joint: SphericalJoint, swing: Array, twist: Array) -> Array:
         """Forward, sideways and twist angles (N, 3) of one joint."""

@@ -23,6 +23,7 @@ from gepf.common.kinematics import joint_positions
 from gepf.common.refinement import Particles
 from gepf.common.settings import Settings
 from gepf.coordinator.bodies.tracked import Bodies
+from gepf.coordinator.filters.pose_prior import rest_prior
 from gepf.coordinator.sources.source import Source
 from gepf.coordinator.tracking.candidate_refinement import ITERATIONS
 from gepf.coordinator.tracking.estimate import POSE_UNKNOWN
@@ -146,10 +147,13 @@ def measure_jacobian(
 ) -> Array:
     """Derivatives (J, 3) of the joints with respect to the girth, by fits of a thinner and a thicker body."""
     start, rules = tracked.state.start, assume_noise(settings.refine, tracked.state.start.noise)
-    particles = Particles(tracked.estimate.pose[None], iterations(rules, ITERATIONS), spare=True)
+    pose, settled = tracked.estimate.pose[None], iterations(rules, ITERATIONS)
     girths = start.size.girth * GIRTH_STEPS[[0, -1]]
     models = [bodies.tracked(start.size._replace(girth=girth), start.values)[0] for girth in girths.tolist()]
-    sent = [refiner.submit(subject, model, particles) for model in models]
+    sent = [
+        refiner.submit(subject, m, Particles(pose, settled, spare=True, prior=rest_prior(m, settled)))
+        for m in models
+    ]
     thin, thick = (joint_positions(m, p.result().poses)[0] for m, p in zip(models, sent, strict=True))
     return np.asarray((thick - thin) / np.ptp(girths))
 

@@ -22,7 +22,8 @@ def use_config(context: typer.Context, given: Path | None) -> None:
     """Make the options of a file the defaults of all commands below `context`.
 
     The file is `given`, else `gepf.toml` in the working folder, if there is one. Raises InputError for an
-    unreadable file, and for unknown names.
+    unreadable file, and for unknown names. A file that nobody named cannot switch encryption off: the folder
+    may be somebody else's.
     """
     file = given or Path("gepf.toml")
     if given is None and not file.is_file():
@@ -34,6 +35,12 @@ def use_config(context: typer.Context, given: Path | None) -> None:
     except ValueError as error:
         raise InputError(f"{file} is not valid TOML: {error}; see https://toml.io") from error
     context.default_map = defaults_of(context.command, table, str(file))
+    for command, values in context.default_map.items():
+        if given is None and values.get("insecure"):
+            raise InputError(
+                f"{file}: [{command}]: insecure is for the command line (--insecure), or for a file that "
+                "--config names; remove it here"
+            )
 
 
 def defaults_of(command: Any, table: Mapping[str, Any], place: str) -> dict[str, Any]:

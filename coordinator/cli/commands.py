@@ -92,9 +92,10 @@ def track(
 ) -> None:
     """Track a recorded sequence, or depth frames as they are published."""
     show = on_stderr(quiet=options.quiet)
-    show.say(f"tracking {', '.join(map(str, options.sequences))} into {options.out}; loading")
+    into = "" if options.out is None else f" into {options.out}"
+    show.say(f"tracking {', '.join(map(str, options.sequences))}{into}; loading")
     with loading():
-        from gepf.coordinator.commands.track import run_track
+        from gepf.coordinator.commands.runs import run_track
         from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
     code = run_track(options, camera, security, show, context.obj or ZenohRefiner)
     raise typer.Exit(code)
@@ -161,14 +162,17 @@ def publish(
 @app.command(rich_help_panel=HOSTS)
 @grouped
 def certificates(options: given.CertificatesOptions) -> None:
-    """Create certificates for an authority, coordinator, router and workers."""
+    """Create, or renew, certificates for an authority, coordinator, router and workers."""
     from gepf.coordinator.security.access import choose_names
     from gepf.coordinator.security.certificates import make_certificates
 
     hosts = tuple(host.strip() for host in options.hosts.split(",") if host.strip())
-    new = make_certificates(options.out, choose_names(options.workers), hosts, options.days, options.mount)
-    made = ", ".join(new) or "nothing, all certificates are valid"
-    say("gepf", f"new in {options.out}: {made}; keep ca.key secret")
+    made = make_certificates(options.out, choose_names(options.workers), hosts, options.days, options.mount)
+    new = ", ".join(made.new) or "nothing, no certificate needs to be renewed yet"
+    say("gepf", f"new in {options.out}: {new}; keep ca.key secret")
+    if made.succession is not None:
+        say("gepf", made.succession)
+    say("gepf", f"the same command renews them from {made.renew_from:%Y-%m-%d} on")
 
 
 @app.command(rich_help_panel=HOSTS)

@@ -116,7 +116,8 @@ def describe_fault(error: Exception) -> str:
         return f"the package {error.name} is missing; pip install 'gepf[coordinator]'"
     if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
         where = f" for {error.filename}" if error.filename else ""
-        return f"no space is left on the disk{where}; make room; gepf track --resume continues a run"
+        continues = "gepf track --resume continues a recording, gepf report finishes a live run"
+        return f"no space is left on the disk{where}; make room; {continues}"
     return f"{type(error).__name__}: {error} (gepf --debug shows where)"
 
 

@@ -10,9 +10,8 @@ loses: noise of 15 cm in depth and 1 cm laterally, with an initial error of 50 d
 
 from __future__ import annotations
 
-import re
 import shutil
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import msgspec
@@ -37,9 +36,9 @@ from gepf.coordinator.tracking.sensor_noise import SensorNoise
 ARM = "arm"
 LANES = Pool(2)
 SEEDS = {PERSON: range(4), ARM: range(1)}
-LONE, FILTER = "one-particle", "gepf"
+SEQUENCE, LONE, FILTER = "sequence", "one-particle", "gepf"
 NOISE = SensorNoise(depth=0.15, lateral=0.01)  # metres, of the arm
-OURS = re.compile(r"(sequence|gradient|one-particle|gepf)(-\d+)?")
+MARKER = ".gepf-demo"  # in the output folder: the names of the folders that the demo made, one per line
 CELLS = {
     PERSON: ("joints within 10 cm (mean error)", "{:.1f} % ({:.1f} cm)"),
     ARM: ("error of the angles (best hypothesis)", "{:.1f}\N{DEGREE SIGN} ({:.1f}\N{DEGREE SIGN})"),
@@ -56,45 +55,55 @@ def run_demo(
 ) -> None:
     """Render a scene once per seed, track it with one particle and with the filter, and show a table.
 
-    `out` gets folders of sequences and of runs; an earlier demo is replaced. Raises InputError if `out` holds
-    anything else, or for an unknown scene.
+    `out` gets folders of sequences and of runs, which replace those of an earlier demo. Raises InputError if
+    `out` holds what no demo made, or for an unknown scene.
     """
     check_choice("scene", scene, SEEDS)
     out, seeds = out or Path("gepf-demo"), seeds or SEEDS[scene]
-    make_room(out)
     is_arm = scene == ARM
+    ways = {FILTER: settings_for("gepf"), LONE: settings_for("gradient") if is_arm else lone_settings()}
+    make_room(out, [f"{kind}-{seed}" for seed in seeds for kind in (SEQUENCE, *ways)])
     depth, lateral = (NOISE.depth, NOISE.lateral) if is_arm else (None, None)
     with show.steps(f"rendering {scene}") as advance:
         for k, seed in enumerate(seeds):
-            synthesise(scene, out / f"sequence-{seed}", frames, depth, lateral, seed, kinect=not is_arm)
+            synthesise(scene, out / f"{SEQUENCE}-{seed}", frames, depth, lateral, seed, kinect=not is_arm)
             advance(k + 1, len(seeds))
-    ways = {FILTER: settings_for("gepf"), LONE: settings_for("gradient") if is_arm else lone_settings()}
     active = ARM_DOFS if is_arm else None
     jobs = [
         # pictures only of the first, because they take longest
-        Job(out / f"sequence-{seed}", out / f"{way}-{seed}", settings, pool, active=active, pictures=k == 0)
+        Job(out / f"{SEQUENCE}-{seed}", out / f"{way}-{seed}", settings, pool, active=active, pictures=k == 0)
         for k, seed in enumerate(seeds)
         for way, settings in ways.items()
     ]
     for run in run_pool(jobs, show, quiet=True):
         if run.code not in (0, NOT_TRACKED):
-            raise GepfError(f"{run.job.out} ended with exit code {run.code}")
+            raise GepfError(f"{run.job.folder} ended with exit code {run.code}")
     scores = np.array([[score(scene, out, way, seed) for way in (LONE, FILTER)] for seed in seeds])
     show.console.print(tabulate(scene, scores))
     drawn = [out / f"{way}-{seeds[0]}" / FILM_FILE for way in (FILTER, LONE)]
     show.say(f"look at {drawn[0]} and {drawn[1]}")
 
 
-def make_room(out: Path) -> None:
-    """Remove an earlier demo from `out`; InputError if it holds anything else."""
+def make_room(out: Path, folders: Collection[str]) -> None:
+    """Remove the folders of an earlier demo from `out`, and mark `out` as that of a demo with these folders.
+
+    Nothing else is removed: InputError if `out` holds anything and no demo made it, or if a folder that is
+    needed is there and is not one of a demo.
+    """
+    marker = out / MARKER
     try:
-        held = [path.name for path in out.iterdir()] if out.exists() else []
-        if not all(OURS.fullmatch(name) for name in held):
-            raise InputError(f"'{out}' contains files that are not from a demo; choose another --out")
-        for name in held:
+        held = {path.name for path in out.iterdir()} if out.exists() else set()
+        made = set(marker.read_text(encoding="utf-8").splitlines()) if MARKER in held else set()
+        foreign = sorted(held & set(folders) - made if MARKER in held else held)
+        if foreign:
+            raise InputError(f"'{out / foreign[0]}' is not from a demo and stays; choose another --out")
+        for name in held & made:
             shutil.rmtree(out / name)
-    except OSError as error:
-        raise InputError(f"cannot write to '{out}' ({error.strerror}); choose another --out") from error
+        out.mkdir(parents=True, exist_ok=True)
+        marker.write_text("".join(f"{name}\n" for name in folders), encoding="utf-8")
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise InputError(f"cannot write to '{out}' ({reason}); choose another --out") from error
 
 
 def lone_settings() -> Settings:
@@ -110,7 +119,7 @@ def score(scene: str, out: Path, way: str, seed: int) -> tuple[float, float]:
 
     Of the arm the mean error of the angles and that of the best hypothesis, degrees.
     """
-    truth = read_truth(out / f"sequence-{seed}" / TRUTH_FILE)
+    truth = read_truth(out / f"{SEQUENCE}-{seed}" / TRUTH_FILE)
     errors = measure_errors(read_track(out / f"{way}-{seed}"), truth)
     if scene == ARM:
         return float(np.nanmean(errors.angle_deg)), float(np.nanmean(errors.best_angle_deg))

@@ -15,6 +15,7 @@ from gepf.coordinator.commands.finished import camera_in, find_sequence, own_tru
 from gepf.coordinator.commands.options import EvaluateOptions
 from gepf.coordinator.results.configuration import digest_frame
 from gepf.coordinator.results.evaluation import Evaluation, evaluate, read_truth
+from gepf.coordinator.results.killed import finish_killed
 from gepf.coordinator.results.summary import read_summary
 from gepf.coordinator.results.track import TRACK_FILE, read_track
 from gepf.coordinator.sources import open_source
@@ -32,6 +33,8 @@ def run_evaluate(options: EvaluateOptions) -> None:
     runs, truth = options.runs, options.truth
     if len(runs) > 1 and not options.csv:
         raise InputError("several runs are printed as a table; add --csv")
+    for run in runs:
+        finish_killed(run)
     tracks = {run: read_track(run) for run in runs}
     sources = {run: find_sequence(run) for run in tracks}
     truths = {run: truth or own_truth(run, sources[run]) for run in tracks}

@@ -13,6 +13,7 @@ from gepf.coordinator.commands.progress import Show
 from gepf.coordinator.files import HYPOTHESES_FILE
 from gepf.coordinator.results.configuration import CAMERA_GIVEN, PATH, PEOPLE
 from gepf.coordinator.results.evaluation import Truth, read_truth
+from gepf.coordinator.results.killed import finish_killed
 from gepf.coordinator.results.summary import people_in, read_summary
 from gepf.coordinator.results.track import read_track, read_tracked_body
 from gepf.coordinator.sources import Source, open_source
@@ -23,6 +24,7 @@ from gepf.coordinator.sources.colour_folder import ColourFolder
 def run_pictures(options: PicturesOptions, show: Show) -> None:
     """Draw the pictures of a run again. InputError for a folder without a run, or missing frames."""
     run = options.run
+    finish_killed(run)
     track, summary = read_track(run), read_summary(run)
     source = find_sequence(run, options.sequence)
     if source is None:
@@ -75,6 +77,7 @@ def own_truth(run: Path, source: Source | None) -> Path | None:
 
 def run_report(run: Path, out: Path | None, show: Show) -> None:
     """Write the report. Raises InputError if the folder holds no finished run."""
+    finish_killed(run)
     page = out or run / "report.html"
     if not people_in(run):
         read_track(run)

@@ -16,6 +16,7 @@ from gepf.coordinator.bodies.human.measures import Measures
 from gepf.coordinator.commands.console import loading
 from gepf.coordinator.commands.options import CameraOptions, InfoOptions
 from gepf.coordinator.files import LOG_FILE
+from gepf.coordinator.results.killed import finish_killed
 from gepf.coordinator.results.summary import FOUND, PERSON_FILE, find_summary
 from gepf.coordinator.results.track import read_track
 from gepf.coordinator.sources import Format, Source, find_format
@@ -37,6 +38,7 @@ def run_info(options: InfoOptions, camera: CameraOptions) -> None:
     those of each camera, and draw the first one; of a run, who was tracked.
     """
     sequence, as_json = options.sequence, options.as_json
+    finish_killed(sequence)
     if (run := find_summary(sequence)) is not None:
         facts = describe_tracked(sequence, run)
         print_json(facts) if as_json else print_facts(facts)

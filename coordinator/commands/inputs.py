@@ -75,7 +75,7 @@ class Input:
         if job.settings.rotate_deg is not None:
             turn = np.radians(job.settings.rotate_deg)
             up = first.T_rig_camera[:3, :3] @ np.array([-np.sin(turn), -np.cos(turn), 0.0])
-        if source is not None and source.gravity is not None:
+        elif source is not None and source.gravity is not None:
             up = -source.gravity
         background = None if job.background is None else read_background(job.background, source)
         self.scope = replace(job.scope, background=background, up=up, camera=first.camera)
@@ -85,7 +85,8 @@ class Input:
         job = self.job
         people = f", up to {job.people} people" if job.people > 1 else ""
         particles = counted(job.settings.filter.particles, "particle")
-        return f"tracking {job.sequence} into {job.out}: {job.settings.method}, {particles}{people}"
+        into = "" if job.out is None else f" into {job.out}"
+        return f"tracking {job.sequence}{into}: {job.settings.method}, {particles}{people}"
 
     def describe(self, tracked: Sequence[Tracked], rate: FrameRate) -> str:
         """A tracked frame in a short line; for live input, also what was left out and why."""
@@ -182,9 +183,10 @@ class LiveInput(Input):
     """Published frames, of which the newest is tracked. InputError for options of recordings."""
 
     def __init__(self, job: Job, cameras: Sequence[LiveCamera], show: Show) -> None:
+        if job.resume:
+            raise InputError("--resume is for recorded sequences; gepf report finishes a killed live run")
         for option, given in (
             ("--frames", job.frames),
-            ("--resume", job.resume),
             ("--color", job.color),
             ("--intrinsics", job.given.intrinsics),
             ("--depth-scale", job.given.depth_scale),
@@ -206,11 +208,15 @@ class LiveInput(Input):
         rig = {c.camera: [c.key, c.T_rig_camera.tolist(), c.offset_s] for c in cameras if c.camera}
         self.configuration = self.configure({"sequence": str(job.sequence), **({"rig": rig} if rig else {})})
         self._attached = AttachedCamera(job.sequence, show.say) if vendor_of(job.sequence) else None
+        self._failure: Exception | None = None  # of the attached camera
         self._recorder = None if job.record is None else FrameRecorder(job.record, cameras, show.say)
 
     def streams(self, workers: ZenohRefiner, node: Node | None, _done: int) -> Streams:
-        """The newest frames until the publisher ends; each stream starts with its first frame with depth."""
-        self._show.say(f"listening on {self.keys}")
+        """The newest frames until the publisher ends; each stream starts with its first frame with depth.
+
+        Raises the error of the attached camera after its last frame.
+        """
+        self._show.say(f"listening on {self.keys}{self._not_stored}")
         with ExitStack() as stack:
             if self._attached is not None:
                 self._attach(self._attached, workers.speak(self.keys), stack)
@@ -226,15 +232,34 @@ class LiveInput(Input):
                     workers.listen(camera.key, partial(self.live.receive, place=place))
             for _, frames in groupby(self.live, lambda _: self.live.stream):
                 yield map(self._take, from_first_seen(frames, self._show.say))
+        if self._failure is not None:
+            raise self._failure
+
+    @property
+    def _not_stored(self) -> str:
+        """What happens to the results of a run without a folder."""
+        if self.job.out is not None:
+            return ""
+        where = f"published on {self.job.results}" if self.job.results else "shown"
+        return f"; results are {where}, not stored (--out DIR stores them)"
 
     def _attach(self, camera: AttachedCamera, outlet: Publisher, stack: ExitStack) -> None:
-        """Receive the frames of a camera, and publish them for others, on a thread until the stack's end."""
+        """Receive the frames of a camera, and publish them for others, on a thread until the stack's end.
+
+        An error ends the stream, and is kept to be raised then.
+        """
 
         def put(payload: bytes) -> None:
             self.live.receive(payload)
             outlet.put(payload)
 
-        thread = threading.Thread(target=play, args=(camera, put, put), daemon=True)
+        def receive() -> None:
+            try:
+                play(camera, put, put)
+            except Exception as error:  # noqa: BLE001 the main thread raises it
+                self._failure = error
+
+        thread = threading.Thread(target=receive, daemon=True)
         thread.start()
         stack.callback(thread.join)
         stack.callback(camera.close)

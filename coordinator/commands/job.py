@@ -35,7 +35,7 @@ class Job:
     """One `gepf track`. Fields with the names of options have their values, checked or interpreted."""
 
     sequence: Path
-    out: Path
+    out: Path | None  # None: results of live input are not stored
     settings: Settings
     pool: Pool
     model: str = HUMAN  # or a file
@@ -55,6 +55,12 @@ class Job:
     idle_timeout: float | None = None  # seconds without a frame until live input is over
     record: Path | None = None  # new folder for the tracked frames of live input
     domain: int = 0  # of ROS 2
+
+    @property
+    def folder(self) -> Path:
+        """The folder of the results, of a run that stores them."""
+        assert self.out is not None
+        return self.out
 
     @property
     def uses_ros(self) -> bool:
@@ -100,6 +106,7 @@ def choose_job(options: TrackOptions, camera: CameraOptions, security: SecurityO
     if job.people > 1 and job.init not in (None, AUTOMATIC):
         raise InputError("--init is the pose of one person; with --people all are detected, so leave it out")
     check_outputs(job, several=is_several(options))
+    check_folder(job, several=is_several(options), as_json=options.as_json)
     return job
 
 
@@ -108,13 +115,26 @@ def check_outputs(job: Job, *, several: bool) -> None:
     if job.results_json and (job.results is None or is_topic(job.results)):
         raise InputError("--publish-json is the format of published results; add --publish KEY")
     if job.uses_ros and (job.pool.connect is None or job.pool.security is not None):
-        raise InputError("topics of ROS are reached at its router, unencrypted; add --connect tcp/HOST:7447")
+        raise InputError(
+            "topics of ROS are reached at its router, unencrypted; add --connect tcp/HOST:7447 "
+            "(--insecure, too, for another host)"
+        )
     if job.results is not None and not is_topic(job.results):
         if job.pool.listen is None and job.pool.connect is None:
             raise InputError("no subscriber could connect; add --listen or --connect with an endpoint")
         check_stream(job.results, guarded=job.pool.security is not None)
     if job.record is not None and (several or not live_cameras(job.sequence)):
         raise InputError("--record is for live input (zenoh:KEY); leave it out")
+
+
+def check_folder(job: Job, *, several: bool, as_json: bool) -> None:
+    """InputError without a folder of results, which only live input can do without."""
+    if job.out is not None:
+        return
+    if several or not live_cameras(job.sequence):
+        raise InputError("the results of recordings need a folder; add --out DIR, a new folder")
+    if as_json:
+        raise InputError("--json prints the summary of stored results; add --out DIR, or leave --json out")
 
 
 def choose_settings(options: TrackOptions) -> Settings:

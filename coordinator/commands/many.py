@@ -119,7 +119,9 @@ def choose_runs(job: Job, sequences: Sequence[Path]) -> list[Job]:
     twice = [name for name, count in Counter(names).items() if count > 1]
     if twice:
         raise InputError(f"two recordings have the name '{twice[0]}'; track them into different folders")
-    return [replace(job, sequence=path, out=job.out / name) for path, name in zip(paths, names, strict=True)]
+    return [
+        replace(job, sequence=path, out=job.folder / name) for path, name in zip(paths, names, strict=True)
+    ]
 
 
 def read_list(file: Path) -> Sequence[Path]:
@@ -140,7 +142,7 @@ def track_many(jobs: Sequence[Job], show: Show) -> int:
     The results are the bytes of single runs. A run that fails does not stop the others. An interrupt ends all
     runs; their frames are kept for `--resume`.
     """
-    show.say(f"tracking {len(jobs)} recordings into {jobs[0].out.parent}")
+    show.say(f"tracking {len(jobs)} recordings into {jobs[0].folder.parent}")
     ended = run_pool(jobs, show, quiet=show.console.quiet)
     table = Table("recording", "frames", "tracked", "seconds", "", box=None)
     for run in ended:
@@ -163,7 +165,7 @@ def run_pool(jobs: Sequence[Job], show: Show, *, quiet: bool) -> list[Ended]:
                 while waiting and len(running) < limit:
                     job = waiting.pop()
                     of_run = replace(job, pool=replace(pool, shared_at=endpoint))
-                    pipe = dashboard.open(job.out.name)
+                    pipe = dashboard.open(job.folder.name)
                     process = CONTEXT.Process(target=track_one, args=(of_run, quiet, pipe))
                     process.start()
                     if pipe is not None:
@@ -177,23 +179,23 @@ def run_pool(jobs: Sequence[Job], show: Show, *, quiet: bool) -> list[Ended]:
                     dashboard.show_all()
                     (job, began), code = running.pop(process), process.exitcode
                     code = 1 if code is None or code < 0 else code  # a signal killed it
-                    ended[job.out] = Ended(job, code, time.monotonic() - began)
+                    ended[job.folder] = Ended(job, code, time.monotonic() - began)
                     how = f"ended with exit code {code}" if code else "done"
-                    show.say(f"{job.out.name}: {how}, {len(ended)} of {len(jobs)}")
+                    show.say(f"{job.folder.name}: {how}, {len(ended)} of {len(jobs)}")
         finally:
             for process in running:
                 process.terminate()
             for process in running:  # their frames are kept
                 process.join()
-    return [ended[job.out] for job in jobs]
+    return [ended[job.folder] for job in jobs]
 
 
 def row_of(run: Ended) -> tuple[str, ...]:
     """The row of one run in the table."""
-    name, took = run.job.out.name, f"{run.seconds:.1f}"
+    name, took = run.job.folder.name, f"{run.seconds:.1f}"
     if run.code not in (0, NOT_TRACKED):
         return name, "-", "-", took, f"exit code {run.code}"
-    summary = read_summary(run.job.out)
+    summary = read_summary(run.job.folder)
     tracked = f"{100 * summary['status'].get('tracked', 0) / max(summary['frames'], 1):.0f} %"
     return name, str(summary["frames"]), tracked, took, "most are not tracked" if run.code else ""
 
@@ -205,7 +207,7 @@ def track_one(job: Job, quiet: bool, pipe: Connection | None) -> None:
     """
     os.setpgid(0, 0)  # Ctrl-C is handled by the parent process, which then ends this one
     end_with_parent()
-    name = job.out.name
+    name = job.folder.name
     logging.basicConfig(format=f"{name}: %(message)s", level=logging.WARNING, force=True)
     console = Console(stderr=True, quiet=quiet, force_terminal=False)
     show = Show(console, quiet_seconds=math.inf, name=f"{name}: ") if pipe is None else SentShow(pipe)

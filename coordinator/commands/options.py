@@ -73,7 +73,7 @@ class SecurityOptions:
     tls_cert: Path | None = security_option("FILE", "Certificate of this program.")
     tls_key: Path | None = security_option("FILE", "Key of this certificate.")
     insecure: bool = security_option(
-        "", "Listen unencrypted: anyone can connect.", "--insecure", default=False
+        "", "Unencrypted to other hosts: anyone can connect, or read.", "--insecure", default=False
     )
 
     def choose(self, listen: str | None, connect: str | None, **holder: str) -> Security | None:
@@ -134,7 +134,7 @@ class TrackOptions:
     listen: str | None = worker_option("ENDPOINT", "Let other workers join, e.g. at tls/0.0.0.0:7447.")
     connect: str | None = worker_option("ENDPOINT", "Use the workers at a router.")
     worker_timeout: float | None = worker_option("SECONDS", "Stop if none joins (default: wait).")
-    out: Path = output_option("DIR", "New folder for the results.", default=MISSING)
+    out: Path | None = output_option("DIR", "New folder for the results; live input can do without.")
     resume: bool = output_option("", "Continue the run in --out, if there is one.", "--resume", default=False)
     pictures: bool = output_option("", "Draw pictures at the end.", "--pictures/--no-pictures", default=True)
     results: str | None = output_option(
@@ -201,10 +201,10 @@ class PublishOptions:
 class CertificatesOptions:
     """Options of `gepf certificates`."""
 
-    out: Path = option("DIR", "Folder; valid certificates in it are kept.", default=MISSING)
+    out: Path = option("DIR", "Folder; keeps certificates that need no renewal.", default=MISSING)
     workers: str = option("N|NAME,...", "How many workers (worker-0, ...), or their names.", default="1")
     hosts: str = option("HOST,...", "Other hosts where a coordinator or router listens.", default="")
-    days: int = option("N", "Days of validity.", default=30, min=1)
+    days: int = option("N", "Days of validity (of the authority: ten years).", default=30, min=1)
     mount: Path | None = option("DIR", "Path of the folder in a router's container.")
 
 

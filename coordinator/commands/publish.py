@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator
+from io import BytesIO
 from itertools import count
 
-import imageio.v3 as iio
+from PIL import Image
 
 from gepf.common.errors import InputError
 from gepf.common.frame import DepthFrame
@@ -96,8 +97,9 @@ def play(images: Iterable[Shot], put: Put, put_last: Put, put_colour: Put | None
     try:
         for frame, colour in images:
             if colour is not None and put_colour is not None:
-                jpeg = iio.imwrite("<bytes>", colour, extension=".jpg", quality=90)
-                put_colour(encode_colour(frame.number, jpeg))
+                jpeg = BytesIO()
+                Image.fromarray(colour).save(jpeg, "JPEG", quality=90)
+                put_colour(encode_colour(frame.number, jpeg.getvalue()))
             put(encode_live(frame))
             number += 1
     finally:

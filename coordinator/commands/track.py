@@ -1,58 +1,39 @@
-"""`gepf track`, recorded or live, one person or several: track and publish frames, record, draw."""
+"""A run of `gepf track`, recorded or live, one person or several: track and publish frames, record, draw."""
 
 from __future__ import annotations
 
 import gc
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 
 from gepf.common.errors import InputError, SilentWorkers
-from gepf.coordinator.commands.console import INTERRUPTS, NOT_TRACKED
+from gepf.coordinator.commands.console import INTERRUPTS
 from gepf.coordinator.commands.finished import draw_pictures
 from gepf.coordinator.commands.inputs import MEND_STREAM, LiveInput, RecordedInput
-from gepf.coordinator.commands.job import Job, choose_job, is_several
-from gepf.coordinator.commands.options import CameraOptions, SecurityOptions, TrackOptions
+from gepf.coordinator.commands.job import Job
 from gepf.coordinator.commands.progress import FrameRate, Show, counted
 from gepf.coordinator.commands.publish import reach_partner
-from gepf.coordinator.files import SUMMARY_FILE
+from gepf.coordinator.pool.options import Pool
 from gepf.coordinator.pool.zenoh_refiner import Connect, ZenohRefiner
+from gepf.coordinator.results.live_recorder import LiveRecorder, Unstored
 from gepf.coordinator.results.live_results import LiveResults, PackedOutlet
-from gepf.coordinator.results.log import RecordedPerson
 from gepf.coordinator.results.recorder import Recorder, is_complete
 from gepf.coordinator.results.ros2_results import RosOutlet
-from gepf.coordinator.results.summary import PERSON, describe_failure, describe_status, folder_of
+from gepf.coordinator.results.summary import PERSON, folder_of
+from gepf.coordinator.results.tally import Outcome, describe_counts
 from gepf.coordinator.sources.live_stream import is_topic, live_key
 from gepf.coordinator.sources.rig import live_cameras
 from gepf.coordinator.sources.ros2 import Node
 from gepf.coordinator.tracking.cameras import describe_changes
-from gepf.coordinator.tracking.estimate import POSE_UNKNOWN, Fault
+from gepf.coordinator.tracking.estimate import Fault
 from gepf.coordinator.tracking.reporting import Tracked
 from gepf.coordinator.tracking.tracker import Tracker
 
+LONGEST_DRAWN = 108_000  # frames of live input, an hour: curves of more show nothing, and need memory
 
-def run_track(
-    options: TrackOptions, camera: CameraOptions, security: SecurityOptions, show: Show, connect: Connect
-) -> int:
-    """Track; returns the exit code. Raises InputError for invalid options, before anything is read.
-
-    Several recordings are tracked in parallel, each into its own folder.
-    """
-    job = choose_job(options, camera, security)
-    if is_several(options):
-        from gepf.coordinator.commands.many import choose_runs, track_many
-
-        jobs = choose_runs(job, options.sequences)
-        code = track_many(jobs, show)
-    else:
-        jobs, code = [job], 0 if track(job, show, connect) else NOT_TRACKED
-    if options.as_json:
-        files = [each.out / SUMMARY_FILE for each in jobs]
-        texts = ",\n".join(file.read_text(encoding="utf-8").strip() for file in files if file.exists())
-        sys.stdout.write(f"[{texts}]\n" if is_several(options) else f"{texts}\n")
-    return code
+AnyRecorder = Recorder | LiveRecorder | Unstored
 
 
 def track(job: Job, show: Show, connect: Connect) -> bool:
@@ -66,12 +47,12 @@ def track(job: Job, show: Show, connect: Connect) -> bool:
     """
     cameras = live_cameras(job.sequence)
     given = LiveInput(job, cameras, show) if cameras else RecordedInput(job)
-    if job.resume and is_complete(job.out, given.configuration):
+    if job.resume and is_complete(job.folder, given.configuration):
         show.say(f"all {given.total} frames are in {job.out} already")
         return True
     finished = False
     while not finished:
-        with Recorder(job.out, given.configuration, resume=given.job.resume) as recorder:
+        with open_recorder(given) as recorder:
             recorded, finished = record(given, recorder, show, connect)
         given.job = replace(given.job, resume=True)
     if isinstance(given, LiveInput) and not recorded:
@@ -80,9 +61,25 @@ def track(job: Job, show: Show, connect: Connect) -> bool:
     return conclude(job, recorded, show)
 
 
+def open_recorder(given: RecordedInput | LiveInput) -> AnyRecorder:
+    """What keeps the results of a run."""
+    job = given.job
+    if job.out is None:
+        return Unstored()
+    if isinstance(given, LiveInput):
+        return LiveRecorder(job.out, given.configuration, describe_pool(job.pool))
+    return Recorder(job.out, given.configuration, resume=job.resume)
+
+
+def describe_pool(pool: Pool) -> dict[str, object]:
+    """The options of a pool, for the summary."""
+    asked = {name: getattr(pool, name) for name in ("workers", "listen", "connect", "worker_timeout")}
+    return {**asked, "encrypted": pool.security is not None}
+
+
 def record(
-    given: RecordedInput | LiveInput, recorder: Recorder, show: Show, connect: Connect
-) -> tuple[dict[int, RecordedPerson], bool]:
+    given: RecordedInput | LiveInput, recorder: AnyRecorder, show: Show, connect: Connect
+) -> tuple[dict[int, Outcome], bool]:
     """Track the frames that are not recorded yet, and always write the files of the recorded frames.
 
     Returns the recorded frames of each person, and False if another connection must be tried.
@@ -97,19 +94,21 @@ def record(
         INTERRUPTS.noted, finished = False, True  # the end of live input
     finally:
         complete = finished if total is None else recorder.frames == total
-        pool = given.job.pool
-        asked = {name: getattr(pool, name) for name in ("workers", "listen", "connect", "worker_timeout")}
-        encrypted = {"encrypted": pool.security is not None}
-        facts = {"complete": complete, "pool": asked | encrypted, **given.facts()}
+        if total is None and out is not None and recorder.frames:
+            show.say(f"writing the results of {counted(recorder.frames, 'frame')}")
+        facts = {"complete": complete, "pool": describe_pool(given.job.pool), **given.facts()}
         recorded = recorder.finish(facts, rate.per_second or 0.0)
-        if recorded and not complete and total is not None:
-            kept = max(len(each.estimates) for each in recorded.values())  # as in the log
-            show.say(f"ended early with {kept} of {total} frames in {out}; --resume continues")
+        if recorded and not complete:
+            kept = max(each.tally.frames for each in recorded.values())  # as in the log
+            if total is None:
+                show.say(f"ended early with {counted(kept, 'frame')}" + (f" in {out}" if out else ""))
+            else:
+                show.say(f"ended early with {kept} of {total} frames in {out}; --resume continues")
     return recorded, finished
 
 
 def track_frames(
-    given: RecordedInput | LiveInput, recorder: Recorder, rate: FrameRate, show: Show, connect: Connect
+    given: RecordedInput | LiveInput, recorder: AnyRecorder, rate: FrameRate, show: Show, connect: Connect
 ) -> bool:
     """Track the frames; each is recorded while the workers refine the next one, live only if that waits.
 
@@ -203,26 +202,27 @@ def open_outlets(job: Job, workers: ZenohRefiner, node: Node | None) -> list[Liv
     ]
 
 
-def draw(given: RecordedInput | LiveInput, recorded: Mapping[int, RecordedPerson], show: Show) -> None:
+def draw(given: RecordedInput | LiveInput, recorded: Mapping[int, Outcome], show: Show) -> None:
     """Draw pictures of a finished run, and print where the results are."""
     job = given.job
     for number, each in recorded.items():
-        out = folder_of(job.out, job.people, number)
-        frames = counted(len(each.estimates), "frame")
+        frames, status = counted(each.tally.frames, "frame"), describe_counts(each.tally.status)
         if isinstance(given, LiveInput):
-            frames = f"{len(each.estimates)} of {counted(given.live.counts['received'], 'frame')}"
+            frames = f"{each.tally.frames} of {counted(given.live.counts['received'], 'frame')}"
+        if job.out is None:
+            show.say(f"{frames} were tracked, and not stored: {status}")
+            continue
+        out = folder_of(job.out, job.people, number)
         drawn, later = "", f"; gepf pictures {out} draws them" if given.source else ""
         try:
-            if job.pictures:
+            if job.pictures and (given.source or each.tally.frames <= LONGEST_DRAWN):
                 files = draw_pictures(given.source, out, show, given.truth, given.colours)
                 drawn, later = f" and {counted(len(files), 'picture')}", ""
         finally:
-            show.say(
-                f"{frames}{drawn} are in {out}: {describe_status(e.status for e in each.estimates)}{later}"
-            )
+            show.say(f"{frames}{drawn} are in {out}: {status}{later}")
 
 
-def conclude(job: Job, recorded: Mapping[int, RecordedPerson], show: Show) -> bool:
+def conclude(job: Job, recorded: Mapping[int, Outcome], show: Show) -> bool:
     """Warn of people who were not tracked in most frames; returns whether all were tracked.
 
     The first of several people has a run even if no one was found.
@@ -234,9 +234,10 @@ def conclude(job: Job, recorded: Mapping[int, RecordedPerson], show: Show) -> bo
     tracked = True
     for number, each in recorded.items():
         # one of several people may be absent at times
-        seen = [e for e in each.estimates if not several or e.status != "absent"]
-        if 2 * sum(e.status not in POSE_UNKNOWN for e in seen) < max(1, len(seen)):
+        tally = each.tally
+        seen = tally.frames - (tally.statuses["absent"] if several else 0)
+        if 2 * tally.known < max(1, seen):
             tracked = False
-            why = describe_failure(each.estimates)
+            why = tally.describe_failure()
             show.say(f"person {number}: {why}" if several else why, "bold red")
     return tracked

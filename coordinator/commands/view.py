@@ -26,6 +26,7 @@ from gepf.coordinator.commands.options import SecurityOptions, ViewOptions
 from gepf.coordinator.commands.progress import Show
 from gepf.coordinator.commands.publish import reach_partner
 from gepf.coordinator.pool.options import Pool
+from gepf.coordinator.results.killed import finish_killed
 from gepf.coordinator.results.live_results import Result, read_result, results_key
 from gepf.coordinator.results.track import filled, read_track, read_tracked_body
 from gepf.coordinator.sources.camera import DEFAULT_FPS
@@ -139,6 +140,7 @@ def run_view(options: ViewOptions, security: SecurityOptions, show: Show) -> Non
 
 def view_run(options: ViewOptions, show: Show) -> None:
     """Show a run; a browser can be connected until an interrupt."""
+    finish_killed(options.run)
     track = filled(read_track(options.run))
     source = find_sequence(options.run, options.sequence)
     if source is None:

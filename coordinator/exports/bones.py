@@ -17,7 +17,7 @@ from gepf.common.activation import nearest_in
 from gepf.common.arrays import Array
 from gepf.common.body import ROTATION, BodyModel
 from gepf.common.kinematics import dof_transforms
-from gepf.coordinator.exports.recorded import CAMERA_TO_Y_UP
+from gepf.coordinator.exports.axes import CAMERA_TO_Y_UP
 
 WORLD = "world"
 LARGEST_OFFSET_M = 0.05  # of a joint from the centre of rotation of its bone

@@ -3,6 +3,9 @@
 Centimetres and degrees, y up; a person who faces the camera looks along +z; the origin is the camera. Angles
 are in the order Z, X, Y. Prismatic joints also have positions and an offset of zero, because readers differ
 in whether positions are added to the offset. Lost frames have the reported pose.
+
+The format has a constant frame rate: between the frames of the run, which may be missing or late, the bones
+turn and move evenly. So the duration is that of the run.
 """
 
 from __future__ import annotations
@@ -12,21 +15,28 @@ from collections.abc import Iterator, Sequence
 from typing import BinaryIO
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+from scipy.spatial.transform import Rotation, Slerp
 
 from gepf.common.arrays import Array
+from gepf.common.errors import InputError
+from gepf.coordinator.exports.axes import CAMERA_TO_Y_UP
 from gepf.coordinator.exports.bones import Bone, bones_of, children, motion_of, offset, slides
-from gepf.coordinator.exports.recorded import CAMERA_TO_Y_UP, RecordedRun
+from gepf.coordinator.exports.recorded import RecordedRun
 
 ORDER = "ZXY"
+LONGEST_S = 86_400.0  # of a file: a day; a longer one would fill the memory
 TIP = "0.000000 5.000000 0.000000"  # centimetres from the last joint of a limb to the end of its bone
 
 
 def write_bvh(run: RecordedRun, file: BinaryIO) -> None:
-    """Write the skeleton in its rest pose, and the motion of every frame."""
+    """Write the skeleton in its rest pose, and its motion at the run's rate.
+
+    InputError for a run that lasts longer than LONGEST_S.
+    """
     model = run.body().model
     bones = bones_of(model)
     turns, places = motion_of(model, bones, run.track.pose, run.from_camera(CAMERA_TO_Y_UP))
+    turns, places = evenly(run, turns, places)
     positioned = [bone.parent < 0 or slides(bones, bone, places[:, b]) for b, bone in enumerate(bones)]
     columns = []
     for b in walk(bones, 0):
@@ -39,6 +49,26 @@ def write_bvh(run: RecordedRun, file: BinaryIO) -> None:
     text.write(f"MOTION\nFrames: {len(turns)}\nFrame Time: {1.0 / run.rate:.9f}\n")
     np.savetxt(text, np.concatenate(columns, axis=1), fmt="%.6f")
     text.detach()
+
+
+def evenly(run: RecordedRun, turns: Array, places: Array) -> tuple[Array, Array]:
+    """Rotations (R, B, 3, 3) and origins (R, B, 3) of the bones at the run's rate, from those of its frames.
+
+    Where the clock of a camera that starts again goes back, one frame passes.
+    """
+    steps = np.diff(run.track.time_s)
+    times = np.concatenate([[0.0], np.cumsum(np.where(steps > 0.0, steps, 1.0 / run.rate))])
+    if times[-1] > LONGEST_S:
+        raise InputError(f"the run lasts {times[-1] / 3600:.0f} h; a BVH has a row for all times, so use glb")
+    if len(times) == 1:
+        return turns, places
+    rows = np.minimum(np.arange(round(times[-1] * run.rate) + 1) / run.rate, times[-1])
+    even_turns = np.empty((len(rows), *turns.shape[1:]))
+    for b in range(turns.shape[1]):
+        even_turns[:, b] = Slerp(times, Rotation.from_matrix(turns[:, b]))(rows).as_matrix()
+    columns = places.reshape(len(times), -1).T
+    even_places = np.stack([np.interp(rows, times, column) for column in columns], axis=1)
+    return even_turns, even_places.reshape(len(rows), *places.shape[1:])
 
 
 def walk(bones: tuple[Bone, ...], b: int) -> Iterator[int]:

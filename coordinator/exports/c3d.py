@@ -17,7 +17,8 @@ from ezc3d import c3d
 
 from gepf.common.arrays import Array
 from gepf.coordinator.bodies.angles import angles_of
-from gepf.coordinator.exports.recorded import CAMERA_TO_OPENSIM, RecordedRun
+from gepf.coordinator.exports.axes import CAMERA_TO_OPENSIM
+from gepf.coordinator.exports.recorded import RecordedRun
 
 
 def write_c3d(run: RecordedRun, file: BinaryIO) -> None:

@@ -17,8 +17,9 @@ from scipy.spatial.transform import Rotation
 
 from gepf.common.activation import merge_weights
 from gepf.common.body import BodyModel, vertex_normals
+from gepf.coordinator.exports.axes import CAMERA_TO_Y_UP
 from gepf.coordinator.exports.bones import Bone, bones_of, children, continuous, motion_of, offset, slides
-from gepf.coordinator.exports.recorded import CAMERA_TO_Y_UP, RecordedRun
+from gepf.coordinator.exports.recorded import RecordedRun
 
 COMPONENT_TYPES = {"u2": gl.UNSIGNED_SHORT, "u4": gl.UNSIGNED_INT, "f4": gl.FLOAT}
 COLOUR = [0.8, 0.45, 0.2, 1.0]

@@ -22,7 +22,8 @@ from scipy.spatial.transform import Rotation
 from gepf.common.arrays import Array
 from gepf.common.kinematics.rotations import euler_angles
 from gepf.coordinator.bodies.angles import MIRROR, Angles, SphericalJoint, is_person, person_angles
-from gepf.coordinator.exports.recorded import CAMERA_TO_OPENSIM, RecordedRun
+from gepf.coordinator.exports.axes import CAMERA_TO_OPENSIM
+from gepf.coordinator.exports.recorded import RecordedRun
 from gepf.coordinator.results.angles import sliding_joints
 
 BALLS = {

@@ -9,6 +9,7 @@ import numpy as np
 
 from gepf.common.arrays import Array, Mask
 from gepf.common.camera import level_from_camera
+from gepf.coordinator.results.killed import finish_killed
 from gepf.coordinator.results.track import (
     Track,
     TrackedBody,
@@ -18,12 +19,6 @@ from gepf.coordinator.results.track import (
     where_missing,
 )
 from gepf.coordinator.sources.source import rate_of
-
-CAMERA_TO_Y_UP = np.diag([1.0, -1.0, -1.0])
-"""Half a turn about x: y up, and a person who faces the camera looks along +z, their left at +x."""
-
-CAMERA_TO_OPENSIM = np.array([[0.0, 0.0, -1.0], [0.0, -1.0, 0.0], [-1.0, 0.0, 0.0]])
-"""OpenSim's axes: x to the front of a person who faces the camera, y up, z to their right."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,6 +59,7 @@ class RecordedRun:
 
 def read_run(folder: Path, smooth_hz: float | None = None) -> RecordedRun:
     """The run in a folder, low-pass filtered if requested; InputError if it is missing or damaged."""
+    finish_killed(folder)
     found = read_track(folder)
     track = filled(found)
     if smooth_hz is not None:

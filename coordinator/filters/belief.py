@@ -7,7 +7,7 @@ from typing import Generic, Self, TypeVar
 
 import numpy as np
 
-from gepf.common.arrays import Array, Indices
+from gepf.common.arrays import Array, Indices, Mask
 from gepf.common.body import BodyModel
 from gepf.common.kinematics import difference, joint_positions, retract
 from gepf.common.settings import RefineSettings
@@ -57,6 +57,7 @@ class Observation:
     interval: float  # seconds since the frame before
     step: Array | None  # (D,) relative motion since then, from encoders; NaN if unknown
     cameras: int  # that show the body
+    unseen: Mask | None = None  # (D,) degrees of freedom that move only what is out of view; None: none
 
     def expect(self, velocities: Array, time_constant: float | None) -> Array:
         """The expected motion (M, D) since the frame before, of hypotheses with these velocities (M, D).
@@ -82,6 +83,7 @@ class Proposal(Generic[B]):
     interval: float  # seconds since the frame of `past`
     expected: Array | None = field(default=None, kw_only=True)
     """Predictions (N, D) without noise, if the update needs the covariance of each pose."""
+    unseen: Mask | None = field(default=None, kw_only=True)  # as in `Observation`
 
     def asks_covariance(self, rules: RefineSettings) -> bool:
         """Whether the covariance of each refined pose is requested from the workers.

@@ -81,7 +81,11 @@ def update(
         posteriors = lower[chosen] @ lower[chosen].transpose(0, 2, 1)
     parents = proposal.ancestors[chosen]
     poses, log_likelihood = after.poses[chosen], after.log_likelihood[chosen]
-    covariances = estimate_covariances(model, before, poses, group, past.covariances[parents])  # 7
+    inherited = past.covariances[parents]
+    covariances = estimate_covariances(model, before, poses, group, inherited)  # 7
+    if proposal.unseen is not None:  # they got no noise
+        kept = proposal.unseen[:, None] | proposal.unseen
+        covariances[:, kept] = inherited[:, kept]
     if len(posteriors) and proposal.expected is not None:
         poses = fuse_with_prediction(model, poses, posteriors, proposal.expected[chosen], proposal.interval)
     reported = choose_reported(model, past.reported, poses, log_likelihood, proposal.interval)
@@ -118,11 +122,15 @@ def explore(
     if not limbs:
         spread |= data_driven
     noise = np.where(spread[:, None], draw_noise(past.covariances, ancestors, rng), 0.0)
+    if observation.unseen is not None:  # a frame cannot choose between them
+        noise[:, observation.unseen] = 0.0
     particles = retract(model, expected, noise)
     if limbs:
         for n, (dofs, values) in zip(np.flatnonzero(data_driven), limbs, strict=True):
             particles[n, dofs] = values
-    return Proposal(past, ancestors, particles, observation.interval, expected=expected)
+    return Proposal(
+        past, ancestors, particles, observation.interval, expected=expected, unseen=observation.unseen
+    )
 
 
 def merge_by_angle(

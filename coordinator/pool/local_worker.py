@@ -5,15 +5,17 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
-import tempfile
+import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from gepf.common.errors import BusError
+from gepf.common.protocol import keys
+from gepf.common.transport.bus import Bus
 from gepf.common.transport.channels import ANSWER_S
 from gepf.common.transport.endpoints import LOCAL
-from gepf.common.transport.opening import open_router
+from gepf.common.transport.opening import open_router, private_folder
 from gepf.coordinator.pool.options import Pool
 
 THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -24,33 +26,36 @@ ABSENCE_S = 10.0  # longest absence of a worker that has served
 class LocalWorker:
     """The worker process of a pool with local lanes; it connects to this process at `endpoint`.
 
-    It ends when its standard input is closed, and so when this process dies.
+    Its presence is watched on `bus`. It ends when its standard input is closed, and so when this process
+    dies.
     """
 
-    def __init__(self, pool: Pool, name: str, endpoint: str, folder: Path) -> None:
+    def __init__(self, pool: Pool, name: str, bus: Bus, endpoint: str, folder: Path) -> None:
         self.name = name
         self.restarted = 0
         self._command = [*pool.worker_command, "--lanes", str(pool.lanes), "--connect", endpoint, "--tied"]
         self._log = folder / f"{name}.log"  # its standard error, kept apart from ours
         self._failed_starts = 0
+        self._present = False  # on the bus
         self._served = False  # since it was started
         self._away_since: float | None = None  # after it has served
         self.process = self._start() if pool.lanes else None
+        if self.process is not None:
+            bus.watch(keys.of_worker(name, "alive"), self._notice)
 
-    def look_after(self, now: float, *, present: bool | None = None) -> str | None:
-        """Restart it if it has died; returns a message then. BusError if it died too often.
+    def look_after(self, now: float) -> str | None:
+        """Restart it if it has died; returns a message then. BusError if it died too often before it served.
 
         If it has served before and is absent for long, for instance frozen, it is killed.
 
         Args:
             now: Seconds from any origin.
-            present: Whether it is on the bus; None if unknown.
         """
         if self.process is None:
             return None
-        if present:
-            self._served, self._failed_starts = True, 0
-        if present is not False or not self._served:
+        if self._served:
+            self._failed_starts = 0
+        if self._present or not self._served:
             self._away_since = None
         elif self._away_since is None:
             self._away_since = now
@@ -64,6 +69,11 @@ class LocalWorker:
             self.process.send_signal(signal.SIGTERM)
             end(self.process)
 
+    def _notice(self, _: str, alive: bool) -> None:
+        """It has joined or left; called on a thread of the bus."""
+        self._present = alive
+        self._served |= alive
+
     def _restart(self, ended: subprocess.Popen[bytes]) -> str:
         code = ended.returncode
         how = f"was ended by {signal.Signals(-code).name}" if code < 0 else f"ended with exit code {code}"
@@ -73,7 +83,8 @@ class LocalWorker:
             last = next((line.strip() for line in reversed(lines) if line.strip()), "it said nothing")
             raise BusError(f"local workers do not start; the last {how}: {last}")
         end(ended)
-        self.process, self._served = self._start(), False
+        self._present = self._served = False
+        self.process = self._start()
         self.restarted += 1
         return f"worker {self.name} {how}; starting it again"
 
@@ -100,12 +111,6 @@ def end(process: subprocess.Popen[bytes]) -> None:
         process.wait()
 
 
-def private_folder() -> tempfile.TemporaryDirectory[str]:
-    """A private folder whose path is short enough for a socket."""
-    usual = len(tempfile.gettempdir()) <= 80  # the path of a socket has at most 107 characters
-    return tempfile.TemporaryDirectory(prefix="gepf-", dir=None if usual else "/tmp")
-
-
 @contextmanager
 def shared_pool(pool: Pool) -> Iterator[tuple[str, LocalWorker]]:
     """One pool for several runs: a router within this process, and the local worker behind it.
@@ -115,8 +120,8 @@ def shared_pool(pool: Pool) -> Iterator[tuple[str, LocalWorker]]:
     with private_folder() as name:
         folder = Path(name)
         local = f"{LOCAL}/{folder / 'bus'}"
-        with open_router([local, *pool.listen_endpoints], pool.connect_endpoints, pool.security):
-            worker = LocalWorker(pool, "shared-0", local, folder)
+        with open_router([local, *pool.listen_endpoints], pool.connect_endpoints, pool.security) as bus:
+            worker = LocalWorker(pool, f"shared-{uuid.uuid4().hex[:12]}", bus, local, folder)
             try:
                 yield local, worker
             finally:

@@ -24,6 +24,7 @@ class Pool:
     run: str | None = None  # name; None for a random one
     worker_command: tuple[str, ...] = WORKER_COMMAND
     shared_at: str | None = None  # endpoint of this pool, if several runs share it
+    insecure: bool = False  # in the library: links to other hosts may be unencrypted
 
     @property
     def lanes(self) -> int:

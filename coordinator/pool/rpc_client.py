@@ -140,7 +140,7 @@ class RpcClient:
 
     def _check(self, now: float) -> None:
         """Check the local worker; report once that there is no worker; raise NoWorkers after the timeout."""
-        line = self._local.look_after(now, present=self._local.name in self._senders)
+        line = self._local.look_after(now)
         if line is not None:
             self._report(line)
         if self._senders:

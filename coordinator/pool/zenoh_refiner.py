@@ -21,8 +21,8 @@ from gepf.common.refinement import Particles
 from gepf.common.transport.bus import Bus
 from gepf.common.transport.channels import Publisher
 from gepf.common.transport.endpoints import LOCAL, protocol_of
-from gepf.common.transport.opening import open_coordinator
-from gepf.coordinator.pool.local_worker import LocalWorker, private_folder
+from gepf.common.transport.opening import open_coordinator, private_folder
+from gepf.coordinator.pool.local_worker import LocalWorker
 from gepf.coordinator.pool.options import Pool, PoolStatistics
 from gepf.coordinator.pool.rpc_client import Refinement, RpcClient
 from gepf.coordinator.tracking.refiner import Refiner
@@ -104,7 +104,7 @@ class ZenohRefiner(Refiner, Closing):
             self._publication = Publication(self._bus, self.run)
             self._bus.announce(keys.of_run(self.run, "alive"))
             of_our_own = replace(pool, workers=0) if pool.shared_at else pool
-            self._local = LocalWorker(of_our_own, f"{self.run}-0", local, folder)
+            self._local = LocalWorker(of_our_own, f"{self.run}-0", self._bus, local, folder)
             stack.callback(self._local.stop)
             self._client = RpcClient(self._bus, pool, self._local, report)
             self._stack = stack.pop_all()

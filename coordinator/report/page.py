@@ -19,7 +19,9 @@ from gepf.coordinator.bodies.angles import is_person
 from gepf.coordinator.files import FILM_FILE, HYPOTHESES_FILE, SHEET_FILE, write_atomically
 from gepf.coordinator.pictures.plots import SIDES, Curve, angle_curves, plot_curves, styled
 from gepf.coordinator.results.configuration import flatten
-from gepf.coordinator.results.summary import describe_status, people_in, read_summary
+from gepf.coordinator.results.killed import finish_killed
+from gepf.coordinator.results.summary import people_in, read_summary
+from gepf.coordinator.results.tally import describe_status
 from gepf.coordinator.results.track import Track, read_track
 from gepf.coordinator.tracking.certainty.certainty import FLAGGED
 
@@ -105,6 +107,7 @@ def write_report(run: Path, out: Path) -> None:
 
     InputError if it holds no finished run, or the page cannot be written.
     """
+    finish_killed(run)
     people = [section_of(folder) for folder in people_in(run) or [run]]
     summary = read_summary(run)
     environment = Environment(

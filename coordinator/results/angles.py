@@ -20,7 +20,7 @@ import numpy as np
 from gepf.common.arrays import Array
 from gepf.common.body import TRANSLATION
 from gepf.coordinator.bodies.angles import Angles, is_person
-from gepf.coordinator.results.track import MODEL_FILE, Track, filled, read_tracked_body
+from gepf.coordinator.results.track import MODEL_FILE, NewArray, Track, filled_from, read_tracked_body
 from gepf.coordinator.sources.camera import DEFAULT_FPS
 
 SPREAD_FACTOR = 2.0
@@ -54,24 +54,44 @@ SHOWN_BY = {
 }
 
 
-def with_angles(track: Track, angles: Angles) -> Track:
-    """The track with the angles (F, A) of its body and their deviations; a person's angles are smoothed."""
-    unknown, placed = track.unknown, track.placed
+PART_FRAMES = 1024
+"""Frames that are measured at once, so that memory does not grow with the hypotheses of a long run."""
+
+
+def with_angles(track: Track, angles: Angles, new: NewArray = np.empty) -> Track:
+    """The track with the angles (F, A) of its body and their deviations; a person's angles are smoothed.
+
+    `new` makes the arrays of the size of the track.
+    """
+    unknown, placed, shape = track.unknown, track.placed, (len(track.frame), len(angles.names))
     if not placed.any():
-        nothing = np.full((len(placed), len(angles.names)), np.nan)
+        nothing = np.full(shape, np.nan)
         return replace(track, angle_names=angles.names, angle=nothing, angle_deviation=nothing.copy())
-    known = filled(track)
-    measured, others = measure(known, angles)
-    reported = angles.follow(measured, unknown)
-    if is_person(track.dof_names) and len(known.frame) > 1:
-        off = deviations(known, angles, others, reported, np.inf)
-        off[unknown] = np.inf
-        since = np.diff(known.time_s)
+    first = int(np.argmax(placed))
+    start = track.part(slice(first, first + 1))
+    parts = [slice(n, n + PART_FRAMES) for n in range(0, shape[0], PART_FRAMES)]
+    smoothed, last = is_person(track.dof_names) and shape[0] > 1, None
+    reported = new(shape[::-1], np.float64).T if smoothed else new(shape, np.float64)
+    beyond = new(shape[::-1], np.float64).T if smoothed else np.empty((0, shape[1]))
+    for part in parts:
+        known = filled_from(track.part(part), start)
+        measured, others = measure(known, angles)
+        followed, last = angles.follow_on(measured, unknown[part], last)
+        reported[part] = followed
+        if smoothed:
+            off = deviations(known, angles, others, followed, np.inf)
+            off[unknown[part]] = np.inf
+            beyond[part] = np.maximum(off**2 - ANGLE_MISFIT**2, 0.0)
+    if smoothed:
+        since = np.diff(track.time_s)
         interval = np.where(since > 0.0, since, 1.0 / DEFAULT_FPS)
-        beyond = np.maximum(off**2 - ANGLE_MISFIT**2, 0.0)
-        columns = [smooth(*each, interval) for each in zip(reported.T, beyond.T, strict=True)]
-        reported = np.array(columns).reshape(reported.T.shape).T
-    expected = deviations(known, angles, others, reported, LARGEST_DEVIATION)
+        for column, variance in zip(reported.T, beyond.T, strict=True):
+            column[:] = smooth(column, variance, interval)
+    expected = new(shape, np.float64)
+    for part in parts:
+        known = filled_from(track.part(part), start)
+        others = measure(known, angles)[1]
+        expected[part] = deviations(known, angles, others, reported[part], LARGEST_DEVIATION)
     reported[~placed], expected[unknown] = np.nan, np.nan
     return replace(track, angle_names=angles.names, angle=reported, angle_deviation=expected)
 

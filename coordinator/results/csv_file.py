@@ -17,6 +17,8 @@ from gepf.coordinator.results.track import Track
 
 Columns = dict[str, Array]
 
+PART_FRAMES = 4096  # in memory at once
+
 
 def write_csv(track: Track, file: BinaryIO) -> None:
     """Frame, time and status, then the columns of `angle_columns`, `joint_columns`, and the pose.
@@ -25,12 +27,17 @@ def write_csv(track: Track, file: BinaryIO) -> None:
     """
     text = io.TextIOWrapper(file, encoding="utf-8", newline="")
     writer = csv.writer(text, lineterminator="\n")
-    columns = angle_columns(track) | joint_columns(track) | named(track.dof_names, track.pose)
-    writer.writerow(["frame", "time_s", "status", *columns])
-    values = np.stack(list(columns.values()), axis=1)
-    for f, frame in enumerate(track.frame.tolist()):
-        writer.writerow([frame, float(track.time_s[f]), track.status[f], *values[f].tolist()])
+    writer.writerow(["frame", "time_s", "status", *columns_of(track.part(slice(0, 0)))])
+    for part in track.parts(PART_FRAMES):
+        values = np.stack(list(columns_of(part).values()), axis=1)
+        for f, frame in enumerate(part.frame.tolist()):
+            writer.writerow([frame, float(part.time_s[f]), part.status[f], *values[f].tolist()])
     text.detach()
+
+
+def columns_of(track: Track) -> Columns:
+    """All columns (F,) of numbers by name."""
+    return angle_columns(track) | joint_columns(track) | named(track.dof_names, track.pose)
 
 
 def angle_columns(track: Track) -> Columns:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any, Protocol
 
 import msgspec
 import numpy as np
@@ -23,9 +23,6 @@ from gepf.coordinator.bodies.angles import Angles, angles_of
 from gepf.coordinator.results.log import assemble
 from gepf.coordinator.results.track import Track
 from gepf.coordinator.tracking.estimate import Estimate, Status
-
-if TYPE_CHECKING:  # it imports this module
-    from gepf.coordinator.results.ros2_results import RosOutlet
 
 KIND, END = "estimate", "estimates-end"
 
@@ -67,6 +64,23 @@ class EndMessage(msgspec.Struct, frozen=True, tag_field="kind", tag=END):
     version: int = LIVE
 
 
+class Outlet(Protocol):
+    """Publishes results in some form."""
+
+    @property
+    def has_subscriber(self) -> bool:
+        """Whether anyone receives them."""
+        ...
+
+    def put(self, message: ResultMessage, model: BodyModel) -> None:
+        """Publish a result of this body."""
+        ...
+
+    def end(self) -> None:
+        """Publish that there are no more results."""
+        ...
+
+
 class PackedOutlet:
     """Publishes results as MessagePack or JSON."""
 
@@ -100,7 +114,7 @@ class LiveResults:
     Nothing is published while nobody receives it. The bodies can be fetched from the run named `run`.
     """
 
-    def __init__(self, outlet: PackedOutlet | RosOutlet, run: str | None = None) -> None:
+    def __init__(self, outlet: Outlet, run: str | None = None) -> None:
         self._outlet, self._run = outlet, run
         self.end = outlet.end
         self._last: Array | None = None

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import struct
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import zip_longest
 from pathlib import Path
@@ -25,8 +25,9 @@ from gepf.common.errors import InputError
 from gepf.coordinator.bodies.angles import angles_of
 from gepf.coordinator.pool.options import PoolStatistics
 from gepf.coordinator.results.angles import with_angles
-from gepf.coordinator.results.configuration import RunConfiguration
-from gepf.coordinator.results.track import Track
+from gepf.coordinator.results.summary import RunTotals
+from gepf.coordinator.results.tally import Outcome, Tally
+from gepf.coordinator.results.track import NewArray, Track
 from gepf.coordinator.scene.planes import Planes
 from gepf.coordinator.scene.scene import Scene, SceneChanges
 from gepf.coordinator.tracking.estimate import Estimate
@@ -58,7 +59,7 @@ Record = Opening | Entry
 
 def append_records(descriptor: int, records: Sequence[Record]) -> None:
     """Append records to the file: readers see them, and they survive the end of this process."""
-    payloads = [msgspec.msgpack.encode(record, enc_hook=_pack_array) for record in records]
+    payloads = [msgspec.msgpack.encode(record, enc_hook=pack_array) for record in records]
     rest = memoryview(b"".join(HEAD.pack(len(each), zlib.crc32(each)) + each for each in payloads))
     while rest:
         rest = rest[os.write(descriptor, rest) :]
@@ -69,7 +70,7 @@ def read_records(file: BinaryIO) -> Iterator[tuple[Record, int]]:
 
     Raises InputError if it has another format.
     """
-    decoder = msgspec.msgpack.Decoder(Record, dec_hook=_unpack_array)
+    decoder = msgspec.msgpack.Decoder(Record, dec_hook=unpack_array)
     size, end = os.fstat(file.fileno()).st_size, 0
     while end + HEAD.size <= size:
         length, checksum = HEAD.unpack(file.read(HEAD.size))
@@ -88,13 +89,15 @@ def read_records(file: BinaryIO) -> Iterator[tuple[Record, int]]:
         yield record, end
 
 
-def _pack_array(value: object) -> tuple[str, tuple[int, ...], bytes]:
+def pack_array(value: object) -> tuple[str, tuple[int, ...], bytes]:
+    """An array as type, shape and bytes, for msgpack."""
     if not isinstance(value, np.ndarray):
         raise NotImplementedError(f"cannot record a {type(value).__name__}")
     return value.dtype.str, value.shape, value.tobytes()
 
 
-def _unpack_array(kind: type, packed: Any) -> object:
+def unpack_array(kind: type, packed: Any) -> object:
+    """The array of type, shape and bytes."""
     if get_origin(kind) is not np.ndarray:
         raise NotImplementedError(f"cannot read a {kind}")
     dtype, shape, data = packed
@@ -109,20 +112,17 @@ class RecordedPerson:
     state: TrackerState  # after the last frame
 
     @property
-    def found(self) -> bool:
-        """Whether the person was found in any frame."""
-        return self.state.start.found
+    def outcome(self) -> Outcome:
+        """The person at the end of these frames."""
+        up = floor_up(self.state.checkpoint.scenes)
+        return Outcome(self.state.start, self.state.stature_deviation, up, Tally.of(self.estimates))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Recorded:
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Recorded(RunTotals):
     """At least one frame, and the run until the last of them."""
 
-    configuration: RunConfiguration
     people: list[RecordedPerson]
-    statistics: PoolStatistics
-    seconds: float
-    resumes: int
     end: int  # bytes of complete records
 
     @property
@@ -161,7 +161,14 @@ def read_log(path: Path) -> Recorded | None:
         whole = {camera: scene.all() for camera, scene in scenes[p].items()}
         state = TrackerState(start, replace(last.checkpoints[p], scenes=whole))
         people.append(RecordedPerson(estimates[p], state))
-    return Recorded(openings[-1].configuration, people, last.statistics, last.seconds, len(openings) - 1, end)
+    return Recorded(
+        configuration=openings[-1].configuration,
+        statistics=last.statistics,
+        seconds=last.seconds,
+        resumes=len(openings) - 1,
+        people=people,
+        end=end,
+    )
 
 
 def floor_up(scenes: SceneChanges) -> Array | None:
@@ -174,55 +181,61 @@ def floor_up(scenes: SceneChanges) -> Array | None:
 
 def assemble(
     model: BodyModel,
-    estimates: Sequence[Estimate],
+    estimates: Iterable[Estimate],
     *,
     held: Mapping[str, float] | None = None,
     up: Array | None = None,
+    tally: Tally | None = None,
+    new: NewArray = np.empty,
 ) -> Track:
     """The track of a run's estimates, in their order.
 
     `held` are the values of held degrees of freedom by name; zero if missing. `up` (3,) is the direction away
-    from the ground, camera frame; None if unknown.
+    from the ground, camera frame; None if unknown. Estimates that are no sequence come with the `tally` of
+    all of them, and are read once, into the arrays that `new` makes.
     """
-    dofs, joints = len(model.dof_names), len(model.joint_names)
-    most = max((len(e.hypothesis_weight) for e in estimates), default=0)
-    weight = np.full((len(estimates), most), np.nan)
-    pose = np.full((len(estimates), most, dofs), np.nan)
-    for f, estimate in enumerate(estimates):
-        count = len(estimate.hypothesis_weight)
-        weight[f, :count], pose[f, :count] = estimate.hypothesis_weight, estimate.hypothesis_pose
+    if tally is None:
+        estimates = list(estimates)
+        tally = Tally.of(estimates)
+    frames, dofs, joints = tally.frames, len(model.dof_names), len(model.joint_names)
+    longest = max((len(kind) for faults in tally.faults.values() for kind, _ in faults), default=1)
     track = Track(
-        frame=np.array([e.frame for e in estimates], dtype=np.int64),
-        time_s=np.array([e.time_s for e in estimates], dtype=np.float64),
+        frame=new((frames,), np.int64),
+        time_s=new((frames,), np.float64),
         dof_names=model.dof_names,
-        pose=np.array([e.pose for e in estimates]).reshape(-1, dofs),
+        pose=new((frames, dofs), np.float64),
         joint_names=model.joint_names,
-        joint_positions=np.array([e.joint_positions for e in estimates]).reshape(-1, joints, 3),
-        joint_deviation=np.array([e.certainty.deviation for e in estimates]).reshape(-1, joints),
-        joint_off_probability=np.array([e.certainty.off_probability for e in estimates]).reshape(-1, joints),
-        joint_seen=np.array([e.certainty.seen for e in estimates]).reshape(-1, joints),
-        hypothesis_pose=pose,
-        hypothesis_weight=weight,
-        status=np.array([e.status for e in estimates], dtype="<U9"),
+        joint_positions=new((frames, joints, 3), np.float64),
+        joint_deviation=new((frames, joints), np.float64),
+        joint_off_probability=new((frames, joints), np.float64),
+        joint_seen=new((frames, joints), np.float64),
+        hypothesis_pose=new((frames, tally.hypotheses, dofs), np.float64),
+        hypothesis_weight=new((frames, tally.hypotheses), np.float64),
+        status=new((frames,), np.dtype("<U9")),
         angle_names=(),
-        angle=np.empty((len(estimates), 0)),
-        angle_deviation=np.empty((len(estimates), 0)),
+        angle=np.empty((frames, 0)),
+        angle_deviation=np.empty((frames, 0)),
         up=up,
-        **seen_by_cameras(estimates, joints),
+        camera_names=(cameras := tally.cameras) or None,
+        joint_seen_by=new((frames, len(cameras), joints), np.float64) if cameras else None,
+        camera_fault=new((frames, len(cameras)), np.dtype(f"<U{longest}")) if cameras else None,
     )
-    return with_angles(track, angles_of(model, held, up))
+    for f, estimate in enumerate(estimates):
+        enter(track, f, estimate)
+    return with_angles(track, angles_of(model, held, up), new)
 
 
-def seen_by_cameras(estimates: Sequence[Estimate], joints: int) -> dict[str, Any]:
-    """What each camera of a rig saw, as fields of a track; none for a single camera, which has no name."""
-    cameras = tuple(sorted({n for each in estimates for n in (*each.seen_by, *each.faults) if n}))
-    if not cameras:
-        return {}
-    unseen = np.zeros(joints)
-    shares = [[each.seen_by.get(name, unseen) for name in cameras] for each in estimates]
-    faults = [[each.faults.get(name, ("", 0.0))[0] for name in cameras] for each in estimates]
-    return {
-        "camera_names": cameras,
-        "joint_seen_by": np.array(shares),
-        "camera_fault": np.array(faults, dtype=np.str_),
-    }
+def enter(track: Track, f: int, estimate: Estimate) -> None:
+    """Write the estimate of frame `f` into the arrays of a track, all except the angles."""
+    track.frame[f], track.time_s[f], track.status[f] = estimate.frame, estimate.time_s, estimate.status
+    track.pose[f], track.joint_positions[f] = estimate.pose, estimate.joint_positions
+    certainty, count = estimate.certainty, len(estimate.hypothesis_weight)
+    track.joint_deviation[f], track.joint_seen[f] = certainty.deviation, certainty.seen
+    track.joint_off_probability[f] = certainty.off_probability
+    track.hypothesis_weight[f, :count] = estimate.hypothesis_weight
+    track.hypothesis_pose[f, :count] = estimate.hypothesis_pose
+    track.hypothesis_weight[f, count:] = track.hypothesis_pose[f, count:] = np.nan
+    if track.camera_names and track.joint_seen_by is not None and track.camera_fault is not None:
+        for c, name in enumerate(track.camera_names):
+            track.joint_seen_by[f, c] = estimate.seen_by.get(name, 0.0)
+            track.camera_fault[f, c] = estimate.faults.get(name, ("", 0.0))[0]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from itertools import zip_longest
@@ -18,38 +18,40 @@ from gepf.common.errors import InputError
 from gepf.common.settings import Settings
 from gepf.coordinator.bodies.human.dofs import HUMAN
 from gepf.coordinator.bodies.human.measures import DEVIATION
-from gepf.coordinator.files import LOG_FILE, SUMMARY_FILE, sync_folder, write_atomically, write_json
+from gepf.coordinator.files import (
+    LIVE_FILE,
+    LOG_FILE,
+    SUMMARY_FILE,
+    sync_folder,
+    write_atomically,
+    write_json,
+)
 from gepf.coordinator.pool.options import PoolStatistics
 from gepf.coordinator.results.configuration import RunConfiguration, differences, versions
 from gepf.coordinator.results.csv_file import write_csv
-from gepf.coordinator.results.log import (
-    Entry,
-    Opening,
-    Recorded,
-    RecordedPerson,
-    append_records,
-    assemble,
-    floor_up,
-    read_log,
-)
+from gepf.coordinator.results.live_log import is_empty
+from gepf.coordinator.results.log import Entry, Opening, Recorded, append_records, assemble, read_log
 from gepf.coordinator.results.summary import (
     PERSON,
     PERSON_FILE,
-    count_status,
+    RunTotals,
     describe_size,
     find_summary,
     folder_of,
     summarise,
     summarise_all,
 )
+from gepf.coordinator.results.tally import Outcome, count_status
 from gepf.coordinator.results.track import (
     MODEL_FILE,
     TRACK_FILE,
+    NewArray,
     Track,
     TrackedBody,
     write_track,
     write_tracked_body,
 )
+from gepf.coordinator.tracking.estimate import Estimate
 from gepf.coordinator.tracking.reporting import Tracked
 from gepf.coordinator.tracking.state import TrackerState
 
@@ -71,15 +73,7 @@ class Recorder:
     def __init__(self, run: Path, configuration: RunConfiguration, *, resume: bool = False) -> None:
         self.run, self._configuration = run, configuration
         self._finished = self._opened = False
-        self._made: list[Path] = []
-        try:
-            self._made = [path for path in (run, *run.parents) if not path.exists()]
-            run.mkdir(parents=True, exist_ok=True)
-            self._log = open_log(run / LOG_FILE)
-            sync_folder(run)
-        except OSError as error:
-            _remove_empty(self._made)
-            raise InputError(f"cannot write to {run}: {error.strerror}; choose another --out") from error
+        self._log, self._made = begin_log(run, LOG_FILE)
         try:
             self.past = claim(run, configuration, resume=resume)
         except BaseException:
@@ -105,7 +99,7 @@ class Recorder:
         finally:
             os.close(self._log)
         if empty:
-            _remove_empty(self._made)
+            remove_empty(self._made)
 
     @property
     def states(self) -> list[TrackerState] | None:
@@ -136,7 +130,7 @@ class Recorder:
         self._starts, self._opened = starts, True
         self.frames += 1
 
-    def finish(self, facts: Mapping[str, object], rate: float) -> dict[int, RecordedPerson]:
+    def finish(self, facts: Mapping[str, object], rate: float) -> dict[int, Outcome]:
         """Write all files except pictures for each person found, and for the first; returns them by number.
 
         Each summary starts with `facts`, including whether the run is complete, and the frame rate in frames
@@ -147,30 +141,43 @@ class Recorder:
         recorded = read_log(self.run / LOG_FILE)
         if recorded is None:
             return {}
+        people = [person.outcome for person in recorded.people]
         facts = {**facts, "frame_rate": rate or recorded.frames / max(recorded.seconds, 1e-9)}
-        found = {n: person for n, person in enumerate(recorded.people, start=1) if n == 1 or person.found}
-        for number, person in found.items():
-            start, configuration = person.state.start, recorded.configuration
-            said = configuration.get("scene", {}).get("up")
-            track = assemble(
-                start.model,
-                person.estimates,
-                held=start.held,
-                up=floor_up(person.state.checkpoint.scenes) if said is None else np.array(said),
-            )
-            own = {} if len(recorded.people) == 1 else {PERSON: number}
-            summary = {**facts, **summarise(recorded, person), **own}
-            folder = folder_of(self.run, len(recorded.people), number)
-            write_files(folder, track, TrackedBody(start.model, start.held), summary)
-            if start.found and configuration["model"]["name"] == HUMAN:
-                names = ("stature", DEVIATION, "girth", "age")
-                write_json(
-                    folder / PERSON_FILE, dict(zip(names, describe_size(person.state).values(), strict=True))
-                )
-        if len(recorded.people) > 1:
-            write_json(self.run / SUMMARY_FILE, {**facts, **summarise_all(recorded, found)})
+        found = write_run(self.run, recorded, people, facts, lambda p: recorded.people[p].estimates)
         self._finished = bool(facts["complete"])
         return found
+
+
+def write_run(
+    run: Path,
+    totals: RunTotals,
+    people: Sequence[Outcome],
+    facts: Mapping[str, object],
+    estimates: Callable[[int], Iterable[Estimate]],
+    new: NewArray = np.empty,
+) -> dict[int, Outcome]:
+    """Write all files except pictures for each person found, and for the first; returns them by number.
+
+    Each summary starts with `facts`. `estimates` gives those of a person by index; they are read once, into
+    the arrays that `new` makes.
+    """
+    configuration = totals.configuration
+    said = configuration.get("scene", {}).get("up")
+    found = {n: person for n, person in enumerate(people, start=1) if n == 1 or person.found}
+    for number, person in found.items():
+        start, tally = person.start, person.tally
+        up = person.up if said is None else np.array(said)
+        track = assemble(start.model, estimates(number - 1), held=start.held, up=up, tally=tally, new=new)
+        own = {} if len(people) == 1 else {PERSON: number}
+        summary = {**facts, **summarise(totals, person), **own}
+        folder = folder_of(run, len(people), number)
+        write_files(folder, track, TrackedBody(start.model, start.held), summary)
+        if person.found and configuration["model"]["name"] == HUMAN:
+            names = ("stature", DEVIATION, "girth", "age")
+            write_json(folder / PERSON_FILE, dict(zip(names, describe_size(person).values(), strict=True)))
+    if len(people) > 1:
+        write_json(run / SUMMARY_FILE, {**facts, **summarise_all(totals, found)})
+    return found
 
 
 def write_files(folder: Path, track: Track, body: TrackedBody, summary: Mapping[str, object]) -> None:
@@ -198,6 +205,23 @@ def check_configuration(folder: Path, recorded: Mapping[str, Any], asked: RunCon
         raise InputError(f"{folder} was recorded with other options: {found}; choose another --out")
 
 
+def begin_log(run: Path, name: str) -> tuple[int, list[Path]]:
+    """A locked descriptor of the log in the folder of a run, and the folders that were made for it.
+
+    InputError if the folder is in use or cannot be written.
+    """
+    made: list[Path] = []
+    try:
+        made = [path for path in (run, *run.parents) if not path.exists()]
+        run.mkdir(parents=True, exist_ok=True)
+        log = open_log(run / name)
+        sync_folder(run)
+    except OSError as error:
+        remove_empty(made)
+        raise InputError(f"cannot write to {run}: {error.strerror}; choose another --out") from error
+    return log, made
+
+
 def open_log(path: Path) -> int:
     """A locked descriptor of the log; InputError if another run uses it."""
     descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o666)
@@ -220,14 +244,34 @@ def claim(folder: Path, configuration: RunConfiguration, *, resume: bool) -> Rec
             raise InputError(f"{folder} holds an interrupted run; continue it with --resume, {ELSEWHERE}")
         check_configuration(folder, past.configuration, configuration)
         return past
-    present = [name for name in RESULTS if (folder / name).exists()]
-    if present:
+    try:
+        refuse_killed(folder)
+        refuse_results(folder)
+    except InputError:
         (folder / LOG_FILE).unlink()
-        raise InputError(f"{folder} holds an earlier run ({', '.join(present)}); {ELSEWHERE}")
+        raise
     return None
 
 
-def _remove_empty(folders: Sequence[Path]) -> None:
+def refuse_killed(folder: Path) -> None:
+    """InputError if a folder holds a live run, killed or not."""
+    live = folder / LIVE_FILE
+    if live.exists() and not is_empty(live):
+        os.close(open_log(live))  # InputError if it goes on
+        raise InputError(
+            f"{folder} holds a live run that was killed; gepf report {folder} finishes it; {ELSEWHERE}"
+        )
+
+
+def refuse_results(folder: Path) -> None:
+    """InputError if a folder holds the files of an earlier run."""
+    present = [name for name in RESULTS if (folder / name).exists()]
+    if present:
+        raise InputError(f"{folder} holds an earlier run ({', '.join(present)}); {ELSEWHERE}")
+
+
+def remove_empty(folders: Sequence[Path]) -> None:
+    """Remove folders, from the innermost out, as far as they are empty."""
     with suppress(OSError):
         for folder in folders:
             folder.rmdir()

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
@@ -13,14 +13,12 @@ import numpy as np
 from gepf.common.errors import InputError
 from gepf.coordinator.bodies.human.shape_space import shape_space
 from gepf.coordinator.files import SUMMARY_FILE
-from gepf.coordinator.results.configuration import versions
-from gepf.coordinator.tracking.estimate import Estimate, Status
+from gepf.coordinator.results.configuration import RunConfiguration, versions
+from gepf.coordinator.results.tally import STATUSES, Outcome
 
-if TYPE_CHECKING:  # it loads the compiler, which is slow
-    from gepf.coordinator.results.log import Recorded, RecordedPerson
-    from gepf.coordinator.tracking.state import TrackerState
+if TYPE_CHECKING:  # it loads Zenoh, which is slow
+    from gepf.coordinator.pool.options import PoolStatistics
 
-STATUSES = get_args(Status)
 PERSON_FILE = "person.json"  # the estimated size, for --model
 PERSON = "person"  # key in the summary: number of the person
 FOUND = "found"  # key in the summary of several people: one entry per person
@@ -32,14 +30,20 @@ def folder_of(run: Path, people: int, number: int) -> Path:
     return run if people == 1 else run / f"{PERSON}{number}"
 
 
-def summarise(recorded: Recorded, person: RecordedPerson) -> dict[str, object]:
+@dataclass(frozen=True, slots=True, eq=False)
+class RunTotals:
+    """What all people of a run have in common."""
+
+    configuration: RunConfiguration
+    statistics: PoolStatistics
+    seconds: float
+    resumes: int = 0
+
+
+def summarise(totals: RunTotals, person: Outcome) -> dict[str, object]:
     """Configuration, versions, body, workers, frames, and the total time of each stage in seconds."""
-    configuration, start, statistics = recorded.configuration, person.state.start, recorded.statistics
-    settings = configuration["settings"]
-    stages: dict[str, float] = {}
-    for estimate in person.estimates:
-        for stage, seconds in estimate.stage_seconds.items():
-            stages[stage] = stages.get(stage, 0.0) + seconds
+    configuration, start, statistics = totals.configuration, person.start, totals.statistics
+    settings, tally = configuration["settings"], person.tally
     return {
         **configuration,
         "method": settings["method"],
@@ -48,99 +52,53 @@ def summarise(recorded: Recorded, person: RecordedPerson) -> dict[str, object]:
         "model": {
             **configuration["model"],
             "hash": start.model.hash,
-            **describe_size(person.state),
+            **describe_size(person),
             "active": start.model.dof_names,
         },
         "noise_m": {"depth": start.noise.depth, "lateral": start.noise.lateral},
         "versions": versions(),
-        "resumes": recorded.resumes,
+        "resumes": totals.resumes,
         "workers_seen": statistics.workers_seen,
         **statistics.counts,
-        "frames": len(person.estimates),
-        "status": count_status(e.status for e in person.estimates),
-        "doubts": count_doubts(person.estimates),
-        **describe_cameras(person.estimates),
+        "frames": tally.frames,
+        "status": tally.status,
+        "doubts": dict(tally.doubts.most_common()),
+        **tally.describe_cameras(),
         "rotate_deg": round(np.degrees(start.roll)),
         "particles": settings["filter"]["particles"],
-        "seconds": recorded.seconds,
-        "time_per_stage": stages,
+        "seconds": totals.seconds,
+        "time_per_stage": tally.stage_seconds,
     }
 
 
-def summarise_all(recorded: Recorded, found: Mapping[int, RecordedPerson]) -> dict[str, object]:
+def summarise_all(totals: RunTotals, people: Mapping[int, Outcome]) -> dict[str, object]:
     """The common part of the summaries of several people, and an entry for each, by number."""
-    common = summarise(recorded, recorded.people[0])
+    common = summarise(totals, people[1])
     return {
         **{name: value for name, value in common.items() if name not in OF_ONE},
-        "model": recorded.configuration["model"],
-        "status": count_status(each.status for person in found.values() for each in person.estimates),
-        FOUND: [describe_person(number, person) for number, person in found.items()],
+        "model": totals.configuration["model"],
+        "status": {name: sum(each.tally.statuses[name] for each in people.values()) for name in STATUSES},
+        FOUND: [describe_person(number, person) for number, person in people.items()],
     }
 
 
-def describe_person(number: int, person: RecordedPerson) -> dict[str, object]:
+def describe_person(number: int, person: Outcome) -> dict[str, object]:
     """One person in the summary of all."""
-    estimates = person.estimates
-    seen = [estimate.frame for estimate in estimates if estimate.status not in ("absent", "searching")]
     return {
         "folder": f"{PERSON}{number}",
-        "first_frame_tracked": seen[0] if seen else None,
-        **describe_size(person.state),
-        "status": count_status(e.status for e in estimates),
-        "doubts": count_doubts(estimates),
+        "first_frame_tracked": person.tally.first_tracked,
+        **describe_size(person),
+        "status": person.tally.status,
+        "doubts": dict(person.tally.doubts.most_common()),
     }
 
 
-def describe_size(state: TrackerState) -> dict[str, float | None]:
+def describe_size(person: Outcome) -> dict[str, float | None]:
     """Stature, its standard deviation, girth and age by proportions; None if nobody was detected."""
-    stature, girth, maturity = state.start.size
-    size = (stature, state.stature_deviation, girth, shape_space().age(stature, maturity))
+    stature, girth, maturity = person.start.size
+    size = (stature, person.stature_deviation, girth, shape_space().age(stature, maturity))
     names = ("stature_m", "stature_deviation_m", "girth", "age")
-    return dict(zip(names, size if state.start.found else (None,) * len(names), strict=True))
-
-
-def count_status(statuses: Iterable[str]) -> dict[str, int]:
-    """Frames by status."""
-    counts = Counter(statuses)
-    return {status: counts[status] for status in STATUSES}
-
-
-def count_doubts(estimates: Iterable[Estimate]) -> dict[str, int]:
-    """Reasons to doubt frames that are not tracked, with the number of frames, the most frequent first."""
-    counts = Counter[str](e.why for e in estimates if e.why and e.status != "tracked")
-    return dict(counts.most_common())
-
-
-def describe_cameras(estimates: Sequence[Estimate]) -> dict[str, object]:
-    """For each camera of a rig the frames in which it showed the body, and its faults."""
-    faults: dict[str, dict[tuple[str, float], float]] = {}  # until when
-    shown = Counter(name for each in estimates for name in each.seen_by if name)
-    for each in estimates:
-        for name, (kind, since_s) in each.faults.items():
-            faults.setdefault(name, {})[kind, since_s] = each.time_s
-    cameras = {
-        name: {
-            "frames_shown": shown[name],
-            "faults": [
-                {"fault": kind, "from_s": round(since_s, 3), "to_s": round(until_s, 3)}
-                for (kind, since_s), until_s in faults.get(name, {}).items()
-            ],
-        }
-        for name in sorted({*shown, *faults})
-    }
-    return {"cameras": cameras} if cameras else {}
-
-
-def describe_status(statuses: Iterable[str]) -> str:
-    """Number of frames of each status that occurs, as text."""
-    return ", ".join(f"{n} {status}" for status, n in count_status(statuses).items() if n)
-
-
-def describe_failure(estimates: Sequence[Estimate]) -> str:
-    """Message about a run in which most frames are not tracked, with the reason if it is known."""
-    doubts = count_doubts(estimates)
-    why = f": {next(iter(doubts))}" if doubts else ""
-    return f"most frames are not tracked ({describe_status(e.status for e in estimates)}){why}"
+    return dict(zip(names, size if person.found else (None,) * len(names), strict=True))
 
 
 def find_summary(run: Path) -> dict[str, Any] | None:

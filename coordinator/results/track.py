@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
+from functools import cache
 from itertools import groupby
 from pathlib import Path
 from typing import Annotated, Any, BinaryIO
@@ -15,10 +16,13 @@ from numpy.typing import NDArray
 from gepf.common.arrays import Array, Indices, Mask
 from gepf.common.body import BodyModel
 from gepf.common.errors import InputError
-from gepf.coordinator.files import LOG_FILE, file_layout, read_arrays
+from gepf.coordinator.files import LIVE_FILE, LOG_FILE, file_layout, read_arrays
 from gepf.coordinator.tracking.estimate import POSE_UNKNOWN
 
 TRACK_FILE = "track.npz"
+
+NewArray = Callable[[tuple[int, ...], Any], NDArray[Any]]
+"""Makes an array of a shape and a type, such as `np.empty`."""
 
 logger = logging.getLogger(__name__)
 
@@ -61,6 +65,16 @@ class Track:
         """Frames (F,) with a pose, also a guessed one: all after the body was found."""
         return np.asarray(np.isfinite(self.pose).all(axis=1))
 
+    def part(self, frames: slice) -> Track:
+        """Some of the frames; arrays are views."""
+        values = {name: getattr(self, name) for name in _of_frames()}
+        return replace(self, **{name: value[frames] for name, value in values.items() if value is not None})
+
+    def parts(self, count: int) -> Iterator[Track]:
+        """All frames in order, in parts of at most `count`."""
+        for first in range(0, len(self.frame), count):
+            yield self.part(slice(first, first + count))
+
     def stretches(self) -> list[tuple[str, int, int]]:
         """All intervals of successive frames of one status: status, first and last index."""
         found, first = [], 0
@@ -71,12 +85,31 @@ class Track:
         return found
 
 
+@cache
+def _of_frames() -> tuple[str, ...]:
+    """The fields of a track that have a value for each frame."""
+    return tuple(name for name, layout in file_layout(Track).items() if "(F" in layout)
+
+
 def filled(track: Track) -> Track:
     """The track with the first found pose also in the frames before it; zeros if there is none."""
     if track.placed.all():
         return track
+    if not track.placed.any():
+        return where_missing(track, ~track.placed, lambda _: 0.0)
     first = int(np.argmax(track.placed))
-    return where_missing(track, ~track.placed, lambda values: values[first] if track.placed.any() else 0.0)
+    return filled_from(track, track.part(slice(first, first + 1)))
+
+
+def filled_from(track: Track, found: Track) -> Track:
+    """The track with the pose, joints and angles of a single frame `found` in the frames without a pose."""
+    missing = ~track.placed
+    if not missing.any():
+        return track
+    changed = {name: getattr(track, name).copy() for name in ("pose", "joint_positions", "angle")}
+    for name, values in changed.items():
+        values[missing] = getattr(found, name)[0]
+    return replace(track, **changed)
 
 
 def where_missing(track: Track, missing: Mask, value: Callable[[Array], Array | float]) -> Track:
@@ -98,6 +131,8 @@ def read_track(folder: Path) -> Track:
     """Read the track in the folder of a run; InputError if it is missing or damaged."""
     if not folder.is_dir():
         raise InputError(f"no such folder: {folder}; give the --out folder of a finished gepf track")
+    if (folder / LIVE_FILE).exists():
+        raise InputError(f"{folder} holds a live run that has not ended; gepf report {folder} finishes it")
     if (folder / LOG_FILE).exists():
         where = f"{folder} holds a run that has not ended or was interrupted"
         if not (folder / TRACK_FILE).exists():

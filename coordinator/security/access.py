@@ -11,7 +11,7 @@ from pathlib import Path
 from gepf.common.errors import InputError
 from gepf.common.protocol.keys import check_name
 from gepf.common.transport.credentials import check_holder, read_credentials
-from gepf.common.transport.endpoints import check_endpoint, check_listening
+from gepf.common.transport.endpoints import CONNECT, LISTEN, check_endpoint
 from gepf.common.transport.session import COORDINATOR, ROUTER, Security
 
 ROSTER = "workers.txt"
@@ -65,13 +65,13 @@ def choose_security(
 ) -> Security | None:
     """Certificates and access rules for these endpoints; None without certificates.
 
-    InputError for a certificate that does not belong to `holder`, and for listening without access control.
+    InputError for a certificate that does not belong to `holder`, and for an unencrypted link to other hosts
+    unless `insecure` is set.
     """
     credentials = read_credentials(files.ca, files.cert, files.key)
-    if listen is not None:
-        check_listening(listen, credentials, insecure=insecure)
-    if connect is not None:
-        check_endpoint("--connect", connect, credentials)
+    for option, endpoint in ((LISTEN, listen), (CONNECT, connect)):
+        if endpoint is not None:
+            check_endpoint(option, endpoint, credentials, insecure=insecure)
     if credentials is None:
         return None
     check_holder(credentials, holder)

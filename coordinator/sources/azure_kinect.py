@@ -8,7 +8,7 @@ samples, rotated to the axes of the depth camera, give the direction of gravity.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -52,45 +52,53 @@ class Calibration:
 
 def read_azure_kinect(path: Path, given: GivenCamera) -> Source:
     """Read the depth frames of an `.mkv`, numbered from 0; times are relative to the first frame."""
-    container = open_container(path)
-    stream = depth_stream(container, path)
-    stamps, samples = scan(container, stream, path)
-    calibration = read_calibration(container, path)
-    if calibration is None or given.intrinsics is not None:
-        lens = Lens(given.camera((stream.height, stream.width), path))
-    else:
-        lens = lens_of(calibration, depth_camera(calibration, stream, path))
-    read = Frames(path, container, stream, stamps, lens).read
+    with open_container(path) as container:
+        stream = depth_stream(container, path)
+        stamps, samples = scan(container, stream, path)
+        calibration = read_calibration(container, path)
+        if calibration is None or given.intrinsics is not None:
+            lens = Lens(given.camera((stream.height, stream.width), path))
+        else:
+            lens = lens_of(calibration, depth_camera(calibration, stream, path))
+    read = Frames(path, stamps, lens).read
     times = [stamp - stamps[0] for stamp in stamps]
     scale, gravity = given.depth_scale or MILLIMETRES, gravity_of(calibration, samples)
     return Source(path.stem, lens.camera, range(len(times)), read, scale, rate_of(times), times, gravity)
 
 
 class Frames:
-    """Decoded and undistorted depth of a stream. Reading is fastest in order."""
+    """Decoded and undistorted depth of a file. Reading is fastest in order.
 
-    def __init__(self, path: Path, container: Any, stream: Any, stamps: list[float], lens: Lens) -> None:
-        self._path, self._container, self._stream, self._stamps = path, container, stream, stamps
-        self._lens = lens
-        self._next, self._pictures = 0, self._decode(0)
+    The file is open from the first frame that is read to the last one of the file, or as long as this exists.
+    """
+
+    def __init__(self, path: Path, stamps: list[float], lens: Lens) -> None:
+        self._path, self._stamps, self._lens = path, stamps, lens
+        self._next, self._pictures = 0, decode(path, stamps[0])
 
     def read(self, place: int) -> NDArray[np.uint16]:
         """Depth (H, W) of the n-th frame, counted from 0."""
         if place != self._next:
-            self._pictures = self._decode(place)
+            self._pictures.close()
+            self._pictures = decode(self._path, self._stamps[place])
         depth = next(self._pictures, None)
         self._next = place + 1
         if depth is None:
             raise InputError(f"{self._path}: frame {place} is truncated; copy it again, or use --frames")
+        if self._next == len(self._stamps):
+            self._pictures.close()
         return self._lens.undistort(depth)
 
-    def _decode(self, place: int) -> Iterator[NDArray[np.uint16]]:
-        """Depth of the frames from the n-th on, up to the end or a damaged part of the file."""
-        base = float(self._stream.time_base)
-        self._container.seek(round(self._stamps[place] / base), stream=self._stream)
+
+def decode(path: Path, from_s: float) -> Generator[NDArray[np.uint16]]:
+    """Depth of the frames from a time on, up to the end or a damaged part of the file."""
+    with open_container(path) as container:
+        stream = depth_stream(container, path)
+        base = float(stream.time_base)
+        container.seek(round(from_s / base), stream=stream)
         try:
-            for picture in self._container.decode(self._stream):
-                if picture.time >= self._stamps[place] - 0.5 * base:
+            for picture in container.decode(stream):
+                if picture.time >= from_s - 0.5 * base:
                     yield picture.to_ndarray().astype(np.uint16)
         except av.error.FFmpegError:
             return

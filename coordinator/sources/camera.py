@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from gepf.common.bounds import LARGEST, SMALLEST
 from gepf.common.camera import Intrinsics
 from gepf.common.errors import InputError
-from gepf.coordinator.files import read_json
+from gepf.coordinator.files import read_json, write_json
 
 DEFAULT_FPS = 30.0
 MILLIMETRES = 1000.0  # per metre
@@ -50,7 +50,7 @@ def write_camera(path: Path, camera: Intrinsics, depth_scale: float, fps: float 
     """Write a camera as Open3D's recorders do."""
     matrix = [camera.fx, 0.0, 0.0, 0.0, camera.fy, 0.0, camera.cx, camera.cy, 1.0]
     content = CameraFile(camera.width, camera.height, matrix, depth_scale, fps)
-    path.write_bytes(msgspec.json.format(msgspec.json.encode(content)) + b"\n")
+    write_json(path, content)
 
 
 def intrinsics_of(matrix: ArrayLike, width: int, height: int, name: str) -> Intrinsics:

@@ -172,7 +172,8 @@ class LiveFrames:
         except ProtocolError as error:
             with self._changed:
                 rig.counts["malformed"] += 1
-            if rig.counts["malformed"] == 1:
+                is_first = rig.counts["malformed"] == 1
+            if is_first:
                 self._report(f"a message on {self.cameras[place].key} makes no sense: {error}")
             return
         said = None

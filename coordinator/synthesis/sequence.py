@@ -9,10 +9,10 @@ from dataclasses import replace
 from itertools import count
 from pathlib import Path
 
-import imageio.v3 as iio
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
+from PIL import Image
 
 from gepf.common.arrays import Array
 from gepf.common.body import TRANSLATION, BodyModel
@@ -137,7 +137,7 @@ def write_depth(
     folder.mkdir(parents=True)
     for number, depth_m in enumerate(render(scene)):
         noisy = add_noise(depth_m, scene.camera, noise, np.random.default_rng([seed, number]), kinect=kinect)
-        iio.imwrite(folder / f"{number:06d}.png", to_units(noisy, DEPTH_SCALE))
+        Image.fromarray(to_units(noisy, DEPTH_SCALE)).save(folder / f"{number:06d}.png")
         yield number
 
 

@@ -13,18 +13,23 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from gepf.common.arrays import Array, Indices
-from gepf.common.body import BodyModel
+from gepf.common.arrays import Array, Indices, Mask
+from gepf.common.body import ROOT_DOFS, BodyModel
 from gepf.common.frame import SubjectFrame
+from gepf.common.kinematics import joint_positions
 from gepf.common.refinement import Particles
 from gepf.common.settings import RefineSettings
 from gepf.coordinator.bodies.human.shape_space import shape_space
 from gepf.coordinator.bodies.tracked import Bodies, Size, coarsen
+from gepf.coordinator.filters.pose_prior import rest_prior
+from gepf.coordinator.tracking.field_of_view import TOP, cut_sides, in_view, out_of_reach
 from gepf.coordinator.tracking.gating import Gate, gate_pose
-from gepf.coordinator.tracking.observation import thin
+from gepf.coordinator.tracking.observation import camera_points, thin
 from gepf.coordinator.tracking.pose_candidates import Candidates, candidates_of, ordered
+from gepf.coordinator.tracking.pose_library import look_straight
 from gepf.coordinator.tracking.refiner import Pending, Refiner, Requests, iterations, with_closest_points
 from gepf.coordinator.tracking.state import Start
+from gepf.coordinator.tracking.stature import log_prior
 
 STATURE_STEPS = np.array([0.91, 0.955, 1.0, 1.045, 1.09])  # factors of the best stature so far
 GIRTHS = (0.9, 1.05, 1.2, 1.4)
@@ -32,6 +37,7 @@ MATURITIES = (0.0, 0.5, 1.0)  # of a small person: proportions of the mean child
 ITERATIONS = 12  # until candidates converge; the last stage has half of these
 FEW_POINTS = 1_000  # on which the first candidates are refined
 VERTEX_SHARE = 0.009  # of stature: rms distance of a surface from the nearest vertex, 0.008 to 0.010
+ENDS = ("head", "left_ankle", "right_ankle")
 REQUEST_ITERATIONS = 150  # of ICP in one request: about 10 ms on one lane
 
 
@@ -59,6 +65,21 @@ class Query:
     subject: SubjectFrame
     settings: RefineSettings
     sizes: Sequence[Size]
+    roll: float | None = None  # of the image, in which a person is probably upright; None: not a person
+
+    @cached_property
+    def cut(self) -> Mask:
+        """Sides at which the main camera cuts the person, see `cut_sides`; none if another one does not."""
+        if self.roll is None:
+            return np.zeros(4, dtype=np.bool_)
+        cut = [cut_sides(view, look_straight(middle_in(view), self.roll)) for view in self.subject.views]
+        return cut[0] & all(each.any() for each in cut)
+
+    def log_prior(self, found: Candidates, statures: Sequence[float], names: tuple[str, ...]) -> Array:
+        """Log priors (N,) of candidates by their stature, of those of whom not both ends are in view."""
+        seen = in_view(self.subject, found.joints[:, [names.index(end) for end in ENDS]])
+        whole = seen[:, 0] & seen[:, 1:].any(axis=1)
+        return np.where(whole, 0.0, log_prior(np.array(statures)[found.sizes]))
 
     @cached_property
     def few(self) -> SubjectFrame:
@@ -79,14 +100,42 @@ class CandidateStages:
     def shortlist(self, query: Query, groups: Iterable[Group]) -> Search[Candidates]:
         """The best distinct candidates after both stages on few points."""
         proposed = yield from self.on_few_points(query, groups, ROUGH)
-        return (yield from self.on_few_points(query, [proposed.group], FINE))
+        best = yield from self.on_few_points(query, [proposed.group], FINE)
+        if query.cut.any():
+            proposed = yield from self.on_few_points(query, [best.group, self._completed(query, best)], ROUGH)
+            best = yield from self.on_few_points(query, [proposed.group], FINE)
+        return best
 
     def on_few_points(self, query: Query, groups: Iterable[Group], effort: Effort) -> Search[Candidates]:
         """The best distinct candidates after one stage on few points, with a coarse surface."""
         models = [self.coarse(size) for size in query.sizes]
         closest = iterations(with_closest_points(query.settings), effort.iterations)
         found = yield from self._refine(query.few, models, groups, closest)
-        return found.distinct(models[0].joint_names, effort.kept)
+        names = models[0].joint_names
+        if not query.cut.any() or not len(found.poses):
+            return found.distinct(names, effort.kept)
+        found = found.likelier_by(query.log_prior(found, [size.stature for size in query.sizes], names))
+        seen = in_view(query.subject, found.joints)
+        if not query.cut[TOP] and (heads := seen[:, names.index("head")]).any():
+            found, seen = found.take(np.flatnonzero(heads)), seen[heads]
+        return found.distinct(names, effort.kept, seen)
+
+    def _completed(self, query: Query, best: Candidates) -> Group:
+        """Poses (N, D) and sizes (N,): candidates in every size, as they are and with unseen limbs at rest.
+
+        Their heads stay in place. A part of a body fits a range of sizes, and says nothing of other limbs.
+        """
+        poses, of = list[Array](), list[int]()
+        for pose, size, joints in zip(best.poses, best.sizes, best.joints, strict=True):
+            model = self.coarse(query.sizes[size])
+            unseen = out_of_reach(model, in_view(query.subject, joints))
+            unseen[np.isin(model.dof_names, ROOT_DOFS)] = False
+            rests = np.where(unseen, 0.0, pose)
+            for n, other in enumerate(query.sizes):
+                for each in (pose, rests):
+                    poses.append(with_head_at(self.coarse(other), each, joints))
+                    of.append(n)
+        return np.array(poses), np.array(of)
 
     def fit_size(self, query: Query, found: Candidates) -> Search[tuple[Size, Array]]:
         """The size and poses (N, D) that explain a frame best, of these candidates' sizes or between them."""
@@ -99,8 +148,13 @@ class CandidateStages:
         tried = [Size(each, size.girth, maturity) for each, maturity in pairs]
         size, _ = yield from self._choose_size(query, size, tried, poses[0])
         tried = [size._replace(girth=girth) for girth in GIRTHS]
-        size, best = yield from self._choose_size(query, size, tried, poses[0])
-        return size, np.concatenate([best, poses])
+        girth, best = yield from self._choose_size(query, size, tried, poses[0])
+        if query.cut.any():
+            model = self._bodies.for_start(*girth)
+            poses = np.array(
+                [with_head_at(model, *each) for each in zip(found.poses, found.joints, strict=True)]
+            )
+        return girth, np.concatenate([best, poses])
 
     def as_tracked(
         self, subject: SubjectFrame, start: Start, poses: Array, settings: RefineSettings
@@ -128,14 +182,20 @@ class CandidateStages:
         causes is left out.
         """
         models = [self._bodies.for_start(*size) for size in tried]
-        group = np.tile(pose, (len(tried), 1)), np.arange(len(tried))
+        poses = np.tile(pose, (len(tried), 1))
+        if query.cut.any():
+            joints = joint_positions(self._bodies.for_start(*present), pose[None])[0]
+            poses = np.array([with_head_at(model, pose, joints) for model in models])
+        group = poses, np.arange(len(tried))
         settings = iterations(query.settings, ITERATIONS)
         found = yield from self._refine(query.subject, models, [group], settings)
-        if not len(found.poses):
+        if not found.is_visible:
             return present, pose[None]
         measures = np.array(tried)[found.sizes]
         between = VERTEX_SHARE * measures[:, 0] / settings.likelihood_scale
         likely = found.log_likelihood + 0.5 * between**2
+        if query.cut.any():
+            likely = likely + query.log_prior(found, [size.stature for size in tried], models[0].joint_names)
         best = likely.argmax()
         weights = np.exp(likely - likely[best]) * (measures[:, 2] == measures[best, 2])
         return Size(*(weights @ measures / weights.sum()).round(2).tolist()), found.poses[[best]]
@@ -154,9 +214,9 @@ class CandidateStages:
         most, sent = max(1, REQUEST_ITERATIONS // (settings.icp_iterations + 1)), list[tuple[int, Pending]]()
         for poses, of in groups:
             for size in np.unique(of).tolist():
-                mine = poses[of == size]
+                mine, prior = poses[of == size], rest_prior(models[size], settings)
                 for first in range(0, len(mine), most):
-                    some = Particles(mine[first : first + most], settings, spare=True)
+                    some = Particles(mine[first : first + most], settings, spare=True, prior=prior)
                     sent.append((size, self._refiner.submit(subject, models[size], some)))
         try:
             yield tuple(pending for _, pending in sent)
@@ -169,3 +229,15 @@ class CandidateStages:
 def of_one(poses: Array) -> Group:
     """Poses (N, D) of the first body."""
     return poses, np.zeros(len(poses), dtype=np.int64)
+
+
+def with_head_at(model: BodyModel, pose: Array, joints: Array) -> Array:
+    """A pose (D,) of a body of another size, moved so that its head is where it is in joints (J, 3)."""
+    after, head = pose.copy(), model.joint_names.index("head")
+    after[:3] += joints[head] - joint_positions(model, pose[None])[0, head]
+    return after
+
+
+def middle_in(view: SubjectFrame) -> Array:
+    """The mean (3,) of the observed points of one camera, in its own frame, metres."""
+    return np.asarray(camera_points(view).mean(axis=0))

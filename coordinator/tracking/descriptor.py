@@ -6,18 +6,18 @@ from observed points, at any distance. Depth is relative to the centre, too.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gepf.common.arrays import Array
+from gepf.common.arrays import Array, Indices, Mask
 from gepf.common.compiling import numba
 
 Image = NDArray[np.float32]
-
 ROWS, COLUMNS = 40, 36
 VACANT = np.float32(1e3)  # depth of an empty cell
+FIRST_CELL = 2.5  # place of the end of a part, in cells from the border of its image
 BOUND_CELLS = 4.0  # largest difference of depth; an empty cell has this difference
 
 
@@ -92,3 +92,107 @@ def fill_differences(cells: Image, occupied: Image, image: Image, bound: float, 
                 apart = line[n] - depth
                 both = worst if line[n] < VACANT else none
                 out[n] += min(apart * apart, worst) - both
+
+
+@numba.njit(cache=True, nogil=True)
+def move_middle(points: Any, cell: float, ends: Any, middle: Array) -> None:
+    """Move middle (3,) of points (P, 3) so that the end that is in view has its place in the image.
+
+    ends: for columns and rows, 0 to keep the middle, -1 if the lower end is in view, 1 if the upper end is.
+    """
+    for a in range(2):
+        if ends[a] != 0:
+            end = points[0, a]
+            for i in range(len(points)):
+                end = min(end, points[i, a]) if ends[a] < 0 else max(end, points[i, a])
+            size = COLUMNS if a == 0 else ROWS
+            place = FIRST_CELL if ends[a] < 0 else size - FIRST_CELL
+            middle[a] = end - (place - 0.5 * size) * cell
+
+
+class Cells(NamedTuple):
+    """The cells of descriptors (N) that are not empty, one descriptor after another."""
+
+    first: Indices  # (N + 1,) of each descriptor
+    row: NDArray[np.int16]
+    column: NDArray[np.int16]
+    depth: NDArray[np.float32]
+    extents: Indices  # (N, 4): first and last column, first and last row
+
+
+def cells_of(images: Image) -> Cells:
+    """The cells of descriptors (N, ROWS, COLUMNS)."""
+    of, row, column = np.nonzero(images < VACANT)
+    first = np.searchsorted(of, np.arange(len(images) + 1))
+    reducers = (np.minimum.reduceat, np.maximum.reduceat)
+    ends = [reduced(each, first[:-1]) for each in (column, row) for reduced in reducers]
+    places = row.astype(np.int16), column.astype(np.int16)
+    return Cells(first, *places, images[of, row, column], np.stack(ends, axis=1))
+
+
+@numba.njit(cache=True, nogil=True)
+def compare_part(cells: Cells, image: Image, known: Mask, ends: Any, bound: float) -> tuple[Image, Array]:
+    """Differences (N,) of whole bodies from the image of a part, and the steps (N, 3) that align them.
+
+    Each body is first moved by whole cells (columns, rows) and in depth, metres. In a direction with an end
+    in view (`ends`, see `move_middle`) that end is the same; in another one the middle of what is in view.
+    Only cells that are `known` (ROWS, COLUMNS) count. The difference is the sum of `fill_differences`,
+    divided by the number of cells that are not empty in both images.
+    """
+    rows, columns = np.nonzero(image < VACANT)
+    extent = np.array([columns.min(), columns.max(), rows.min(), rows.max()])
+    centre = np.array([np.mean(columns), np.mean(rows)])
+    depths = np.full((3 * ROWS, 3 * COLUMNS), VACANT, dtype=np.float32)  # a moved body stays inside
+    depths[ROWS : 2 * ROWS, COLUMNS : 2 * COLUMNS] = image
+    counts = np.zeros(depths.shape, dtype=np.int64)
+    counts[ROWS : 2 * ROWS, COLUMNS : 2 * COLUMNS] = known
+    count, worst = len(cells.extents), np.float32(bound * bound)
+    differences, steps = np.empty(count, dtype=np.float32), np.empty((count, 3))
+    apart = np.empty(ROWS * COLUMNS, dtype=np.float32)
+    for n in range(count):
+        across, down = align_part(cells, n, extent, centre, ends)
+        both, filled, ahead = 0, 0, np.float32(0.0)
+        for k in range(cells.first[n], cells.first[n + 1]):
+            r, c = ROWS + cells.row[k] + down, COLUMNS + cells.column[k] + across
+            filled += counts[r, c]
+            if depths[r, c] < VACANT:
+                apart[both] = depths[r, c] - cells.depth[k]
+                ahead += apart[both]
+                both += 1
+        ahead /= np.float32(max(both, 1))
+        total = worst * np.float32(len(rows) + filled - 2 * both)
+        for k in range(both):
+            total += min((apart[k] - ahead) * (apart[k] - ahead), worst)
+        differences[n] = total / np.float32(len(rows) + filled)
+        steps[n, 0], steps[n, 1], steps[n, 2] = across, down, ahead
+    return differences, steps
+
+
+@numba.njit(cache=True, nogil=True)
+def align_part(cells: Cells, n: int, shown: Indices, centre: Array, ends: Any) -> tuple[int, int]:
+    """The steps, columns and rows, from the image of the n-th whole body to that of a part.
+
+    shown: first and last column, first and last row of the part. centre: its mean column and row.
+    """
+    extent = cells.extents[n]
+    step = [0, 0]
+    low, high = [extent[0], extent[2]], [extent[1], extent[3]]  # of the band of the body that is in view
+    for a in range(2):
+        if ends[a] != 0:
+            k = 2 * a + int(ends[a] > 0)
+            step[a] = shown[k] - extent[k]
+            low[a] = max(low[a], shown[2 * a] - step[a])
+            high[a] = min(high[a], shown[2 * a + 1] - step[a])
+    if ends[0] != 0 and ends[1] != 0:
+        return step[0], step[1]
+    count, right, below = 0, 0, 0
+    for k in range(cells.first[n], cells.first[n + 1]):
+        r, c = cells.row[k], cells.column[k]
+        if low[1] <= r <= high[1] and low[0] <= c <= high[0]:
+            count += 1
+            right += c
+            below += r
+    if count == 0:
+        return step[0], step[1]
+    across = step[0] if ends[0] != 0 else int(np.rint(centre[0] - right / count))
+    return across, step[1] if ends[1] != 0 else int(np.rint(centre[1] - below / count))

@@ -26,6 +26,7 @@ from gepf.common.settings import RefineSettings, Settings, preset
 from gepf.coordinator.bodies.human.measures import REFERENCE_STATURE
 from gepf.coordinator.bodies.tracked import Bodies, Size, pose_by_name
 from gepf.coordinator.filters.exploration import layout_of
+from gepf.coordinator.filters.pose_prior import rest_prior
 from gepf.coordinator.scene.planes import Planes
 from gepf.coordinator.tracking.candidate_refinement import (
     FEW_POINTS,
@@ -40,6 +41,7 @@ from gepf.coordinator.tracking.candidate_refinement import (
     Search,
     of_one,
 )
+from gepf.coordinator.tracking.field_of_view import in_view
 from gepf.coordinator.tracking.gating import (
     RESIDUAL_M,
     gate_pose,
@@ -100,7 +102,7 @@ class Detector:
         without its points.
         """
         rolls = upright_rolls(planes, self._rolls)
-        query = Query(subject, assume_noise(self._refine, noise), self._sizes)
+        query = Query(subject, assume_noise(self._refine, noise), self._sizes, self._upright(rolls))
         best = yield from self._stages.shortlist(query, self._match(query, rolls))
         shown = query
         for wider in subject.wider:
@@ -132,10 +134,12 @@ class Detector:
         model = self._bodies.for_start(*size)
         start = start_at(pose_by_name(model, found[0]), self._bodies, size, noise)
         candidates, gate = yield from self._stages.as_tracked(subject, start, found, settings)
-        if self._bodies.people:
-            gate = gate.against(reject_points(subject, size.stature))
+        if self._bodies.people and candidates.is_visible:
+            gate = gate.against(reject_points(subject, size.stature, whole=not query.cut.any()))
             some, between = observed_points(subject, FEW_POINTS), VERTEX_SHARE * size.stature
-            gate = gate.against(reject_planes(some, candidates.residual[0], between))
+            head = candidates.joints[0, start.model.joint_names.index("head")]
+            if not (query.cut.any() and in_view(subject, head)):  # a near trunk is as flat as furniture
+                gate = gate.against(reject_planes(some, candidates.residual[0], between))
             gate = gate.against(reject_parts(start.model, candidates.poses[0], subject, size.stature))
             if planes.has_floor:
                 joints, names = subject.frame.to_camera(candidates.joints[0]), start.model.joint_names
@@ -163,7 +167,7 @@ class Detector:
         values = {**start.values, **pose_by_name(start.model, last)}
         model = self._bodies.for_start(*size)
         known = np.array([values.get(name, 0.0) for name in model.dof_names])
-        query = Query(subject, settings, [size])
+        query = Query(subject, settings, [size], self._upright(rolls))
         matched = self._match(query, rolls, known)
         proposed = yield from self._stages.on_few_points(query, matched, ROUGH)
         limbs = layout_of(model).limbs
@@ -188,9 +192,10 @@ class Detector:
         model = detection.start.model
         best = detection.candidates.distinct(model.joint_names, 1)
         poses = move_with_points(model, best.poses, detection.subject, now)
-        pending = self._refiner.submit(now, model, Particles(poses, iterations(rules, ITERATIONS)))
+        particles = Particles(poses, iterations(rules, ITERATIONS), prior=rest_prior(model, rules))
+        pending = self._refiner.submit(now, model, particles)
         candidates = ordered([candidates_of(model, pending.result(), 0)])
-        if not len(candidates.poses):  # none of them is visible
+        if not candidates.is_visible:
             return detection
         gate = gate_pose(candidates.log_likelihood[0], candidates.residual[0], rules)
         return Detection(now, replace(detection.start, pose=candidates.poses[0]), candidates, gate)
@@ -212,7 +217,11 @@ class Detector:
         if last is not None:
             model, placed = self._bodies.for_start(*query.sizes[0]), query.subject.frame.T_rig_camera
             points = camera_points(query.subject)
-            others.append(of_one(displaced(model, last, points, self._library.cell_m, placed)))
+            others.append(
+                of_one(
+                    displaced(model, last, points, self._library.cell_m, placed, self._cutting(query.subject))
+                )
+            )
         if others:
             poses, of = map(np.concatenate, zip(*others, strict=True))
             yield poses, of
@@ -221,8 +230,19 @@ class Detector:
         """Poses (N, D) of the library that are similar to the observed points, and their sizes (N,)."""
         usual = self._usual.stature
         scales = [size.stature / usual if self._bodies.people else 1.0 for size in query.sizes]
+        every = 2 if query.cut.any() else 1  # all sizes of a part are tried later
         points, placed = camera_points(query.subject), query.subject.frame.T_rig_camera
-        return self._library.match(points, scales, roll, count, placed)
+        view = self._cutting(query.subject)
+        poses, of = self._library.match(points, scales[::every], roll, count, placed, view)
+        return poses, of * every
+
+    def _upright(self, rolls: Sequence[float]) -> float | None:
+        """The first orientation, for a person."""
+        return rolls[0] if self._bodies.people else None
+
+    def _cutting(self, subject: SubjectFrame) -> SubjectFrame | None:
+        """The view that may cut the body; only people are compared in parts."""
+        return subject if self._bodies.people else None
 
 
 def gain(query: Query, found: Candidates) -> float:

@@ -20,6 +20,7 @@ RESIDUAL_M = 0.03  # largest mean distance of observed points, in addition to th
 MISFIT_M = 0.028  # root of the mean cost, which includes model surface in empty space
 LEAST_PIXELS = 150  # smallest number that can show a body
 SPAN_SHARES = (0.35, 1.6)  # extent / stature of a person in a frame; else the depth scale is wrong
+PART_SHARE = 0.2  # the smallest extent if a part is in view: head and shoulders
 HEAD_DOWN_M = -0.2  # lowest head above the pelvis
 FLOOR_M = (-0.25, 0.6)  # height of the lowest joint above the floor
 SHOWN_SHARE = 0.75  # smallest agreeing share of head or legs: people have at least 0.79
@@ -58,11 +59,14 @@ def gate_pose(log_likelihood: float, residual: float, settings: RefineSettings) 
     return Gate(normalised)
 
 
-def reject_points(subject: SubjectFrame, stature: float) -> str:
-    """Why a subject is too large or too small for a person of this stature; empty if it is not."""
+def reject_points(subject: SubjectFrame, stature: float, *, whole: bool = True) -> str:
+    """Why a subject is too large or too small for a person of this stature; empty if it is not.
+
+    One that is not `whole`, but cut by the image or something nearer, may be smaller.
+    """
     low, high = np.percentile(observed_points(subject), [1.0, 99.0], axis=0)
     span = float(np.max(high - low))
-    if SPAN_SHARES[0] * stature <= span <= SPAN_SHARES[1] * stature:
+    if (SPAN_SHARES[0] if whole else PART_SHARE) * stature <= span <= SPAN_SHARES[1] * stature:
         return ""
     size = f"{span:.1f} m" if span >= 1.0 else f"{100 * span:.0f} cm"
     return f"the observed points extend over {size}, which is not a person: is depth_scale right?"

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gepf.common.arrays import Array
+from gepf.common.arrays import Array, Mask
 from gepf.common.frame import SUBJECT, UNKNOWN, DepthFrame, SubjectFrame
 from gepf.coordinator.filters.belief import USUAL_INTERVAL, Observation
 from gepf.coordinator.scene.flatness import FLAT_SHARE, LEAST_PART_M2, find_flat
@@ -84,16 +84,17 @@ def crop(frame: DepthFrame, cut: Cut, depth: NDArray[np.uint16], most: int) -> S
 
 
 def filter_observation(
-    subject: SubjectFrame, last_time_s: float | None, step: Array | None = None
+    subject: SubjectFrame, last_time_s: float | None, step: Array | None = None, unseen: Mask | None = None
 ) -> Observation:
     """The observation of a frame; with the usual interval if its time is not after the last one.
 
-    `step` (D,) is the motion since the last frame by encoders. Intervals are rounded to 0.1 ms, so that
+    `step` (D,) is the motion since the last frame by encoders; `unseen` (D,) are degrees of freedom that move
+    only joints out of view. Intervals are rounded to 0.1 ms, so that
     rounded times in files give the same results.
     """
     since = 0.0 if last_time_s is None else round(subject.frame.time_s - last_time_s, 4)
     interval = since if since > 0.0 else USUAL_INTERVAL
-    return Observation(observed_points(subject, POINTS), interval, step, len(subject.views))
+    return Observation(observed_points(subject, POINTS), interval, step, len(subject.views), unseen)
 
 
 def camera_points(subject: SubjectFrame, every: int = 1) -> Array:

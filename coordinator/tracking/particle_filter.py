@@ -12,16 +12,18 @@ from gepf.common.arrays import Array
 from gepf.common.body import BodyModel
 from gepf.common.bounds import MAX_ITERATIONS
 from gepf.common.frame import DepthFrame, SubjectFrame
-from gepf.common.kinematics import difference, natural_angles
+from gepf.common.kinematics import difference, joint_positions, natural_angles
 from gepf.common.refinement import Particles
 from gepf.common.settings import RefineSettings, Settings
 from gepf.coordinator.filters.belief import Belief, Proposal
 from gepf.coordinator.filters.exploration import FEWEST
 from gepf.coordinator.filters.gradient_enhanced import Hypotheses
 from gepf.coordinator.filters.methods import METHODS, pace_iterations
+from gepf.coordinator.filters.pose_prior import rest_prior
 from gepf.coordinator.sources.joint_states import JointStates
 from gepf.coordinator.stopwatch import Stopwatch
 from gepf.coordinator.tracking.certainty.features import FrameContext
+from gepf.coordinator.tracking.field_of_view import in_view, out_of_reach
 from gepf.coordinator.tracking.observation import filter_observation
 from gepf.coordinator.tracking.pose_candidates import Candidates, Detection
 from gepf.coordinator.tracking.refiner import Pending, Refiner
@@ -90,7 +92,10 @@ class ParticleFilter:
         step = None
         if self._motion is not None:
             step = known_step(self._motion, model, belief.reported, time_s, subject.frame.time_s)
-        observation = filter_observation(subject, time_s, step)
+        seen, unseen = in_view(subject, joint_positions(model, belief.reported[None])[0]), None
+        if not seen.all():
+            unseen = out_of_reach(model, seen)
+        observation = filter_observation(subject, time_s, step, unseen)
         settings = self._settings.filter
         if pace is not None and pace.is_late and self._method.descends:
             settings = msgspec.structs.replace(settings, particles=min(settings.particles, FEWEST // 2))
@@ -106,7 +111,8 @@ class ParticleFilter:
     ) -> Pending:
         """Send particles to the workers."""
         covariance, velocity = proposal.asks_covariance(rules), proposal.past.velocity
-        particles = Particles(proposal.poses, rules, covariance, velocity=velocity)
+        prior = rest_prior(model, rules)
+        particles = Particles(proposal.poses, rules, covariance, velocity=velocity, prior=prior)
         return self._refiner.submit(subject, model, particles)
 
     def update(self, model: BodyModel, submitted: Submitted) -> tuple[Belief, int]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions, natural_angles
 from gepf.common.refinement import Refined
 from gepf.coordinator.tracking.certainty.certainty import OFF
+from gepf.coordinator.tracking.field_of_view import in_view
 from gepf.coordinator.tracking.gating import Gate
 from gepf.coordinator.tracking.state import Start
 
@@ -23,13 +24,18 @@ ALIKE_LOG_LIKELIHOOD = 2.0  # least difference that distinguishes two poses
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidates:
-    """Refined candidates (N) with bodies of several sizes, the most likely first."""
+    """Refined candidates (N) with bodies of several sizes, the most likely first; at least one."""
 
     poses: Array  # (N, D)
     sizes: Indices  # (N,) indices into a list of sizes
     log_likelihood: Array  # (N,)
     residual: Array  # (N,) metres
     joints: Array  # (N, J, 3) camera frame, metres
+
+    @property
+    def is_visible(self) -> bool:
+        """Whether the frame shows any of them."""
+        return bool(np.isfinite(self.log_likelihood[0]))
 
     @property
     def group(self) -> tuple[Array, Indices]:
@@ -40,9 +46,17 @@ class Candidates:
         """The candidates with these indices, in this order."""
         return Candidates(*(getattr(self, each.name)[some] for each in fields(self)))
 
-    def distinct(self, names: tuple[str, ...], count: int) -> Candidates:
-        """Up to `count` distinct candidates, and the best that faces the other way, if none of them does."""
-        kept = keep_distinct(self.joints, count)
+    def likelier_by(self, log_prior: Array) -> Candidates:
+        """The candidates with these log priors (N,) added, the most likely first."""
+        likely = replace(self, log_likelihood=self.log_likelihood + log_prior)
+        return likely.take(np.argsort(-likely.log_likelihood, kind="stable"))
+
+    def distinct(self, names: tuple[str, ...], count: int, seen: Mask | None = None) -> Candidates:
+        """Up to `count` distinct candidates, and the best that faces the other way, if none of them does.
+
+        If joints are out of view, only those are compared that are `seen` (N, J) of one of two candidates.
+        """
+        kept = keep_distinct(self.joints, count, seen)
         turned = faces_away(names, self.joints, self.joints[0])
         if not turned[kept].any():
             kept = np.sort(np.append(kept, np.flatnonzero(turned)[:1]))
@@ -59,8 +73,10 @@ class Detection:
     gate: Gate
 
     def is_elsewhere(self, joints: Array) -> bool:
-        """Whether a joint is more than 15 cm (OFF) from its position in joints (J, 3)."""
-        return bool(np.linalg.norm(self.candidates.joints[0] - joints, axis=-1).max() > OFF)
+        """Whether a joint in view is more than 15 cm (OFF) from its position in joints (J, 3)."""
+        mine = self.candidates.joints[0]
+        seen = in_view(self.subject, np.stack([mine, joints])).any(axis=0)
+        return bool(np.any(np.linalg.norm(mine - joints, axis=-1)[seen] > OFF))
 
     def looks_alike(self, names: tuple[str, ...], joints: Array, log_likelihood: float) -> bool:
         """Whether a candidate that faces opposite to joints (J, 3) explains the frame about equally well."""
@@ -77,11 +93,12 @@ def candidates_of(model: BodyModel, refined: Refined, size: int) -> Candidates:
 
 
 def ordered(parts: Sequence[Candidates]) -> Candidates:
-    """All candidates with a finite likelihood, the most likely first."""
+    """All visible candidates, the most likely first; if none is, one of infinitely small likelihood."""
     columns = ([getattr(part, each.name) for part in parts] for each in fields(Candidates))
     whole = Candidates(*map(np.concatenate, columns))
     order = np.argsort(-whole.log_likelihood, kind="stable")
-    return whole.take(order[np.isfinite(whole.log_likelihood[order])])
+    visible = max(1, int(np.isfinite(whole.log_likelihood).sum()))
+    return whole.take(order[:visible])
 
 
 def faces_away(names: tuple[str, ...], joints: Array, body: Array) -> Mask:
@@ -94,12 +111,17 @@ def faces_away(names: tuple[str, ...], joints: Array, body: Array) -> Mask:
     return np.asarray(across @ (body[left] - body[right]).sum(axis=0) < 0.0)
 
 
-def keep_distinct(joints: Array, count: int) -> Indices:
-    """Up to `count` indices of joints (N, J, 3) more than DISTINCT_M (mean) from each other."""
+def keep_distinct(joints: Array, count: int, seen: Mask | None = None) -> Indices:
+    """Up to `count` indices of joints (N, J, 3) more than DISTINCT_M (mean) from each other.
+
+    The mean is over the joints that are `seen` (N, J) of one of the two; None: all.
+    """
     kept = list[int]()
     for n, each in enumerate(joints):
         if len(kept) == count:
             break
-        if np.all(np.linalg.norm(joints[kept] - each, axis=-1).mean(axis=-1) > DISTINCT_M):
+        weights = np.ones((len(kept), joints.shape[1])) if seen is None else seen[kept] | seen[n]
+        apart = np.linalg.norm(joints[kept] - each, axis=-1)
+        if np.all(np.sum(apart * weights, axis=-1) > DISTINCT_M * weights.sum(axis=-1)):
             kept.append(n)
     return np.array(kept, dtype=np.int64)

@@ -7,21 +7,36 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gepf.common.arrays import Array, Indices
+from gepf.common.arrays import Array, Indices, Mask
 from gepf.common.body import ROTATION, BodyModel
 from gepf.common.camera import NOT_MOVED, moved
 from gepf.common.compiling import numba
+from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import link_transforms, pose_vertices
 from gepf.common.kinematics.rotations import euler_angles, euler_matrix
 from gepf.coordinator.bodies.tracked import Bodies, Size
 from gepf.coordinator.scene.planes import Planes
-from gepf.coordinator.tracking.descriptor import BOUND_CELLS, COLUMNS, ROWS, Image, describe, fill_differences
+from gepf.coordinator.tracking.descriptor import (
+    BOUND_CELLS,
+    COLUMNS,
+    ROWS,
+    VACANT,
+    Cells,
+    Image,
+    cells_of,
+    compare_part,
+    describe,
+    fill_differences,
+    move_middle,
+    splat,
+)
+from gepf.coordinator.tracking.field_of_view import cut_sides, shows
 
 POSES = 3_000
 PERSON_CELL_M = 0.06  # side of a cell of the descriptor, for a person of reference stature
@@ -31,7 +46,7 @@ POSES_FILE = Path(__file__).with_name("poses.npz")
 UNIT_RAD = 2e-4  # the angles in the file are whole numbers of it
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class PoseLibrary:
     """Poses (N, D) with the root at the origin, and their descriptors.
 
@@ -45,16 +60,35 @@ class PoseLibrary:
     cell_m: float
 
     def match(
-        self, points: Array, scales: Sequence[float], roll: float, count: int, placed: Array = NOT_MOVED
+        self,
+        points: Array,
+        scales: Sequence[float],
+        roll: float,
+        count: int,
+        placed: Array = NOT_MOVED,
+        view: SubjectFrame | None = None,
     ) -> tuple[Array, Indices]:
         """The poses (count, D) most similar to points (P, 3), moved to them, and the indices of their scales.
 
         Points are in the camera's frame, metres, and are rotated by `roll`, radians, before the comparison;
         poses are in the rig's frame, the most similar first; `placed` is T_rig_camera (4, 4). `scales` are
-        relative to the library.
+        relative to the library. If the `view` that shows the points cuts the body, parts are compared.
         """
         turn = look_straight(points.mean(axis=0), roll)
-        seen = np.ascontiguousarray(points @ turn.T)
+        if view is not None and (cut := cut_sides(view, turn)).any():
+            roots, difference = self._compare_part(points @ turn.T, scales, cut, view, turn)
+            chosen, scale_of = most_similar(difference, count)
+            places = roots[scale_of, chosen]
+        else:
+            middles, difference = self._compare(points @ turn.T, scales)
+            chosen, scale_of = most_similar(difference, count)
+            places = middles[scale_of] - self.middles[chosen]
+        places = places * np.take(scales, scale_of)[:, None]
+        return turned_to(self.poses[chosen], moved(places @ turn, placed), placed[:3, :3] @ turn.T), scale_of
+
+    def _compare(self, seen: Array, scales: Sequence[float]) -> tuple[Array, NDArray[np.float32]]:
+        """Middles (S, 3), in units of each scale, and differences (S, N) from a whole body: points (P, 3)."""
+        seen = np.ascontiguousarray(seen)
         difference = np.empty((len(scales), len(self.poses)), dtype=np.float32)
         middles = np.empty((len(scales), 3))
         image = np.empty((ROWS, COLUMNS), dtype=np.float32)
@@ -62,12 +96,51 @@ class PoseLibrary:
             cells = describe(seen / scale, self.cell_m, image, middles[k])
             fill_differences(self.cells, self.occupied, image, BOUND_CELLS * self.cell_m, difference[k])
             difference[k] /= cells + self.occupied
-        scale_of = np.argmin(difference, axis=0)
-        best = difference[scale_of, np.arange(len(scale_of))]
-        chosen = np.argsort(best, kind="stable")[:count]
-        scale_of = scale_of[chosen]
-        places = (middles[scale_of] - self.middles[chosen]) * np.take(scales, scale_of)[:, None]
-        return turned_to(self.poses[chosen], moved(places @ turn, placed), placed[:3, :3] @ turn.T), scale_of
+        return middles, difference
+
+    @cached_property
+    def _cells(self) -> Cells:
+        """The descriptors as they are compared with a part of a body."""
+        return cells_of(self.cells.T.reshape(-1, ROWS, COLUMNS))
+
+    def _compare_part(
+        self, seen: Array, scales: Sequence[float], cut: Mask, view: SubjectFrame, turn: Array
+    ) -> tuple[Array, NDArray[np.float32]]:
+        """Places of the roots (S, N, 3), in units of each scale, and differences (S, N) from a part.
+
+        `seen` (P, 3) are its points, rotated by `turn` (3, 3); it is `cut` at some sides, see `cut_sides`.
+        """
+        left, right, top, bottom = cut.astype(np.int64)
+        ends = np.array([left - right, top - bottom])  # an end is in view where only the opposite one is cut
+        image, middle, bound = np.empty((ROWS, COLUMNS), np.float32), np.empty(3), BOUND_CELLS * self.cell_m
+        differences, places = [], []
+        for scale in scales:
+            points = np.ascontiguousarray(seen / scale)
+            describe(points, self.cell_m, image, middle)
+            move_middle(points, self.cell_m, ends, middle)
+            splat(points, self.cell_m, middle, image)
+            filled = image < VACANT
+            image[filled] -= np.float32(middle[2])
+            known = filled | shows(view, scale * cell_points(self.cell_m, middle) @ turn).reshape(image.shape)
+            found, steps = compare_part(self._cells, image, known, ends, bound)
+            differences.append(found)
+            places.append(middle - self.middles + steps * (self.cell_m, self.cell_m, 1.0))
+        return np.array(places), np.array(differences)
+
+
+def cell_points(cell_m: float, middle: Array) -> Array:
+    """The centres (ROWS * COLUMNS, 3) of the cells of a descriptor, at the depth of its middle (3,)."""
+    row, column = np.divmod(np.arange(ROWS * COLUMNS), COLUMNS)
+    across, down = column + 0.5 - 0.5 * COLUMNS, row + 0.5 - 0.5 * ROWS
+    return np.asarray(middle + cell_m * np.stack([across, down, np.zeros(len(row))], axis=1))
+
+
+def most_similar(difference: NDArray[np.float32], count: int) -> tuple[Indices, Indices]:
+    """The poses (count,) with the least difference (S, N) at any scale, and the indices of that scale."""
+    scale_of = np.argmin(difference, axis=0)
+    best = difference[scale_of, np.arange(len(scale_of))]
+    chosen = np.argsort(best, kind="stable")[:count]
+    return chosen, scale_of[chosen]
 
 
 @lru_cache(maxsize=4)
@@ -105,19 +178,28 @@ def turned_to(poses: Array, places: Array, turn: Array) -> Array:
 
 
 def displaced(
-    model: BodyModel, pose: Array, points: Array, cell_m: float, placed: Array = NOT_MOVED
+    model: BodyModel,
+    pose: Array,
+    points: Array,
+    cell_m: float,
+    placed: Array = NOT_MOVED,
+    view: SubjectFrame | None = None,
 ) -> Array:
     """A pose (D,) moved to the observed points (P, 3), in four rotations about the vertical axis (4, D).
 
-    The points are in the frame of the camera, poses in that of the rig; `placed` is T_rig_camera (4, 4).
+    The points are in the frame of the camera, poses in that of the rig; `placed` is T_rig_camera (4, 4). If
+    the `view` that shows the points cuts the body, the part of the pose that would be in view is moved there.
     """
-    turn = look_straight(points.mean(axis=0), 0.0) @ placed[:3, :3].T
-    points = moved(points, placed)
+    straight = look_straight(points.mean(axis=0), 0.0)
+    turn = straight @ placed[:3, :3].T
     poses = np.tile(pose, (4, 1))
     for n, each in enumerate(poses):
         quarter = euler_matrix(np.array([0.0, 0.5 * np.pi * n, 0.0]))
         each[3:6] = euler_angles(euler_matrix(pose[3:6]) @ quarter, pose[3:6])
-    observed = seen_centre(points @ turn.T, cell_m)
+    if view is not None and cut_sides(view, straight).any():
+        library = describe_poses(model, turned_to(poses, np.zeros((4, 3)), turn), cell_m)
+        return library.match(points, [1.0], 0.0, 4, placed, view)[0]
+    observed = seen_centre(moved(points, placed) @ turn.T, cell_m)
     for each, surface in zip(poses, pose_vertices(model, poses)[:, :: stride(model)], strict=True):
         each[:3] += (observed - seen_centre(surface @ turn.T, cell_m)) @ turn
     return poses

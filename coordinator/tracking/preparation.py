@@ -44,22 +44,24 @@ def unmoved(particles: Particles) -> Refined:
 def rehearse(settings: Settings, bodies: Bodies) -> None:
     """Segment two frames of a small scene, as a whole and around a body, and detect and track it there.
 
-    There are no workers.
+    It is also detected where the image cuts it. There are no workers.
     """
     distance_m = 2.5
     depth = np.full((CAMERA.height, CAMERA.width), 4000, dtype=np.uint16)
     depth[10:40, 30:45] = 1e3 * distance_m + 5 * (np.arange(15) - 7) ** 2  # something before the wall
     start = {"root_tz": distance_m} if "root_tz" in bodies.dof_names else {}
-    target, unknown = (
+    target, unknown, cut = (
         TargetTracker(NoRefiner(), settings, bodies, first_state(bodies, values, settings.seed))
-        for values in (start, None)
+        for values in (start, None, None)
     )
     segmenter = Segmenter(1)
     for number, body in enumerate((None, target.expected)):
         room = DepthFrame(number, number / 30.0, depth, 1000.0, CAMERA)
         segmenter.segment(room, [body])
         shown = replace(room, depth=np.where(depth < 4000, depth, 0))
-        for each in (target, unknown) if bodies.people else (target,):
+        short = replace(shown, depth=shown.depth[:30], intrinsics=CAMERA.crop(0, 0, CAMERA.width, 30))
+        for each in (target, unknown, cut) if bodies.people else (target,):
+            seen = short if each is cut else shown
             each.begin_frame()
-            updated = each.submit(shown, isolate(shown, 400), Planes(), Stopwatch())
+            updated = each.submit(seen, isolate(seen, 400), Planes(), Stopwatch())
             report(updated if isinstance(updated, Updated) else each.update(updated))

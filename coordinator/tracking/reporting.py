@@ -26,6 +26,7 @@ from gepf.coordinator.tracking.certainty.certainty import (
 from gepf.coordinator.tracking.certainty.features import FrameContext, measure_features
 from gepf.coordinator.tracking.certainty.surface import seen_shares
 from gepf.coordinator.tracking.estimate import MAX_HYPOTHESES, POSE_UNKNOWN, Estimate, Status
+from gepf.coordinator.tracking.field_of_view import in_view
 from gepf.coordinator.tracking.state import TrackerState
 from gepf.coordinator.tracking.track_management import CHECK_INTERVAL_FRAMES, TrackManagement
 
@@ -64,6 +65,7 @@ def report(updated: Updated) -> Tracked:
         start, management = updated.state.start, updated.state.checkpoint.management
         model, belief = start.model, updated.belief
         certainty, disputed = unknown_certainty(len(model.joint_names)), ""
+        in_sight = np.ones(len(model.joint_names), dtype=np.bool_)
         cameras = updated.state.checkpoint.cameras
         faulty = any(each.fault for each in cameras.values())
         pose, poses, weights = start.pose, np.empty((0, len(start.pose))), np.empty(0)
@@ -75,9 +77,10 @@ def report(updated: Updated) -> Tracked:
         seen = dict[str, Array]()
         if updated.context is not None:
             context = updated.context
-            seen_by = seen_shares(model, pose, context.subject, context.stretch)
+            in_sight = in_view(context.subject, joints[0])
+            seen_by = seen_shares(model, pose, context.subject, context.stretch) * in_sight
             features = measure_features(model, pose, joints, weights, context, management.residual, seen_by)
-            certainty = FIT.judge(features)
+            certainty = FIT.judge(features, in_sight)
             if belief is not None and belief.posterior.size and not is_person(model.dof_names):
                 certainty = replace(certainty, deviation=known_deviations(model, pose, belief.posterior))
             views = [each.frame.camera for each in context.subject.views]
@@ -85,9 +88,11 @@ def report(updated: Updated) -> Tracked:
             disputed = updated.state.checkpoint.agreement.dispute(views)
         new = len(cameras) > 1 and management.tracked < CHECK_INTERVAL_FRAMES
         least = least_probability(certainty, faulty=faulty, new=new)
-        doubt = explain_doubt(model.joint_names, certainty, least)
+        doubt = explain_doubt(model.joint_names, certainty, np.where(in_sight, least, 1.0))
         doubted = bool(disputed or doubt)
-        status = updated.status or status_of(management, weights, joints[1:], joints[0], doubted=doubted)
+        status = updated.status or status_of(
+            management, weights, joints[1:, in_sight], joints[0, in_sight], doubted=doubted
+        )
     estimate = Estimate(
         frame=updated.frame.number,
         time_s=updated.frame.time_s,
@@ -113,7 +118,8 @@ def status_of(
 ) -> Status:
     """Status of a frame that shows something, from weights (M,) and joints (M, J, 3), most likely first.
 
-    `reported` (J, 3) are the reported joints; they may differ from those of the most likely hypothesis.
+    Joints are those in view. `reported` (J, 3) are the reported ones; they may differ from those of the most
+    likely hypothesis.
 
     `searching`: the body may be anywhere. `lost`: the pose does not explain the frame. `ambiguous`: it is
     `doubted`, an equally likely hypothesis has a joint elsewhere, or front and back look alike.

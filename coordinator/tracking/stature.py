@@ -26,6 +26,7 @@ CONTRADICTION_SHARE = 0.03  # of stature; least change by a later window: three 
 DEVIATION_SHARES = (0.08, 0.02)  # of stature, before and after a measurement: known people's errors
 UPRIGHT_SHARE = 0.97  # of the length at rest; a body that is bent more does not show its stature
 AXIS_RADIUS_M = 0.14  # around the body's axis: the width of a head
+ADULT_M, ADULT_DEVIATION_M = 1.69, 0.10  # mean and deviation of the statures of adults
 END_M = 0.06  # most by which a body that is too large exceeds the points at a joint, and largest gap
 
 
@@ -51,6 +52,12 @@ class StatureEstimate:
         due = len(self.statures) == WINDOW_FRAMES or not self.settled
         least = CONTRADICTION_SHARE if self.settled else LEAST_CHANGE_SHARE
         return measured if due and abs(measured / stature - 1.0) > least else stature
+
+
+def log_prior(statures: Array) -> Array:
+    """Log density of statures (N,), metres, up to a constant: children are as likely as the mean adult."""
+    above = np.maximum(0.0, (statures - ADULT_M) / ADULT_DEVIATION_M)
+    return np.asarray(-0.5 * above**2)
 
 
 def measure_stature(model: BodyModel, pose: Array, straight_m: float, subject: SubjectFrame) -> float | None:

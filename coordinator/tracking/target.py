@@ -161,7 +161,12 @@ class TargetTracker:
     def begin_frame(self) -> None:
         """Begin at the body that a search has found meanwhile, if it has; before a frame is segmented."""
         self.begun = None
-        self._begin_if_found(SEARCH_INTERVAL_FRAMES)
+        self._begin_if_found(live=True)  # a search in a recording ends with its frame
+
+    def end(self) -> None:
+        """Give up what the workers do for later frames."""
+        self.searching.end()
+        self._size.end()
 
     def submit(
         self,
@@ -180,7 +185,8 @@ class TargetTracker:
         first = self._belief is None or self.begun is not None
         expected = self._expected is not None or (first and self.searching.subject is not None)
         shows = subject is not None or (expected and any(view.depth.any() for view in frame.views))
-        self.start = self._size.revise(self.start, self._belief, subject, self._refine_settings)
+        rules = self._refine_settings
+        self.start = self._size.revise(self.start, self._belief, subject, rules, wait=pace is None)
         detection = None
         if subject is not None:
             detection, subject = self._detect(subject, planes, clock, live=pace is not None)
@@ -240,7 +246,7 @@ class TargetTracker:
                 self._begin_search(subject, planes)
             while not live and self.searching.advance():
                 pass
-            self._begin_if_found(SEARCH_INTERVAL_FRAMES if live else 1)
+            self._begin_if_found(live=live)
             detection = self.searching.take()
             if detection is not None:
                 detection = self._detector.transfer(detection, subject, self._refine_settings)
@@ -268,21 +274,23 @@ class TargetTracker:
             search = self._detector.detect(subject, self._measure_noise(subject), planes)
             self.searching.begin(search, subject)
 
-    def _begin_if_found(self, frames: int) -> None:
+    def _begin_if_found(self, *, live: bool) -> None:
         """Begin at the result of a first search, in its frame, if it passes gating.
 
-        Else the search counts as so many frames.
+        Else the search counts as one frame, live as all until the next one.
         """
         searched = self.searching.subject
         if self._belief is not None or searched is None or (detection := self.searching.take()) is None:
             return
         if not detection.gate.passes:
+            frames = SEARCH_INTERVAL_FRAMES if live else 1
             self.management = self.management.not_found(detection.gate.why, frames)
             return
         self.start, self.management = detection.start, TrackManagement(why=detection.gate.why)
         self._belief = self._filter.believe(self.model, detection.candidates)
         self.begun = Begun(searched, detection.subject)
-        self.start = self._size.begin(self.start, self._belief, detection.subject, self._refine_settings)
+        rules = self._refine_settings
+        self.start = self._size.begin(self.start, self._belief, detection.subject, rules, wait=not live)
         self._time_s, self._expected = detection.subject.frame.time_s, self._belief.reported
 
     def _accept(self, belief: Belief, submitted: Submitted) -> None:

@@ -161,7 +161,7 @@ class Tracker:
             raise
         finally:
             for target in self._targets:
-                target.searching.end()
+                target.end()
         yield from reported(previous)
 
     def _submit(self, ready: Ready, pace: Pace | None) -> list[Submitted | Updated]:

@@ -162,7 +162,7 @@ TO_ONE = "--connect tcp/127.0.0.1:1"
         ("trak", "No such command 'trak'. Did you mean 'track'?"),
         ("nonsense", "No such command 'nonsense'; there are demo, track, info"),
         ("track --out {}/out", "Missing argument"),
-        ("track seq", "Missing option '--out' DIR: New folder for the results."),
+        ("track seq", "the results of recordings need a folder; add --out DIR, a new folder"),
     ],
 )
 @pytest.mark.usefixtures("sequence")

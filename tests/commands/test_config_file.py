@@ -75,3 +75,21 @@ def test_what_no_command_understands_is_one_line(
     err = capsys.readouterr().err
     assert err.startswith(f"gepf: gepf.toml{says}")
     assert err.count("\n") == 1
+
+
+def test_a_folder_does_not_switch_encryption_off(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """`insecure` in the working folder's file is refused in one line; one that --config names may set it."""
+    (folder / "gepf.toml").write_text("[publish]\ninsecure = true\n")
+    publish = ["publish", "nowhere", "--key", "k", "--connect", "tcp/10.0.0.5:7447"]
+    assert main(publish) == 2
+    err = capsys.readouterr().err
+    assert err.startswith(
+        "gepf: gepf.toml: [publish]: insecure is for the command line (--insecure), or for a"
+    )
+    assert err.count("\n") == 1
+    (folder / "gepf.toml").rename(folder / "ours.toml")
+    assert main(["--config", "ours.toml", *publish]) == 2
+    assert "no such file or folder: nowhere" in capsys.readouterr().err
+    (folder / "gepf.toml").write_text("[publish]\ninsecure = false\n")
+    assert main(publish) == 2
+    assert "is not encrypted" in capsys.readouterr().err

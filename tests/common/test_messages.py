@@ -19,6 +19,7 @@ from gepf.common.frame import EMPTY, SUBJECT, UNMEASURED, SubjectFrame
 from gepf.common.protocol import messages
 from gepf.common.protocol.frames import decode_frame, decode_live, encode_frame
 from gepf.common.protocol.models import decode_model, encode_model
+from gepf.common.refinement import PosePrior
 from gepf.worker.warm_up import tiny_frame, tiny_model
 from tests.support.answers import sure
 from tests.support.messages import COUNT, DOFS, KINDS, POSES, tiny_refined, tiny_request, tiny_sure
@@ -62,6 +63,20 @@ def roots(diagonal: float, beside: float = 0.0) -> Callable[[dict[str, Any]], No
     return set_to("covariance_roots", value=packed(changed_roots))
 
 
+DIAGONAL = PosePrior(POSES[0], np.linspace(0.0, 1e6, DOFS))
+DENSE = PosePrior(POSES[0], np.eye(DOFS) + 0.5)
+
+
+def with_prior(prior: PosePrior) -> messages.RefineRequest:
+    """The tiny request with a prior."""
+    return replace(tiny_request(), particles=replace(tiny_request().particles, prior=prior))
+
+
+def of_prior(name: str, array: NDArray[Any]) -> Callable[[dict[str, Any]], None]:
+    """A change of an array of the prior."""
+    return set_to("prior", name, value=packed(array))
+
+
 def same(one: object, other: object) -> bool:
     """Equal in all fields, arrays by type and bytes."""
     for field in fields(one):  # type: ignore[arg-type]
@@ -101,6 +116,10 @@ BESIDE_ALL = SubjectFrame(  # a crop that lies outside of the image and has no p
         (tiny_model(), encode_model, decode_model),
         (tiny_request(), messages.encode_request, messages.decode_request),
         (replace(tiny_request(), particles=COVARIANCES), messages.encode_request, messages.decode_request),
+        *[
+            (with_prior(prior), messages.encode_request, messages.decode_request)
+            for prior in (DIAGONAL, DENSE, replace(DENSE, mean=POSES))
+        ],
         (tiny_refined(), messages.encode_refined, KINDS["reply"].decode),
         (tiny_sure(), messages.encode_refined, KINDS["sure-reply"].decode),
     ],
@@ -203,6 +222,13 @@ BAD = [  # kind, fault, what is said
     ("request", of_settings("icp_iterations", 10**9), "icp_iterations must be 0 to 100, not 1000000000"),
     ("request", of_settings("descent", "fast"), "Invalid enum value 'fast'"),
     ("request", of_settings("noise_depth", 0.0), "noise_depth must be .*not 0"),
+    ("request", of_prior("mean", POSES[:, :2]), r"mean has shape \(3, 2\), expected \(3, 6\)"),
+    ("request", of_prior("mean", POSES[0] * np.inf), "the prior's mean must be -100000 to 100000"),
+    ("request", of_prior("precision", np.eye(DOFS)[:2]), r"precision has shape \(2, 6\), expected \(6, 6\)"),
+    ("request", of_prior("precision", -np.ones(DOFS)), "precision must be 0 to 1e.12, not -1"),
+    ("request", of_prior("precision", np.full((DOFS, DOFS), np.nan)), "precision must be .*not nan"),
+    ("request", of_prior("precision", np.tri(DOFS)), "precision is not symmetric"),
+    ("request", of_prior("precision", np.eye(DOFS) - 0.5), "precision is not positive semidefinite"),
     ("frame", of_view("picked", np.array([5000], np.uint32)), "picked must be 0 to 1023, not 5000"),
     ("frame", of_view("picked", np.array([5, 5], np.uint32)), "ascending order"),
     ("frame", set_to("views", 0, "intrinsics", "width", value=31), r"expected \(32, 31\)"),

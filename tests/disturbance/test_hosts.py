@@ -66,7 +66,9 @@ class Site:
         for name in WORKERS:
             self._start(name, work_slowly, self.endpoint, name)
         own = f"unixsock-stream/{self.folder}/bus"  # where nobody connects
-        self._start("coordinator", coordinate, self.sequence, self.run, own, "--connect", self.endpoint)
+        self._start(
+            "coordinator", coordinate, self.sequence, self.run, own, "--connect", self.endpoint, "--insecure"
+        )
         self.await_answers(WORKERS)
         self.await_progress()
 

@@ -243,7 +243,6 @@ def answers(port: int) -> bool:
         return link.connect_ex(("127.0.0.1", port)) == 0
 
 
-BEHIND = {"scipy"}  # numba calls its LAPACK where a kernel has np.linalg
 MODULES = {"eclipse-zenoh": "zenoh"}  # package -> what is imported, where that differs
 
 
@@ -261,4 +260,4 @@ def test_the_base_install_is_what_a_worker_imports() -> None:
     declared = {re.split(r"[^\w-]", requirement)[0] for requirement in PROJECT["dependencies"]}
     files = [file for room in ("common", "worker") for file in (ROOT / room).rglob("*.py")]
     foreign = {name for file in files for name in imported(file)} - set(sys.stdlib_module_names)
-    assert (foreign - {"gepf"}) | BEHIND == {MODULES.get(name, name) for name in declared}
+    assert foreign - {"gepf"} == {MODULES.get(name, name) for name in declared}

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from gepf.common.kinematics import pose_vertices
-from gepf.coordinator.exports.recorded import CAMERA_TO_Y_UP
+from gepf.coordinator.exports.axes import CAMERA_TO_Y_UP
 from tests.support.bodies import person, random_body
 from tests.support.export_readers import array_of, read_gltf, world_matrices
 from tests.support.runs import RATE, write_and_export

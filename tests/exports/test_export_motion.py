@@ -15,7 +15,8 @@ from gepf.common.errors import InputError
 from gepf.common.kinematics import joint_positions
 from gepf.coordinator.cli import main
 from gepf.coordinator.exports import export_run
-from gepf.coordinator.exports.recorded import CAMERA_TO_OPENSIM, read_run
+from gepf.coordinator.exports.axes import CAMERA_TO_OPENSIM
+from gepf.coordinator.exports.recorded import read_run
 from gepf.coordinator.exports.smoothing import smooth_track
 from gepf.coordinator.results.track import Track, write_track
 from tests.support.bodies import hinges, person

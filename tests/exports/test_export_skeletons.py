@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,10 +11,13 @@ import pytest
 import trc
 
 from gepf.common.body import BodyModel
-from gepf.coordinator.exports.recorded import CAMERA_TO_OPENSIM, CAMERA_TO_Y_UP
+from gepf.common.errors import InputError
+from gepf.coordinator.exports import export_run
+from gepf.coordinator.exports.axes import CAMERA_TO_OPENSIM, CAMERA_TO_Y_UP
+from gepf.coordinator.results.track import write_track
 from tests.support.bodies import hinges, person
 from tests.support.export_readers import bvh_joints, bvhio
-from tests.support.runs import RATE, write_and_export
+from tests.support.runs import RATE, swing, write_and_export, write_run
 
 MILLIMETRE = 1e-3
 
@@ -35,6 +39,42 @@ def test_a_bvh_has_the_rate_the_names_and_the_tree_of_the_run(tmp_path: Path) ->
     above = {child.Name: joint.Name for joint, _, _ in read.Root.layout() for child in joint.Children}
     assert (above["right_wrist"], above["right_elbow"]) == ("right_elbow", "right_shoulder")
     assert set(person().joint_names) <= {"pelvis", *above}
+
+
+def test_a_bvh_lasts_as_long_as_the_run(tmp_path: Path) -> None:
+    """A gap of 27 frames and a frame that is late: whoever plays it sees every pose at its time.
+
+    In the gap the body moves evenly.
+    """
+    model = person()
+    poses = swing(model, 12)
+    numbers = np.array([0, 1, 2, 3, 30, 31, 32, 34, 35, 36, 37, 38])
+    track = write_run(tmp_path / "run", model, poses, frames=numbers)
+    export_run(tmp_path / "run", "bvh", tmp_path / "run.bvh")
+    read = bvhio.readAsBvh(str(tmp_path / "run.bvh"))
+    assert (read.FrameTime, read.FrameCount) == (pytest.approx(1.0 / RATE), 39)
+    places = bvh_joints(tmp_path / "run.bvh", model.joint_names, 39) / 100.0
+    expected = track.joint_positions @ CAMERA_TO_Y_UP
+    assert np.abs(places[numbers] - expected).max() < 0.1 * MILLIMETRE
+    pelvis = places[3:31, model.joint_names.index("pelvis")]
+    np.testing.assert_allclose(pelvis, np.linspace(pelvis[0], pelvis[-1], 28), atol=1e-5)
+
+
+def test_a_bvh_of_a_clock_that_was_set(tmp_path: Path) -> None:
+    """Back: one frame passes, as for who sees it. Far ahead: one line names a format that has times."""
+    model = hinges()
+    track = write_run(tmp_path / "run", model, swing(model, 6))
+    is_later = np.arange(6) > 2
+
+    def export(step_s: float) -> None:
+        with (tmp_path / "run" / "track.npz").open("wb") as file:
+            write_track(replace(track, time_s=track.time_s + step_s * is_later), file)
+        export_run(tmp_path / "run", "bvh", tmp_path / "run.bvh")
+
+    export(-9.0)
+    assert bvhio.readAsBvh(str(tmp_path / "run.bvh")).FrameCount == 6
+    with pytest.raises(InputError, match=r"the run lasts 277778 h; .* use glb"):
+        export(1e9)
 
 
 def test_a_trc_reader_finds_every_marker_where_the_track_has_it(tmp_path: Path) -> None:

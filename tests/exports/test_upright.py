@@ -16,7 +16,8 @@ from gepf.common.body import BodyModel
 from gepf.common.camera import Intrinsics
 from gepf.common.kinematics.rotations import euler_angles, euler_matrix
 from gepf.coordinator.exports import export_run
-from gepf.coordinator.exports.recorded import CAMERA_TO_Y_UP, read_run
+from gepf.coordinator.exports.axes import CAMERA_TO_Y_UP
+from gepf.coordinator.exports.recorded import read_run
 from gepf.coordinator.results.log import floor_up
 from gepf.coordinator.scene.scene import Scene
 from gepf.coordinator.tracking.pose_library import upright_rolls

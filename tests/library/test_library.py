@@ -84,6 +84,9 @@ def test_a_body_may_be_given_whole() -> None:
     assert np.linalg.norm(joints - shown("standing").joints, axis=-1).max() < 0.05
 
 
+OPEN = gepf.Pool(0, listen="tcp/0.0.0.0:7447")
+
+
 @pytest.mark.parametrize(
     ("mistake", "says"),
     [
@@ -95,6 +98,9 @@ def test_a_body_may_be_given_whole() -> None:
         (lambda: gepf.Tracker(PERSON, camera=MATRIX).track(np.ones((4, 4), int)), "depth_scale"),
         (lambda: gepf.live("key"), "give listen or connect an endpoint"),
         (lambda: gepf.live("key", listen="tcp/0.0.0.0:7447"), "listen=.* accepts anyone.*insecure=True"),
+        (lambda: gepf.live("key", connect="tcp/host:7447"), "connect=.* is not enc.*, or insecure=True"),
+        (lambda: gepf.Tracker(PERSON, workers="tcp/host:7447"), r"connect=.* is not enc.*or workers=Pool"),
+        (lambda: gepf.Tracker(PERSON, workers=OPEN), r"listen=.* accepts anyone.*Pool\(.*insecure=True\)"),
         (lambda: gepf.live("key", connect="tls/host:7447"), r"connect=.* add tls=TlsFiles\(ca, cert, key\)"),
         (lambda: gepf.live("key", connect="tls/host:1", tls=gepf.TlsFiles("a", "b")), "tls.key missing"),
         (lambda: gepf.live("key", listen="tcp/127.0.0.1:1", idle_timeout=0.0), "would end at once"),

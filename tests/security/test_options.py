@@ -3,43 +3,81 @@
 from __future__ import annotations
 
 import stat
+import subprocess
 from pathlib import Path
 
 import pytest
 
 from gepf.common.errors import InputError
 from gepf.common.transport.credentials import Credentials, check_holder, holder_of, read_credentials
-from gepf.common.transport.endpoints import check_listening
+from gepf.common.transport.endpoints import CONNECT, LISTEN, check_endpoint
 from gepf.common.transport.session import Security
+from gepf.coordinator.cli import main
 from gepf.coordinator.security.access import TlsFiles, choose_names, choose_security, read_roster
 from gepf.coordinator.security.certificates import make_certificates
 from tests.support.processes.certificates import Folder, make_folder
+from tests.support.processes.programs import WORKER
 
-LISTENING = {
+EXPOSED = {LISTEN: "accepts anyone", CONNECT: "is not encrypted: anyone on the way can read"}
+ENDPOINTS = {
     "tcp/127.0.0.1:7447": None,
     "tcp/[::1]:7447": None,
     "tcp/localhost:7447": None,
     "unixsock-stream//tmp/bus": None,
-    "tcp/0.0.0.0:7447": "accepts anyone",
-    "tcp/[::]:7447": "accepts anyone",
-    "tcp/10.0.0.5:7447": "accepts anyone",
-    "ws/0.0.0.0:7447#iface=lo": "accepts anyone",
-    "tls/0.0.0.0:7447": "needs a certificate",
-    "7447": "is not an endpoint",
+    "tcp/0.0.0.0:7447": EXPOSED,
+    "tcp/[::]:7447": EXPOSED,
+    "tcp/10.0.0.5:7447": EXPOSED,
+    "tcp/camera.example:7447": EXPOSED,
+    "udp/10.0.0.5:7447": EXPOSED,
+    "ws/0.0.0.0:7447#iface=lo": EXPOSED,
+    "tls/10.0.0.5:7447": dict.fromkeys(EXPOSED, "needs a certificate"),
+    "7447": dict.fromkeys(EXPOSED, "is not an endpoint"),
 }
 
 
-@pytest.mark.parametrize("endpoint", LISTENING)
-def test_listening_beyond_this_host_needs_tls(endpoint: str) -> None:
-    """An endpoint that others can reach needs a certificate or --insecure."""
-    fault = LISTENING[endpoint]
-    if fault is None:
-        check_listening(endpoint, None, insecure=False)
+@pytest.mark.parametrize("option", EXPOSED)
+@pytest.mark.parametrize("endpoint", ENDPOINTS)
+def test_links_beyond_this_host_need_tls(endpoint: str, option: str) -> None:
+    """To listen and to connect: a link that leaves this host needs a certificate or --insecure."""
+    faults = ENDPOINTS[endpoint]
+    if faults is None:
+        check_endpoint(option, endpoint, None, insecure=False)
         return
-    with pytest.raises(InputError, match=fault):
-        check_listening(endpoint, None, insecure=False)
-    if fault == "accepts anyone":
-        check_listening(endpoint, None, insecure=True)
+    with pytest.raises(InputError, match=faults[option]):
+        check_endpoint(option, endpoint, None, insecure=False)
+    if faults is EXPOSED:
+        check_endpoint(option, endpoint, None, insecure=True)
+
+
+ON_THE_WAY = ("--connect", "tcp/10.0.0.5:7447")
+OPEN_LINES = (
+    ("track", "recording", "--out", "{}/out", *ON_THE_WAY),
+    ("track", "zenoh:camera/depth", "--out", "{}/out", *ON_THE_WAY),
+    ("publish", "recording", "--key", "camera/depth", *ON_THE_WAY),
+    ("view", "zenoh:camera/depth", *ON_THE_WAY),
+    ("router", "--listen", "tcp/127.0.0.1:7447", *ON_THE_WAY),
+)
+
+
+@pytest.mark.parametrize("line", OPEN_LINES, ids=lambda line: " ".join(line[:2]))
+def test_no_command_connects_in_the_open_unasked(
+    line: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Exit code 2 and one line that names certificates and --insecure, before anything is opened."""
+    assert main([word.format(tmp_path) for word in line]) == 2
+    err = capsys.readouterr().err.splitlines()[-1]
+    assert "--connect tcp/10.0.0.5:7447 is not encrypted: anyone on the way can read" in err
+    assert "or --insecure" in err
+
+
+def test_no_worker_connects_in_the_open_unasked(capfd: pytest.CaptureFixture[str]) -> None:
+    """`gepf-worker` ends with 2; with --insecure it goes on, here until it is not answered."""
+    asked = [*WORKER, *ON_THE_WAY, "--check"]
+    assert subprocess.run(asked, check=False, timeout=60.0).returncode == 2
+    assert "is not encrypted: anyone on the way can read" in capfd.readouterr().err
+    away = [*WORKER, "--connect", "tcp/nowhere.invalid:7447", "--check", "--insecure"]
+    assert subprocess.run(away, check=False, timeout=60.0).returncode == 1
+    assert "no answer at tcp/nowhere.invalid:7447" in capfd.readouterr().err
 
 
 def test_only_the_coordinators_certificate_runs(ours: Folder) -> None:
@@ -84,14 +122,14 @@ def test_names_of_workers() -> None:
 
 def test_certificates_are_made_once(tmp_path: Path) -> None:
     """A second call keeps valid ones, adds new names, and renews for new hosts and after expiry."""
-    first = make_certificates(tmp_path, ("w0",), (), 1, None)
+    first = make_certificates(tmp_path, ("w0",), (), 1, None).new
     assert first == ["coordinator", "router", "w0"]
-    assert make_certificates(tmp_path, ("w0",), (), 1, None) == []
-    assert make_certificates(tmp_path, ("w1",), (), 1, None) == ["w1"]
+    assert make_certificates(tmp_path, ("w0",), (), 1, None).new == []
+    assert make_certificates(tmp_path, ("w1",), (), 1, None).new == ["w1"]
     assert read_roster(tmp_path / "ca.pem") == ("w0", "w1")
-    assert make_certificates(tmp_path, ("w1",), ("10.0.0.5", "far.example"), 1, None) == first[:2]
+    assert make_certificates(tmp_path, ("w1",), ("10.0.0.5", "far.example"), 1, None).new == first[:2]
     (tmp_path / "w0.key").unlink()
-    assert make_certificates(tmp_path, (), (), 1, None) == ["w0"]
+    assert make_certificates(tmp_path, (), (), 1, None).new == ["w0"]
     for name in ("ca", "coordinator", "router", "w0", "w1"):
         assert stat.S_IMODE((tmp_path / f"{name}.key").stat().st_mode) == 0o600
     for name in ("coordinator", "router", "w0", "w1"):
@@ -108,5 +146,5 @@ def test_expired_certificates_are_renewed(tmp_path: Path) -> None:
     (tmp_path / "w0.key").write_bytes((tmp_path / "old.key").read_bytes())
     with pytest.raises(InputError, match="certificate has expired"):
         holder_of(folder.of("w0"))
-    assert make_certificates(tmp_path, (), (), 1, None) == ["w0"]
+    assert make_certificates(tmp_path, (), (), 1, None).new == ["w0"]
     check_holder(folder.of("w0"), "w0")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import os
 from pathlib import Path
 
 import numpy as np
@@ -9,9 +11,11 @@ import pytest
 
 from gepf.common.camera import Intrinsics
 from gepf.common.errors import InputError
+from gepf.coordinator.results.track import read_track
 from gepf.coordinator.sources import open_source
 from gepf.coordinator.sources.azure_kinect import Calibration, gravity_of, lens_of
-from gepf.coordinator.sources.camera import GivenCamera
+from gepf.coordinator.sources.camera import AS_RECORDED, GivenCamera
+from tests.support.stand_ins import StillWorkers
 
 RECORDING = Path(__file__).parents[3] / "shared" / "data" / "azure_kinect" / "recording.mkv"
 RADIAL, TANGENTIAL = (0.5479, -0.0210, -0.00265, 0.8897, 0.0861, -0.0139), (2.06e-05, -7.2e-05)
@@ -45,6 +49,50 @@ def test_frames_are_millimetres_from_time_zero(recording: Path) -> None:
     metres = frame.metres()
     assert np.mean(metres > 0) > 0.8
     assert 0.1 < metres[metres > 0].min() < metres.max() < 4.0
+
+
+@pytest.mark.parametrize("rotate", ["auto", "0", "90"])
+def test_a_rotation_that_the_user_gives_is_stronger_than_the_accelerometer(
+    recording: Path, tmp_path: Path, rotate: str
+) -> None:
+    """The vertical of the run is measured only if the user does not give the rotation."""
+    options = ("--rotate", rotate, "--near", "0.5")
+    assert StillWorkers().track(recording, tmp_path / "run", *options) in (0, 3)
+    gravity, up = open_source(recording).gravity, read_track(tmp_path / "run").up
+    assert gravity is not None
+    assert up is not None
+    turned = {"auto": -gravity, "0": np.array([0.0, -1.0, 0.0]), "90": np.array([-1.0, 0.0, 0.0])}
+    np.testing.assert_allclose(up, turned[rotate], atol=1e-9)
+
+
+def open_files(path: Path) -> int:
+    """How often this process has a file open."""
+    links = Path("/proc/self/fd").iterdir()
+    return sum(os.path.realpath(link) == str(path) for link in links)
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="no /proc")
+def test_the_file_is_closed_without_the_garbage_collector(recording: Path, tmp_path: Path) -> None:
+    """After it is examined, after its last frame, when nobody needs the source, and after an error."""
+    whole, cut = tmp_path / "whole.mkv", tmp_path / "cut.mkv"
+    whole.write_bytes(recording.read_bytes())
+    cut.write_bytes(recording.read_bytes()[:300_000])
+    gc.disable()
+    try:
+        source = open_source(whole)
+        assert open_files(whole) == 0
+        source.frame(source.numbers[-1])
+        assert open_files(whole) == 0
+        source.frame(source.numbers[0])
+        assert open_files(whole) <= 1
+        del source
+        assert open_files(whole) == 0
+        for camera in (AS_RECORDED, GivenCamera((500.0, 501.0, 320.0, 288.0))):
+            with pytest.raises(InputError):
+                open_source(cut, camera).frame(0)
+        assert open_files(cut) == 0
+    finally:
+        gc.enable()
 
 
 def test_gravity_is_what_the_accelerometer_says(recording: Path) -> None:

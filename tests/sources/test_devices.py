@@ -113,6 +113,16 @@ def test_a_camera_is_tracked_in_one_command(tmp_path: Path) -> None:
     assert all(np.array_equal(frame.depth, DEPTH[frame.number]) for frame in frames)
 
 
+def test_a_rotation_that_the_user_gives_is_stronger_than_the_accelerometer(tmp_path: Path) -> None:
+    """Live; a recording does the same (test_azure_kinect)."""
+    (tmp_path / "init.json").write_text('{"root_tz": 2.0, "r_elbow_flexion": 0.5}')
+    spec, options = film(tmp_path, acceleration=TILTED), ("--init", str(tmp_path / "init.json"))
+    assert Unheard().track(Path(spec), tmp_path / "run", *options, "--rotate", "90") in (0, 3)
+    up = read_track(tmp_path / "run").up
+    assert up is not None
+    np.testing.assert_allclose(up, [-1.0, 0.0, 0.0], atol=1e-9)
+
+
 def test_the_measured_gravity_gives_the_vertical() -> None:
     """Without a floor in the image, up is against it."""
     gravity = np.array([0.0, np.cos(0.2), -np.sin(0.2)])
@@ -121,24 +131,38 @@ def test_the_measured_gravity_gives_the_vertical() -> None:
     np.testing.assert_allclose(segmented.view.planes.up, -gravity, atol=1e-6)
 
 
-def loose() -> Camera:
-    """A camera that is lost after two images, with numbers and a clock that start again."""
+LOST, BROKEN = CameraLost("no image comes"), RuntimeError("hwmon command failed")
+
+
+def loose(failure: Exception = LOST, images: int = 2, at_stop: Exception | None = None) -> Camera:
+    """A camera that fails after some images, and perhaps as it stops; numbers and clock start again."""
 
     def shots() -> Generator[Shot]:
-        for n in range(2):
-            yield DepthFrame(40 + n, 9.0 + n / 30.0, DEPTH[0], 1000.0, CAMERA), None
-        raise CameraLost("no image comes")
+        try:
+            for n in range(images):
+                yield DepthFrame(40 + n, 9.0 + n / 30.0, DEPTH[0], 1000.0, CAMERA), None
+            raise failure
+        finally:
+            if at_stop is not None:
+                raise at_stop
 
     return Camera("loose", shots())
 
 
-def test_a_camera_that_comes_back_is_picked_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Absent for two tries, then it goes on, with ascending numbers and times; nothing counts as dropped."""
-    openings: Iterator[Camera | None] = iter([loose(), None, None, loose(), loose()])
+@pytest.mark.parametrize(("failure", "at_stop"), [(LOST, None), (BROKEN, None), (LOST, BROKEN)])
+def test_a_camera_that_comes_back_is_picked_up(
+    monkeypatch: pytest.MonkeyPatch, failure: Exception, at_stop: Exception | None
+) -> None:
+    """Absent for two tries, then it goes on, with ascending numbers and times; nothing counts as dropped.
+
+    Whatever its SDK raises, also as it stops, and when it is opened too early.
+    """
+    lost = [loose(failure, at_stop=at_stop) for _ in range(3)]
+    openings: Iterator[Camera | Exception] = iter([lost[0], InputError("no camera"), BROKEN, *lost[1:]])
 
     def reopen(*_: object, **__: object) -> Camera:
-        if (opened := next(openings)) is None:
-            raise InputError("no camera")
+        if isinstance(opened := next(openings), Exception):
+            raise opened
         return opened
 
     monkeypatch.setattr(device, "open_camera", reopen)
@@ -151,6 +175,44 @@ def test_a_camera_that_comes_back_is_picked_up(monkeypatch: pytest.MonkeyPatch) 
     assert [frame.number for frame in frames] == [0, 1, 2, 3, 4]
     assert np.all(np.diff([frame.time_s for frame in frames]) > 0.0)
     assert camera.dropped == 0
+
+
+@pytest.mark.parametrize(
+    ("spec", "images"), [("realsense:", 0), ("realsense:film.bag", 3)], ids=["at first", "in a recording"]
+)
+def test_an_sdk_that_fails_for_good_ends_the_run_with_an_error(
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    spec: str,
+    images: int,
+) -> None:
+    """Before the first image of a camera, or in a recording: one line, exit code 1; the frames are kept."""
+    monkeypatch.setattr(device, "open_camera", lambda *_, **__: loose(BROKEN, images))
+    (tmp_path / "init.json").write_text('{"root_tz": 2.0, "r_elbow_flexion": 0.5}')
+    out = tmp_path / "run"
+    assert Unheard().track(Path(spec), out, "--init", str(tmp_path / "init.json")) == 1
+    said = capsys.readouterr().err.splitlines()
+    assert said[-1] == f"gepf: {spec}: RuntimeError: hwmon command failed"
+    assert not any("Traceback" in line for line in said)
+    if images:
+        kept = read_track(out).frame.tolist()
+        assert 0 < len(kept) <= images
+        assert any(f"ended early with {len(kept)} frame" in line for line in said)
+
+
+def test_an_sdk_that_fails_to_open_a_camera_is_one_line(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The camera, and what its SDK says."""
+
+    def open_device(_: str, __: bool) -> Camera:
+        raise BROKEN
+
+    monkeypatch.setattr("gepf.coordinator.sources.devices.realsense.open_device", open_device)
+    assert Unheard().track(Path("realsense:"), tmp_path / "run") == 1
+    (line,) = (line for line in capsys.readouterr().err.splitlines() if line.startswith("gepf:"))
+    assert "realsense:: does not open (RuntimeError: hwmon command failed)" in line
 
 
 def test_each_problem_has_one_line_with_its_remedy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -27,6 +27,7 @@ from tests.support.live import (
     listening,
     plate_image,
     publishing,
+    recorded_frames,
     summary_of,
     tracking,
     until_recorded,
@@ -152,8 +153,8 @@ def test_a_run_whose_stream_breaks_off_is_complete(
     with at_work(endpoint), started(*track, command=GEPF) as tracker:
         play = ["publish", str(recording), "--key", KEY, "--connect", endpoint, "--rate", "2"]
         with started(*play, command=GEPF) as publisher:
-            log = tmp_path / "run" / "frames.log"
-            wait_until(lambda: log.exists() and log.stat().st_size > 20_000, 60.0)
+            log = tmp_path / "run" / "live.mcap"
+            wait_until(lambda: log.exists() and recorded_frames(tmp_path / "run") > 2, 60.0)
             publisher.kill() if publisher_dies else tracker.send_signal(signal.SIGINT)
             assert tracker.wait(60.0) == 0
         assert tracker.stderr is not None

@@ -226,3 +226,30 @@ def test_a_key_names_one_place(key: str) -> None:
     """Patterns and malformed keys are refused in a line that shows a good one."""
     with pytest.raises(InputError, match="such as camera/depth"):
         live_key(Path("zenoh:" + key))
+
+
+class Together(threading.Condition):
+    """A condition that two threads leave together, if both come."""
+
+    barrier = threading.Barrier(2)
+
+    def __exit__(self, *raised: object) -> None:
+        """Release the lock, and wait for the other thread."""
+        super().__exit__(*raised)  # type: ignore[arg-type]
+        if threading.current_thread() is not threading.main_thread():
+            self.barrier.wait(60.0)
+
+
+def test_malformed_messages_of_two_cameras_at_once_are_reported_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both are counted before either of their threads goes on."""
+    reports: list[str] = []
+    with monkeypatch.context() as patched:
+        patched.setattr(threading, "Condition", Together)
+        frames = LiveFrames([LiveCamera(f"{KEY}/{name}", name) for name in ("a", "b")], reports.append)
+    threads = [threading.Thread(target=frames.receive, args=(b"?",), kwargs={"place": n}) for n in (0, 1)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(reports) == 1
+    assert frames.counts == counted(malformed=2)

@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 
 from gepf.common.arrays import Array
 from gepf.common.body import LEAST_SPREAD, ROOT_DOFS, BodyModel
-from gepf.common.bounds import LARGEST, SMALLEST
+from gepf.common.bounds import LARGEST, LARGEST_PRECISION, SMALLEST
 from gepf.common.camera import Intrinsics
 from gepf.common.errors import ProtocolError
 from gepf.common.frame import DepthFrame, SubjectFrame
 from gepf.common.protocol.frames import decode_frame, encode_frame
 from gepf.common.protocol.messages import RefineRequest, decode_request, encode_request
 from gepf.common.protocol.models import decode_model, encode_model
-from gepf.common.refinement import Particles
+from gepf.common.refinement import Particles, PosePrior
 from gepf.common.settings import RefineSettings
 from gepf.worker.warm_up import tiny_frame, tiny_model
 
@@ -50,7 +50,8 @@ class Extremes:
         model = self._one_of((self._model, self._pyramid))()
         frame = self._one_of((self._frame, tiny_frame))()
         settings, poses = self._settings(), self._poses(len(model.dof_names))
-        request = RefineRequest("extreme", 0, model.hash, Particles(poses, settings))
+        prior = self._one_of((None, self._prior(poses.shape)))
+        request = RefineRequest("extreme", 0, model.hash, Particles(poses, settings, prior=prior))
         return Case(
             decode_model(encode_model(model)),
             decode_frame(encode_frame(frame)),
@@ -86,6 +87,13 @@ class Extremes:
         near: Array = 0.01 * self._rng.normal(size=(2, dofs))
         near[:, 2:3] += 2.0
         return near
+
+    def _prior(self, shape: tuple[int, ...]) -> PosePrior:
+        """With a mean near or anywhere, for all or each; of any precision."""
+        mean = self._poses(shape[1])
+        deviations = self._numbers(shape[1:], LARGEST_PRECISION**0.5)
+        precision = self._one_of((np.outer(deviations, deviations), deviations**2, np.diag(deviations**2)))
+        return PosePrior(mean if self._coin() else mean[0], precision)
 
     def _pyramid(self) -> BodyModel:
         """The one that kernels are warmed up with, and one thing about it changed."""

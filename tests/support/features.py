@@ -11,6 +11,7 @@ from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions
 from gepf.common.refinement import Particles
 from gepf.common.settings import RefineSettings
+from gepf.coordinator.filters.pose_prior import rest_prior
 from gepf.coordinator.tracking.certainty.features import Features, FrameContext, measure_features
 from gepf.coordinator.tracking.certainty.surface import seen_shares
 from gepf.coordinator.tracking.gating import gate_pose
@@ -22,7 +23,8 @@ def features_in(
 ) -> Features:
     """Features (J,) of the first of hypotheses (N, D) that are equally likely, held for a while."""
     still, pose = msgspec.structs.replace(settings, icp_iterations=0), poses[0]
-    found = DirectRefiner().submit(subject, model, Particles(poses[:1], still)).result()
+    particles = Particles(poses[:1], still, prior=rest_prior(model, still))
+    found = DirectRefiner().submit(subject, model, particles).result()
     residual = gate_pose(found.log_likelihood[0], found.residual[0], still).residual
     context = FrameContext(subject, pose, 1.0 / 30.0, stretch)
     joints = joint_positions(model, poses[[0, *range(len(poses))]])

@@ -17,7 +17,7 @@ from gepf.common.body import BodyModel
 from gepf.common.frame import DepthFrame
 from gepf.common.refinement import Particles, Refined
 from gepf.common.transport.opening import open_worker
-from gepf.coordinator.results.log import read_log
+from gepf.coordinator.results.live_recorder import read_frames
 from gepf.coordinator.tracking.preparation import unmoved
 from gepf.worker.service import Kernel
 from gepf.worker.warm_up import tiny_frame
@@ -124,16 +124,20 @@ def listening(where: str, *keys: str, opened: Callable[[list[str]], Any] = open_
         yield listener
 
 
+def recorded_frames(out: Path) -> int:
+    """Number of whole frames in the container of a live run."""
+    return sum(1 for _ in read_frames(out / "live.mcap"))
+
+
 def until_recorded(out: Path) -> Rest:
     """A rest until one more frame has been recorded, or the run is over."""
     shown = 0
 
     def recorded() -> int:
         try:
-            log = read_log(out / "frames.log")
+            return recorded_frames(out)
         except FileNotFoundError:
             return shown
-        return log.frames if log else 0
 
     def rest(stop: threading.Event) -> None:
         nonlocal shown

@@ -14,7 +14,7 @@ import numpy as np
 from gepf.common.protocol import messages
 from gepf.common.protocol.frames import LIVE_END, decode_frame, decode_live, encode_frame, encode_live
 from gepf.common.protocol.models import decode_model, encode_model
-from gepf.common.refinement import Particles, Refined
+from gepf.common.refinement import Particles, PosePrior, Refined
 from gepf.common.settings import RefineSettings
 from gepf.worker.warm_up import tiny_frame, tiny_model
 from tests.support.answers import sure
@@ -25,9 +25,9 @@ POSES = np.linspace(-1.0, 1.0, COUNT * DOFS).reshape(COUNT, DOFS)
 
 def tiny_request() -> messages.RefineRequest:
     """A request as a coordinator sends it."""
-    return messages.RefineRequest(
-        "run-1", 7, tiny_model().hash, Particles(POSES, RefineSettings(damping=0.25))
-    )
+    prior = PosePrior(POSES, np.eye(DOFS))
+    particles = Particles(POSES, RefineSettings(damping=0.25), prior=prior)
+    return messages.RefineRequest("run-1", 7, tiny_model().hash, particles)
 
 
 def tiny_refined() -> Refined:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import fields
 from functools import cache
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import msgspec
 import numpy as np
@@ -21,9 +21,11 @@ from gepf.coordinator.bodies.human.shape_space import shape_space
 from gepf.coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from gepf.coordinator.bodies.tracked import Bodies, Size, name_pose
 from gepf.coordinator.synthesis.rendering import DepthRenderer
+from gepf.coordinator.tracking.candidate_refinement import Search
 from gepf.coordinator.tracking.certainty.certainty import Certainty
 from gepf.coordinator.tracking.estimate import Estimate
 from gepf.coordinator.tracking.observation import isolate
+from gepf.coordinator.tracking.pose_candidates import Detection
 from gepf.coordinator.tracking.state import Start, TrackerState
 from gepf.coordinator.tracking.tracker import Tracker
 from gepf.refiners import DirectRefiner
@@ -143,6 +145,15 @@ def people() -> Bodies:
 def tracker(settings: Settings = SETTINGS, start: dict[str, float] = STANDING) -> OnePerson:
     """A tracker of the known person, from a given start."""
     return OnePerson(DirectRefiner(), settings, known(), start=start)
+
+
+def complete(search: Search[Detection]) -> Detection:
+    """Run a search to its end."""
+    while True:
+        try:
+            next(search)
+        except StopIteration as end:
+            return cast("Detection", end.value)
 
 
 def as_bytes(estimate: Estimate) -> list[bytes]:

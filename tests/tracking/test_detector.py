@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import cast
 
 import numpy as np
 import pytest
@@ -14,17 +13,17 @@ from gepf.common.body import BodyModel
 from gepf.common.camera import back_project
 from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions, pose_vertices
-from gepf.common.refinement import Particles
+from gepf.common.refinement import Particles, Refined
 from gepf.common.settings import preset
 from gepf.coordinator.bodies.human.template import human
 from gepf.coordinator.bodies.tracked import Bodies, Size, name_pose, one_body
 from gepf.coordinator.bodies.urdf import read_urdf
 from gepf.coordinator.scene.planes import Planes
-from gepf.coordinator.tracking.candidate_refinement import Search
 from gepf.coordinator.tracking.detector import Detector
 from gepf.coordinator.tracking.gating import Gate
 from gepf.coordinator.tracking.pose_candidates import Candidates, Detection
 from gepf.coordinator.tracking.pose_library import draw_any
+from gepf.coordinator.tracking.preparation import unmoved
 from gepf.coordinator.tracking.refiner import Pending
 from gepf.coordinator.tracking.sensor_noise import NO_NOISE
 from gepf.coordinator.tracking.state import start_at
@@ -33,6 +32,7 @@ from tests.support.people import (
     SETTINGS,
     STANDING,
     OnePerson,
+    complete,
     empty,
     frame_of,
     known,
@@ -50,15 +50,6 @@ KNEELING = {
 MODEL = human(1.82)
 NAMES = MODEL.joint_names
 FRONT, BACK = 0.0, np.pi  # of the root's turn
-
-
-def complete(search: Search[Detection]) -> Detection:
-    """Run a search to its end."""
-    while True:
-        try:
-            next(search)
-        except StopIteration as end:
-            return cast("Detection", end.value)
 
 
 class Plain(DirectRefiner):
@@ -248,3 +239,35 @@ def test_a_smaller_body_in_a_part_of_the_person_is_not_preferred() -> None:
     found = complete(Detector(people(), DirectRefiner(), SETTINGS).detect(subject, NO_NOISE, Planes()))
     assert found.subject is wider
     assert found.start.size.stature == pytest.approx(1.9, rel=0.03)
+
+
+class Blind(DirectRefiner):
+    """Workers to which no body is visible."""
+
+    def refine(self, _subject: SubjectFrame, _model: BodyModel, particles: Particles) -> Refined:
+        """The poses as they were, infinitely unlikely, as the kernel answers."""
+        count = len(particles.poses)
+        return replace(
+            unmoved(particles), log_likelihood=np.full(count, -np.inf), residual=np.full(count, np.nan)
+        )
+
+
+def test_a_search_in_which_no_candidate_is_visible_finds_nobody() -> None:
+    """A first one, with any size, and one for a known body; the reason is that none fits."""
+    subject = subject_of(show(MODEL, name_pose(MODEL, STANDING)[None]).frames[0], 2_000)
+    detector = Detector(people(), Blind(), SETTINGS)
+    first = complete(detector.detect(subject, NO_NOISE, Planes()))
+    start = start_at(STANDING, people(), Size(1.82, 1.05))
+    later = complete(detector.redetect(subject, start, SETTINGS.refine, start.pose, lost=True))
+    for found in (first, later, detector.transfer(later, replace(subject), SETTINGS.refine)):
+        assert not found.gate.passes
+        assert found.gate.why == "the body does not fit the observed points"
+        assert not found.looks_alike(NAMES, found.candidates.joints[0], 0.0)
+
+
+def test_a_person_in_whom_no_candidate_is_visible_is_searched_for() -> None:
+    """The run goes on without an error."""
+    still = show(MODEL, name_pose(MODEL, STANDING)[None]).frames[0]
+    tracker = OnePerson(Blind(), SETTINGS, people())
+    frames = (replace(still, number=n, time_s=n / 30) for n in range(3))
+    assert [tracker.track(frame).status for frame in frames] == ["searching"] * 3

@@ -8,18 +8,25 @@ import msgspec
 import numpy as np
 import pytest
 
+from gepf.common.body import BodyModel
 from gepf.common.camera import Intrinsics
-from gepf.common.frame import HIDDEN, SUBJECT, SubjectFrame
+from gepf.common.frame import HIDDEN, SUBJECT, DepthFrame, SubjectFrame
+from gepf.common.refinement import Particles, Refined
 from gepf.coordinator.bodies.choice import choose_bodies
 from gepf.coordinator.bodies.human.measures import Measures
 from gepf.coordinator.bodies.human.template import human_of
 from gepf.coordinator.bodies.tracked import Size, name_pose
 from gepf.coordinator.filters.gradient_enhanced import begin
+from gepf.coordinator.scene.planes import Planes
+from gepf.coordinator.stopwatch import Stopwatch
 from gepf.coordinator.synthesis.noise import as_a_kinect
+from gepf.coordinator.tracking.particle_filter import Pace, Submitted
 from gepf.coordinator.tracking.person_size import PersonSize
+from gepf.coordinator.tracking.refiner import Pending
 from gepf.coordinator.tracking.segmenter import Segmenter
-from gepf.coordinator.tracking.state import Start
+from gepf.coordinator.tracking.state import Start, TrackerState, first_state
 from gepf.coordinator.tracking.stature import StatureEstimate, head_to_ankle, measure_stature
+from gepf.coordinator.tracking.target import TargetTracker
 from gepf.refiners import DirectRefiner
 from tests.support.people import (
     CAMERA,
@@ -150,7 +157,7 @@ def test_cameras_on_both_sides_show_the_girth(yaws: tuple[float, ...], girth: fl
     model = BODIES.tracked(detected, {})[0]
     start, size = Start(model, pose, detected), PersonSize(BODIES, DirectRefiner(), measured=True)
     belief = begin(model, pose, SETTINGS.filter)
-    found = size.begin(start, belief, subject_of(frame, 3000), SETTINGS.refine)
+    found = size.begin(start, belief, subject_of(frame, 3000), SETTINGS.refine, wait=True)
     assert found.size.stature == pytest.approx(STATURE, abs=0.03)
     assert found.size.girth == pytest.approx(girth, rel=0.03)
 
@@ -162,3 +169,83 @@ def test_a_stature_that_is_not_wanted_is_not_measured() -> None:
     for n in range(4):
         tracker.track(replace(still, number=n, time_s=0.1 * n))
     assert tracker.state.checkpoint.size is None
+
+
+class Held(DirectRefiner):
+    """Holds the requests of single particles back until they are released."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.released, self.given_up = False, 0
+
+    def submit(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Pending:
+        """As ever, unless there is only one."""
+        pending = super().submit(subject, model, particles)
+        return HeldRequest(self, pending) if len(particles.poses) == 1 else pending
+
+
+class HeldRequest:
+    """A request for which nobody may wait before it is released."""
+
+    def __init__(self, refiner: Held, pending: Pending) -> None:
+        self._refiner, self._pending = refiner, pending
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether it was released."""
+        return self._refiner.released
+
+    def result(self) -> Refined:
+        """At once."""
+        assert self._refiner.released, "a live frame waits"
+        return self._pending.result()
+
+    def cancel(self) -> None:
+        """It is given up."""
+        self._refiner.given_up += 1
+
+
+def two_cameras() -> tuple[DepthFrame, TrackerState]:
+    """A person of girth 0.92 from the front and from behind; a tracker has measured another stature, 1.55."""
+    body = BODIES.tracked(Size(STATURE, 0.92), {})[0]
+    pose = name_pose(body, {n: v for n, v in POSTURE.items() if n in body.dof_names})
+    frame = seen_from(body, [pose, pose], {"front": around(0.0), "back": around(180.0)})
+    state, detected = first_state(BODIES, POSTURE, 0), Size(1.55, 1.05)
+    start = replace(state.start, model=BODIES.tracked(detected, {})[0], size=detected)
+    return frame, replace(
+        state, start=start, checkpoint=replace(state.checkpoint, size=StatureEstimate((STATURE,), time_s=9.0))
+    )
+
+
+def test_a_live_frame_does_not_wait_for_the_girth() -> None:
+    """Frames are tracked with the old size until the workers have fitted the girth, and then with the new."""
+    frame, state = two_cameras()
+    refiner, settings = Held(), msgspec.structs.replace(SETTINGS, recover=False)
+    target, sizes = TargetTracker(refiner, settings, BODIES, state), list[Size]()
+    for n in range(6):
+        now = subject_of(replace(frame, number=n, time_s=n / 30), 3000)
+        refiner.released = n == 4
+        target.begin_frame()
+        submitted = target.submit(now.frame, now, Planes(), Stopwatch(), Pace(1 / 30, is_late=False))
+        assert isinstance(submitted, Submitted)
+        target.update(submitted)
+        sizes.append(target.start.size)
+    assert sizes[:4] == [state.start.size] * 4
+    assert sizes[4] == sizes[5]
+    assert sizes[4].stature == pytest.approx(STATURE, abs=0.01)
+    assert sizes[4].girth == pytest.approx(0.92, rel=0.03)
+    assert refiner.given_up == 0
+
+
+def test_a_fit_of_the_girth_that_nobody_takes_is_given_up() -> None:
+    """At the end of a stream, the workers do nothing more for it."""
+    frame, state = two_cameras()
+    refiner, settings = Held(), msgspec.structs.replace(SETTINGS, recover=False)
+    target = TargetTracker(refiner, settings, BODIES, state)
+    for n in range(2):
+        now = subject_of(replace(frame, number=n, time_s=n / 30), 3000)
+        submitted = target.submit(now.frame, now, Planes(), Stopwatch(), Pace(1 / 30, is_late=False))
+        assert isinstance(submitted, Submitted)
+        target.update(submitted)
+    target.end()
+    assert refiner.given_up == 3

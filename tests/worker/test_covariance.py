@@ -13,21 +13,18 @@ from gepf.common.arrays import Array
 from gepf.common.body import ROTATION, BodyModel
 from gepf.common.refinement import Particles, lower_triangular, triangle_size
 from gepf.common.settings import RefineSettings
-from gepf.worker.kernel.correspondence import find_correspondences
-from gepf.worker.kernel.gauss_newton import fill_covariance_root, minimise
+from gepf.coordinator.filters.pose_prior import rest_prior
+from gepf.worker.kernel.gauss_newton import fill_covariance_root, solve
 from gepf.worker.kernel.icp import refine
-from gepf.worker.kernel.observation import observe, pack_views, view_of
-from gepf.worker.kernel.parameters import pack_parameters
-from gepf.worker.kernel.priors import LIMIT_WEIGHT_M2
-from gepf.worker.kernel.soft import fisher_scoring_step
-from gepf.worker.kernel.surface import Surface, pack_model
-from gepf.worker.kernel.visibility import DepthImage, draw, pose_body, visible_vertices
-from gepf.worker.kernel.weighting import accumulate_correspondences
-from gepf.worker.kernel.workspace import Problem, make_workspaces
+from gepf.worker.kernel.observation import observe
+from gepf.worker.kernel.parameters import LIMIT_WEIGHT_M2
+from gepf.worker.kernel.surface import Surface
+from gepf.worker.kernel.visibility import DepthImage, draw
 from gepf.worker.lanes import Lanes
 from tests.support.answers import as_bytes
 from tests.support.bodies import puppet
 from tests.support.kernel import plain_path
+from tests.support.kernel.equations import KernelAt
 from tests.support.kernel.kernel_cases import DEFAULT, PAPER, TRUTH, out_of_sight, starts, subject, tangents
 from tests.support.kernel.posterior import (
     BODIES,
@@ -51,25 +48,18 @@ def widest(model: BodyModel) -> Array:
 
 def kernel_covariance(of: PosteriorCase, pose: Array) -> tuple[Array, Array]:
     """The kernel's covariance (D, D) at a pose (D,), and the expected one."""
-    skeleton, surface = pack_model(of.model)
-    views, parameters = pack_views(observe(of.subject), of.settings), pack_parameters(of.settings)
-    packed = view_of(views, 0)
-    workspace, moved = make_workspaces(skeleton, surface, views).shared, pose.copy()
-    pose_body(pose, skeleton, surface, workspace)
-    visible = visible_vertices(surface, workspace)
-    if parameters.soft:
-        exact = soft_information(of, pose, (draw(surface.triangles, True, workspace), surface))
-        workspaces = make_workspaces(skeleton, surface, views)
-        fisher_scoring_step(moved, Problem(skeleton, surface, views, parameters), workspaces)
-        workspace = workspaces.shared
+    kernel = KernelAt.make(of, pose)
+    problem, equations = kernel.view.problem, kernel.view.workspace.equations
+    if of.settings.is_soft:
+        exact = soft_information(
+            of, pose, (draw(problem.surface.triangles, True, kernel.view.workspace), problem.surface)
+        )
     else:
         exact = hard_information(of, pose)
-        find_correspondences(visible, surface, packed, parameters.stretch, workspace)
-        accumulate_correspondences(visible, skeleton, surface, packed, parameters, workspace)
-        once = parameters._replace(steps=parameters.steps._replace(gauss_newton_iterations=1))
-        minimise(skeleton, moved, workspace.of_rig, packed.count, once, workspace.equations)
+    kernel.linearise()
+    solve(pose.copy(), problem.parameters.icp.damping, problem, equations)
     triangle = np.empty(triangle_size(len(pose)), np.float32)
-    fill_covariance_root(skeleton, parameters.posterior_scale / packed.count, workspace.equations, triangle)
+    fill_covariance_root(problem, equations, triangle)
     root = lower_triangular(triangle[None], len(pose))[0]
     return root @ root.T, np.asarray(np.linalg.inv(exact + np.diag(widest(of.model) ** -2.0)))
 
@@ -128,8 +118,9 @@ def test_a_descent_that_came_to_rest_gives_that_of_its_pose(settings: RefineSett
     """The whole way through a request, for poses that stay where they are."""
     model, observation = puppet(), observe(subject())
     long, short = (msgspec.structs.replace(settings, icp_iterations=n) for n in (60, 1))
-    settled = refine(model, observation, Particles(starts(3), long)).poses
-    again = refine(model, observation, Particles(settled, short, covariance=True))
+    prior = rest_prior(model, settings)
+    settled = refine(model, observation, Particles(starts(3), long, prior=prior)).poses
+    again = refine(model, observation, Particles(settled, short, covariance=True, prior=prior))
     assert again.covariance_roots is not None
     roots = lower_triangular(again.covariance_roots, len(TRUTH))
     for pose, root in zip(settled, roots, strict=True):

@@ -13,14 +13,12 @@ import pytest
 from numpy.typing import NDArray
 
 from gepf.common.frame import EMPTY, SUBJECT, UNMEASURED, DepthFrame, SubjectFrame
-from gepf.common.refinement import Particles
+from gepf.common.refinement import Particles, PosePrior
 from gepf.common.settings import RefineSettings, preset
 from gepf.worker.kernel.gauss_newton import fill_covariance_root
-from gepf.worker.kernel.icp import refine, refine_particle
-from gepf.worker.kernel.observation import observe, pack_views
-from gepf.worker.kernel.parameters import pack_parameters
-from gepf.worker.kernel.surface import pack_model
-from gepf.worker.kernel.workspace import Problem, Workspaces, make_workspaces
+from gepf.worker.kernel.icp import pack_batch, refine, refine_particle
+from gepf.worker.kernel.observation import observe
+from gepf.worker.kernel.workspace import Workspaces, make_workspaces
 from tests.support.bodies import puppet
 from tests.support.kernel import plain_path
 from tests.support.kernel.kernel_cases import CAMERA, TRUTH, near
@@ -93,21 +91,20 @@ def guarded_workspaces(workspaces: Workspaces, guards: list[NDArray[np.uint8]]) 
 def test_nothing_is_written_beside_an_array(name: str, frame: str) -> None:
     """For any crop and pose: guards around all written arrays are unchanged."""
     settings, model = SETTINGS[name], puppet()
-    skeleton, surface = pack_model(model)
-    views = pack_views(observe(cropped(frame, kinds=name != "paper")), settings)
-    guards: list[NDArray[np.uint8]] = []
-    workspaces = guarded_workspaces(make_workspaces(skeleton, surface, views), guards)
+    observation = observe(cropped(frame, kinds=name != "paper"))
     dofs = len(model.dof_names)
+    prior = PosePrior(np.zeros(dofs), np.eye(dofs))
+    problem = pack_batch(model, observation, Particles(near()[None], settings, prior=prior)).problem
+    guards: list[NDArray[np.uint8]] = []
+    workspaces = guarded_workspaces(make_workspaces(*problem[:3]), guards)
     pose = guarded(np.zeros(dofs), guards)
     root = guarded(np.zeros(dofs * (dofs + 1) // 2, np.float32), guards)
-    problem = Problem(skeleton, surface, views, pack_parameters(settings))
     for moved in FAR_OFF.values():
         pose[:] = near()
         for dof, by in moved.items():
             pose[dof] += by
-        refine_particle(pose, problem, workspaces)
-        equations = workspaces.shared.equations
-        fill_covariance_root(skeleton, problem.parameters.posterior_scale / views.total, equations, root)
+        refine_particle(pose, prior.mean, problem, workspaces)
+        fill_covariance_root(problem, workspaces.shared.equations, root)
         assert all(np.all(guard == 0xA5) for guard in guards)
 
 

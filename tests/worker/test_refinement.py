@@ -15,6 +15,7 @@ from numba.core.dispatcher import Dispatcher
 from gepf.common.camera import Intrinsics
 from gepf.common.kinematics import retract
 from gepf.common.refinement import Particles
+from gepf.coordinator.filters.pose_prior import rest_prior
 from gepf.worker.kernel import icp
 from gepf.worker.kernel.gauss_newton import solve_ltl
 from gepf.worker.kernel.icp import Batch, refine, refine_some
@@ -45,7 +46,8 @@ def test_refinement_matches(name: str) -> None:
     """
     model, settings = puppet(), SETTINGS[name]
     poses = starts(3)
-    found = icp.refine(model, observe(subject()), Particles(poses, settings))
+    prior = rest_prior(model, settings)
+    found = icp.refine(model, observe(subject()), Particles(poses, settings, prior=prior))
     expected = [plain_path.refine(model, subject(), pose, settings) for pose in poses]
     off = np.abs(found.poses - np.array([pose for pose, _, _ in expected])).max(axis=1)
     assert np.median(off) < 1e-6

@@ -15,6 +15,7 @@ from gepf.common.kinematics import joint_positions
 from gepf.common.refinement import Particles
 from gepf.common.settings import preset
 from gepf.coordinator.bodies.tracked import name_pose
+from gepf.coordinator.filters.pose_prior import rest_prior
 from gepf.worker.kernel.icp import refine
 from gepf.worker.kernel.observation import Observation, observe
 from tests.support.bodies import person
@@ -59,9 +60,9 @@ def test_a_perturbed_pose_is_recovered(settings: str, name: str) -> None:
     truth, observation = seen(name)
     start = perturbed(truth)
     thorough = msgspec.structs.replace(preset(settings).refine, icp_iterations=40)
+    particles = Particles(start, thorough, prior=rest_prior(person(), thorough))
     before, after = (
-        joint_errors(poses, truth)
-        for poses in (start, refine(person(), observation, Particles(start, thorough)).poses)
+        joint_errors(poses, truth) for poses in (start, refine(person(), observation, particles).poses)
     )
     assert before.mean() > 0.08
     assert np.mean(before < 0.02) < 0.1
@@ -79,6 +80,7 @@ def test_the_truth_stays_and_is_the_likeliest(name: str) -> None:
     start, default = np.concatenate([truth[None], perturbed(truth)]), preset("default").refine
     for deviation, farthest in ((0.0, 0.005), (default.pose_deviation, 0.006)):
         settings = msgspec.structs.replace(default, pose_deviation=deviation)
-        refined = refine(person(), observation, Particles(start, settings))
+        prior = rest_prior(person(), settings)
+        refined = refine(person(), observation, Particles(start, settings, prior=prior))
         assert joint_errors(refined.poses[:1], truth).max() < farthest
         assert np.argmax(refined.log_likelihood) == 0

@@ -1,4 +1,4 @@
-"""The pose that minimises the distances of given correspondences (step 4d), and its covariance.
+"""The pose that minimises the terms at fixed correspondences (step 4d), and its covariance.
 
 Damped Gauss-Newton, Eq. 3-5. The covariance is the inverse of the Gauss-Newton matrix of the log posterior
 (Laplace) in the last step, with its closest points, weights and visible points. Damping and joint limits are
@@ -16,62 +16,67 @@ from gepf.common.compiling import numba
 from gepf.common.kinematics.chain import forward_kinematics
 from gepf.common.kinematics.manifold import apply_step, clamp_to_limits, step_between
 from gepf.common.refinement import WEAK_SLIDE, WEAK_TURN
-from gepf.worker.kernel.normal_equations import fill_normal_equations
-from gepf.worker.kernel.parameters import KernelParameters
-from gepf.worker.kernel.priors import add_prior, hold_active_limits
+from gepf.worker.kernel.normal_equations import fill_normal_equations, move_wrenches
+from gepf.worker.kernel.parameters import Solver
 from gepf.worker.kernel.surface import Skeleton
-from gepf.worker.kernel.workspace import Equations
+from gepf.worker.kernel.workspace import Equations, Problem, Workspace
 
 SINGULAR = 1e-13  # of the largest entry on the diagonal
 CONVERGED = 1e-4  # radians and metres; a smaller step ends the loop
 
 
 @numba.njit(cache=True, nogil=True)
-def minimise(
-    skeleton: Skeleton,
-    pose: Array,
-    transforms: Array,
-    points: int,
-    parameters: KernelParameters,
-    equations: Equations,
-) -> None:
-    """Move pose (D,) in place to the minimum of Eq. 3 for `points` points by damped Gauss-Newton (Eq. 4).
+def minimise(pose: Array, mean: Array, solver: Solver, problem: Problem, workspace: Workspace) -> None:
+    """Move pose (D,) in place to the minimum of Eq. 3, within limits, by damped Gauss-Newton steps (Eq. 4).
 
-    equations.sums hold the correspondences; transforms (D + 1, 3, 4) are T_rig_rest at the given pose, and
-    after that those of the last step.
+    The equations of the workspace hold the terms of points, linearised at this pose, of which .of_rig is.
+    `mean` (D,) is that of the prior.
     """
-    damping = parameters.damping + parameters.steps.damping_share * points
-    for k in range(parameters.steps.gauss_newton_iterations):
+    skeleton, equations, transforms = problem.skeleton, workspace.equations, workspace.of_rig
+    before = pose.copy()
+    for k in range(solver.iterations):
         if k > 0:
+            move_wrenches(skeleton, step_between(skeleton.axes, skeleton.balls, before, pose), equations)
             forward_kinematics(
                 skeleton.kinds, skeleton.parents, skeleton.axes, skeleton.points, pose, transforms
             )
-        fill_normal_equations(skeleton, transforms, parameters.stretch, equations)
-        add_prior(skeleton, pose, parameters.rest_weight, points, equations.gram, equations.gradient)
-        step = take_step(skeleton, pose, damping, np.inf, equations)
-        if np.max(np.abs(step)) < CONVERGED:
+        before[:] = pose
+        fill_normal_equations(pose, mean, transforms, problem, equations)
+        step = solve(pose, solver.damping, problem, equations)
+        size = np.max(np.abs(step))
+        if size > solver.longest:
+            step *= solver.longest / size
+        apply_step(skeleton.axes, skeleton.balls, step, pose)
+        clamp_to_limits(skeleton.single, skeleton.limits, pose)
+        if size < CONVERGED:
             break
 
 
 @numba.njit(cache=True, nogil=True)
-def take_step(skeleton: Skeleton, pose: Array, damping: float, longest: float, equations: Equations) -> Array:
-    """Solve the equations (Eq. 4) in place and move pose (D,), within limits; returns the step (D,).
-
-    No entry of the step, in radians or metres, is larger than `longest`.
-    """
+def solve(pose: Array, damping: float, problem: Problem, equations: Equations) -> Array:
+    """The step (D,) that solves the equations (Eq. 4), which are overwritten, within limits."""
     gram, gradient = equations.gram, equations.gradient
     equations.information[:] = gram
     for j in range(len(pose)):
         gram[j, j] += damping
-    hold_active_limits(skeleton, pose, gram, gradient)
+    hold_active_limits(problem.skeleton, pose, gram, gradient)
     step = -gradient
-    solve_ltl(skeleton.parents, gram, step)
-    size = np.max(np.abs(step))
-    if size > longest:
-        step *= longest / size
-    apply_step(skeleton.axes, skeleton.balls, step, pose)
-    clamp_to_limits(skeleton.single, skeleton.limits, pose)
+    solve_ltl(problem.elimination, gram, step)
     return step
+
+
+@numba.njit(cache=True, nogil=True)
+def hold_active_limits(skeleton: Skeleton, pose: Array, gram: Array, gradient: Array) -> None:
+    """Remove single axes at a limit from the equations if the gradient leads beyond it (active set)."""
+    for j in range(len(pose)):
+        low = pose[j] <= skeleton.limits[j, 0] and gradient[j] > 0.0
+        high = pose[j] >= skeleton.limits[j, 1] and gradient[j] < 0.0
+        if skeleton.single[j] and (low or high):
+            stiffness = gram[j, j]
+            gram[j, :] = 0.0
+            gram[:, j] = 0.0
+            gram[j, j] = stiffness
+            gradient[j] = 0.0
 
 
 @numba.njit(cache=True, nogil=True)
@@ -104,10 +109,11 @@ def solve_ltl(parents: Indices, gram: Array, step: Array) -> None:
 def factorise_ltl(parents: Indices, gram: Array) -> None:
     """Factorise gram (D, D) in place into L, on and below the diagonal: a branch-sparse factorisation.
 
-    Degrees of freedom on different branches move no common link. So their entries are zero, and stay zero in
-    gram = L^T L with L lower triangular, which is computed from the tips to the root along the ancestors of
-    each (Featherstone, Rigid Body Dynamics Algorithms, section 6.5). If gram is singular, the diagonal is
-    infinite and the rest of the row is zero.
+    `parents` is the elimination tree. Without a dense prior it is the body's: degrees of freedom on different
+    branches move no common link. So their entries are zero, and stay zero in gram = L^T L with L lower
+    triangular, which is computed from the tips to the root along the ancestors of each (Featherstone, Rigid
+    Body Dynamics Algorithms, section 6.5). If gram is singular, the diagonal is infinite and the rest of the
+    row is zero.
     """
     least = SINGULAR * np.max(np.diag(gram))
     for k in range(len(parents) - 1, -1, -1):
@@ -126,18 +132,15 @@ def factorise_ltl(parents: Indices, gram: Array) -> None:
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def fill_covariance_root(
-    skeleton: Skeleton, scale: float, equations: Equations, triangle: NDArray[np.float32]
-) -> None:
+def fill_covariance_root(problem: Problem, equations: Equations, triangle: NDArray[np.float32]) -> None:
     """Fill a triangle (D (D + 1) / 2,) with the Cholesky factor of the pose's covariance, by rows.
 
-    `scale` converts the equations to the log posterior. With its information L^T L the factor is K = L^-1,
-    because K K^T is the inverse.
+    With its information L^T L the factor is K = L^-1, because K K^T is the inverse.
     """
-    parents, root = skeleton.parents, equations.gram
+    skeleton, parents, root = problem.skeleton, problem.elimination, equations.gram
     for k in range(len(parents)):
         for j in range(k + 1):
-            root[k, j] = scale * equations.information[k, j]
+            root[k, j] = equations.information[k, j]
         root[k, k] += prior_deviation(skeleton.kinds[k]) ** -2.0
     factorise_ltl(parents, root)
     invert_lower(parents, root)

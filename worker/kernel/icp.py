@@ -1,5 +1,7 @@
 """Refine particles by articulated ICP: iterations of steps 4a to 4d, and then step 5.
 
+With soft correspondences the same number of Fisher scoring steps follows; see `terms.soft`.
+
 ICP converges slowly: successive steps have the same direction and become shorter. So preset `default`
 over-relaxes every iteration but the last: the pose moves twice as far. It tests visibility in every third
 iteration only, and ends when a step is small.
@@ -17,22 +19,22 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gepf.common.arrays import Array
+from gepf.common.arrays import Array, Indices
 from gepf.common.body import BodyModel
 from gepf.common.bounds import LARGEST, check_work
 from gepf.common.compiling import numba
 from gepf.common.kinematics.manifold import clamp_to_limits
-from gepf.common.refinement import Particles, Refined, triangle_size
+from gepf.common.refinement import Particles, PosePrior, Refined, triangle_size
 from gepf.worker.kernel.correspondence import find_correspondences
 from gepf.worker.kernel.gauss_newton import fill_covariance_root, minimise, over_relax
 from gepf.worker.kernel.likelihood import evaluate
+from gepf.worker.kernel.link_sums import sum_by_link
 from gepf.worker.kernel.observation import Observation, pack_views, view_of
 from gepf.worker.kernel.parameters import pack_parameters
-from gepf.worker.kernel.soft import fisher_scoring_step
-from gepf.worker.kernel.surface import pack_model
+from gepf.worker.kernel.surface import Skeleton, pack_model
+from gepf.worker.kernel.terms import linearise_points
 from gepf.worker.kernel.visibility import pose_body, pose_some, visible_vertices
-from gepf.worker.kernel.weighting import accumulate_correspondences
-from gepf.worker.kernel.workspace import Problem, Workspaces, make_workspaces, workspace_of
+from gepf.worker.kernel.workspace import CameraView, Problem, Workspaces, make_workspaces, workspace_of
 
 
 class Batch(NamedTuple):
@@ -40,6 +42,7 @@ class Batch(NamedTuple):
 
     problem: Problem
     velocity: Array  # (D,) relative motion per second
+    means: Array  # (N, D) of the prior
     poses: Array  # (N, D) refined in place
     log_likelihood: Array  # (N,)
     residual: Array  # (N,) metres
@@ -62,9 +65,13 @@ def pack_batch(model: BodyModel, observation: Observation, particles: Particles)
     poses, settings, velocity = particles.poses, particles.settings, particles.velocity
     check_work(settings, len(poses) * len(observation.views), observation.total, len(model.vertices))
     count, dofs = poses.shape
+    skeleton, surface = pack_model(model)
+    views, parameters = pack_views(observation, settings), pack_parameters(settings, observation.total)
+    mean = np.zeros(dofs) if particles.prior is None else particles.prior.mean
     return Batch(
-        Problem(*pack_model(model), pack_views(observation, settings), pack_parameters(settings)),
+        Problem(skeleton, surface, views, parameters, *pack_prior(skeleton, particles.prior)),
         np.zeros(dofs) if velocity is None else np.array(velocity, dtype=np.float64),
+        np.array(np.broadcast_to(mean, poses.shape), dtype=np.float64, order="C"),
         np.array(poses, dtype=np.float64, order="C"),  # kernels are compiled for one layout
         np.empty(count),
         np.empty(count),
@@ -72,10 +79,22 @@ def pack_batch(model: BodyModel, observation: Observation, particles: Particles)
     )
 
 
+def pack_prior(skeleton: Skeleton, prior: PosePrior | None) -> tuple[Array, Indices]:
+    """Precision (D, D) of a prior, (0, 0) without any, and the elimination tree (D,) of equations with it.
+
+    A diagonal precision leaves them branch-sparse. Any other may connect all degrees of freedom.
+    """
+    if prior is None:
+        return np.empty((0, 0)), skeleton.parents.copy()
+    if prior.precision.ndim == 1:
+        return np.diag(prior.precision.astype(np.float64)), skeleton.parents.copy()
+    return np.array(prior.precision, np.float64, order="C"), np.arange(-1, len(skeleton.parents) - 1)
+
+
 def refine_some(batch: Batch, particles: Iterator[int]) -> None:
     """Refine particles of a batch in place until the iterator is exhausted; lanes may share the iterator."""
-    skeleton, surface, views, _ = batch.problem
-    workspaces = make_workspaces(skeleton, surface, views, batch.velocity)
+    problem = batch.problem
+    workspaces = make_workspaces(problem.skeleton, problem.surface, problem.views, batch.velocity)
     for n in particles:
         refine_one(n, batch, workspaces)
 
@@ -90,54 +109,62 @@ def refined(batch: Batch) -> Refined:
 def refine_one(n: int, batch: Batch, workspaces: Workspaces) -> None:
     """Refine particle n of a batch. If it diverges, its pose stays and its likelihood becomes zero."""
     before, pose = batch.poses[n].copy(), batch.poses[n]
-    log_likelihood, residual = refine_particle(pose, batch.problem, workspaces)
+    log_likelihood, residual = refine_particle(pose, batch.means[n], batch.problem, workspaces)
     if not (is_valid(pose) and log_likelihood < np.inf and not np.isnan(residual)):
         pose[:], log_likelihood, residual = before, -np.inf, np.inf
     batch.log_likelihood[n], batch.residual[n] = log_likelihood, residual
     if batch.covariance_roots.shape[1] > 0:
-        skeleton, _, views, parameters = batch.problem
-        scale = parameters.posterior_scale / views.total
-        fill_covariance_root(skeleton, scale, workspaces.shared.equations, batch.covariance_roots[n])
+        fill_covariance_root(batch.problem, workspaces.shared.equations, batch.covariance_roots[n])
 
 
 @numba.njit(cache=True, nogil=True)
-def refine_particle(pose: Array, problem: Problem, workspaces: Workspaces) -> tuple[float, float]:
-    """Refine pose (D,) in place; returns its log posterior, see `likelihood`, and mean residual in metres."""
-    skeleton, _, views, parameters = problem
+def refine_particle(
+    pose: Array, mean: Array, problem: Problem, workspaces: Workspaces
+) -> tuple[float, float]:
+    """Refine pose (D,) in place; returns its log posterior, see `likelihood`, and mean residual in metres.
+
+    `mean` (D,) is that of the prior.
+    """
+    skeleton, views, parameters = problem.skeleton, problem.views, problem.parameters
     clamp_to_limits(skeleton.single, skeleton.limits, pose)
-    equations, of_rig, steps = workspaces.shared.equations, workspaces.shared.of_rig, parameters.steps
-    equations.information[:] = 0.0
-    before = pose.copy()
+    shared, steps, before = workspaces.shared, parameters.steps, pose.copy()
+    shared.equations.information[:] = 0.0
     for k in range(parameters.icp_iterations):
         visible = 0
+        shared.equations.links[:] = 0.0
         for v in range(len(views.extents)):
             renew = k % steps.visibility_interval == 0
             visible += correspond(v, renew, pose, problem, workspaces)
         if visible == 0:
             break
         before[:] = pose
-        minimise(skeleton, pose, of_rig, views.total, parameters, equations)  # 4d
+        minimise(pose, mean, parameters.icp, problem, shared)  # 4d
         if np.max(np.abs(pose - before)) < steps.settled:
             break
         if steps.over_relaxed and k < parameters.icp_iterations - 1:
             over_relax(skeleton, before, pose)
         if not is_valid(pose):
             return -np.inf, np.inf
-    if parameters.soft:
-        for _ in range(parameters.icp_iterations):
-            fisher_scoring_step(pose, problem, workspaces)
-            if not is_valid(pose):
-                return -np.inf, np.inf
-    return evaluate(pose, problem, workspaces)  # 5
+    for _ in range(parameters.scoring_iterations):
+        score(pose, problem, workspaces)
+        minimise(pose, mean, parameters.scoring, problem, shared)
+        if not is_valid(pose):
+            return -np.inf, np.inf
+    return evaluate(pose, mean, problem, workspaces)  # 5
 
 
 @numba.njit(cache=True, nogil=True)
 def correspond(v: int, renew: bool, pose: Array, problem: Problem, workspaces: Workspaces) -> int:
-    """Sum the correspondences of one camera in pose (D,); returns the number of its visible vertices.
+    """Linearise the terms of one camera in pose (D,) for ICP; returns the number of its visible vertices.
 
     Which vertices are visible is computed again if it is to `renew`.
     """
-    skeleton, surface, views, parameters = problem
+    skeleton, surface, views, parameters = (
+        problem.skeleton,
+        problem.surface,
+        problem.views,
+        problem.parameters,
+    )
     observed, workspace = view_of(views, v), workspace_of(workspaces, views, v)
     visible = workspace.visible[: workspaces.counts[v]]
     if renew:
@@ -150,8 +177,23 @@ def correspond(v: int, renew: bool, pose: Array, problem: Problem, workspaces: W
         workspace.sums[:] = 0.0
         return len(visible)
     find_correspondences(visible, surface, observed, parameters.stretch, workspace)  # 4c
-    accumulate_correspondences(visible, skeleton, surface, observed, parameters, workspace)
+    workspace.targets[: len(visible)] = 0.0
+    view = CameraView(visible, observed, parameters.closest, problem, workspace)
+    linearise_points(view)
+    sum_by_link(view)
     return len(visible)
+
+
+@numba.njit(cache=True, nogil=True)
+def score(pose: Array, problem: Problem, workspaces: Workspaces) -> None:
+    """Linearise the terms of all cameras in pose (D,) for scoring, which needs no correspondences."""
+    views, equations = problem.views, workspaces.shared.equations
+    equations.sums[:], equations.links[:] = 0.0, 0.0
+    for v in range(len(views.extents)):
+        observed, workspace = view_of(views, v), workspace_of(workspaces, views, v)
+        pose_body(pose, problem.skeleton, problem.surface, workspace)
+        nothing = workspace.visible[:0]
+        linearise_points(CameraView(nothing, observed, problem.parameters.posterior, problem, workspace))
 
 
 @numba.njit(cache=True, nogil=True)

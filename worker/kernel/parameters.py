@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from gepf.common.settings import Descent, RefineSettings
 
 OUTLIER_DISTANCE_M = 0.1  # scale of the robust kernel
+LIMIT_WEIGHT_M2 = 0.002  # of a squared radian outside the limits of a spherical joint
+LONGEST_STEP = 0.2  # of scoring, radians and metres; its damping is a prior on the step, as wide as this
 
 
 class Steps(NamedTuple):
@@ -25,48 +28,62 @@ STEPS: dict[Descent, Steps] = {
 }
 
 
+class Weights(NamedTuple):
+    """Weights of the terms of points, in nats; a term with the weight 0 is left out."""
+
+    depth: float  # of half a squared metre, per observed point
+    free_space: float  # alike
+    soft: float  # of the log density of a point
+
+
+class Solver(NamedTuple):
+    """Damped Gauss-Newton at fixed correspondences."""
+
+    iterations: int
+    damping: float  # nats per squared radian or metre of half a step
+    longest: float  # entry of a step, radians and metres
+
+
 class KernelParameters(NamedTuple):
     """Settings in the units of the kernel."""
 
     icp_iterations: int
+    scoring_iterations: int  # after them
     steps: Steps
-    soft: bool
-    free_space: bool  # whether model points in free space have residuals
-    damping: float
-    rest_weight: float  # m^2, of a squared joint angle, per point
+    icp: Solver
+    scoring: Solver
+    closest: Weights  # in ICP, with closest points
+    posterior: Weights  # in the log posterior and in scoring
+    limit_stiffness: float  # nats per squared radian
     stretch: float  # ratio of lateral to depth noise
     outlier_squared: float  # m^2; 0 gives all points full weight
-    posterior_scale: float  # 1/m^2: from the mean cost of a point to twice the log posterior
-    independent_points: float
     noise_depth: float  # metres
     noise_lateral: float
 
 
-def rest_weight(settings: RefineSettings) -> float:
-    """Weight (m^2 per point) of a squared joint angle in the Gaussian prior around the rest pose.
+def pack_parameters(settings: RefineSettings, points: int) -> KernelParameters:
+    """Convert settings to the units of the kernel, for this number of observed points.
 
-    It is zero with soft correspondences, with which the prior was not measured.
+    A squared metre, averaged over the points, has the same weight in ICP as in the log posterior.
     """
-    if settings.is_soft or not settings.pose_deviation > 0.0:
-        return 0.0
-    ratio = settings.likelihood_scale / settings.pose_deviation
-    return ratio * ratio
-
-
-def pack_parameters(settings: RefineSettings) -> KernelParameters:
-    """Convert settings to the units of the kernel."""
-    soft, camera, points = settings.is_soft, settings.sensor == "camera", settings.independent_points
+    soft, camera, steps = settings.is_soft, settings.sensor == "camera", STEPS[settings.descent]
+    independent, scale = settings.independent_points, settings.likelihood_scale
+    of_mean = independent / settings.noise_lateral**2 if soft else 1.0 / scale**2  # nats per squared metre
+    count = max(1, points)
+    of_point = of_mean / count
+    damping = (settings.damping + steps.damping_share * points) * of_point
+    closest = Weights(of_point, of_point if camera else 0.0, 0.0)
     return KernelParameters(
         settings.icp_iterations,
-        STEPS[settings.descent],
-        soft,
-        camera,
-        settings.damping,
-        rest_weight(settings),
+        settings.icp_iterations if soft else 0,
+        steps,
+        Solver(steps.gauss_newton_iterations, damping, math.inf),
+        Solver(1, independent / count / LONGEST_STEP**2, LONGEST_STEP),
+        closest,
+        Weights(0.0, 0.0, independent / count) if soft else closest,
+        LIMIT_WEIGHT_M2 * of_mean,
         settings.stretch,
         OUTLIER_DISTANCE_M**2 if camera else 0.0,
-        points / settings.noise_lateral**2 if soft else 1.0 / settings.likelihood_scale**2,
-        points,
         settings.noise_depth,
         settings.noise_lateral,
     )

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gepf.common.arrays import Array, Indices, Mask
-from gepf.common.body import ROOT_DOFS, BodyModel, vertex_normals
+from gepf.common.body import BodyModel, vertex_normals
 from gepf.worker.kernel.neighbourhoods import neighbourhoods
 
 LEAF = 8  # vertices that the closest-point search skips together
@@ -26,7 +26,6 @@ class Skeleton(NamedTuple):
     balls: Indices  # (B,)
     link_dofs: Indices  # (L,)
     single: Mask  # (D,) which of them are not part of a spherical joint
-    precisions: Array  # (D,) rest_spreads^-2, of the rest prior; 0 of what places the body
 
 
 class Surface(NamedTuple):
@@ -56,7 +55,6 @@ def make_packed_model(model: BodyModel) -> tuple[Skeleton, Surface]:
     places = np.argsort(order)
     triangles = places[model.triangles]
     used = np.any(model.skin_weights > 0.0, axis=0)
-    root = np.array([name in ROOT_DOFS for name in model.dof_names])
     skeleton = Skeleton(
         model.kinds,
         model.parents,
@@ -66,7 +64,6 @@ def make_packed_model(model: BodyModel) -> tuple[Skeleton, Surface]:
         model.balls,
         model.link_dofs,
         model.single,
-        np.where(root, 0.0, model.rest_spreads**-2.0),
     )
     surface = Surface(
         model.vertices[order],

@@ -16,8 +16,8 @@ import numpy as np
 from gepf.common.arrays import Array, Indices, Mask, Numbers, Points
 from gepf.common.compiling import numba
 from gepf.worker.kernel.drawing import SIDE
-from gepf.worker.kernel.observation import TILE, PackedViews
-from gepf.worker.kernel.parameters import KernelParameters
+from gepf.worker.kernel.observation import TILE, PackedObservation, PackedViews
+from gepf.worker.kernel.parameters import KernelParameters, Weights
 from gepf.worker.kernel.surface import Skeleton, Surface
 
 LARGEST_SIDE_PX = 512  # of a depth image
@@ -30,6 +30,8 @@ class Problem(NamedTuple):
     surface: Surface
     views: PackedViews
     parameters: KernelParameters
+    precision: Array  # (D, D) of the prior of the pose, nats per squared radian or metre; (0, 0) without
+    elimination: Indices  # (D,) parents in the elimination tree of the normal equations
 
 
 class Search(NamedTuple):
@@ -48,10 +50,12 @@ class Search(NamedTuple):
 
 
 class Equations(NamedTuple):
-    """The sums over correspondences, and Eq. 4."""
+    """Gradient and Gauss-Newton matrix of all terms (Eq. 4): of links, and of degrees of freedom."""
 
-    sums: Array  # (C, L, 4, 8) M, C and zeros of each link, side by side; see `normal_equations`
+    sums: Array  # (C, L, 4, 8) M, C and zeros of each link, side by side; see `link_sums`
     turns: Array  # (C, 3, 3) rotations of the rig into the cameras
+    links: Array  # (L, 6, 7) matrix and wrench of each link, side by side; see `normal_equations`
+    twists: Array  # (D, 6) about the rig's origin
     gram: Array  # (D, D)
     gradient: Array  # (D,)
     information: Array  # (D, D) gram of the last step, before damping and limits
@@ -70,13 +74,23 @@ class Workspace(NamedTuple):
     visible: Numbers  # (V,)
     depth: Points  # buffer for the largest depth image
     seen_triangles: Numbers
-    targets: Array  # (V, 4) of each visible vertex: weighted sum of observed points, weight
+    targets: Array  # (V, 4) of each visible vertex: weighted sum of targets, weight
     free: Numbers  # (V,) indices of the visible vertices in free space
     offsets: Array  # (V, 2) of these, see `vertices_in_free_space`
     search: Search
     sums: Array  # (L, 4, 8) of this camera, part of the equations
     equations: Equations
     wrenches: Array  # (L, 7) of one point, see `fill_wrenches`
+
+
+class CameraView(NamedTuple):
+    """The body posed before a camera: all that the terms of points are computed from."""
+
+    visible: Numbers  # vertices
+    observed: PackedObservation
+    weights: Weights
+    problem: Problem
+    workspace: Workspace
 
 
 class Workspaces(NamedTuple):
@@ -168,6 +182,8 @@ def allocate(skeleton: Skeleton, surface: Surface, points: int, T_camera_rig: Ar
         equations=Equations(
             sums=sums,
             turns=np.ascontiguousarray(T_camera_rig[:, :, :3]),
+            links=np.zeros((links, 6, 7)),
+            twists=np.empty((dofs, 6)),
             gram=np.empty((dofs, dofs)),
             gradient=np.empty(dofs),
             information=np.empty((dofs, dofs)),

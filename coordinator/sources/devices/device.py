@@ -29,6 +29,10 @@ class CameraLost(GepfError):
     """A camera has stopped: it was unplugged, or its driver failed."""
 
 
+class CameraFailed(GepfError):
+    """A camera has stopped and cannot come back: it never gave an image, or it is a recording."""
+
+
 Shot = tuple[DepthFrame, NDArray[np.uint8] | None]
 """A frame and its colours (H, W, 3), RGB, registered to depth; None if they were not requested.
 
@@ -80,7 +84,12 @@ def open_camera(camera: Path | str, *, colour: bool = False) -> Camera:
     except ImportError as error:
         raise InputError(f"{name}: {vendor.package} does not load ({error}); install its driver") from error
     opener: Callable[[str, bool], Camera | None] = module.open_device
-    opened = opener(which, colour)
+    try:
+        opened = opener(which, colour)
+    except GepfError:
+        raise
+    except Exception as error:
+        raise CameraFailed(f"{camera}: does not open ({describe(error)}); plug it in again") from error
     if opened is None:
         raise InputError(f"{camera}: {explain_absence(vendor)}")
     return opened
@@ -105,9 +114,11 @@ def explain_absence(vendor: Vendor, devices: Path = USB_DEVICES, nodes: Path = U
 class AttachedCamera:
     """Iterates over the images of a camera, as frames with colours, until it is closed.
 
-    A camera that is lost is opened again as soon as it is back. Frames have the camera's numbers and times
-    since it was opened, continued over each opening. `report` is called with messages for the user, and
-    `dropped` is the number of missing frames. InputError if there is no such camera at first.
+    A camera that is lost is opened again as soon as it is back, whatever its SDK raised. Frames have the
+    camera's numbers and times since it was opened, continued over each opening. `report` is called with
+    messages for the user, and `dropped` is the number of missing frames. InputError if there is no such
+    camera at first. The iteration raises CameraFailed if the SDK fails before the first image of all, or in
+    the recording that it plays back.
     """
 
     def __init__(self, camera: Path | str, report: Callable[[str], None], *, colour: bool = False) -> None:
@@ -123,15 +134,21 @@ class AttachedCamera:
     def __iter__(self) -> Iterator[Shot]:
         began, last = time.monotonic(), None
         while self._camera is not None:
-            with closing(self._camera.shots) as shots:
-                try:
+            try:
+                with closing(self._camera.shots) as shots:
                     for frame, colour in self._continued(shots, began, last):
                         last = frame
                         yield frame, colour
-                except CameraLost as error:
-                    self._report(f"{self._name}: {error}; waiting for it")
-                else:
+            except Exception as error:  # an SDK may raise anything, also when it stops the camera
+                if self._closed.is_set():
                     return
+                line = f"{self._name}: {describe(error)}"
+                waits = isinstance(error, CameraLost) or last is not None
+                if not waits or plays_back(self._name):
+                    raise CameraFailed(line) from error
+                self._report(f"{line}; waiting for it")
+            else:
+                return
             self._camera = self._reopen()
 
     def _continued(self, shots: Iterator[Shot], began: float, last: DepthFrame | None) -> Iterator[Shot]:
@@ -159,6 +176,16 @@ class AttachedCamera:
     def _reopen(self) -> Camera | None:
         """The camera when it is back; None if this is closed before."""
         while not self._closed.wait(RETRY_S):
-            with suppress(InputError):
+            with suppress(Exception):  # it is not there, or not ready
                 return self._open()
         return None
+
+
+def plays_back(camera: Path | str) -> bool:
+    """Whether a recording is played back in place of a camera."""
+    return bool(Path(str(camera).partition(":")[2]).suffix)
+
+
+def describe(error: Exception) -> str:
+    """What happened: of an error of an SDK also its kind."""
+    return str(error) if isinstance(error, GepfError) else f"{type(error).__name__}: {error}"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gepf.common.arrays import Array
+from gepf.common.arrays import Array, Mask
 
 if TYPE_CHECKING:  # a report reads this module, and loads no compiled code for it
     from gepf.coordinator.tracking.certainty.features import Features
@@ -16,6 +16,7 @@ if TYPE_CHECKING:  # a report reads this module, and loads no compiled code for 
 OFF = 0.15  # distance in metres from the true joint above which a joint is wrong
 FLAGGED = 0.04  # least probability of a flagged joint; 4 to 9 % of the correct joints are flagged
 SUSPECTED = 0.15  # probability above which the frame is ambiguous
+OUT_OF_VIEW = 1.0  # log odds in addition to those of a joint that the body hides; real people cut at the hips
 MOST_LOG_ODDS = 10.0  # beyond which nothing was measured
 
 
@@ -41,11 +42,13 @@ class Fit:
         found = sum((w * getattr(features, name) for name, w in self.weights.items()), self.intercept)
         return np.asarray(np.clip(found, -MOST_LOG_ODDS, MOST_LOG_ODDS))
 
-    def judge(self, features: Features) -> Certainty:
-        """The certainty of joints."""
+    def judge(self, features: Features, in_view: Mask | None = None) -> Certainty:
+        """The certainty of joints (J,); those that are not `in_view` are outside of the image, or hidden."""
         log_odds = self.log_odds(features)
         intercept, odds, hidden = self.deviation
         deviation = np.exp(intercept + odds * log_odds + hidden * (1.0 - features.seen))
+        if in_view is not None:
+            log_odds = log_odds + np.where(in_view, 0.0, OUT_OF_VIEW)
         return Certainty(features.seen, 1.0 / (1.0 + np.exp(-log_odds)), deviation)
 
 

@@ -56,7 +56,7 @@ def test_a_list_gives_a_run_each(tmp_path: Path) -> None:
     (tmp_path / "walk").mkdir()
     (tmp_path / "list.txt").write_text("walk  # slowly\n\n# nothing\nsub/run.mat\n")
     runs = choose_runs(small_job(tmp_path, tmp_path, 0), [tmp_path / "list.txt"])
-    assert [each.out.name for each in runs] == ["walk", "run"]
+    assert [each.folder.name for each in runs] == ["walk", "run"]
     assert runs[-1].sequence == tmp_path / "sub" / "run.mat"
 
 
@@ -96,9 +96,9 @@ def test_several_have_the_bytes_of_each_alone_and_one_fault_stops_no_other(
     assert "exit code 2" in table[-1]
     assert not (tmp_path / "runs" / "damaged").exists()
     for job in jobs[:2]:
-        out = tmp_path / "alone" / job.out.name
+        out = tmp_path / "alone" / job.folder.name
         track(replace(job, out=out), show, ZenohRefiner)
-        whole, single = (folder / "track.npz" for folder in (job.out, out))
+        whole, single = (folder / "track.npz" for folder in (job.folder, out))
         assert whole.read_bytes() == single.read_bytes()
 
 
@@ -123,7 +123,7 @@ def test_workers_join_and_leave_during_a_list(sequence: Path, endpoint: str, tmp
     crew = Workers((endpoint,), tmp_path / "workers.log")
 
     def replace_worker(stop: threading.Event) -> None:
-        while not any(recorded(job.out) for job in jobs) and not stop.wait(0.01):
+        while not any(recorded(job.folder) for job in jobs) and not stop.wait(0.01):
             pass
         crew.kill("first")
         crew.start("second")
@@ -136,8 +136,8 @@ def test_workers_join_and_leave_during_a_list(sequence: Path, endpoint: str, tmp
             assert track_many(jobs, show) == 0
     track(replace(jobs[0], out=tmp_path / "alone"), show, Direct().connect)
     alone = (tmp_path / "alone" / "track.npz").read_bytes()
-    assert [(job.out / "track.npz").read_bytes() == alone for job in jobs] == [True] * 4
-    seen = [json.loads((job.out / "summary.json").read_text())["workers_seen"] for job in jobs]
+    assert [(job.folder / "track.npz").read_bytes() == alone for job in jobs] == [True] * 4
+    seen = [json.loads((job.folder / "summary.json").read_text())["workers_seen"] for job in jobs]
     assert {name for names in seen for name in names} == {"first", "second", "third"}
 
 

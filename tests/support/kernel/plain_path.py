@@ -20,8 +20,7 @@ from gepf.common.kinematics import difference, dof_transforms, link_transforms, 
 from gepf.common.kinematics.chain import motion_axes
 from gepf.common.settings import RefineSettings
 from gepf.worker.kernel.gauss_newton import CONVERGED
-from gepf.worker.kernel.parameters import OUTLIER_DISTANCE_M, STEPS
-from gepf.worker.kernel.priors import LIMIT_WEIGHT_M2
+from gepf.worker.kernel.parameters import LIMIT_WEIGHT_M2, OUTLIER_DISTANCE_M, STEPS
 from gepf.worker.kernel.visibility import NEAREST_M, PIXEL_M, TOLERANCE_M
 from gepf.worker.kernel.workspace import LARGEST_SIDE_PX
 from tests.support.bodies import moves
@@ -262,6 +261,12 @@ def minimise(model: BodyModel, factors: Factors, count: int, settings: RefineSet
         if np.abs(step).max() < CONVERGED:
             break
     return pose
+
+
+def nats(settings: RefineSettings) -> float:
+    """Twice the log posterior of a mean cost of one square metre."""
+    soft = settings.independent_points / settings.noise_lateral**2
+    return soft if settings.is_soft else settings.likelihood_scale**-2.0
 
 
 def rest_weight(settings: RefineSettings) -> float:

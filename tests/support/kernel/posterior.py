@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -20,8 +21,8 @@ from gepf.coordinator.bodies.tracked import name_pose
 from gepf.coordinator.synthesis.noise import add_noise
 from gepf.coordinator.synthesis.scenes import ARM_DOFS
 from gepf.coordinator.tracking.sensor_noise import SensorNoise
-from gepf.worker.kernel.soft import OUTLIER_DENSITY, sample_window
 from gepf.worker.kernel.surface import Surface
+from gepf.worker.kernel.terms.soft import OUTLIER_DENSITY, sample_window
 from gepf.worker.kernel.visibility import DepthImage
 from tests.support.kernel import plain_path
 from tests.support.kernel.kernel_cases import DEFAULT, PAPER
@@ -197,8 +198,13 @@ def log_density(held: Held, samples: Samples, poses: Array) -> Array:
 
 
 def slope(held: Held, pose: Array) -> Array:
-    """Its derivative (D,) by every degree of freedom's step from a pose (D,), by finite differences."""
+    """Its derivative (D,) by every degree of freedom's step from a pose (D,)."""
+    return finite_differences(held.model, pose, lambda poses: log_posterior(held, poses))
+
+
+def finite_differences(model: BodyModel, pose: Array, value: Callable[[Array], Array]) -> Array:
+    """The derivative (D,) at a pose (D,) of a value (N,) of poses (N, D), by steps."""
     steps = STEP * np.eye(len(pose))
-    sides = [retract(held.model, np.tile(pose, (len(pose), 1)), way) for way in (steps, -steps)]
-    ahead, behind = np.split(log_posterior(held, np.concatenate(sides)), 2)
+    sides = [retract(model, np.tile(pose, (len(pose), 1)), way) for way in (steps, -steps)]
+    ahead, behind = np.split(value(np.concatenate(sides)), 2)
     return np.asarray((ahead - behind) / (2.0 * STEP))

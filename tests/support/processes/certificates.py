@@ -16,7 +16,9 @@ from gepf.common.transport.session import COORDINATOR, ROUTER, Security
 from gepf.coordinator.pool.options import Pool
 from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
 from gepf.coordinator.security.access import read_roster
-from gepf.coordinator.security.certificates import find_authority, issue, make_certificates, save
+from gepf.coordinator.security.authority import find_authority
+from gepf.coordinator.security.certificates import make_certificates
+from gepf.coordinator.security.issuing import issue, save
 from gepf.worker.service import Service
 from tests.support.processes.instant_worker import KERNEL
 from tests.support.processes.serving import running
@@ -55,7 +57,7 @@ class Folder:
 def make_folder(path: Path) -> Folder:
     """A good set, and in it `stranger`, and `old`, a certificate of `w0` that is over."""
     make_certificates(path, WORKERS, (), 1, None)
-    signer = find_authority(path, dt.timedelta(days=1))
+    signer, _ = find_authority(path)
     save(path, STRANGER, issue(STRANGER, (), signer, dt.timedelta(days=1)))
     save(path, "old", issue("w0", (), signer, dt.timedelta(minutes=-1)))
     return Folder(path)

@@ -23,86 +23,76 @@ import numpy as np
 
 from gepf.common.arrays import Array
 from gepf.common.compiling import numba
-from gepf.worker.kernel.gauss_newton import take_step
-from gepf.worker.kernel.normal_equations import power, twists_of
-from gepf.worker.kernel.observation import PackedObservation, view_of
+from gepf.worker.kernel.observation import PackedObservation
 from gepf.worker.kernel.parameters import KernelParameters
-from gepf.worker.kernel.priors import add_prior
-from gepf.worker.kernel.surface import Skeleton, Surface
-from gepf.worker.kernel.visibility import PIXEL_M, DepthImage, draw, pose_body
-from gepf.worker.kernel.workspace import Problem, Workspace, Workspaces, workspace_of
+from gepf.worker.kernel.surface import Surface
+from gepf.worker.kernel.visibility import PIXEL_M, DepthImage, draw
+from gepf.worker.kernel.workspace import CameraView
 
 SEARCH_DEVIATIONS = 2.5  # radius of the search for samples, in standard deviations across
 MOST_SAMPLES_ASIDE = 3  # of a point, in each direction; with more noise they are farther apart
 OUTLIER_DENSITY = 1e-3  # e, relative to the density of a point exactly on a wide surface
-LONGEST_STEP = 0.2  # radians and metres
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def cost(view: CameraView) -> float:
+    """Minus the log densities of the points of a camera, weighted."""
+    surface, parameters, total = view.problem.surface, view.problem.parameters, 0.0
+    if view.weights.soft == 0.0:
+        return 0.0
+    seen = draw(surface.triangles, True, view.workspace)
+    for i in range(view.observed.count):
+        wrenches = view.workspace.wrenches
+        total -= np.log(fill_wrenches(i, seen, surface, view.observed, parameters, wrenches))
+    return view.weights.soft * total
 
 
 @numba.njit(cache=True, nogil=True)
-def fisher_scoring_step(pose: Array, problem: Problem, workspaces: Workspaces) -> None:
-    """Move pose (D,) in place by one step. Damping is a prior on the step, as wide as the longest step."""
-    skeleton, surface, views, parameters = problem
-    equations = workspaces.shared.equations
-    equations.gram[:], equations.gradient[:] = 0.0, 0.0
-    for v in range(len(views.extents)):
-        observed, workspace = view_of(views, v), workspace_of(workspaces, views, v)
-        add_soft_equations(pose, skeleton, surface, observed, parameters, workspace)
-    add_prior(skeleton, pose, parameters.rest_weight, views.total, equations.gram, equations.gradient)
-    damping = (parameters.noise_lateral / LONGEST_STEP) ** 2
-    take_step(skeleton, pose, damping, LONGEST_STEP, equations)
-
-
-@numba.njit(cache=True, nogil=True)
-def add_soft_equations(
-    pose: Array,
-    skeleton: Skeleton,
-    surface: Surface,
-    observed: PackedObservation,
-    parameters: KernelParameters,
-    workspace: Workspace,
-) -> None:
-    """Add to workspace.equations: information, and minus the gradient of the log posterior, in units of s^2.
-
-    Over all points observed by a camera, with the samples that are visible in pose (D,).
-    """
-    gram, gradient, wrenches = workspace.equations.gram, workspace.equations.gradient, workspace.wrenches
-    score = np.empty(len(pose))
-    pose_body(pose, skeleton, surface, workspace)
-    twists = twists_of(skeleton, workspace.of_rig)
-    turn_twists(workspace.T_camera_rig, twists)
+def linearise(view: CameraView) -> None:
+    """Add to each link the wrenches of all points, and the outer products of each with itself."""
+    surface, parameters, workspace = view.problem.surface, view.problem.parameters, view.workspace
+    weight, wrenches, per_variance = view.weights.soft, workspace.wrenches, 1.0 / parameters.noise_lateral**2
+    if weight == 0.0:
+        return
+    links = np.zeros((len(wrenches), 6, 7))
     seen = draw(surface.triangles, True, workspace)
-    scale = 1.0 / parameters.noise_lateral**2
-    for i in range(observed.count):
-        density = fill_wrenches(i, seen, surface, observed, parameters, wrenches)
+    for i in range(view.observed.count):
+        density = fill_wrenches(i, seen, surface, view.observed, parameters, wrenches)
         for link in range(len(wrenches)):
             if wrenches[link, 6] > 0.0:
-                last = skeleton.link_dofs[link]
-                wrenches[link] /= density
-                j = last
-                while j >= 0:
-                    score[j] = power(twists[j], wrenches[link])
-                    j = skeleton.parents[j]
-                j = last
-                while j >= 0:
-                    gradient[j] -= score[j]
-                    k = last
-                    while k >= j:
-                        gram[k, j] += scale * score[k] * score[j]
-                        k = skeleton.parents[k]
-                    j = skeleton.parents[j]
+                score = wrenches[link, :6]
+                score *= per_variance / density
+                for a in range(6):
+                    for b in range(6):
+                        links[link, a, b] += weight * score[a] * score[b]
+                    links[link, a, 6] -= weight * score[a]
+    add_from_camera(workspace.T_camera_rig, links, workspace.equations.links)
 
 
 @numba.njit(cache=True, nogil=True)
-def turn_twists(T_camera_rig: Array, twists: Array) -> None:
-    """Convert twists (D, 6) about the rig's origin to twists about the camera, in place."""
-    turn = np.ascontiguousarray(T_camera_rig[:, :3])
-    x, y, z = T_camera_rig[0, 3], T_camera_rig[1, 3], T_camera_rig[2, 3]
-    for j in range(len(twists)):
-        w, u = turn @ twists[j, :3], turn @ twists[j, 3:]
-        twists[j, :3] = w
-        twists[j, 3] = u[0] + y * w[2] - z * w[1]
-        twists[j, 4] = u[1] + z * w[0] - x * w[2]
-        twists[j, 5] = u[2] + x * w[1] - y * w[0]
+def add_from_camera(T_camera_rig: Array, links: Array, out: Array) -> None:
+    """Add matrices and wrenches (L, 6, 7) about the camera to those about the rig's origin.
+
+    A twist (w, v) in the rig is (R w, R v + t x R w) in the camera.
+    """
+    turn, t = T_camera_rig, T_camera_rig[:, 3]
+    twist, half = np.zeros((6, 6)), np.empty((6, 7))
+    for b in range(3):
+        for a in range(3):
+            c, d = (a + 1) % 3, (a + 2) % 3
+            twist[a, b] = twist[3 + a, 3 + b] = turn[a, b]
+            twist[3 + a, b] = t[c] * turn[d, b] - t[d] * turn[c, b]
+    for link in range(len(links)):
+        for a in range(6):
+            for b in range(7):
+                half[a, b] = 0.0
+                for c in range(6):
+                    half[a, b] += twist[c, a] * links[link, c, b]
+        for a in range(6):
+            out[link, a, 6] += half[a, 6]
+            for b in range(6):
+                for c in range(6):
+                    out[link, a, b] += half[a, c] * twist[c, b]
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -163,14 +153,3 @@ def sample_window(noise_lateral: float) -> tuple[int, int]:
     reach = SEARCH_DEVIATIONS * noise_lateral / PIXEL_M
     apart = 1 + int(reach / MOST_SAMPLES_ASIDE)
     return apart * int(reach / apart + 0.5), apart
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def mean_log_density(
-    surface: Surface, observed: PackedObservation, parameters: KernelParameters, workspace: Workspace
-) -> float:
-    """Mean log p(p_i) of the observed points, in the pose of the body in workspace."""
-    seen, total = draw(surface.triangles, True, workspace), 0.0
-    for i in range(observed.count):
-        total += np.log(fill_wrenches(i, seen, surface, observed, parameters, workspace.wrenches))
-    return total / observed.count

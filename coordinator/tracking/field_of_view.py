@@ -1,0 +1,115 @@
+"""What a frame can show of a body: nothing outside of the image, and nothing behind something nearer.
+
+A person may be cut by the border of the image, or by a table in front of them. What is not in view is no
+evidence, neither for a pose nor against it.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from gepf.common.arrays import Array, Indices, Mask
+from gepf.common.body import BodyModel
+from gepf.common.camera import pixels_at, points_of
+from gepf.common.frame import EMPTY, HIDDEN, SUBJECT, SubjectFrame
+from gepf.common.kinematics import joint_positions
+
+END_M = 0.06  # depth of a person's end in one direction: a cell of a descriptor
+GAP_M = 0.03  # largest distance in the image between a person and what cuts them
+CUT_SHARE = 0.5  # least share of the end that is cut
+DIRECTIONS = ((-1, 0), (1, 0), (0, -1), (0, 1))
+"""Columns and rows, of a step to the left, right, top and bottom of an image."""
+TOP = 2  # the third of them
+
+
+def in_view(subject: SubjectFrame, points: Array) -> Mask:
+    """Which points (..., 3) of the rig's frame some camera could show, metres."""
+    flat = points.reshape(-1, 3)
+    shown = [shows(view, view.frame.to_camera(flat)) for view in subject.views]
+    return np.asarray(np.any(shown, axis=0)).reshape(points.shape[:-1])
+
+
+def shows(view: SubjectFrame, points: Array) -> Mask:
+    """Which points (N, 3) of a camera's frame are in its image and not behind something nearer."""
+    found = np.zeros(len(points), dtype=np.bool_)
+    ahead = np.flatnonzero(points[:, 2] > 0.0)
+    row, column, cropped = pixels_at(points[ahead], view.frame.intrinsics)
+    left, top, right, bottom = view.view
+    free = (left <= column) & (column < right) & (top <= row) & (row < bottom)
+    if view.kinds is not None:
+        free[cropped] &= view.kinds[row[cropped], column[cropped]] != HIDDEN
+    found[ahead] = free
+    return found
+
+
+def cut_sides(view: SubjectFrame, turn: Array) -> Mask:
+    """Where one camera's view of a person ends before the person does: (left, right, top, bottom).
+
+    The sides are those of the image after a rotation by `turn` (3, 3). A side is cut if most of the person's
+    last pixels there meet the border of the image or something nearer.
+    """
+    depth = view.frame.metres()
+    mask = depth > 0.0
+    cut = np.zeros(4, dtype=np.bool_)
+    if not mask.any():
+        return cut
+    points = points_of(depth, view.frame.intrinsics, mask) @ turn.T
+    for side, (across, down) in enumerate(DIRECTIONS):
+        step = np.rint((np.array([across, down, 0.0]) @ turn)[:2]).astype(np.int64)  # in the image as it is
+        if np.abs(step).sum() != 1:  # a diagonal belongs to two sides
+            continue
+        along = points[:, :2] @ (across, down)
+        end = np.flatnonzero(along > along.max() - END_M)
+        rows, columns = (each[end] for each in np.nonzero(mask))
+        outer = ends_of(mask, rows, columns, step)
+        stopped = is_stopped(view, rows[outer], columns[outer], step, float(np.median(points[end, 2])))
+        cut[side] = stopped.mean() >= CUT_SHARE
+    return cut
+
+
+def ends_of(mask: Mask, rows: Indices, columns: Indices, step: Indices) -> Indices:
+    """Those pixels of the person's that are the last ones in the direction of a step (columns, rows)."""
+    place = rows * step[1] + columns * step[0]
+    line = columns if step[1] else rows
+    last = np.full(max(mask.shape), np.iinfo(np.int64).min)
+    np.maximum.at(last, line, place)
+    return np.flatnonzero(place == last[line])
+
+
+def is_stopped(view: SubjectFrame, rows: Indices, columns: Indices, step: Indices, distance: float) -> Mask:
+    """Whether the first clear pixel beyond each pixel is outside of the image, or shows something nearer."""
+    left, top, right, bottom = view.view
+    height, width = view.frame.depth.shape
+    stopped, open_ = np.zeros(len(rows), dtype=np.bool_), np.ones(len(rows), dtype=np.bool_)
+    for n in range(1, 2 + int(GAP_M * view.frame.intrinsics.fx / distance)):
+        row, column = rows + n * step[1], columns + n * step[0]
+        outside = (column < left) | (column >= right) | (row < top) | (row >= bottom)
+        cropped = (row >= 0) & (row < height) & (column >= 0) & (column < width)
+        label = np.full(len(rows), EMPTY)
+        if view.kinds is not None:
+            label[cropped] = view.kinds[row[cropped], column[cropped]]
+        stopped |= open_ & (outside | (label == HIDDEN))
+        open_ &= ~(outside | (label == HIDDEN) | (label == EMPTY) | (label == SUBJECT))
+    return stopped
+
+
+@lru_cache(maxsize=16)
+def moved_joints(model: BodyModel) -> Mask:
+    """Which joints (D, J) each degree of freedom moves; the last joint of its chain if it moves none."""
+    count = len(model.dof_names)
+    bent = np.full(count, 0.3)  # a straight limb hides that a twist moves its end
+    off = joint_positions(model, bent + 0.1 * np.eye(count)) - joint_positions(model, bent[None])
+    moves = np.linalg.norm(off, axis=-1) > 1e-9
+    for dof in range(count):
+        above = dof
+        while not moves[dof].any() and above >= 0:
+            moves[dof] = model.link_dofs[model.joint_links] == above
+            above = int(model.parents[above])
+    return np.asarray(moves)
+
+
+def out_of_reach(model: BodyModel, seen: Mask) -> Mask:
+    """Which degrees of freedom (D,) move only joints that are not in view, given those that are: (J,)."""
+    return np.asarray(~(moved_joints(model) & seen).any(axis=1))

@@ -1,0 +1,90 @@
+"""Live runs that are killed, over the real bus, and live runs without a folder."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from gepf.coordinator.cli import main
+from gepf.coordinator.results.track import read_track
+from tests.sources.test_live import recording  # noqa: F401 a fixture
+from tests.support.live import KEY, at_work, recorded_frames, summary_of, tracking
+from tests.support.processes.programs import GEPF, started, wait_until
+
+
+def test_a_killed_live_run_is_exported_and_reported(
+    endpoint: str,
+    recording: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """`gepf publish` into `gepf track zenoh:`, which is killed by SIGKILL: all frames that it had recorded.
+
+    A second run in its folder is refused first. The first command that reads it finishes it and says so.
+    """
+    run, log = tmp_path / "run", tmp_path / "run" / "live.mcap"
+    track = tracking(f"zenoh:{KEY}", run, "--no-pictures", listen=endpoint)
+    with at_work(endpoint), started(*track, command=GEPF) as tracker:
+        play = ["publish", str(recording), "--key", KEY, "--connect", endpoint, "--rate", "5"]
+        with started(*play, command=GEPF):
+            wait_until(lambda: log.exists() and recorded_frames(run) > 4, 120.0)
+            tracker.kill()
+            tracker.wait(60.0)
+    count = recorded_frames(run)
+    assert main(track) == 2
+    assert f"{run} holds a live run that was killed; gepf report {run} finishes it" in capsys.readouterr().err
+    csv = tmp_path / "run.csv"
+    assert main(["export", str(run), "--to", "csv", "--out", str(csv)]) == 0
+    assert caplog.messages == [f"the live run in {run} was killed; its {count} frames are now finished"]
+    assert main(["report", str(run)]) == 0
+    assert main(["info", str(run), "--json"]) == 0
+    assert len(caplog.messages) == 1
+    assert json.loads(capsys.readouterr().out)["frames"] == count
+    assert len(csv.read_text().splitlines()) == count + 1
+    assert len(read_track(run).frame) == count
+    summary = summary_of(run)
+    assert (summary["complete"], summary["frames"], summary["pool"]["listen"]) == (False, count, endpoint)
+    assert (run / "report.html").exists()
+    assert not log.exists()
+
+
+def test_a_live_run_needs_no_folder(endpoint: str, recording: Path, tmp_path: Path) -> None:
+    """Its results are only published; a line says so, and its end how many frames were tracked."""
+    folder = tmp_path / "elsewhere"
+    folder.mkdir()
+    track = tracking(f"zenoh:{KEY}", folder / "run", "--no-pictures", listen=endpoint)
+    at = track.index("--out")
+    with at_work(endpoint), started(*track[:at], *track[at + 2 :], command=GEPF) as tracker:
+        play = ["publish", str(recording), "--key", KEY, "--connect", endpoint, "--frames", "0:6"]
+        with started(*play, command=GEPF) as publisher:
+            assert publisher.wait(120.0) == 0
+        assert tracker.wait(120.0) == 0
+        assert tracker.stderr is not None
+        said = tracker.stderr.read()
+    stored = f"results are published on {KEY}/results, not stored (--out DIR stores them)"
+    assert f"listening on {KEY}; {stored}\n" in said
+    assert " frames were tracked, and not stored: " in said
+    assert sorted(path.name for path in folder.iterdir()) == ["init.json", "plate.urdf"]
+
+
+@pytest.mark.parametrize(
+    ("command", "says"),
+    [
+        ("track {recording}", "the results of recordings need a folder; add --out DIR"),
+        ("track zenoh:camera --json --listen {endpoint}", "--json prints the summary of stored results"),
+        (
+            "track zenoh:camera --out {recording}/run --resume --listen {endpoint}",
+            "--resume is for recorded sequences; gepf report finishes a killed live run",
+        ),
+    ],
+)
+def test_what_a_live_run_and_a_recording_differ_in_is_said(
+    endpoint: str, recording: Path, capsys: pytest.CaptureFixture[str], command: str, says: str
+) -> None:
+    """Exit code 2, and one line with the remedy."""
+    words = command.format(recording=recording, endpoint=endpoint).split()
+    assert main([*words, "--insecure"] if "--listen" in words else words) == 2
+    assert says in capsys.readouterr().err
