@@ -27,7 +27,7 @@ from gepf.common.kinematics.rotations import euler_angles, euler_matrix
 from gepf.coordinator.bodies.choice import choose_bodies
 from gepf.coordinator.bodies.human.measures import REFERENCE_STATURE
 from gepf.coordinator.bodies.tracked import Size
-from gepf.coordinator.synthesis.person_scene import ARM, BEND, BENT, LIFTED, STANDING, TRUNK, Ranges
+from gepf.coordinator.synthesis.person_scene import ARM, BEND, BENT, LIFTED, TRUNK, Ranges, draw_arm, is_clear
 from gepf.coordinator.tracking.descriptor import BOUND_CELLS, Image, fill_differences
 from gepf.coordinator.tracking.pose_library import (
     PERSON_CELL_M,
@@ -163,12 +163,24 @@ def step(model: BodyModel, poses: Array, joints: Array) -> Array:
 SEATED: Ranges = {
     "hip_flexion": (50, 115), "hip_abduct": (0, 25), "hip_twisting": (-15, 15), "knee_flexion": (5, 140),
 }  # fmt: skip
+HANGING: Ranges = {
+    "shoulder_flexion": (-20, 20), "shoulder_abduct": (0, 45), "shoulder_twisting": (-20, 20),
+    "elbow_flexion": (0, 90),
+}  # fmt: skip
 KNEELING: Ranges = {"hip_flexion": (-10, 100), "hip_abduct": (0, 20), "knee_flexion": (80, 150)}
+STANDING: Ranges = {"hip_flexion": (-5, 10), "hip_abduct": (0, 15), "knee_flexion": (0, 15)}
+UPRIGHT: Ranges = {"vl3_tilt": (-5, 10), "vl3_roll": (-5, 5), "vl3_torsion": (-10, 10)}
+KINDS: tuple[tuple[Ranges, Ranges], ...] = (
+    ({}, {}),  # both legs bend
+    (LIFTED, STANDING), (STANDING, LIFTED),
+    (SEATED, SEATED),
+    (KNEELING, KNEELING), (SEATED, KNEELING), (KNEELING, SEATED),
+)  # fmt: skip
 POOL = 9_000  # poses
 RANDOM_ORIENTATION_SHARE = 0.1  # of people's poses
 ELEVATION_DEG = (-20.0, 50.0)  # range of the camera's downward pitch
 LEAN_DEG = 15.0  # standard deviation of the camera's roll
-RECORDED_ARMS, RECORDED_LEGS = 0.5, 0.25  # shares; half of all people stand
+RECORDED_LEGS = 0.25  # share; half of all people stand
 STRAIGHT_PERCENT = 2.0  # of recorded elbows and knees
 
 
@@ -198,8 +210,9 @@ def straightened(model: BodyModel, poses: Array) -> Array:
 def combine(model: BodyModel, recorded: Array, count: int, rng: np.random.Generator) -> Array:
     """Poses (count, D) of people seen from all sides, with the root at the origin.
 
-    Half of the arms and a quarter of the lower bodies are those of recorded poses (N, D) or of their mirror
-    images, the others are drawn from ranges of joints.
+    A third of the arms and a quarter of the lower bodies are those of recorded poses (N, D) or of their
+    mirror images. The others are drawn from ranges of joints; half of these people are upright, and half of
+    these arms hang.
     """
     recorded = np.concatenate([recorded, mirrored(model, recorded)])
 
@@ -209,12 +222,9 @@ def combine(model: BodyModel, recorded: Array, count: int, rng: np.random.Genera
     poses = some()
     upright = rng.random(count) >= RECORDED_LEGS
     poses[upright] = 0.0
-    draw(model, poses, "", TRUNK, upright, rng)
     draw_legs(model, poses, upright, rng)
     for side in "lr":
-        columns = [model.dof(f"{side}_{name}") for name in ARM]
-        poses[:, columns] = some()[:, columns]
-        draw(model, poses, f"{side}_", ARM, rng.random(count) >= RECORDED_ARMS, rng)
+        draw_arms(model, poses, side, recorded, rng)
     for pose, view in zip(poses, turns(count, rng), strict=True):
         pose[3:6] = euler_angles(euler_matrix(view) @ euler_matrix(pose[3:6]), view)
     poses[:, :3] = 0.0
@@ -232,20 +242,35 @@ def turns(count: int, rng: np.random.Generator) -> Array:
     return angles
 
 
+def draw_arms(model: BodyModel, poses: Array, side: str, recorded: Array, rng: np.random.Generator) -> None:
+    """Draw the arms of a side of poses (N, D), beside the trunk: thirds that hang, move and are recorded."""
+    names = [f"{side}_{name}" for name in ARM]
+    columns, whole = [model.dof(name) for name in names], "left" if side == "l" else "right"
+    arms = recorded[:, columns]
+    clear = [is_clear(model, dict(zip(names, arm, strict=True)), whole) for arm in np.degrees(arms).tolist()]
+    arms = arms[clear]
+    kind = rng.integers(3, size=len(poses))
+    poses[:, columns] = arms[rng.integers(len(arms), size=len(poses))]
+    draw(model, poses, f"{side}_", HANGING, kind == 1, rng)
+    for n in np.flatnonzero(kind == 2):
+        for name, degrees in draw_arm(model, side, rng).items():
+            poses[n, model.dof(name)] = np.radians(degrees)
+
+
 def draw_legs(model: BodyModel, poses: Array, some: Mask, rng: np.random.Generator) -> None:
-    """Draw both legs of some (N,) of the poses (N, D): half stand or bend, the others sit or kneel."""
-    kind = np.where(some, rng.integers(8, size=len(poses)), -1)
+    """Draw trunk and legs of some (N,) of the poses (N, D): half are upright, others bend, sit or kneel."""
+    kind = np.where(some, rng.integers(2 * len(KINDS), size=len(poses)), -1)
+    draw(model, poses, "", TRUNK, some, rng)
+    draw(model, poses, "", UPRIGHT, kind >= len(KINDS), rng)
     for side in "lr":
-        draw(model, poses, f"{side}_", STANDING, (kind >= 0) & (kind < 4), rng)
+        draw(model, poses, f"{side}_", STANDING, some, rng)
     bend = np.radians(rng.uniform(*BEND, size=len(poses)))
     for name, share in BENT.items():
         for side in "lr":
-            poses[kind == 1, model.dof(f"{side}_{name}")] = share * bend[kind == 1]
-    for side, lifts in (("l", kind == 2), ("r", kind == 3)):
-        draw(model, poses, f"{side}_", LIFTED, lifts, rng)
-    for side, kneels in (("l", (6, 7)), ("r", (5, 7))):
-        draw(model, poses, f"{side}_", KNEELING, np.isin(kind, kneels), rng)
-        draw(model, poses, f"{side}_", SEATED, (kind >= 4) & ~np.isin(kind, kneels), rng)
+            poses[kind == 0, model.dof(f"{side}_{name}")] = share * bend[kind == 0]
+    for legs, (left, right) in enumerate(KINDS[1:], start=1):
+        draw(model, poses, "l_", left, kind == legs, rng)
+        draw(model, poses, "r_", right, kind == legs, rng)
 
 
 def draw(
