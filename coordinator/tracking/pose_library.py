@@ -216,7 +216,7 @@ def seen_centre(points: Array, cell_m: float) -> Array:
 def people_poses(model: BodyModel, count: int = POSES) -> Array:
     """The first poses (N, D) of the file, seen from all sides and from slightly above or below.
 
-    `python -m benchmarks.pose_library` chose them from recorded poses and ranges of joints. Fewer are coarser.
+    `python -m benchmarks.pose_library` chose them from recorded ones and ranges of joints. Fewer are coarser.
     """
     with np.load(POSES_FILE) as file:
         names, units = file["dof_names"].tolist(), file["poses"][:count]
