@@ -9,12 +9,13 @@ from numpy.typing import NDArray
 from gepf.common.arrays import Array
 from gepf.common.body import BodyModel
 from gepf.common.kinematics import joint_positions, pose_vertices
+from gepf.common.kinematics.rotations import euler_matrix
 from gepf.coordinator.bodies.human.template import human
-from gepf.coordinator.bodies.human.typical_poses import draw_people
+from gepf.coordinator.bodies.human.typical_poses import people_poses
 from gepf.coordinator.bodies.tracked import name_pose
 from gepf.coordinator.tracking.descriptor import COLUMNS, ROWS, VACANT, describe, fill_differences
 from gepf.coordinator.tracking.pose_library import describe_poses, displaced, look_straight
-from tests.support.people import STANDING
+from tests.support.people import SITTING, STANDING
 
 MODEL = human(1.75)
 CELL = 0.06  # metres
@@ -50,26 +51,48 @@ def test_descriptors_are_compared_as_the_definition_says() -> None:
     np.testing.assert_allclose(out, difference.sum(axis=(1, 2)), rtol=1e-4)
 
 
-def test_people_are_drawn_within_their_limits_and_from_all_sides() -> None:
-    """The same every time, from a generator of the library's own."""
-    poses = draw_people(MODEL, 500, np.random.default_rng(3))
-    np.testing.assert_array_equal(poses, draw_people(MODEL, 500, np.random.default_rng(3)))
+def test_people_are_within_their_limits_and_seen_from_all_sides() -> None:
+    """All angles of the file are those of joints; as many people face each quarter."""
+    poses = people_poses(MODEL, 3_000)
     low, high = MODEL.limits.T
     assert np.all((poses >= low) & (poses <= high))
-    assert np.histogram(poses[:, 4], bins=4, range=(-np.pi, np.pi))[0].min() > 60
+    assert not poses[:, :3].any()
+    facing = np.array([euler_matrix(pose[3:6])[:, 2] for pose in poses])
+    quarters = np.histogram(np.arctan2(facing[:, 0], facing[:, 2]), bins=4, range=(-np.pi, np.pi))[0]
+    assert quarters.min() > 0.15 * len(poses)
+
+
+@pytest.mark.parametrize("lower", [{}, SITTING], ids=["stands", "sits"])
+@pytest.mark.parametrize("turn", [0.0, 2.0, -1.2])
+def test_a_person_resembles_poses_of_the_library(lower: dict[str, float], turn: float) -> None:
+    """Of a person who raises an arm, a match is nearer than half of the distance of an average pose."""
+    library = describe_poses(MODEL, people_poses(MODEL, 3_000), CELL)
+    pose = name_pose(MODEL, {**lower, "root_ry": turn, "r_shoulder_abduct": 1.2, "r_elbow_flexion": 0.6})
+    pose[:3] = 0.1, 0.0, 2.8
+    matches, _ = library.match(visible_points(MODEL, pose), [1.0], 0.0, 100)
+    found, anything, there = (around_pelvis(each) for each in (matches, library.poses, pose[None]))
+    off, usual = (np.linalg.norm(each - there, axis=-1).mean(axis=1) for each in (found, anything))
+    assert off.min() < 0.5 * np.mean(usual)
+
+
+def around_pelvis(poses: Array) -> Array:
+    """Joints (N, J, 3) relative to the pelvis."""
+    joints = joint_positions(MODEL, poses)
+    return joints - joints[:, :1]
 
 
 @pytest.mark.parametrize("roll", [0.0, 0.5 * np.pi])
 def test_a_pose_of_the_library_is_the_one_most_like_itself(roll: float) -> None:
     """Seen at any place, turned by the given roll, it comes first, at its place and its size."""
-    library = describe_poses(MODEL, draw_people(MODEL, 200, np.random.default_rng(5)), CELL)
+    library = describe_poses(MODEL, people_poses(MODEL, 200), CELL)
     place = np.array([0.3, -0.2, 3.0])
-    for n in (0, 17, 101):
-        turn = look_straight(place, roll)
+    turn = look_straight(place, roll)
+    for n in range(0, 200, 9):
         visible = visible_points(MODEL, library.poses[n])
-        poses, scales = library.match(visible @ turn + place, [0.9, 1.0], roll, 3)
-        shown = joint_positions(MODEL, library.poses[n : n + 1])[0] @ turn + place
-        np.testing.assert_allclose(joint_positions(MODEL, poses[:1])[0], shown, atol=0.08)
+        middle = visible.mean(axis=0)
+        poses, scales = library.match((visible - middle) @ turn + place, [0.9, 1.0], roll, 3)
+        shown = (joint_positions(MODEL, library.poses[n : n + 1])[0] - middle) @ turn + place
+        np.testing.assert_allclose(joint_positions(MODEL, poses[:1])[0], shown, atol=CELL)
         assert scales[0] == 1
 
 

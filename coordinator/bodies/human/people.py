@@ -18,6 +18,7 @@ from gepf.coordinator.bodies.human.dofs import HUMAN, HUMAN_DOFS
 from gepf.coordinator.bodies.human.measures import DEVIATION, Measures
 from gepf.coordinator.bodies.human.shape_space import REFERENCE_STATURE, Size, shape_space
 from gepf.coordinator.bodies.human.template import DEFAULT_ACTIVE, human, human_of
+from gepf.coordinator.bodies.human.typical_poses import people_poses
 from gepf.coordinator.bodies.tracked import choose_active
 from gepf.coordinator.files import read_json
 
@@ -104,11 +105,9 @@ class People(BodyFamily):
         size = Size(measures.stature, measures.girth, maturity)
         return one_body(self, human_of(measures), usual, choose_active(active, usual, HUMAN_DOFS), size)
 
-    def draw_poses(self, model: BodyModel, count: int, rng: np.random.Generator) -> Array:
-        """Typical poses (N, D)."""
-        from gepf.coordinator.bodies.human.typical_poses import draw_people  # loads the compiler
-
-        return draw_people(model, count, rng)
+    def draw_poses(self, model: BodyModel, count: int, rng: np.random.Generator) -> Array:  # noqa: ARG002
+        """Typical poses (N, D), always the same."""
+        return people_poses(model, count)
 
     def angles(self, model: BodyModel, held: Mapping[str, float], up: Array | None) -> Angles:
         """The anatomical angles of the joints that move."""
