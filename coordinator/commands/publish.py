@@ -36,7 +36,7 @@ def run_publish(
     """
     secured = security.choose(options.listen, options.connect)
     reached = Pool(0, options.listen, options.connect, secured)
-    key = check_stream(options.key, guarded=secured is not None)
+    key = check_stream(options.key, secured and secured.holder)
     attached = None
     if vendor_of(options.sequence):
         given = options.rate, options.frames, camera.intrinsics, camera.depth_scale

@@ -165,8 +165,9 @@ def view_run(options: ViewOptions, show: Show) -> None:
 def view_live(options: ViewOptions, key: str, security: SecurityOptions, show: Show) -> None:
     """Show published frames and results until an interrupt; a file ends with the results, too."""
     secured = security.choose(options.listen, options.connect)
-    check_stream(key, guarded=secured is not None)
-    results = check_stream(options.results or results_key(key), guarded=secured is not None)
+    holder = secured and secured.holder
+    check_stream(key, holder)
+    results = check_stream(options.results or results_key(key), holder)
     reached = Pool(0, options.listen, options.connect, secured)
     with reach_partner(reached, "publisher", key, show) as bus:
         told = bus.subscribe_newest(f"{results}/**", WAITING_FRAMES)  # several people have keys below it

@@ -21,6 +21,7 @@ import psutil  # type: ignore[import-untyped]
 import pytest
 
 from gepf.common.errors import ProtocolError
+from gepf.common.kernel import Kernel
 from gepf.common.protocol import keys, messages
 from gepf.common.protocol.frames import encode_frame
 from gepf.common.protocol.models import decode_model, encode_model
@@ -32,7 +33,7 @@ from gepf.coordinator.pool.options import Pool
 from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
 from gepf.worker.kernel.icp import refine
 from gepf.worker.kernel.observation import observe, observe_for
-from gepf.worker.service import Kernel, Service
+from gepf.worker.service import Service
 from gepf.worker.warm_up import tiny_frame, warm_up
 from tests.support.extremes import Extremes
 from tests.support.messages import KINDS, Mutator
@@ -96,13 +97,13 @@ class Villain:
     def __init__(self, bus: Bus, worker: str) -> None:
         self._mutator = Mutator(1, HONEST)
         self._answers: SimpleQueue[tuple[str, bytes]] = SimpleQueue()
-        self._sender = bus.request_sender(keys.of_worker(worker, "refine"), LONGEST)
+        self._sender = bus.request_sender(keys.of_worker(worker, "refine/evil"), LONGEST)
         self._models = {MODEL.hash: encode_model(MODEL)}
-        self._publisher = bus.publish(keys.of_run("evil", "frame"))
+        self._publisher = bus.publish(keys.of_run("evil/run", "frame"))
         self._frames: dict[str, bytes] = {}
-        self.honest = replace(REQUEST, run="evil", frame=0, particles=REQUEST.particles.part(0, 3))
-        bus.serve(keys.of_run("evil", "model/*"), lambda key: self._models.get(keys.last_of(key)))
-        bus.serve(keys.of_run("evil", "frame/*"), lambda key: self._frames.get(keys.last_of(key)))
+        self.honest = replace(REQUEST, run="evil/run", frame=0, particles=REQUEST.particles.part(0, 3))
+        bus.serve(keys.of_run("evil/run", "model/*"), lambda key: self._models.get(keys.last_of(key)))
+        bus.serve(keys.of_run("evil/run", "frame/*"), lambda key: self._frames.get(keys.last_of(key)))
         self._publish(encode_frame(tiny_frame()))
 
     def _publish(self, payload: bytes) -> None:
@@ -194,7 +195,7 @@ class Liar(Service):
         while True:
             answer = self._mutator.mutate(honest)
             try:
-                messages.decode_refined(answer, asked)
+                messages.decode_refined(answer, asked)[0]
             except ProtocolError:
                 return answer
 

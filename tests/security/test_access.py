@@ -75,15 +75,15 @@ def test_unlisted_certificate_opens_nothing(place: str, ours: Folder) -> None:
         security = Security(ours.of(STRANGER))
         with open_worker([place], security) as bus:
             seen: list[str] = []
-            bus.subscribe(keys.of_run("*", "frame"), lambda key, _: seen.append(key))
-            bus.watch(keys.of_worker("*", "alive"), lambda key, _: seen.append(key))
-            bus.announce(keys.of_worker(STRANGER, "alive"))
+            bus.subscribe(keys.of_run(keys.ANY_RUN, "frame"), lambda key, _: seen.append(key))
+            bus.watch(keys.of_worker("*", "offer/**"), lambda key, _: seen.append(key))
+            bus.announce(keys.of_worker(STRANGER, "offer/**"))
             assert bus.fetch(keys.of_run(refiner.run, "frame/1"), 1.0) is None
             assert bus.fetch(keys.of_run(refiner.run, "model/*"), 1.0) is None
             assert refined_bytes(refiner, 2) == expected(2)
             with pytest.raises(InputError, match=f"does not admit worker '{STRANGER}'"):
                 check_admission(bus, Identity(STRANGER, (place,), security))
-        assert set(seen) <= {keys.of_worker(STRANGER, "alive")}  # its own, which never leaves it
+        assert set(seen) <= {keys.of_worker(STRANGER, "offer/**")}  # its own, which never leaves it
         assert refiner.statistics.workers_seen == ("w0",)
 
 
@@ -97,10 +97,10 @@ def test_worker_opens_its_own_keys_only(place: str, ours: Folder) -> None:
         with open_worker([place], Security(ours.of("w1"))) as bus:
             assert bus.fetch(keys.of_run(refiner.run, "frame/1"), 1.0) is not None
             seen: list[str] = []
-            bus.watch(keys.of_worker("*", "alive"), lambda key, _: seen.append(key))
+            bus.watch(keys.of_worker("*", "offer/**"), lambda key, _: seen.append(key))
             bus.serve(keys.of_run(refiner.run, "model/*"), lambda _: b"forged")
             answers: SimpleQueue[tuple[str, bytes]] = SimpleQueue()
-            sender = bus.request_sender(keys.of_worker("w0", "refine"), 1.0)
+            sender = bus.request_sender(keys.of_worker("w0", "refine/coordinator"), 1.0)
             sender.send(encode_request(REQUEST), lambda *how: answers.put(how))
             bus.publish(keys.of_run(refiner.run, "frame")).put(b"forged")
             assert answers.get(timeout=60.0) == ("nothing", b"")

@@ -13,7 +13,7 @@ from gepf.common.transport.credentials import Credentials, check_holder, holder_
 from gepf.common.transport.endpoints import CONNECT, LISTEN, check_endpoint
 from gepf.common.transport.session import Security
 from gepf.coordinator.cli import main
-from gepf.coordinator.security.access import TlsFiles, choose_names, choose_security, read_roster
+from gepf.coordinator.security.access import TlsFiles, choose_names, choose_security, read_workers
 from gepf.coordinator.security.certificates import make_certificates
 from tests.support.processes.certificates import Folder, make_folder
 from tests.support.processes.programs import WORKER
@@ -126,7 +126,7 @@ def test_certificates_are_made_once(tmp_path: Path) -> None:
     assert first == ["coordinator", "router", "w0"]
     assert make_certificates(tmp_path, ("w0",), (), 1, None).new == []
     assert make_certificates(tmp_path, ("w1",), (), 1, None).new == ["w1"]
-    assert read_roster(tmp_path / "ca.pem") == ("w0", "w1")
+    assert read_workers(tmp_path / "ca.pem") == ("w0", "w1")
     assert make_certificates(tmp_path, ("w1",), ("10.0.0.5", "far.example"), 1, None).new == first[:2]
     (tmp_path / "w0.key").unlink()
     assert make_certificates(tmp_path, (), (), 1, None).new == ["w0"]

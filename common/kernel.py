@@ -1,0 +1,57 @@
+"""The port between a worker and the hardware that it computes on.
+
+A package for other hardware implements `Kernel` and names a function that makes one as an entry point:
+
+    [project.entry-points."gepf.kernels"]
+    cuda = "gepf_cuda:load"     # load(lanes: int | None) -> Kernel
+
+Then `gepf-worker --kind cuda` serves with it, and `gepf track --kind cuda` uses such workers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from gepf.common.body import BodyModel
+from gepf.common.frame import SubjectFrame
+from gepf.common.refinement import Particles, Refined
+from gepf.common.settings import RefineSettings
+
+CPU = "cpu"  # kind of the kernel of this package
+ENTRY_POINTS = "gepf.kernels"  # group of the functions that load other kinds, by kind
+
+
+@dataclass(frozen=True, slots=True)
+class Offer:
+    """What a worker offers. Results of one kind and processor have the same bytes.
+
+    lanes: number of requests of searches, or of particles of another request, that are refined in parallel.
+    batch: number of particles that one lane refines in the time of one.
+    """
+
+    kind: str = CPU
+    processor: str = "any"
+    lanes: int = 1
+    batch: int = 1
+
+    @property
+    def slots(self) -> int:
+        """Number of particles that are refined in parallel."""
+        return self.lanes * self.batch
+
+
+@dataclass(frozen=True, slots=True)
+class Kernel:
+    """The compute functions of a worker.
+
+    observe: converts a frame to an observation, prepared for requests with the settings.
+    refine: refines particles of a body on an observation, and returns them in the same order. The result of a
+    particle depends on nothing but the arguments and this particle. One thread calls it for requests, and
+    one for each lane for spare ones.
+    """
+
+    observe: Callable[[SubjectFrame, RefineSettings], Any]
+    refine: Callable[[BodyModel, Any, Particles], Refined]
+    offer: Offer = Offer()
