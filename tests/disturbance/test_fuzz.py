@@ -27,13 +27,12 @@ from gepf.common.protocol.frames import encode_frame
 from gepf.common.protocol.models import decode_model, encode_model
 from gepf.common.settings import preset
 from gepf.common.transport.bus import Bus
-from gepf.common.transport.channels import IncomingRequest
 from gepf.common.transport.opening import open_worker
 from gepf.coordinator.pool.options import Pool
 from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
 from gepf.worker.kernel.icp import refine
 from gepf.worker.kernel.observation import observe, observe_for
-from gepf.worker.service import Service
+from gepf.worker.service import Service, Task
 from gepf.worker.warm_up import tiny_frame, warm_up
 from tests.support.extremes import Extremes
 from tests.support.messages import KINDS, Mutator
@@ -172,23 +171,28 @@ class Liar(Service):
         self._mutator = Mutator(seed, HONEST)
         self._heard = heard
 
-    def serve(self, request: IncomingRequest, asked: messages.RefineRequest) -> None:
+    def serve(self, run: str, task: Task, most: int | None = None, *, spare: bool = False) -> None:
         """Answer one request."""
-        turn = self._heard.total() if self._heard["honest answers"] else 0
-        try:
-            honest = self.answer(asked)
-        except ProtocolError as error:  # the frame is over, and others refined it
-            request.refuse(messages.encode_refusal(str(error)))
+        if task.asked is None or task.request is None:
+            super().serve(run, task, most, spare=spare)
             return
-        if turn % 3 == 0:
-            self._heard["honest answers"] += 1
-            request.reply(honest)
-        elif turn % 30 == 1:
-            self._heard["false refusals"] += 1
-            request.refuse(self._mutator.mutate(messages.encode_refusal("no")))
-        else:
-            self._heard["lies"] += 1
-            request.reply(self._nonsense(honest, asked.particles.poses.shape))
+        asked, request = task.asked, task.request
+        with request:
+            turn = self._heard.total() if self._heard["honest answers"] else 0
+            try:
+                honest = messages.encode_refined(self.answer(asked))
+            except ProtocolError as error:  # the frame is over, and others refined it
+                request.refuse(messages.encode_refusal(str(error)))
+                return
+            if turn % 3 == 0:
+                self._heard["honest answers"] += 1
+                request.reply(honest)
+            elif turn % 30 == 1:
+                self._heard["false refusals"] += 1
+                request.refuse(self._mutator.mutate(messages.encode_refusal("no")))
+            else:
+                self._heard["lies"] += 1
+                request.reply(self._nonsense(honest, asked.particles.poses.shape))
 
     def _nonsense(self, honest: bytes, asked: tuple[int, ...]) -> bytes:
         """The honest answer, mutated until it is none."""

@@ -10,12 +10,12 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
 import pytest
 
-from gepf.common.closing import Closing
 from gepf.common.errors import BusError
 from gepf.common.protocol import keys
 from gepf.common.protocol.frames import encode_frame
@@ -120,17 +120,14 @@ def test_a_request_does_not_wait_for_a_search_that_observes_the_same_frame(endpo
 def test_a_worker_whose_spare_requests_fail_on_the_bus_ends_with_the_error(endpoint: str) -> None:
     """As it does for other requests: it can be started again, but must not go on without serving searches."""
 
-    class Broken(Closing):
-        """A request that cannot be answered."""
-
-        def refuse(self, _: bytes) -> None:
-            """Fail."""
-            raise BusError("the link is broken")
+    def fail(_: bytes) -> None:
+        raise BusError("the link is broken")
 
     spare = replace(REQUEST, particles=replace(PARTICLES, spare=True))
     with open_coordinator([endpoint]), open_worker([endpoint]) as own:
         service = Service(own, "w", KERNEL)
-        service._turns.put(spare.run, Task(spare, cast("IncomingRequest", Broken())), spare=True)
+        request = cast("IncomingRequest", SimpleNamespace(refuse=fail))
+        service._turns.put(spare.run, Task(spare, request), spare=True)
         with pytest.raises(BusError, match="the link is broken"):
             service.run()
 

@@ -1,0 +1,351 @@
+"""A pool that several live coordinators share: python -m benchmarks.costs.shared_pool [--rooms 1 2 4 ...].
+
+Every coordinator, worker and the router is a network host of its own (a namespace, so this needs root), with the
+real protocol and bus. What computes is simulated, as all hosts share the cores of one: the lanes of workers sleep
+for the time that the kernel takes for a particle, measured at the start, and coordinators sleep for the time
+of the tracker around it. A coordinator gets frames at 30 per second, and takes the newest.
+
+By default eight rooms share 16 lanes, and then 8, while all is calm, while workers leave and join, after a
+coordinator was killed, and beside one that floods the workers with requests of 1 000 particles. The share of
+frames that are known within 67 ms is compared with that of one room that has its share of the lanes alone. With
+--rooms, so many coordinators have two lanes each, and what a frame costs is measured.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.table import Table
+
+from benchmarks.costs.service import processor_seconds
+from benchmarks.running import command_line, keep, screen
+from gepf.common.body import BodyModel
+from gepf.common.camera import Intrinsics
+from gepf.common.frame import DepthFrame, SubjectFrame
+from gepf.common.refinement import Particles
+from gepf.common.settings import preset
+from gepf.coordinator.pool import scheduler
+from gepf.coordinator.pool.options import Pool
+from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
+from tests.support.processes.network import Host, Network
+from tests.support.processes.warm_processes import gepf
+
+FPS, IN_TIME_S = 30.0, 0.067
+PARTICLES, POINTS, SHAPE = 20, 5_000, (220, 130)  # of a person, in an image of 320 x 240
+BEFORE_S, AFTER_S = 0.008, 0.002  # of the tracker before and after the refinement of a frame
+ROOMS, LANES, POOLS = 8, 4, (4, 2)  # coordinators; lanes of a worker; workers
+PHASE_S, SETTLE_S = 20.0, 3.0
+AWAY_S = 2.0  # for which a worker is away
+FLOOD, FLOOD_PARTICLES = 64, 1_000  # requests at each worker
+PORT = 7447
+
+
+def main() -> int:
+    """Measure, print, write the numbers."""
+    parser = command_line("costs.shared_pool", __doc__)
+    parser.add_argument("--rooms", type=int, nargs="+", metavar="N", help="measure costs with N coordinators")
+    parser.add_argument("--fps", type=float, default=FPS, help="frames per second of --rooms")
+    parser.add_argument("--seconds", type=float, default=PHASE_S, help="of each measurement")
+    chosen = parser.parse_args()
+    particle_s = kernel_seconds()
+    print(f"one particle: {1e3 * particle_s:.2f} ms", flush=True)
+    found = costs(chosen, particle_s) if chosen.rooms else fairness(chosen, particle_s)
+    keep({"particle_s": particle_s, **found}, chosen.out)
+    return 0
+
+
+def kernel_seconds() -> float:
+    """Median time of the kernel for a particle of a live frame, on one lane."""
+    from benchmarks.costs.standing import standing
+    from gepf.worker.lanes import Lanes
+
+    case, lanes, spent = standing(POINTS), Lanes(1), []
+    particles = Particles(np.repeat(case.start, PARTICLES, axis=0), preset("default").refine, covariance=True)
+    for _ in range(20):
+        began = time.perf_counter()
+        lanes.refine(case.model, case.observation, particles)
+        spent.append((time.perf_counter() - began) / PARTICLES)
+    return float(np.median(spent[3:]))
+
+
+@dataclass
+class Site:
+    """Hosts with a router, workers that sleep, and rooms."""
+
+    network: Network
+    folder: Path
+    particle_s: float
+    hosts: dict[str, Host] = field(default_factory=dict)
+    processes: dict[str, BaseProcess] = field(default_factory=dict)
+
+    @property
+    def endpoint(self) -> str:
+        """That of the router."""
+        return f"tcp/{self.hosts['router'].address}:{PORT}"
+
+    def start(self, name: str, do: Any, *arguments: object) -> None:
+        """Start a process on the host of its name, which is made the first time."""
+        if name not in self.hosts:
+            self.hosts[name] = self.network.host(name)
+        self.processes[name] = self.hosts[name].start(do, *arguments, log=self.folder / f"{name}.txt")
+
+    def start_router(self) -> None:
+        """Let all meet."""
+        self.hosts["router"] = self.network.host("router")
+        self.start("router", gepf, "router", "--listen", self.endpoint, "--insecure")
+
+    def start_worker(self, name: str, lanes: int = LANES) -> None:
+        """Start a worker."""
+        self.start(name, work, self.endpoint, name, lanes, self.particle_s)
+
+    def start_room(self, name: str, fps: float = FPS) -> None:
+        """Start a coordinator."""
+        self.start(name, track, self.endpoint, self.folder / f"{name}.json", name, fps)
+
+    def end(self, name: str) -> None:
+        """Kill a process."""
+        process = self.processes.pop(name)
+        process.kill()
+        process.join()
+
+    def frames(self, room: str, begin: float, end: float) -> dict[str, float]:
+        """The frames of a room in a time: the share known in time, and the median time until they are known."""
+        lines = (self.folder / f"{room}.json").read_text().splitlines()
+        delays = np.array([delay for at, delay in map(json.loads, lines[1:]) if begin <= at < end])
+        count = (end - begin) * json.loads(lines[0])
+        return {
+            "known_percent": 100.0 * float((delays <= IN_TIME_S).sum()) / count,
+            "median_ms": 1e3 * float(np.median(delays)) if len(delays) else np.inf,
+        }
+
+
+@contextmanager
+def site(particle_s: float) -> Iterator[Site]:
+    """Hosts with a router; all that runs there ends with it."""
+    with tempfile.TemporaryDirectory() as folder, Network() as network:
+        made = Site(network, Path(folder), particle_s)
+        try:
+            made.start_router()
+            yield made
+        finally:
+            for name in list(made.processes):
+                made.end(name)
+
+
+def work(endpoint: str, name: str, lanes: int, particle_s: float) -> None:
+    """A worker whose lanes sleep."""
+    from benchmarks.costs.waiting_workers import serve, waiting
+
+    serve(endpoint, name, waiting(particle_s, lanes))
+
+
+def person() -> tuple[BodyModel, SubjectFrame, Particles]:
+    """A body, a frame of its size, and particles."""
+    from gepf.common.activation import activate
+    from gepf.coordinator.bodies.human.template import DEFAULT_ACTIVE, human
+
+    template = human()
+    model = activate(template, DEFAULT_ACTIVE, np.zeros(len(template.dof_names)))
+    depth: NDArray[np.uint16] = np.random.default_rng(0).integers(1900, 2100, SHAPE, dtype=np.uint16)
+    camera = Intrinsics(SHAPE[1], SHAPE[0], 290.0, 290.0, SHAPE[1] / 2, SHAPE[0] / 2)
+    picked = np.linspace(0, depth.size - 1, POINTS).astype(np.uint32)
+    kinds = np.zeros(SHAPE, np.uint8)
+    subject = SubjectFrame(
+        DepthFrame(0, 0.0, depth, 1000.0, camera), picked, (0, 0, SHAPE[1], SHAPE[0]), kinds
+    )
+    poses = np.zeros((PARTICLES, len(model.dof_names)))
+    poses[:, 2] = 2.0
+    return model, subject, Particles(poses, preset("default").refine, covariance=True)
+
+
+def track(endpoint: str, file: Path, name: str, fps: float) -> None:
+    """A coordinator that takes the newest of its frames; writes when each came, and how soon it was known."""
+    model, subject, particles = person()
+    with ZenohRefiner(Pool(0, connect=endpoint, run=name)) as refiner, file.open("w", buffering=1) as log:
+        log.write(f"{fps}\n")
+        refiner.wait_for(1)
+        phase = int(name.strip("abcdefghijklmnopqrstuvwxyz")) / ROOMS  # cameras are not synchronous
+        begin, last = time.monotonic() + phase / fps, -1
+        while True:
+            number = int((time.monotonic() - begin) * fps)
+            if number <= last:
+                time.sleep(max(0.0, begin + (last + 1) / fps - time.monotonic()))
+                continue
+            time.sleep(BEFORE_S)
+            shown = replace(subject, frame=replace(subject.frame, number=number))
+            refiner.submit(shown, model, particles).result()
+            time.sleep(AFTER_S)
+            at, last = begin + number / fps, number
+            log.write(json.dumps([at, time.monotonic() - at]) + "\n")
+
+
+def flood(endpoint: str, name: str) -> None:
+    """A coordinator that keeps far more requests at each worker than one may, and large ones."""
+    vars(scheduler)["MAX_IN_FLIGHT"] = FLOOD
+    model, subject, particles = person()
+    many = replace(particles, poses=np.repeat(particles.poses, FLOOD_PARTICLES // PARTICLES, axis=0))
+    with ZenohRefiner(Pool(0, connect=endpoint, run=name)) as refiner:
+        refiner.wait_for(1)
+        pending = [refiner.submit(subject, model, many) for _ in range(FLOOD)]
+        while True:
+            pending.pop(0).result()
+            pending.append(refiner.submit(subject, model, many))
+
+
+def fairness(chosen: argparse.Namespace, particle_s: float) -> dict[str, Any]:
+    """The share of each room, beside that of a room alone."""
+    results = []
+    for workers in POOLS:
+        alone = room_alone(workers * LANES // ROOMS, chosen.seconds, particle_s)
+        phases = rooms_together(workers, chosen.seconds, particle_s)
+        results.append({"lanes": workers * LANES, "alone": alone, "phases": phases})
+        table = Table(title=f"{ROOMS} rooms, {workers * LANES} lanes; alone {alone['known_percent']:.1f} %")
+        for column in ("", "least known %", "mean", "of fair share %", "median ms, largest"):
+            table.add_column(column)
+        for name, rooms in phases.items():
+            known = [each["known_percent"] for each in rooms.values()]
+            late = max(each["median_ms"] for each in rooms.values())
+            fair = 100.0 * min(known) / alone["known_percent"]
+            table.add_row(name, f"{min(known):.1f}", f"{np.mean(known):.1f}", f"{fair:.0f}", f"{late:.0f}")
+        screen().print(table)
+    return {"pools": results}
+
+
+def room_alone(lanes: int, seconds: float, particle_s: float) -> dict[str, float]:
+    """One room with its share of the lanes."""
+    with site(particle_s) as alone:
+        alone.start_worker("w0", lanes)
+        alone.start_room("room0")
+        begin = await_frames(alone, ["room0"])
+        time.sleep(seconds)
+        return alone.frames("room0", begin, begin + seconds)
+
+
+def rooms_together(workers: int, seconds: float, particle_s: float) -> dict[str, dict[str, dict[str, float]]]:
+    """For each disturbance, what the rooms get that are not disturbed themselves."""
+    rooms = [f"room{n}" for n in range(ROOMS)]
+    with site(particle_s) as shared:
+        for n in range(workers):
+            shared.start_worker(f"w{n}")
+        for room in rooms:
+            shared.start_room(room)
+        await_frames(shared, rooms)
+        phases, last = {}, rooms[-1]
+
+        def measure(name: str, begin: float) -> None:
+            end = begin + seconds
+            time.sleep(max(0.0, end + 1.0 - time.monotonic()))
+            present = [room for room in rooms if room in shared.processes]
+            phases[name] = {room: shared.frames(room, begin, end) for room in present}
+
+        measure("calm", time.monotonic())
+        begin = time.monotonic()
+        for n in range(int(seconds / AWAY_S / 2)):
+            shared.end(f"w{n % workers}")
+            time.sleep(AWAY_S)
+            shared.start_worker(f"w{n % workers}")
+            time.sleep(AWAY_S)
+        measure("workers leave and join", begin)
+        begin = time.monotonic()
+        shared.end(last)
+        measure("a coordinator is killed", begin)
+        begin = time.monotonic()
+        shared.start("flood", flood, shared.endpoint, "flood0")
+        measure("another floods", begin)
+    return phases
+
+
+def await_frames(shared: Site, rooms: Sequence[str]) -> float:
+    """Return some time after all rooms have their first frame; the time of now."""
+    files = [shared.folder / f"{room}.json" for room in rooms]
+    while not all(file.exists() and file.read_text().count("\n") > 1 for file in files):
+        for name, process in shared.processes.items():
+            if not process.is_alive():
+                raise RuntimeError(f"{name}: {(shared.folder / f'{name}.txt').read_text()}")
+        time.sleep(0.1)
+    time.sleep(SETTLE_S)
+    return time.monotonic()
+
+
+def costs(chosen: argparse.Namespace, particle_s: float) -> dict[str, Any]:
+    """What a frame costs of each part, for several numbers of rooms."""
+    rows = []
+    for count in chosen.rooms:
+        rows.append(cost(count, chosen.fps, chosen.seconds, particle_s))
+        print(json.dumps(rows[-1]), flush=True)
+    return {"fps": chosen.fps, "costs": rows}
+
+
+def cost(count: int, fps: float, seconds: float, particle_s: float) -> dict[str, float]:
+    """Processor time and traffic of one frame, memory, and the share of frames known in time."""
+    rooms, workers = [f"room{n}" for n in range(count)], [f"w{n}" for n in range(max(1, count // 2))]
+    with site(particle_s) as shared:
+        for worker in workers:
+            shared.start_worker(worker, 2 if count == 1 else LANES)
+        for room in rooms:
+            shared.start_room(room, fps)
+        begin = await_frames(shared, rooms)
+        before = spent(shared)
+        time.sleep(seconds)
+        used = {name: now - before[name] for name, now in spent(shared).items()}
+        end = time.monotonic()
+        known = [shared.frames(room, begin, end) for room in rooms]
+        frames = sum(1 for room in rooms for _ in (shared.folder / f"{room}.json").open()) - count
+
+        def total(names: Sequence[str], what: str) -> float:
+            return sum(used[f"{name} {what}"] for name in names)
+
+        done = max(
+            1.0, fps * (end - begin) * count * np.mean([each["known_percent"] for each in known]) / 100
+        )
+        return {
+            "rooms": count,
+            "workers": len(workers),
+            "known_percent_least": min(each["known_percent"] for each in known),
+            "known_percent": float(np.mean([each["known_percent"] for each in known])),
+            "median_ms": float(np.median([each["median_ms"] for each in known])),
+            "frames": frames,
+            "coordinator_ms": 1e3 * total(rooms, "cpu") / done,
+            "router_ms": 1e3 * total(["router"], "cpu") / done,
+            "workers_ms": 1e3 * total(workers, "cpu") / done,
+            "cores": total(["router", *rooms, *workers], "cpu") / (end - begin),
+            "worker_in_mbit": 8e-6 * total(workers, "received") / len(workers) / (end - begin),
+            "router_in_mbit": 8e-6 * total(["router"], "received") / (end - begin),
+            "room_out_mbit": 8e-6 * total(rooms, "sent") / count / (end - begin),
+            "coordinator_mb": max(memory(shared.processes[room]) for room in rooms),
+            "worker_mb": max(memory(shared.processes[worker]) for worker in workers),
+            "router_mb": memory(shared.processes["router"]),
+        }
+
+
+def spent(shared: Site) -> dict[str, float]:
+    """Processor seconds of each process, and bytes that its host has received and sent."""
+    found = {}
+    for name, process in shared.processes.items():
+        found[f"{name} cpu"] = processor_seconds(process.pid or 0)
+        lines = Path(f"/proc/{shared.hosts[name].pid}/net/dev").read_text().splitlines()
+        counts = next(line for line in lines if "eth0:" in line).split(":")[1].split()
+        found[f"{name} received"], found[f"{name} sent"] = float(counts[0]), float(counts[8])
+    return found
+
+
+def memory(process: BaseProcess) -> float:
+    """Megabytes that a process has of its own."""
+    lines = Path(f"/proc/{process.pid}/smaps_rollup").read_text().splitlines()
+    return sum(float(line.split()[1]) for line in lines if line.startswith("Private_")) / 1024
+
+
+if __name__ == "__main__":
+    sys.exit(main())
