@@ -48,22 +48,16 @@ class Shares:
         return min((run for run in self._served if run in wanted), key=self._served.__getitem__)
 
     def begin(self, run: str) -> None:
-        """The turn of a run begins. Runs that have had no work for long are forgotten."""
+        """The turn of a run begins."""
         self._clock = max(self._clock, self._served[run])
-        for other in [each for each, served in self._served.items() if served < self._clock - AWAY_S]:
-            del self._served[other]
 
     def charge(self, run: str, seconds: float) -> None:
         """A run was served for a time; of those with equal times, it now comes last."""
         if run in self._served:
             self._served[run] = self._served.pop(run) + seconds
 
-    def is_alone(self, run: str) -> bool:
-        """Whether no other run has had work lately."""
-        return self._served.keys() <= {run}
-
     def forget(self, run: str) -> None:
-        """A run has ended."""
+        """A run has ended, or has had no work for long."""
         self._served.pop(run, None)
 
 
@@ -73,6 +67,8 @@ class Turns(Generic[W]):
     def __init__(self) -> None:
         self._waiting: dict[str, Waiting[W]] = {}  # of runs with work
         self._turns, self._spare = Shares(), Shares()  # of the foreground, and beside it
+        self._total = 0.0  # seconds of all turns
+        self._seen: dict[str, float] = {}  # by run: that total when it had work
 
     def count(self, run: str) -> int:
         """Number of pieces of work of a run that wait."""
@@ -83,7 +79,7 @@ class Turns(Generic[W]):
         if run not in self._waiting:
             self._waiting[run] = Waiting()
             self._turns.join(run)
-        mine = self._waiting[run]
+        mine, self._seen[run] = self._waiting[run], self._total
         queue = mine.spare if spare else mine.urgent
         if spare and not queue:
             self._spare.join(run)
@@ -109,20 +105,30 @@ class Turns(Generic[W]):
 
     def charge(self, run: str, seconds: float, beside: float | None = None) -> None:
         """A turn of a run took seconds of the worker, and `beside` the others seconds of a lane."""
+        self._total += seconds
         self._turns.charge(run, seconds)
+        if run in self._seen:
+            self._seen[run] = self._total
         if beside is not None:
             self._spare.charge(run, beside)
 
     def is_alone(self, run: str) -> bool:
         """Whether no other run has had work lately."""
-        return self._turns.is_alone(run)
+        away = {each for each, total in self._seen.items() if total < self._total - AWAY_S}
+        for other in away - self._waiting.keys() - {run}:
+            self._forget(other)
+        return self._seen.keys() <= {run}
 
     def drop(self, run: str) -> list[W]:
         """A run has ended; returns what it waited for."""
-        self._turns.forget(run)
-        self._spare.forget(run)
+        self._forget(run)
         mine = self._waiting.pop(run, None)
         return [] if mine is None else [*mine.urgent, *mine.spare]
+
+    def _forget(self, run: str) -> None:
+        for shares in (self._turns, self._spare):
+            shares.forget(run)
+        self._seen.pop(run, None)
 
     def _pop(self, run: str, queue: deque[W]) -> W:
         work = queue.popleft()

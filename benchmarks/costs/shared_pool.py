@@ -1,14 +1,14 @@
 """A pool that several live coordinators share: python -m benchmarks.costs.shared_pool [--rooms 1 2 4 ...].
 
-Every coordinator, worker and the router is a network host of its own (a namespace, so this needs root), with the
-real protocol and bus. What computes is simulated, as all hosts share the cores of one: the lanes of workers sleep
-for the time that the kernel takes for a particle, measured at the start, and coordinators sleep for the time
-of the tracker around it. A coordinator gets frames at 30 per second, and takes the newest.
+Every coordinator, worker and the router is a network host of its own (a namespace, so this needs root), with
+the real protocol and bus. What computes is simulated, as all hosts share the cores of one: the lanes of
+workers sleep for the time that the kernel takes for a particle, measured at the start, and coordinators sleep
+for the time of the tracker around it. A coordinator gets frames at 30 per second, and takes the newest.
 
 By default eight rooms share 16 lanes, and then 8, while all is calm, while workers leave and join, after a
 coordinator was killed, and beside one that floods the workers with requests of 1 000 particles. The share of
-frames that are known within 67 ms is compared with that of one room that has its share of the lanes alone. With
---rooms, so many coordinators have two lanes each, and what a frame costs is measured.
+frames that are known within 67 ms is compared with that of one room that has its share of the lanes alone.
+With --rooms, so many coordinators have two lanes each, and what a frame costs is measured.
 """
 
 from __future__ import annotations
@@ -57,9 +57,10 @@ def main() -> int:
     parser = command_line("costs.shared_pool", __doc__)
     parser.add_argument("--rooms", type=int, nargs="+", metavar="N", help="measure costs with N coordinators")
     parser.add_argument("--fps", type=float, default=FPS, help="frames per second of --rooms")
+    parser.add_argument("--particle-ms", type=float, help="of the kernel (default: measured)")
     parser.add_argument("--seconds", type=float, default=PHASE_S, help="of each measurement")
     chosen = parser.parse_args()
-    particle_s = kernel_seconds()
+    particle_s = kernel_seconds() if chosen.particle_ms is None else 1e-3 * chosen.particle_ms
     print(f"one particle: {1e3 * particle_s:.2f} ms", flush=True)
     found = costs(chosen, particle_s) if chosen.rooms else fairness(chosen, particle_s)
     keep({"particle_s": particle_s, **found}, chosen.out)
@@ -121,13 +122,14 @@ class Site:
         process.join()
 
     def frames(self, room: str, begin: float, end: float) -> dict[str, float]:
-        """The frames of a room in a time: the share known in time, and the median time until they are known."""
+        """The share of a room's frames in a period that were known in time, and the median delay."""
         lines = (self.folder / f"{room}.json").read_text().splitlines()
         delays = np.array([delay for at, delay in map(json.loads, lines[1:]) if begin <= at < end])
         count = (end - begin) * json.loads(lines[0])
         return {
             "known_percent": 100.0 * float((delays <= IN_TIME_S).sum()) / count,
             "median_ms": 1e3 * float(np.median(delays)) if len(delays) else np.inf,
+            "frames": float(len(delays)),
         }
 
 
@@ -302,21 +304,18 @@ def cost(count: int, fps: float, seconds: float, particle_s: float) -> dict[str,
         used = {name: now - before[name] for name, now in spent(shared).items()}
         end = time.monotonic()
         known = [shared.frames(room, begin, end) for room in rooms]
-        frames = sum(1 for room in rooms for _ in (shared.folder / f"{room}.json").open()) - count
 
         def total(names: Sequence[str], what: str) -> float:
             return sum(used[f"{name} {what}"] for name in names)
 
-        done = max(
-            1.0, fps * (end - begin) * count * np.mean([each["known_percent"] for each in known]) / 100
-        )
+        done = sum(each["frames"] for each in known)
         return {
             "rooms": count,
             "workers": len(workers),
             "known_percent_least": min(each["known_percent"] for each in known),
             "known_percent": float(np.mean([each["known_percent"] for each in known])),
             "median_ms": float(np.median([each["median_ms"] for each in known])),
-            "frames": frames,
+            "frames_per_second": done / (end - begin),
             "coordinator_ms": 1e3 * total(rooms, "cpu") / done,
             "router_ms": 1e3 * total(["router"], "cpu") / done,
             "workers_ms": 1e3 * total(workers, "cpu") / done,

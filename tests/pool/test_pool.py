@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
@@ -84,23 +85,25 @@ class WatchedBus:
         return getattr(self._bus, name)
 
 
-def test_frames_of_one_number_are_not_mixed_up(endpoint: str) -> None:
+def test_frames_of_one_number_are_not_mixed_up(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """A repeated number, as in a second sequence on the same pool, is a new frame, which is sent.
 
     Only the body and the first frame are fetched: the worker receives the others.
     """
+    monkeypatch.setattr("gepf.worker.memory.FRAME_DELAY_S", 60.0)
     fetched = SimpleQueue[str]()
     with (
         pool(endpoint) as refiner,
         serving(endpoint, "w", through=lambda bus: WatchedBus(bus, iter(()), fetched)),
     ):
         refiner.wait_for(1)
-        for depth in (1, 2, 3):
+        for depth in (1, 2, 3, 4, 5):
             again = replace(frame(depth), frame=replace(frame(depth).frame, number=7))
             assert as_bytes(refiner.submit(again, MODEL, PARTICLES).result()) == expected(depth)
             await_subscriber(refiner)
-    assert [fetched.get().split("/")[4] for _ in range(2)] == ["model", "frame"]
-    assert fetched.empty()
+    kinds = Counter(fetched.get().split("/")[4] for _ in range(fetched.qsize()))
+    assert kinds["model"] == 1
+    assert kinds["frame"] in {1, 2}  # the second request may be faster than its frame
 
 
 def await_subscriber(refiner: ZenohRefiner) -> None:
