@@ -143,7 +143,11 @@ class Memory:
             if len(self._runs) > MOST_RUNS:
                 self._drop(next(iter(self._runs)))
         if is_new:
-            end = self._bus.subscribe(keys.of_run(run, "frame"), self._keep)
+            try:
+                end = self._bus.subscribe(keys.of_run(run, "frame"), self._keep)
+            except BusError:
+                self.forget(run)
+                raise
             with self._changed:
                 memory.unsubscribe = end
                 if self._runs.get(run) is not memory:  # it was dropped meanwhile

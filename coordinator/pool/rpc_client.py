@@ -165,11 +165,11 @@ class RpcClient:
 
     def _explain(self) -> str:
         """Why there is no worker."""
+        if self._pool.lanes:
+            return "the local worker is not ready yet; the first time, compiling takes about a minute"
         if foreign := self._foreign():
             others = f"those of kind {foreign} are not used; {self._advise()}"
             return f"no worker of kind '{self._pool.kind}' is connected, and {others}"
-        if self._pool.lanes:
-            return "the local worker is not ready yet; the first time, compiling takes about a minute"
         return "no worker is connected; waiting for one"
 
     def _advise(self) -> str:
@@ -189,6 +189,8 @@ class RpcClient:
                 offers[key] = keys.read_offer(key)
             except ProtocolError as error:
                 self._report(f"worker {worker} is not used: {error}")
+        if not offers:
+            del self._offers[worker]
         used = [offer for offer in offers.values() if offer.kind == self._pool.kind]
         if used:
             self._welcome(worker, used[-1])

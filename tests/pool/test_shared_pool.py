@@ -86,6 +86,63 @@ def test_a_small_request_waits_for_a_turn_of_each_other_room_only(others: int) -
     assert max(room.delays[1:]) < (2 + others) * turn + 0.02
 
 
+FPS, IN_TIME_S, PARTICLES_OF_ROOM, AROUND_S, PARTICLE_S = 30.0, 0.067, 20, 0.01, 0.0018
+
+
+class Rooms:
+    """Eight rooms live at workers of four lanes, in simulated time."""
+
+    def __init__(self, workers: int, lanes: int = 4, rooms: int = 8) -> None:
+        self.clock = Clock()
+        self.workers = {f"w{n}": self._worker(lanes) for n in range(workers)}
+        self.rooms = [SimulatedRoom(self.clock, f"room-{n}", self.workers) for n in range(rooms)]
+        for n, room in enumerate(self.rooms):
+            room.live(FPS, PARTICLES_OF_ROOM, AROUND_S, n / FPS / rooms)
+
+    def _worker(self, lanes: int) -> SimulatedWorker:
+        return SimulatedWorker(self.clock, Offer(lanes=lanes), PARTICLE_S)
+
+    def leave(self, name: str) -> None:
+        """A worker is killed."""
+        self.workers[name].gone = True
+        for room in self.rooms:
+            room.miss(name)
+
+    def join(self, name: str) -> None:
+        """A worker starts again."""
+        self.workers[name] = self._worker(4)
+        for room in self.rooms:
+            room.meet(name)
+
+    def shares(self, seconds: float) -> list[float]:
+        """The share of frames that each room knows in time, from now on."""
+        begin = self.clock.now
+        self.clock.run(begin + seconds + 1.0)
+        within = [[at for at, delay in each.known if delay <= IN_TIME_S] for each in self.rooms]
+        return [sum(begin <= at < begin + seconds for at in times) / FPS / seconds for times in within]
+
+
+@pytest.mark.parametrize("workers", [4, 2])
+def test_no_live_room_is_below_its_fair_share(workers: int) -> None:
+    """With enough lanes and with half of them: each of eight rooms knows as many frames as it would alone.
+
+    While all is calm, workers leave and join, after a room has gone, and while a run floods the workers.
+    """
+    (alone,) = Rooms(1, workers * 4 // 8, 1).shares(4.0)
+    together = Rooms(workers)
+    together.clock.run(1.0)
+    assert min(together.shares(4.0)) > 0.95 * alone
+    for n in range(3):
+        together.clock.after(1.5 * n, lambda n=n: together.leave(f"w{n % workers}"))  # type: ignore[misc]
+        together.clock.after(1.5 * n + 0.5, lambda n=n: together.join(f"w{n % workers}"))  # type: ignore[misc]
+    assert min(together.shares(4.0)) > 0.8 * alone
+    together.rooms.pop().leave()
+    assert min(together.shares(4.0)) > 0.95 * alone
+    for worker in together.workers.values():
+        worker.flood("flood", 64, 1000)
+    assert min(together.shares(4.0)) > 0.8 * alone
+
+
 def test_turns_are_taken_within_a_large_request(endpoint: str) -> None:
     """On a real worker: a request is served when a part of another room's is done; no byte changes."""
     began, resume, served = threading.Event(), threading.Event(), SimpleQueue[int]()

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from itertools import count
 
 from gepf.common.kernel import Offer
-from gepf.coordinator.pool.scheduler import TICK_S, Request, Scheduler
+from gepf.coordinator.pool.scheduler import TICK_S, Batch, Request, Scheduler, Worker
 from gepf.worker.service import PARTICLES_A_TURN
 from gepf.worker.turns import Turns
 
@@ -58,11 +58,19 @@ class SimulatedWorker:
     turns: Turns[Job] = field(default_factory=Turns)
     served: dict[str, float] = field(default_factory=dict)  # seconds by run
     busy: bool = False
+    gone: bool = False
 
     def receive(self, run: str, job: Job) -> None:
         """A request arrives."""
-        self.turns.put(run, job)
-        self._next()
+        if not self.gone:
+            self.turns.put(run, job)
+            self._next()
+
+    def flood(self, run: str, requests: int, particles: int) -> None:
+        """A run that keeps many large requests waiting here, whatever a coordinator may do."""
+        asked = Request(0, Worker("", self.offer), Batch(0, False, 0, particles), 0.0)
+        for _ in range(requests):
+            self.receive(run, Job(asked, self.clock.now, lambda _: self.flood(run, 1, particles)))
 
     def _next(self) -> None:
         taken = None if self.busy else self.turns.take()
@@ -76,6 +84,8 @@ class SimulatedWorker:
 
     def _done(self, run: str, job: Job, particles: int, seconds: float) -> None:
         self.busy = False
+        if self.gone:
+            return
         self.turns.charge(run, seconds)
         self.served[run] = self.served.get(run, 0.0) + seconds
         job.done, job.served = job.done + particles, job.served + seconds
@@ -93,12 +103,50 @@ class SimulatedRoom:
     def __init__(self, clock: Clock, name: str, workers: dict[str, SimulatedWorker]) -> None:
         self.scheduler = Scheduler(lambda worker: zlib.crc32(f"{name} {worker}".encode()))
         self.delays: list[float] = []  # of refinements
+        self.known: list[tuple[float, float]] = []  # times of live frames, and when they were known after it
+        self.gone = False
         self._clock, self._name, self._workers = clock, name, workers
         self._numbers = count()
         self._begun: dict[int, Callable[[], None]] = {}
-        for worker, at in workers.items():
-            self.scheduler.join(worker, at.offer, 0.0)
+        for worker in workers:
+            self.meet(worker)
         self._tick()
+
+    def meet(self, worker: str) -> None:
+        """A worker has joined."""
+        self._send(self.scheduler.join(worker, self._workers[worker].offer, self._clock.now))
+
+    def miss(self, worker: str) -> None:
+        """A worker has left."""
+        self._send(self.scheduler.leave(worker, self._clock.now))
+
+    def leave(self) -> None:
+        """It is killed."""
+        self.gone = True
+        for worker in self._workers.values():
+            worker.turns.drop(self._name)
+
+    def live(self, fps: float, particles: int, around_s: float, phase: float) -> None:
+        """Track frames of a camera, always the newest; `around_s` is the time besides the refinement."""
+        taken = -1
+
+        def take() -> None:
+            nonlocal taken
+            if self.gone:
+                return
+            newest = math.floor((self._clock.now - phase) * fps + 1e-9)
+            if newest <= taken:
+                self._clock.after(phase + (taken + 1) / fps - self._clock.now, take)
+                return
+            taken, at = newest, phase + newest / fps
+
+            def known() -> None:
+                self.known.append((at, self._clock.now - at))
+                take()
+
+            self._clock.after(around_s, lambda: self.refine(particles, known))
+
+        self._clock.after(phase, take)
 
     def load(self, particles: int, under_way: int = 1) -> None:
         """Begin refinements, each again when it ends."""
