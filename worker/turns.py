@@ -1,7 +1,7 @@
 """Fair turns of runs at a worker: a state machine without clock and threads.
 
 The next turn is that of the run that was served for the shortest time (start-time fair queueing: Goyal, Vin
-and Cheng, 1996). A run that had nothing to do starts with the time of the run that is being served, so it
+and Cheng, 1997). A run that had nothing to do starts with the time of the run that is being served, so it
 cannot save up turns. While a run waits, no other is served for longer than it, up to one turn of each.
 
 Spare work is that of searches. In a run it comes after other work. It is done beside the turns, with the time

@@ -40,7 +40,7 @@ from gepf.coordinator.pool import scheduler
 from gepf.coordinator.pool.options import Pool
 from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
 from tests.support.processes.network import Host, Network
-from tests.support.processes.warm_processes import gepf
+from tests.support.processes.warm_processes import CONTEXT, gepf
 
 FPS, IN_TIME_S = 30.0, 0.067
 PARTICLES, POINTS, SHAPE = 20, 5_000, (220, 130)  # of a person, in an image of 320 x 240
@@ -60,6 +60,7 @@ def main() -> int:
     parser.add_argument("--particle-ms", type=float, help="of the kernel (default: measured)")
     parser.add_argument("--seconds", type=float, default=PHASE_S, help="of each measurement")
     chosen = parser.parse_args()
+    CONTEXT.set_forkserver_preload(["tests.support.processes.bare_gepf", "benchmarks.costs.shared_pool"])
     particle_s = kernel_seconds() if chosen.particle_ms is None else 1e-3 * chosen.particle_ms
     print(f"one particle: {1e3 * particle_s:.2f} ms", flush=True)
     found = costs(chosen, particle_s) if chosen.rooms else fairness(chosen, particle_s)
