@@ -20,35 +20,26 @@ import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.table import Table
 
 from benchmarks.costs.service import processor_seconds
+from benchmarks.costs.sleeping_rooms import PARTICLES, POINTS, flood, track, work
 from benchmarks.running import command_line, keep, screen
-from gepf.common.body import BodyModel
-from gepf.common.camera import Intrinsics
-from gepf.common.frame import DepthFrame, SubjectFrame
 from gepf.common.refinement import Particles
 from gepf.common.settings import preset
-from gepf.coordinator.pool import scheduler
-from gepf.coordinator.pool.options import Pool
-from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
 from tests.support.processes.network import Host, Network
 from tests.support.processes.warm_processes import CONTEXT, gepf
 
 FPS, IN_TIME_S = 30.0, 0.067
-PARTICLES, POINTS, SHAPE = 20, 5_000, (220, 130)  # of a person, in an image of 320 x 240
-BEFORE_S, AFTER_S = 0.008, 0.002  # of the tracker before and after the refinement of a frame
 ROOMS, LANES, POOLS = 8, 4, (4, 2)  # coordinators; lanes of a worker; workers
 PHASE_S, SETTLE_S = 20.0, 3.0
 AWAY_S = 2.0  # for which a worker is away
-FLOOD, FLOOD_PARTICLES = 64, 1_000  # requests at each worker
 PORT = 7447
 
 
@@ -60,7 +51,7 @@ def main() -> int:
     parser.add_argument("--particle-ms", type=float, help="of the kernel (default: measured)")
     parser.add_argument("--seconds", type=float, default=PHASE_S, help="of each measurement")
     chosen = parser.parse_args()
-    CONTEXT.set_forkserver_preload(["tests.support.processes.bare_gepf", "benchmarks.costs.shared_pool"])
+    CONTEXT.set_forkserver_preload(["tests.support.processes.bare_gepf", "benchmarks.costs.sleeping_rooms"])
     particle_s = kernel_seconds() if chosen.particle_ms is None else 1e-3 * chosen.particle_ms
     print(f"one particle: {1e3 * particle_s:.2f} ms", flush=True)
     found = costs(chosen, particle_s) if chosen.rooms else fairness(chosen, particle_s)
@@ -145,66 +136,6 @@ def site(particle_s: float) -> Iterator[Site]:
         finally:
             for name in list(made.processes):
                 made.end(name)
-
-
-def work(endpoint: str, name: str, lanes: int, particle_s: float) -> None:
-    """A worker whose lanes sleep."""
-    from benchmarks.costs.waiting_workers import serve, waiting
-
-    serve(endpoint, name, waiting(particle_s, lanes))
-
-
-def person() -> tuple[BodyModel, SubjectFrame, Particles]:
-    """A body, a frame of its size, and particles."""
-    from gepf.common.activation import activate
-    from gepf.coordinator.bodies.human.template import DEFAULT_ACTIVE, human
-
-    template = human()
-    model = activate(template, DEFAULT_ACTIVE, np.zeros(len(template.dof_names)))
-    depth: NDArray[np.uint16] = np.random.default_rng(0).integers(1900, 2100, SHAPE, dtype=np.uint16)
-    camera = Intrinsics(SHAPE[1], SHAPE[0], 290.0, 290.0, SHAPE[1] / 2, SHAPE[0] / 2)
-    picked = np.linspace(0, depth.size - 1, POINTS).astype(np.uint32)
-    kinds = np.zeros(SHAPE, np.uint8)
-    subject = SubjectFrame(
-        DepthFrame(0, 0.0, depth, 1000.0, camera), picked, (0, 0, SHAPE[1], SHAPE[0]), kinds
-    )
-    poses = np.zeros((PARTICLES, len(model.dof_names)))
-    poses[:, 2] = 2.0
-    return model, subject, Particles(poses, preset("default").refine, covariance=True)
-
-
-def track(endpoint: str, file: Path, name: str, fps: float) -> None:
-    """A coordinator that takes the newest of its frames; writes when each came, and how soon it was known."""
-    model, subject, particles = person()
-    with ZenohRefiner(Pool(0, connect=endpoint, run=name)) as refiner, file.open("w", buffering=1) as log:
-        log.write(f"{fps}\n")
-        refiner.wait_for(1)
-        phase = int(name.strip("abcdefghijklmnopqrstuvwxyz")) / ROOMS  # cameras are not synchronous
-        begin, last = time.monotonic() + phase / fps, -1
-        while True:
-            number = int((time.monotonic() - begin) * fps)
-            if number <= last:
-                time.sleep(max(0.0, begin + (last + 1) / fps - time.monotonic()))
-                continue
-            time.sleep(BEFORE_S)
-            shown = replace(subject, frame=replace(subject.frame, number=number))
-            refiner.submit(shown, model, particles).result()
-            time.sleep(AFTER_S)
-            at, last = begin + number / fps, number
-            log.write(json.dumps([at, time.monotonic() - at]) + "\n")
-
-
-def flood(endpoint: str, name: str) -> None:
-    """A coordinator that keeps far more requests at each worker than one may, and large ones."""
-    vars(scheduler)["MAX_IN_FLIGHT"] = FLOOD
-    model, subject, particles = person()
-    many = replace(particles, poses=np.repeat(particles.poses, FLOOD_PARTICLES // PARTICLES, axis=0))
-    with ZenohRefiner(Pool(0, connect=endpoint, run=name)) as refiner:
-        refiner.wait_for(1)
-        pending = [refiner.submit(subject, model, many) for _ in range(FLOOD)]
-        while True:
-            pending.pop(0).result()
-            pending.append(refiner.submit(subject, model, many))
 
 
 def fairness(chosen: argparse.Namespace, particle_s: float) -> dict[str, Any]:
