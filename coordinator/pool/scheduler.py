@@ -28,6 +28,7 @@ from gepf.common.kernel import Offer
 MAX_IN_FLIGHT = 2  # requests at one worker, and spare ones per lane: the next one is there when one ends
 TICK_S = 0.1  # between checks of the clock; no request is late before
 LATE_FACTOR = 3.0  # a request is late after this multiple of the last time per particle
+LONG_WAIT_S = 0.02  # for others, at a worker, whereupon other workers are used: a turn of another run
 REST_S = 0.5  # pause of a worker without a result: it may be leaving or joining
 REQUEST_TIMEOUT_S = 30.0  # only a hanging worker takes so long
 
@@ -195,7 +196,7 @@ class Scheduler:
 
     def _preference(self, worker: Worker) -> tuple[int, bool, int]:
         """The worker with the lowest one comes first: few requests of our own, no wait for others."""
-        return len(worker.in_flight), worker.waits[False] > self._pace[False], self._rank(worker.name)
+        return len(worker.in_flight), worker.waits[False] > LONG_WAIT_S, self._rank(worker.name)
 
     def _awake(self, now: float) -> list[Worker]:
         return [worker for worker in self.workers.values() if worker.rests_until <= now]
