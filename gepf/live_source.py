@@ -13,6 +13,7 @@ from gepf.common.frame import DepthFrame
 from gepf.common.protocol.keys import check_stream
 from gepf.common.transport.bus import Bus
 from gepf.common.transport.opening import open_coordinator
+from gepf.common.transport.session import holder_name
 from gepf.coordinator.pool.options import Pool
 from gepf.coordinator.security.access import TlsFiles, choose_security
 from gepf.coordinator.sources.live import LiveFrames, from_first_seen
@@ -95,7 +96,7 @@ def live(
     path = Path(key)
     cameras = live_cameras(path) if path.suffix == ".json" else [LiveCamera(str(key))]
     for camera in cameras:
-        check_stream(camera.key, security and security.holder)
+        check_stream(camera.key, holder_name(security))
     if not cameras:
         raise InputError(f"{key} is not a rig with live cameras (zenoh:KEY); open_source reads recordings")
     return LiveSource(cameras, reached, idle_timeout)

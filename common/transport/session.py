@@ -39,10 +39,10 @@ class Security:
     workers: tuple[str, ...] | None = None  # None for no access control
     coordinators: tuple[str, ...] = (COORDINATOR,)
 
-    @property
-    def holder(self) -> str:
-        """The name in the certificate."""
-        return holder_of(self.credentials)
+
+def holder_name(security: Security | None) -> str | None:
+    """The name in the certificate; None without one."""
+    return None if security is None else holder_of(security.credentials)
 
 
 def session_settings(

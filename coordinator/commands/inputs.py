@@ -19,6 +19,7 @@ from gepf.common.errors import InputError
 from gepf.common.frame import DepthFrame
 from gepf.common.protocol.keys import check_stream, of_live
 from gepf.common.transport.channels import Publisher
+from gepf.common.transport.session import holder_name
 from gepf.coordinator.bodies.angles import is_person
 from gepf.coordinator.bodies.choice import choose_bodies
 from gepf.coordinator.commands.job import Job
@@ -211,7 +212,7 @@ class LiveInput(Input):
                 raise InputError(f"{option} is for recorded sequences; leave it out with live input")
         if not vendor_of(job.sequence) and job.pool.listen is None and job.pool.connect is None:
             raise InputError("no publisher could connect; add --listen or --connect with an endpoint")
-        holder = job.pool.security and job.pool.security.holder
+        holder = holder_name(job.pool.security)
         if holder and (vendor := vendor_of(job.sequence)):
             cameras = [replace(each, key=of_live(holder, vendor)) for each in cameras]
         keys = [each.key for each in cameras]

@@ -24,7 +24,7 @@ from gepf.common.transport.bus import Bus
 from gepf.common.transport.channels import Publisher
 from gepf.common.transport.endpoints import LOCAL, protocol_of
 from gepf.common.transport.opening import open_coordinator, private_folder
-from gepf.common.transport.session import COORDINATOR
+from gepf.common.transport.session import COORDINATOR, holder_name
 from gepf.coordinator.pool.local_worker import LocalWorker
 from gepf.coordinator.pool.options import Pool, PoolStatistics
 from gepf.coordinator.pool.rpc_client import Refinement, RpcClient
@@ -87,7 +87,7 @@ class ZenohRefiner(Refiner, Closing):
 
     def __init__(self, pool: Pool, report: Callable[[str], None] = lambda _: None) -> None:
         name = keys.check_name("run", pool.run or uuid.uuid4().hex[:12])
-        holder = COORDINATOR if pool.security is None else pool.security.holder
+        holder = holder_name(pool.security) or COORDINATOR
         self.run = f"{holder}/{name}"
         self._pool = pool
         self._report = report
