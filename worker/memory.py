@@ -1,7 +1,7 @@
 """The cache of a worker: frames by number and models by hash. Missing ones are fetched from the run.
 
-Frames of a run are received from its first request on, and no longer than there are requests: when as many
-as are kept have come in vain, the worker asks for no more. All sizes are bounded; the least recently used
+Frames of a run are received from its first request on, and no longer than there are requests: when many have
+come in vain, the worker asks for no more. All sizes are bounded; the least recently used
 entry is dropped first.
 """
 
@@ -27,6 +27,7 @@ from gepf.common.transport.bus import Bus
 FRAME_DELAY_S = 0.2  # longest delay of a published frame after the first request for it
 MOST_FRAMES = 16 * FRAMES_KEPT  # of all runs; of each run at least two, the present one and the next
 MOST_RUNS = 256
+MOST_UNASKED = 32  # frames of a run without a request in between: those of a second, or of many people
 
 
 @dataclass(slots=True, eq=False)
@@ -164,7 +165,7 @@ class Memory:
                 if memory is None:
                     return
                 memory.newest, memory.unasked = max(memory.newest, number), memory.unasked + 1
-                if memory.unasked > FRAMES_KEPT:
+                if memory.unasked > MOST_UNASKED:
                     self._drop(run)
                     return
                 put_recent(memory.frames, number, payload, self._kept)

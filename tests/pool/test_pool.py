@@ -138,7 +138,7 @@ def test_a_frame_sent_ahead_is_ready_when_its_turn_comes(endpoint: str) -> None:
         pending = refiner.submit(present, MODEL, PARTICLES)
         refiner.publish(coming)
         one = pending.result()
-        assert [observed.get(timeout=60.0) for _ in range(2)] == [1, 2]
+        assert {observed.get(timeout=60.0) for _ in range(2)} == {1, 2}
         assert prepared.get(timeout=60.0) == SETTINGS
         again = refiner.submit(present, MODEL, PARTICLES).result()
         two = refiner.submit(coming, MODEL, PARTICLES).result()
@@ -213,7 +213,7 @@ def test_a_frame_sent_ahead_that_makes_no_sense_harms_its_own_turn_alone(endpoin
         pending = refiner.submit(frame(1), MODEL, PARTICLES)
         refiner.publish(coming)
         one = pending.result()
-        assert [tried.get(timeout=60.0) for _ in range(2)] == [1, 2]
+        assert {tried.get(timeout=60.0) for _ in range(2)} == {1, 2}
         with pytest.raises(ProtocolError, match="it hurts"):
             refiner.submit(coming, MODEL, PARTICLES).result()
         three = refined_bytes(refiner, 3)
