@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import Counter
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
 from queue import SimpleQueue
@@ -217,14 +218,20 @@ def kernel_of(kind: str, processor: str) -> Kernel:
     return Kernel(observe, refine, Offer(kind, processor))
 
 
+def step_until(refiner: ZenohRefiner, happened: Callable[[], bool]) -> None:
+    """Let a coordinator go on until something has happened."""
+    while not happened():
+        refiner._client.step()
+
+
 def test_why_no_worker_is_used_is_said(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Also if the first foreign worker comes after the run has said that it waits."""
     monkeypatch.setattr("gepf.coordinator.pool.rpc_client.NOTICE_S", 0.0)
     said = list[str]()
     with ZenohRefiner(Pool(0, listen=endpoint), said.append) as refiner:
-        wait_until(lambda: refiner._client.step() or said != [])  # type: ignore[func-returns-value]
+        step_until(refiner, lambda: said != [])
         with serving(endpoint, "gpu", kernel_of("cuda", "h100")):
-            wait_until(lambda: refiner._client.step() or len(said) > 1)  # type: ignore[func-returns-value]
+            step_until(refiner, lambda: len(said) > 1)
     assert said[0] == "no worker is connected; waiting for one"
     assert said[1].startswith("no worker of kind 'cpu' is connected, and those of kind cuda are not used; ")
 

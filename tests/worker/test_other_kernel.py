@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from gepf.common.errors import ProtocolError
+from gepf.common.kernel import Offer
 from gepf.common.protocol import keys
 from tests.support.processes.programs import WORKER, started
 from tests.support.processes.serving import MODEL, PARTICLES, frame, pool
@@ -68,7 +70,7 @@ def test_a_kind_that_is_not_installed_is_refused_in_one_line(endpoint: str) -> N
 def test_an_offer_that_is_none_is_not_read() -> None:
     """Another version's or a hostile token is refused with its key; a valid one comes out as it went in."""
     for what in ("alive", "offer/cpu/any/0/1", "offer/cpu/any/1", "offer/cpu/any/1/x", "offer/a/b/1/99999"):
-        with pytest.raises(keys.ProtocolError, match="is not an offer"):
+        with pytest.raises(ProtocolError, match="is not an offer"):
             keys.read_offer(keys.of_worker("w", what))
-    offer = keys.Offer("cuda", "sm-90", 2, 64)
+    offer = Offer("cuda", "sm-90", 2, 64)
     assert keys.read_offer(keys.offer_key("w", offer)) == offer
