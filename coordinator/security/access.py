@@ -91,5 +91,6 @@ def choose_security(
             f"certificate {credentials.cert} is for '{name}', not for {known}; give that one, "
             f"or list '{name}' in {roster}"
         )
-    workers = None if listen is None else read_workers(credentials.ca)
-    return Security(credentials, workers, coordinators)
+    if listen is None:
+        return Security(credentials)
+    return Security(credentials, read_workers(credentials.ca), coordinators)

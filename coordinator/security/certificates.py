@@ -60,7 +60,7 @@ def make_certificates(
     admitted = tuple(dict.fromkeys((*read_coordinators(folder / f"{AUTHORITY}.pem"), *coordinators)))
     if several := sorted({*admitted, ROUTER, AUTHORITY} & {*listed} | {*admitted} & {ROUTER, AUTHORITY}):
         raise InputError(f"two have the name '{several[0]}'; give workers and coordinators other names")
-    hosts_of = {**dict.fromkeys((*admitted, *listed), ()), COORDINATOR: hosts, ROUTER: hosts}
+    hosts_of = {COORDINATOR: hosts, ROUTER: hosts, **dict.fromkeys((*admitted[1:], *listed), ())}
     new = [name for name in hosts_of if not is_good(folder / f"{name}.pem", hosts_of[name], authority)]
     for name in new:
         save(folder, name, issue(name, hosts_of[name], authority, dt.timedelta(days=days)))
