@@ -11,35 +11,16 @@ Then `gepf-worker --kind cuda` serves with it, and `gepf track --kind cuda` uses
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from gepf.common.body import BodyModel
 from gepf.common.frame import SubjectFrame
+from gepf.common.offer import Offer
 from gepf.common.refinement import Particles, Refined
 from gepf.common.settings import RefineSettings
 
-CPU = "cpu"  # kind of the kernel of this package
 ENTRY_POINTS = "gepf.kernels"  # group of the functions that load other kinds, by kind
-
-
-@dataclass(frozen=True, slots=True)
-class Offer:
-    """What a worker offers. Results of one kind and processor have the same bytes.
-
-    lanes: number of requests of searches, or of particles of another request, that are refined in parallel.
-    batch: number of particles that one lane refines in the time of one.
-    """
-
-    kind: str = CPU
-    processor: str = "any"
-    lanes: int = 1
-    batch: int = 1
-
-    @property
-    def slots(self) -> int:
-        """Number of particles that are refined in parallel."""
-        return self.lanes * self.batch
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,4 +35,4 @@ class Kernel:
 
     observe: Callable[[SubjectFrame, RefineSettings], Any]
     refine: Callable[[BodyModel, Any, Particles], Refined]
-    offer: Offer = Offer()
+    offer: Offer = field(default_factory=Offer)

@@ -24,7 +24,8 @@ from typer import Option
 from gepf.common.bounds import MAX_PARTICLES
 from gepf.common.cores import usable_cores
 from gepf.common.errors import GepfError, InputError
-from gepf.common.kernel import CPU, ENTRY_POINTS, Kernel, Offer
+from gepf.common.kernel import ENTRY_POINTS, Kernel
+from gepf.common.offer import CPU, Offer
 from gepf.common.protocol.keys import check_name
 from gepf.common.transport.credentials import Credentials, check_holder, holder_of, read_credentials
 from gepf.common.transport.endpoints import CONNECT, check_endpoint

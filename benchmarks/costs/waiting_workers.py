@@ -13,7 +13,8 @@ import time
 
 from gepf.common.body import BodyModel
 from gepf.common.frame import SubjectFrame
-from gepf.common.kernel import Kernel, Offer
+from gepf.common.kernel import Kernel
+from gepf.common.offer import Offer
 from gepf.common.refinement import Particles, Refined
 from gepf.common.settings import RefineSettings
 from gepf.common.transport.opening import open_worker

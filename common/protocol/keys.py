@@ -22,7 +22,7 @@ from __future__ import annotations
 import re
 
 from gepf.common.errors import InputError, ProtocolError
-from gepf.common.kernel import Offer
+from gepf.common.offer import Offer
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 RUN = re.compile(rf"{NAME.pattern}/{NAME.pattern}")

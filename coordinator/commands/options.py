@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gepf.common.bounds import LARGEST, MAX_PARTICLES, SMALLEST
-from gepf.common.kernel import CPU
+from gepf.common.offer import CPU
 
 if TYPE_CHECKING:
     from gepf.common.transport.session import Security

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from gepf.common.errors import BusError
-from gepf.common.kernel import CPU
+from gepf.common.offer import CPU
 from gepf.common.protocol import keys
 from gepf.common.transport.bus import Bus
 from gepf.common.transport.channels import ANSWER_S

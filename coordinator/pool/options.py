@@ -7,7 +7,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 
 from gepf.common.cores import usable_cores
-from gepf.common.kernel import CPU
+from gepf.common.offer import CPU
 from gepf.common.transport.session import Security
 
 WORKER_COMMAND = (sys.executable, "-P", "-m", "gepf.worker.cli")

@@ -12,7 +12,7 @@ from itertools import chain
 from queue import Empty, SimpleQueue
 
 from gepf.common.errors import NoWorkers, ProtocolError, SilentWorkers, VersionError
-from gepf.common.kernel import Offer
+from gepf.common.offer import Offer
 from gepf.common.protocol import keys
 from gepf.common.protocol.messages import RefineRequest, decode_refined, decode_refusal, encode_request
 from gepf.common.refinement import Refined, concatenate

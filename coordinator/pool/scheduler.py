@@ -23,7 +23,7 @@ from typing import Literal
 
 from gepf.common.bounds import MAX_PARTICLES
 from gepf.common.errors import ProtocolError, SilentWorkers
-from gepf.common.kernel import Offer
+from gepf.common.offer import Offer
 
 MAX_IN_FLIGHT = 2  # requests at one worker, and spare ones per lane: the next one is there when one ends
 TICK_S = 0.1  # between checks of the clock; no request is late before

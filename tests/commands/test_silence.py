@@ -14,7 +14,7 @@ from rich.console import Console
 from gepf.common.body import BodyModel
 from gepf.common.errors import SilentWorkers
 from gepf.common.frame import SubjectFrame
-from gepf.common.kernel import Offer
+from gepf.common.offer import Offer
 from gepf.common.protocol import keys
 from gepf.common.refinement import Particles
 from gepf.common.transport.channels import IncomingRequest

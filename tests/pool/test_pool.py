@@ -16,7 +16,8 @@ import pytest
 
 from gepf.common.errors import InputError, NoWorkers, ProtocolError
 from gepf.common.frame import SubjectFrame
-from gepf.common.kernel import Kernel, Offer
+from gepf.common.kernel import Kernel
+from gepf.common.offer import Offer
 from gepf.common.protocol import keys
 from gepf.common.protocol.messages import decode_refusal, encode_refusal, encode_request
 from gepf.common.protocol.wire import PROTOCOL

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gepf.common.errors import ProtocolError, SilentWorkers
-from gepf.common.kernel import Offer
+from gepf.common.offer import Offer
 from gepf.coordinator.pool.scheduler import Outcome, Request, Scheduler, split
 
 Event = Callable[[Scheduler, float], list[Request]]

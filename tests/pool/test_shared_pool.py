@@ -15,7 +15,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gepf.common.errors import NoWorkers
-from gepf.common.kernel import Kernel, Offer
+from gepf.common.kernel import Kernel
+from gepf.common.offer import Offer
 from gepf.common.refinement import Particles, Refined
 from gepf.common.transport.opening import open_router, open_worker
 from gepf.coordinator.pool.options import Pool

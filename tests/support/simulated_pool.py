@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import count
 
-from gepf.common.kernel import Offer
+from gepf.common.offer import Offer
 from gepf.coordinator.pool.scheduler import TICK_S, Batch, Request, Scheduler, Worker
 from gepf.worker.service import PARTICLES_A_TURN
 from gepf.worker.turns import Turns

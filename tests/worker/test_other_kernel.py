@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from gepf.common.errors import ProtocolError
-from gepf.common.kernel import Offer
+from gepf.common.offer import Offer
 from gepf.common.protocol import keys
 from tests.support.processes.programs import WORKER, started
 from tests.support.processes.serving import MODEL, PARTICLES, frame, pool
@@ -17,7 +17,8 @@ from tests.support.processes.serving import MODEL, PARTICLES, frame, pool
 CODE = """
 import sys
 import numpy as np
-from gepf.common.kernel import Kernel, Offer
+from gepf.common.kernel import Kernel
+from gepf.common.offer import Offer
 from gepf.common.refinement import Refined
 
 def load(lanes):

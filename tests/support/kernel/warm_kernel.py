@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from gepf.common.kernel import Kernel, Offer
+from gepf.common.kernel import Kernel
+from gepf.common.offer import Offer
 from gepf.worker.cli import load_kernel
 from gepf.worker.lanes import Lanes
 

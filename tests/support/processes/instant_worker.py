@@ -12,7 +12,8 @@ import numpy as np
 from gepf.common.body import BodyModel
 from gepf.common.cores import usable_cores
 from gepf.common.frame import SubjectFrame
-from gepf.common.kernel import Kernel, Offer
+from gepf.common.kernel import Kernel
+from gepf.common.offer import Offer
 from gepf.common.refinement import Particles, Refined
 from gepf.common.settings import RefineSettings
 from gepf.worker import cli
