@@ -148,16 +148,16 @@ def find_kernel(kind: str) -> Callable[[int | None], Kernel]:
     """The function that loads the kernel of a kind; InputError if no installed package has it."""
     if kind == CPU:
         return load_kernel
-    found = entry_points(group=ENTRY_POINTS)
-    if kind not in found.names:
-        kinds = ", ".join(sorted({CPU, *found.names}))
+    installed = entry_points(group=ENTRY_POINTS)
+    if kind not in installed.names:
+        kinds = ", ".join(sorted({CPU, *installed.names}))
         raise InputError(f"no kernel of kind '{kind}' is installed; install its package, or give {kinds}")
     check_name("kind of kernel", kind)
 
     def load(lanes: int | None) -> Kernel:
-        kernel: Kernel = found[kind].load()(lanes)
+        kernel: Kernel = installed[kind].load()(lanes)
         if kernel.offer.kind != kind:
-            raise InputError(f"{found[kind].value} loads a kernel of kind '{kernel.offer.kind}' instead")
+            raise InputError(f"{installed[kind].value} loads a kernel of kind '{kernel.offer.kind}' instead")
         check_name("processor", kernel.offer.processor)
         return kernel
 

@@ -1,8 +1,8 @@
 """The cache of a worker: frames by number and models by hash. Missing ones are fetched from the run.
 
-Frames of a run are received from its first request on, and no longer than there are requests: when many have
-come in vain, the worker asks for no more. All sizes are bounded; the least recently used
-entry is dropped first.
+Frames of a run are received from its first request on. When many have come without a request, the worker
+receives no more of them, until there is a request again. All sizes are bounded; the least recently used entry
+is dropped first.
 """
 
 from __future__ import annotations

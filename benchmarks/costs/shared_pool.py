@@ -9,6 +9,10 @@ By default eight rooms share 16 lanes, and then 8, while all is calm, while work
 coordinator was killed, and beside one that floods the workers with requests of 1 000 particles. The share of
 frames that are known within 67 ms is compared with that of one room that has its share of the lanes alone.
 With --rooms, so many coordinators have two lanes each, and what a frame costs is measured.
+
+The protocol itself needs about two cores for eight rooms, and with less all rooms are late. With --slow K all
+simulated times are K times as long and frames come K times as rarely: what is not simulated has K times as
+much of the processor, as on a machine with K times as many cores. Delays are given without the factor.
 """
 
 from __future__ import annotations
@@ -26,6 +30,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import psutil  # type: ignore[import-untyped]
 from rich.table import Table
 
 from benchmarks.costs.service import processor_seconds
@@ -48,14 +53,15 @@ def main() -> int:
     parser = command_line("costs.shared_pool", __doc__)
     parser.add_argument("--rooms", type=int, nargs="+", metavar="N", help="measure costs with N coordinators")
     parser.add_argument("--fps", type=float, default=FPS, help="frames per second of --rooms")
+    parser.add_argument("--slow", type=float, default=1.0, metavar="K", help="slow motion (default: none)")
     parser.add_argument("--particle-ms", type=float, help="of the kernel (default: measured)")
     parser.add_argument("--seconds", type=float, default=PHASE_S, help="of each measurement")
     chosen = parser.parse_args()
     CONTEXT.set_forkserver_preload(["tests.support.processes.bare_gepf", "benchmarks.costs.sleeping_rooms"])
     particle_s = kernel_seconds() if chosen.particle_ms is None else 1e-3 * chosen.particle_ms
     print(f"one particle: {1e3 * particle_s:.2f} ms", flush=True)
-    found = costs(chosen, particle_s) if chosen.rooms else fairness(chosen, particle_s)
-    keep({"particle_s": particle_s, **found}, chosen.out)
+    results = costs(chosen, particle_s) if chosen.rooms else fairness(chosen, particle_s)
+    keep({"particle_s": particle_s, **results}, chosen.out)
     return 0
 
 
@@ -80,6 +86,7 @@ class Site:
     network: Network
     folder: Path
     particle_s: float
+    slow: float
     hosts: dict[str, Host] = field(default_factory=dict)
     processes: dict[str, BaseProcess] = field(default_factory=dict)
 
@@ -101,11 +108,12 @@ class Site:
 
     def start_worker(self, name: str, lanes: int = LANES) -> None:
         """Start a worker."""
-        self.start(name, work, self.endpoint, name, lanes, self.particle_s)
+        self.start(name, work, self.endpoint, name, lanes, self.particle_s * self.slow)
 
     def start_room(self, name: str, fps: float = FPS) -> None:
         """Start a coordinator."""
-        self.start(name, track, self.endpoint, self.folder / f"{name}.json", name, fps)
+        file = self.folder / f"{name}.json"
+        self.start(name, track, self.endpoint, file, name, fps / self.slow, self.slow)
 
     def end(self, name: str) -> None:
         """Kill a process."""
@@ -116,7 +124,8 @@ class Site:
     def frames(self, room: str, begin: float, end: float) -> dict[str, float]:
         """The share of a room's frames in a period that were known in time, and the median delay."""
         lines = (self.folder / f"{room}.json").read_text().splitlines()
-        delays = np.array([delay for at, delay in map(json.loads, lines[1:]) if begin <= at < end])
+        entries = [json.loads(line) for line in lines[1:]]
+        delays = np.array([delay / self.slow for at, delay in entries if begin <= at < end])
         count = (end - begin) * json.loads(lines[0])
         return {
             "known_percent": 100.0 * float((delays <= IN_TIME_S).sum()) / count,
@@ -126,10 +135,10 @@ class Site:
 
 
 @contextmanager
-def site(particle_s: float) -> Iterator[Site]:
+def site(particle_s: float, slow: float) -> Iterator[Site]:
     """Hosts with a router; all that runs there ends with it."""
     with tempfile.TemporaryDirectory() as folder, Network() as network:
-        made = Site(network, Path(folder), particle_s)
+        made = Site(network, Path(folder), particle_s, slow)
         try:
             made.start_router()
             yield made
@@ -142,62 +151,65 @@ def fairness(chosen: argparse.Namespace, particle_s: float) -> dict[str, Any]:
     """The share of each room, beside that of a room alone."""
     results = []
     for workers in POOLS:
-        alone = room_alone(workers * LANES // ROOMS, chosen.seconds, particle_s)
-        phases = rooms_together(workers, chosen.seconds, particle_s)
+        with site(particle_s, chosen.slow) as shared:
+            alone = room_alone(shared, workers * LANES // ROOMS, chosen.seconds)
+        with site(particle_s, chosen.slow) as shared:
+            phases = rooms_together(shared, workers, chosen.seconds)
         results.append({"lanes": workers * LANES, "alone": alone, "phases": phases})
         table = Table(title=f"{ROOMS} rooms, {workers * LANES} lanes; alone {alone['known_percent']:.1f} %")
-        for column in ("", "least known %", "mean", "of fair share %", "median ms, largest"):
+        for column in ("", "least known %", "mean", "of fair share %", "median ms, largest", "cores busy"):
             table.add_column(column)
-        for name, rooms in phases.items():
-            known = [each["known_percent"] for each in rooms.values()]
-            late = max(each["median_ms"] for each in rooms.values())
-            fair = 100.0 * min(known) / alone["known_percent"]
-            table.add_row(name, f"{min(known):.1f}", f"{np.mean(known):.1f}", f"{fair:.0f}", f"{late:.0f}")
+        for name, phase in phases.items():
+            shares = [room["known_percent"] for room in phase["rooms"].values()]
+            slowest = max(room["median_ms"] for room in phase["rooms"].values())
+            values = min(shares), np.mean(shares), 100.0 * min(shares) / alone["known_percent"], slowest
+            table.add_row(name, *(f"{value:.1f}" for value in (*values, phase["cores"])))
         screen().print(table)
     return {"pools": results}
 
 
-def room_alone(lanes: int, seconds: float, particle_s: float) -> dict[str, float]:
+def room_alone(alone: Site, lanes: int, seconds: float) -> dict[str, float]:
     """One room with its share of the lanes."""
-    with site(particle_s) as alone:
-        alone.start_worker("w0", lanes)
-        alone.start_room("room0")
-        begin = await_frames(alone, ["room0"])
-        time.sleep(seconds)
-        return alone.frames("room0", begin, begin + seconds)
+    alone.start_worker("w0", lanes)
+    alone.start_room("room0")
+    begin = await_frames(alone, ["room0"])
+    time.sleep(seconds)
+    return alone.frames("room0", begin, begin + seconds)
 
 
-def rooms_together(workers: int, seconds: float, particle_s: float) -> dict[str, dict[str, dict[str, float]]]:
-    """For each disturbance, what the rooms get that are not disturbed themselves."""
+def rooms_together(shared: Site, workers: int, seconds: float) -> dict[str, Any]:
+    """For each disturbance, what the undisturbed rooms get, and how many cores are busy."""
     rooms = [f"room{n}" for n in range(ROOMS)]
-    with site(particle_s) as shared:
-        for n in range(workers):
-            shared.start_worker(f"w{n}")
-        for room in rooms:
-            shared.start_room(room)
-        await_frames(shared, rooms)
-        phases, last = {}, rooms[-1]
+    for n in range(workers):
+        shared.start_worker(f"w{n}")
+    for room in rooms:
+        shared.start_room(room)
+    await_frames(shared, rooms)
+    phases, last = {}, rooms[-1]
 
-        def measure(name: str, begin: float) -> None:
-            end = begin + seconds
-            time.sleep(max(0.0, end + 1.0 - time.monotonic()))
-            present = [room for room in rooms if room in shared.processes]
-            phases[name] = {room: shared.frames(room, begin, end) for room in present}
+    def measure(name: str, begin: float) -> None:
+        end = begin + seconds
+        time.sleep(max(0.0, end + 1.0 - time.monotonic()))
+        busy = 0.01 * psutil.cpu_percent() * psutil.cpu_count()  # since the last phase
+        present = [room for room in rooms if room in shared.processes]
+        known = {room: shared.frames(room, begin, end) for room in present}
+        phases[name] = {"cores": busy, "rooms": known}
 
-        measure("calm", time.monotonic())
-        begin = time.monotonic()
-        for n in range(int(seconds / AWAY_S / 2)):
-            shared.end(f"w{n % workers}")
-            time.sleep(AWAY_S)
-            shared.start_worker(f"w{n % workers}")
-            time.sleep(AWAY_S)
-        measure("workers leave and join", begin)
-        begin = time.monotonic()
-        shared.end(last)
-        measure("a coordinator is killed", begin)
-        begin = time.monotonic()
-        shared.start("flood", flood, shared.endpoint, "flood0")
-        measure("another floods", begin)
+    psutil.cpu_percent()
+    measure("calm", time.monotonic())
+    begin = time.monotonic()
+    for n in range(int(seconds / AWAY_S / 2)):
+        shared.end(f"w{n % workers}")
+        time.sleep(AWAY_S)
+        shared.start_worker(f"w{n % workers}")
+        time.sleep(AWAY_S)
+    measure("workers leave and join", begin)
+    begin = time.monotonic()
+    shared.end(last)
+    measure("a coordinator is killed", begin)
+    begin = time.monotonic()
+    shared.start("flood", flood, shared.endpoint, "flood0")
+    measure("another floods", begin)
     return phases
 
 
@@ -217,59 +229,60 @@ def costs(chosen: argparse.Namespace, particle_s: float) -> dict[str, Any]:
     """What a frame costs of each part, for several numbers of rooms."""
     rows = []
     for count in chosen.rooms:
-        rows.append(cost(count, chosen.fps, chosen.seconds, particle_s))
+        with site(particle_s, chosen.slow) as shared:
+            rows.append(cost(shared, count, chosen.fps, chosen.seconds))
         print(json.dumps(rows[-1]), flush=True)
     return {"fps": chosen.fps, "costs": rows}
 
 
-def cost(count: int, fps: float, seconds: float, particle_s: float) -> dict[str, float]:
+def cost(shared: Site, count: int, fps: float, seconds: float) -> dict[str, float]:
     """Processor time and traffic of one frame, memory, and the share of frames known in time."""
     rooms, workers = [f"room{n}" for n in range(count)], [f"w{n}" for n in range(max(1, count // 2))]
-    with site(particle_s) as shared:
-        for worker in workers:
-            shared.start_worker(worker, 2 if count == 1 else LANES)
-        for room in rooms:
-            shared.start_room(room, fps)
-        begin = await_frames(shared, rooms)
-        before = spent(shared)
-        time.sleep(seconds)
-        used = {name: now - before[name] for name, now in spent(shared).items()}
-        end = time.monotonic()
-        known = [shared.frames(room, begin, end) for room in rooms]
+    for worker in workers:
+        shared.start_worker(worker, 2 if count == 1 else LANES)
+    for room in rooms:
+        shared.start_room(room, fps)
+    begin = await_frames(shared, rooms)
+    before = spent(shared)
+    time.sleep(seconds)
+    used = {name: now - before[name] for name, now in spent(shared).items()}
+    end = time.monotonic()
+    results = [shared.frames(room, begin, end) for room in rooms]
 
-        def total(names: Sequence[str], what: str) -> float:
-            return sum(used[f"{name} {what}"] for name in names)
+    def total(names: Sequence[str], what: str) -> float:
+        return sum(used[f"{name} {what}"] for name in names)
 
-        done = sum(each["frames"] for each in known)
-        return {
-            "rooms": count,
-            "workers": len(workers),
-            "known_percent_least": min(each["known_percent"] for each in known),
-            "known_percent": float(np.mean([each["known_percent"] for each in known])),
-            "median_ms": float(np.median([each["median_ms"] for each in known])),
-            "frames_per_second": done / (end - begin),
-            "coordinator_ms": 1e3 * total(rooms, "cpu") / done,
-            "router_ms": 1e3 * total(["router"], "cpu") / done,
-            "workers_ms": 1e3 * total(workers, "cpu") / done,
-            "cores": total(["router", *rooms, *workers], "cpu") / (end - begin),
-            "worker_in_mbit": 8e-6 * total(workers, "received") / len(workers) / (end - begin),
-            "router_in_mbit": 8e-6 * total(["router"], "received") / (end - begin),
-            "room_out_mbit": 8e-6 * total(rooms, "sent") / count / (end - begin),
-            "coordinator_mb": max(memory(shared.processes[room]) for room in rooms),
-            "worker_mb": max(memory(shared.processes[worker]) for worker in workers),
-            "router_mb": memory(shared.processes["router"]),
-        }
+    done = sum(room["frames"] for room in results)
+    return {
+        "rooms": count,
+        "workers": len(workers),
+        "known_percent_least": min(room["known_percent"] for room in results),
+        "known_percent": float(np.mean([room["known_percent"] for room in results])),
+        "median_ms": float(np.median([room["median_ms"] for room in results])),
+        "frames_per_second": done / (end - begin),
+        "coordinator_ms": 1e3 * total(rooms, "cpu") / done,
+        "router_ms": 1e3 * total(["router"], "cpu") / done,
+        "workers_ms": 1e3 * total(workers, "cpu") / done,
+        "cores": total(["router", *rooms, *workers], "cpu") / (end - begin),
+        "worker_in_kb": 1e-3 * total(workers, "received") / done,
+        "router_in_kb": 1e-3 * total(["router"], "received") / done,
+        "router_out_kb": 1e-3 * total(["router"], "sent") / done,
+        "room_out_kb": 1e-3 * total(rooms, "sent") / done,
+        "coordinator_mb": max(memory(shared.processes[room]) for room in rooms),
+        "worker_mb": max(memory(shared.processes[worker]) for worker in workers),
+        "router_mb": memory(shared.processes["router"]),
+    }
 
 
 def spent(shared: Site) -> dict[str, float]:
     """Processor seconds of each process, and bytes that its host has received and sent."""
-    found = {}
+    counters = {}
     for name, process in shared.processes.items():
-        found[f"{name} cpu"] = processor_seconds(process.pid or 0)
+        counters[f"{name} cpu"] = processor_seconds(process.pid or 0)
         lines = Path(f"/proc/{shared.hosts[name].pid}/net/dev").read_text().splitlines()
         counts = next(line for line in lines if "eth0:" in line).split(":")[1].split()
-        found[f"{name} received"], found[f"{name} sent"] = float(counts[0]), float(counts[8])
-    return found
+        counters[f"{name} received"], counters[f"{name} sent"] = float(counts[0]), float(counts[8])
+    return counters
 
 
 def memory(process: BaseProcess) -> float:

@@ -48,8 +48,11 @@ def person() -> tuple[BodyModel, SubjectFrame, Particles]:
     return model, subject, Particles(poses, preset("default").refine, covariance=True)
 
 
-def track(endpoint: str, file: Path, name: str, fps: float) -> None:
-    """A coordinator that takes the newest of its frames; writes when each came, and how soon it was known."""
+def track(endpoint: str, file: Path, name: str, fps: float, slow: float) -> None:
+    """A coordinator that takes the newest of its frames; writes when each came, and how soon it was known.
+
+    What it sleeps for takes `slow` times as long.
+    """
     model, subject, particles = person()
     with ZenohRefiner(Pool(0, connect=endpoint, run=name)) as refiner, file.open("w", buffering=1) as log:
         log.write(f"{fps}\n")
@@ -61,10 +64,10 @@ def track(endpoint: str, file: Path, name: str, fps: float) -> None:
             if number <= last:
                 time.sleep(max(0.0, begin + (last + 1) / fps - time.monotonic()))
                 continue
-            time.sleep(BEFORE_S)
+            time.sleep(BEFORE_S * slow)
             shown = replace(subject, frame=replace(subject.frame, number=number))
             refiner.submit(shown, model, particles).result()
-            time.sleep(AFTER_S)
+            time.sleep(AFTER_S * slow)
             at, last = begin + number / fps, number
             log.write(json.dumps([at, time.monotonic() - at]) + "\n")
 

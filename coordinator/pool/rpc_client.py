@@ -8,7 +8,6 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
-from itertools import chain
 from queue import Empty, SimpleQueue
 
 from gepf.common.errors import NoWorkers, ProtocolError, SilentWorkers, VersionError
@@ -161,15 +160,16 @@ class RpcClient:
 
     def _foreign(self) -> str:
         """The kinds of the present workers, if none is used."""
-        return ", ".join(sorted({each.kind for each in chain(*map(dict.values, self._offers.values()))}))
+        kinds = {offer.kind for offers in self._offers.values() for offer in offers.values()}
+        return " or ".join(sorted(kinds))
 
     def _explain(self) -> str:
         """Why there is no worker."""
         if self._pool.lanes:
             return "the local worker is not ready yet; the first time, compiling takes about a minute"
         if foreign := self._foreign():
-            others = f"those of kind {foreign} are not used; {self._advise()}"
-            return f"no worker of kind '{self._pool.kind}' is connected, and {others}"
+            missing = f"no worker of kind '{self._pool.kind}' is connected"
+            return f"{missing}, and those of kind {foreign} are not used; {self._advise()}"
         return "no worker is connected; waiting for one"
 
     def _advise(self) -> str:
@@ -203,10 +203,10 @@ class RpcClient:
     def _welcome(self, worker: str, offer: Offer) -> None:
         """A worker that is used has joined, or offers something else."""
         if self.seen and offer.processor not in self.seen.values():
-            others = ", ".join(sorted(set(self.seen.values())))
+            earlier = ", ".join(sorted(set(self.seen.values())))
             self._report(
-                f"worker {worker} has another processor ({offer.processor}) than others ({others}): "
-                "another run may have other last digits"
+                f"worker {worker} has another processor ({offer.processor}) than the workers before it "
+                f"({earlier}); if this run is repeated, the last digits may differ"
             )
         self.seen[worker] = offer.processor
         if worker not in self._senders:

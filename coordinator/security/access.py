@@ -86,9 +86,9 @@ def choose_security(
     if holder is not None:
         check_holder(credentials, holder)
     elif (name := holder_of(credentials)) not in coordinators:
-        known, roster = " or ".join(map(repr, coordinators)), credentials.ca.parent / COORDINATORS_FILE
+        admitted, roster = " or ".join(map(repr, coordinators)), credentials.ca.parent / COORDINATORS_FILE
         raise InputError(
-            f"certificate {credentials.cert} is for '{name}', not for {known}; give that one, "
+            f"certificate {credentials.cert} is for '{name}', not for {admitted}; give that one, "
             f"or list '{name}' in {roster}"
         )
     if listen is None:

@@ -199,7 +199,7 @@ class Liar(Service):
         while True:
             answer = self._mutator.mutate(honest)
             try:
-                messages.decode_refined(answer, asked)[0]
+                messages.decode_refined(answer, asked)
             except ProtocolError:
                 return answer
 

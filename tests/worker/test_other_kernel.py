@@ -45,10 +45,10 @@ def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("lanes", [None, 3])
 def test_a_worker_serves_with_the_kernel_of_another_package(lanes: int | None, endpoint: str) -> None:
     """A real `gepf-worker --kind toy` serves a run of this kind, with its lanes, processor and results."""
-    given = [] if lanes is None else ["--lanes", str(lanes)]
+    options = [] if lanes is None else ["--lanes", str(lanes)]
     with (
         pool(endpoint, kind="toy") as refiner,
-        started("--connect", endpoint, "--kind", "toy", "--name", "w", *given),
+        started("--connect", endpoint, "--kind", "toy", "--name", "w", *options),
     ):
         refined = refiner.submit(frame(1), MODEL, PARTICLES).result()
         assert (refined.poses == PARTICLES.poses + 1.0).all()
