@@ -74,9 +74,8 @@ def live(
     """Depth images that are published on a Zenoh key, for `follow` of a tracker.
 
     Args:
-        key: Names between slashes, such as camera/depth; with `tls` under gepf/live/ and the
-            name of the certificate, such as gepf/live/coordinator/depth. Or
-            the file of a rig whose cameras are live.
+        key: Names between slashes, such as camera/depth; with `tls` under gepf/live/ and the name in the
+            certificate, such as gepf/live/coordinator/depth. Or the file of a rig whose cameras are live.
         listen: Endpoint at which the publisher may connect, such as tcp/127.0.0.1:7447.
         connect: Endpoint of a router or publisher, which may start later.
         idle_timeout: Seconds without an image after which the stream ends; None to wait for ever.
