@@ -1,10 +1,11 @@
 """Assigns particles to workers: a state machine from events to requests, without clock and socket.
 
-The particles are split into one batch per worker, in proportion to their slots, for no more workers than are
-needed to be as fast as with all. A spare batch is refined on one lane. A batch whose request ends without a
-result is sent to another worker. If no batch is waiting, a late request is sent again, once, to an idle
-worker. The first result of a batch is used, later ones are ignored. A worker that gives neither a result nor
-a refusal gets no requests for a while. If all workers refuse a batch, the refinement fails.
+The particles are split into one batch per worker, for no more workers than are needed to be as fast as with
+all, so that no slot of theirs is empty but the last ones. A spare batch is refined on one lane. A batch whose
+request ends without a result is sent to another worker. If no batch is waiting, a late request is sent again,
+once, to an idle worker. The first result of a batch is used, later ones are ignored. A worker that gives
+neither a result nor a refusal gets no requests for a while. If all workers refuse a batch, the refinement
+fails.
 
 Other coordinators use the same workers. A worker says how long a request waited there for others, so a
 request is late by the time that it takes itself, beyond the usual wait at its worker.
@@ -102,9 +103,7 @@ class Scheduler:
 
     def start(self, refinement: int, particles: int, now: float, *, spare: bool = False) -> list[Request]:
         """Start a refinement, which has an unused number, of so many particles; a spare one can wait."""
-        slots = self._choose(particles, now, spare=spare)
-        rounds = max(slots) * particles / sum(slots) / MAX_PARTICLES
-        ranges = split(particles, slots * max(1, math.ceil(rounds)))
+        ranges = split(particles, self._slots(now, spare=spare))
         self.batches += [Batch(refinement, spare, start, stop) for start, stop in ranges]
         return self.dispatch(now)
 
@@ -179,20 +178,10 @@ class Scheduler:
         is_wanted = request is not None and not request.batch.done and request.batch in self.batches
         return request.batch if request is not None and is_wanted else None
 
-    def _choose(self, particles: int, now: float, *, spare: bool) -> list[int]:
-        """The slots of the workers that share the particles; [1] without workers.
-
-        All for spare particles. For others so few that it takes no longer than with all, those first where
-        fewer others wait.
-        """
-        workers = list(self.workers.values())
-        if spare:
-            return [worker.offer.batch for worker in workers] or [1]
-        workers.sort(key=lambda worker: (worker.rests_until > now, *self._preference(worker)))
-        slots = [worker.offer.slots for worker in workers] or [1]
-        rounds = math.ceil(particles / sum(slots))
-        needed = next(n for n, count in enumerate(accumulate(slots), 1) if count * rounds >= particles)
-        return slots[:needed]
+    def _slots(self, now: float, *, spare: bool) -> list[int]:
+        """The slots of all workers, the preferred ones first; [1] without workers."""
+        workers = sorted(self.workers.values(), key=lambda w: (w.rests_until > now, *self._preference(w)))
+        return [worker.offer.batch if spare else worker.offer.slots for worker in workers] or [1]
 
     def _preference(self, worker: Worker) -> tuple[int, bool, int]:
         """The worker with the lowest one comes first: few requests of our own, no wait for others."""
@@ -237,8 +226,15 @@ class Scheduler:
             each.in_flight.remove(request.ticket)
 
 
-def split(particles: int, lanes: Sequence[int]) -> list[tuple[int, int]]:
-    """Successive ranges (start, stop) in proportion to the lanes of the workers; none is empty."""
-    total = sum(lanes)
-    ends = [math.ceil(particles * share / total) for share in accumulate(lanes, initial=0)]
-    return [(start, stop) for start, stop in pairwise(ends) if start < stop]
+def split(particles: int, slots: Sequence[int]) -> list[tuple[int, int]]:
+    """Successive ranges (start, stop), one per request, for workers with so many slots.
+
+    All take the same number of rounds, the last one maybe fewer, and workers that are not needed get nothing.
+    If a request would have too many particles, workers get several.
+    """
+    slots = [min(count, MAX_PARTICLES) for count in slots]
+    most = MAX_PARTICLES // max(slots)  # rounds of a request
+    requests = math.ceil(particles / (most * sum(slots)))  # for each worker
+    rounds = math.ceil(particles / max(1, requests * sum(slots)))
+    ends = accumulate((rounds * count for count in slots * requests), initial=0)
+    return [(start, min(stop, particles)) for start, stop in pairwise(ends) if start < particles]
