@@ -51,8 +51,10 @@ def person() -> tuple[BodyModel, SubjectFrame, Particles]:
 def track(endpoint: str, file: Path, name: str, fps: float, slow: float) -> None:
     """A coordinator that takes the newest of its frames; writes when each came, and how soon it was known.
 
-    What it sleeps for takes `slow` times as long.
+    What it sleeps for takes `slow` times as long, and so do the times that the scheduler compares.
     """
+    for constant in ("LONG_WAIT_S", "REST_S", "TICK_S"):
+        vars(scheduler)[constant] *= slow
     model, subject, particles = person()
     with ZenohRefiner(Pool(0, connect=endpoint, run=name)) as refiner, file.open("w", buffering=1) as log:
         log.write(f"{fps}\n")
