@@ -54,7 +54,7 @@ def bodies_of(preset: str) -> Bodies:
 
 def prepare() -> Bodies:
     """Load kernels and bodies before processes are forked."""
-    load_kernel()
+    load_kernel(1)
     return bodies_of("default")
 
 

@@ -13,6 +13,7 @@ from gepf.common.frame import DepthFrame
 from gepf.common.protocol.keys import check_stream
 from gepf.common.transport.bus import Bus
 from gepf.common.transport.opening import open_coordinator
+from gepf.common.transport.session import holder_name
 from gepf.coordinator.pool.options import Pool
 from gepf.coordinator.security.access import TlsFiles, choose_security
 from gepf.coordinator.sources.live import LiveFrames, from_first_seen
@@ -73,8 +74,8 @@ def live(
     """Depth images that are published on a Zenoh key, for `follow` of a tracker.
 
     Args:
-        key: Names between slashes, such as camera/depth; with `tls` under gepf/, such as gepf/live/depth. Or
-            the file of a rig whose cameras are live.
+        key: Names between slashes, such as camera/depth; with `tls` under gepf/live/ and the name in the
+            certificate, such as gepf/live/coordinator/depth. Or the file of a rig whose cameras are live.
         listen: Endpoint at which the publisher may connect, such as tcp/127.0.0.1:7447.
         connect: Endpoint of a router or publisher, which may start later.
         idle_timeout: Seconds without an image after which the stream ends; None to wait for ever.
@@ -94,7 +95,7 @@ def live(
     path = Path(key)
     cameras = live_cameras(path) if path.suffix == ".json" else [LiveCamera(str(key))]
     for camera in cameras:
-        check_stream(camera.key, guarded=security is not None)
+        check_stream(camera.key, holder_name(security))
     if not cameras:
         raise InputError(f"{key} is not a rig with live cameras (zenoh:KEY); open_source reads recordings")
     return LiveSource(cameras, reached, idle_timeout)

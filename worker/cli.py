@@ -14,6 +14,7 @@ import threading
 import uuid
 from collections.abc import Callable
 from functools import partial
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Annotated, NoReturn
 
@@ -23,12 +24,14 @@ from typer import Option
 from gepf.common.bounds import MAX_PARTICLES
 from gepf.common.cores import usable_cores
 from gepf.common.errors import GepfError, InputError
+from gepf.common.kernel import ENTRY_POINTS, Kernel
+from gepf.common.offer import CPU, Offer
 from gepf.common.protocol.keys import check_name
 from gepf.common.transport.credentials import Credentials, check_holder, holder_of, read_credentials
 from gepf.common.transport.endpoints import CONNECT, check_endpoint
 from gepf.common.transport.session import Security
 from gepf.worker.connection import Identity, check_admission, check_alive, connect_to
-from gepf.worker.service import Kernel, Service
+from gepf.worker.service import Service
 
 log = logging.getLogger("gepf-worker")
 
@@ -52,6 +55,7 @@ def work(  # noqa: PLR0913 one parameter an option
     connect: Annotated[list[str], Option(metavar="ENDPOINT", help="A coordinator or router: tls/HOST:PORT.")],
     *,
     lanes: Annotated[int | None, Option(metavar="N", help="Particles at once (default: all cores).")] = None,
+    kind: Annotated[str, Option(metavar="NAME", help="Kernel: cpu, or that of another package.")] = CPU,
     name: Annotated[str | None, Option(metavar="NAME", help="Name (default: the certificate's).")] = None,
     connect_timeout: Annotated[
         float, Option(metavar="SECONDS", help="Time for an answer.", min=0.0)
@@ -77,7 +81,7 @@ def work(  # noqa: PLR0913 one parameter an option
         logging.getLogger().setLevel(logging.WARNING)
         check_alive(identity)
     else:
-        serve(identity, partial(load_kernel, lanes or usable_cores()), quiet=quiet, tied=tied)
+        serve(identity, partial(find_kernel(kind), lanes), quiet=quiet, tied=tied)
 
 
 def choose_identity(
@@ -132,19 +136,43 @@ def serve_session(identity: Identity, kernel: Kernel) -> bool:
         service = Service(bus, identity.name, kernel)
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, partial(end, service))
-        lanes = "1 lane" if kernel.lanes == 1 else f"{kernel.lanes} lanes"
-        log.info("%s serves %s with %s", identity.name, identity.place, lanes)
+        offer = kernel.offer
+        lanes = "1 lane" if offer.lanes == 1 else f"{offer.lanes} lanes"
+        kind = f"{offer.kind}, {offer.processor}"
+        log.info("%s serves %s with %s (%s)", identity.name, identity.place, lanes, kind)
         service.run()
     return service.abandoned
 
 
-def load_kernel(lanes: int = 1) -> Kernel:
-    """The compiled kernel with this number of lanes."""
+def find_kernel(kind: str) -> Callable[[int | None], Kernel]:
+    """The function that loads the kernel of a kind; InputError if no installed package has it."""
+    if kind == CPU:
+        return load_kernel
+    installed = entry_points(group=ENTRY_POINTS)
+    if kind not in installed.names:
+        kinds = ", ".join(sorted({CPU, *installed.names}))
+        raise InputError(f"no kernel of kind '{kind}' is installed; install its package, or give {kinds}")
+    check_name("kind of kernel", kind)
+
+    def load(lanes: int | None) -> Kernel:
+        kernel: Kernel = installed[kind].load()(lanes)
+        if kernel.offer.kind != kind:
+            raise InputError(f"{installed[kind].value} loads a kernel of kind '{kernel.offer.kind}' instead")
+        check_name("processor", kernel.offer.processor)
+        return kernel
+
+    return load
+
+
+def load_kernel(lanes: int | None) -> Kernel:
+    """The compiled kernel with this number of lanes; None for one per core."""
     from gepf.worker.kernel.observation import observe_for
     from gepf.worker.lanes import Lanes
+    from gepf.worker.processor import processor_name
     from gepf.worker.warm_up import warm_up
 
-    kernel = Kernel(observe_for, Lanes(lanes).refine, lanes)
+    lanes = lanes or usable_cores()
+    kernel = Kernel(observe_for, Lanes(lanes).refine, Offer(processor=processor_name(), lanes=lanes))
     warm_up(kernel)
     return kernel
 

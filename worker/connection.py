@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import logging
 import math
-import threading
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import count
 
 from gepf.common.errors import BusError, InputError
 from gepf.common.protocol import keys
+from gepf.common.transport.admission import is_seen
 from gepf.common.transport.bus import Bus
 from gepf.common.transport.opening import open_worker
 from gepf.common.transport.session import Security
-
-SEEN_WITHIN_S = 5.0  # until a session sees the token of another
 
 log = logging.getLogger("gepf-worker")
 
@@ -72,7 +69,7 @@ def check_admission(bus: Bus, identity: Identity) -> None:
     """
     name, key = identity.name, keys.of_worker(identity.name, "admission")
     bus.announce(key)
-    if not is_seen(key, identity):
+    if not is_seen(key, identity.connect, identity.security):
         raise InputError(
             f"{identity.place} does not admit worker '{name}'; have it listed there in workers.txt"
         )
@@ -84,13 +81,6 @@ def check_alive(identity: Identity) -> None:
     def give_up() -> None:
         raise BusError(f"no answer at {identity.place}")
 
-    if not is_seen(keys.of_worker(identity.name, "alive"), identity, give_up):
+    offer = keys.of_worker(identity.name, "offer/**")
+    if not is_seen(offer, identity.connect, identity.security, give_up):
         raise BusError(f"worker '{identity.name}' is not seen at {identity.place}")
-
-
-def is_seen(key: str, identity: Identity, on_silence: Callable[[], None] = lambda: None) -> bool:
-    """Whether a separate session sees a liveliness token soon; `on_silence` is that of `open_worker`."""
-    seen = threading.Event()
-    with open_worker(identity.connect, identity.security, on_silence) as mirror:
-        mirror.watch(key, lambda _, alive: seen.set() if alive else None)
-        return seen.wait(SEEN_WITHIN_S)

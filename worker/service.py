@@ -1,8 +1,8 @@
 """The worker's loop: a request's bytes in, refine, the reply's bytes out.
 
-Frames and models are cached only to avoid fetching them again: a result depends only on its request. Each
-coordinator has only a few requests at a worker, so several coordinators are served alternately. Spare
-requests, those of searches, are served beside the others, one per lane, on threads of low priority.
+Frames and models are cached only to avoid fetching them again: a result depends only on its request. Runs are
+served in fair turns, see `gepf.worker.turns`; a large request takes several turns if there are other runs.
+Spare requests, those of searches, are served beside the turns, one per lane, on threads of low priority.
 """
 
 from __future__ import annotations
@@ -12,53 +12,42 @@ import os
 import sys
 import threading
 import time
-from collections import deque
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import dataclass
-from functools import partial
-from queue import Empty, Queue
-from typing import Any, NamedTuple
+from dataclasses import dataclass, field, replace
 
-from gepf.common.body import BodyModel
 from gepf.common.errors import BusError, ProtocolError
-from gepf.common.frame import SubjectFrame
+from gepf.common.kernel import Kernel
 from gepf.common.protocol import keys
-from gepf.common.protocol.frames import number_of
 from gepf.common.protocol.messages import RefineRequest, decode_request, encode_refined, encode_refusal
-from gepf.common.refinement import Particles, Refined
-from gepf.common.settings import RefineSettings
+from gepf.common.refinement import Refined, concatenate
 from gepf.common.transport.bus import Bus
 from gepf.common.transport.channels import IncomingRequest
 from gepf.worker.memory import Memory
+from gepf.worker.turns import Turns
 
 LOOK_S = 0.2  # between checks for the end, if no signal interrupts the wait for a request
 SILENCE_S = 10.0  # without a request before the coordinator is checked
+PARTICLES_A_TURN = 4  # of a lane, if there are other runs: 10 to 30 ms on a processor
+MOST_WAITING = 64  # requests of a run, and as many for each lane; a coordinator sends far fewer
 
 log = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True, slots=True)
-class Kernel:
-    """The compute functions of a worker.
+@dataclass(slots=True, eq=False)
+class Task:
+    """A request, as far as it is served. Without a request: observe the newest frame of the run."""
 
-    observe: converts a frame to an observation, prepared for requests with the settings.
-    refine: refines particles of a body on an observation, and returns them in the same order. One thread
-    calls it for requests, and several others for spare ones.
-    lanes: number of particles that are refined in parallel.
-    """
+    asked: RefineRequest | None = None
+    request: IncomingRequest | None = None
+    arrived_at: float = 0.0
+    served_s: float = 0.0
+    parts: list[Refined] = field(default_factory=list)
 
-    observe: Callable[[SubjectFrame, RefineSettings], Any]
-    refine: Callable[[BodyModel, Any, Particles], Refined]
-    lanes: int = 1
-
-
-class Task(NamedTuple):
-    """Something to do for a run."""
-
-    run: str
-    do: Callable[[], None]
+    @property
+    def done(self) -> int:
+        """Number of refined particles."""
+        return sum(len(part.poses) for part in self.parts)
 
 
 class Service:
@@ -68,32 +57,91 @@ class Service:
         self._bus = bus
         self._name = name
         self._kernel = kernel
-        self._memory = Memory(bus, kernel.observe)
-        self._tasks: Queue[Task] = Queue()
-        self._spare_tasks: Queue[Task] = Queue()
+        self._memory = Memory(bus, kernel.observe, self._notice_frame)
+        self._turns = Turns[Task]()
+        lock = threading.Lock()  # of the turns
+        self._urgent, self._spare = threading.Condition(lock), threading.Condition(lock)
         self._asks_at = time.monotonic() + SILENCE_S
         self._stopped = False
         self.abandoned = False  # the link is dead: a new session is needed
 
     def run(self) -> None:
         """Announce the worker; serve until `stop` is called or its link is dead."""
-        self._bus.subscribe(keys.of_run("*", "frame"), self._keep_frame)
-        self._bus.watch(keys.of_run("*", "alive"), self._notice_run)
-        self._bus.serve_requests(keys.of_worker(self._name, "refine"), self._accept)
-        self._bus.announce(keys.of_worker(self._name, f"lanes/{self._kernel.lanes}"))
-        self._bus.announce(keys.of_worker(self._name, "alive"))  # last, as requests follow
-        with ThreadPoolExecutor(self._kernel.lanes) as threads:
-            spare = [threads.submit(self._serve_spare) for _ in range(self._kernel.lanes)]
+        self._bus.watch(keys.of_run(keys.ANY_RUN, "alive"), self._notice_run)
+        self._bus.serve_requests(keys.of_worker(self._name, "refine/*"), self._accept)
+        self._bus.announce(keys.offer_key(self._name, self._kernel.offer))  # last, as requests follow
+        lanes = self._kernel.offer.lanes
+        with ThreadPoolExecutor(lanes) as threads:
+            spare = [threads.submit(self._serve_spare) for _ in range(lanes)]
             try:
                 while not (self._stopped or self.abandoned or any(each.done() for each in spare)):
-                    try:
-                        self._tasks.get(timeout=LOOK_S).do()
-                    except Empty:
+                    self._memory.unsubscribe()
+                    if not self._take_turn():
                         self.abandoned = self._is_link_dead()
             finally:
                 self.stop()  # the other threads, too
             for each in spare:
                 each.result()  # raises its error
+
+    def stop(self) -> None:
+        """End `run` after the present request; callable from another thread or a signal handler."""
+        self._stopped = True
+
+    def answer(self, asked: RefineRequest) -> Refined:
+        """Refine particles of a request.
+
+        Raises ProtocolError for an invalid request, BusError if its frame or model is not found.
+        """
+        model, observation = self._memory.model(asked), self._memory.observation(asked)
+        return self._kernel.refine(model, observation, asked.particles)
+
+    def serve(self, run: str, task: Task, most: int | None = None, *, spare: bool = False) -> None:
+        """Refine at most so many particles of a request; reply if it is done, or refuse it."""
+        asked, request, began = task.asked, task.request, time.monotonic()
+        if asked is None or request is None:
+            with suppress(Exception):  # its requests report the error
+                self._memory.observe_ahead(run)
+            return
+        self._asks_at = began + SILENCE_S
+        try:
+            first, count = task.done, len(asked.particles.poses)
+            particles = asked.particles.part(first, count if most is None else min(first + most, count))
+            task.parts.append(self.answer(replace(asked, particles=replace(particles, spare=spare))))
+            task.served_s += time.monotonic() - began
+            if task.done < count:
+                self._put(run, task, first=True)
+                return
+            waited_s = time.monotonic() - task.arrived_at - task.served_s
+            request.reply(encode_refined(concatenate(task.parts), max(0.0, waited_s)))
+            if not asked.particles.spare:
+                self._put(run, Task())
+        except BusError as error:
+            refuse(request, str(error), retryable=True)
+        except ProtocolError as error:
+            refuse(request, str(error))
+        except Exception as error:  # noqa: BLE001 - no request may end the worker
+            refuse(request, f"could not refine: {type(error).__name__}: {error}")
+        except BaseException:
+            request.close()
+            raise
+        request.close()
+
+    def _take_turn(self) -> bool:
+        """Do the work whose turn it is; False if there was none for a while."""
+        with self._urgent:
+            taken = self._turns.take()
+            if taken is None:
+                self._urgent.wait(LOOK_S)
+                taken = self._turns.take()
+            if taken is None:
+                return False
+            run, task = taken
+            most = None if self._turns.is_alone(run) else PARTICLES_A_TURN * self._kernel.offer.slots
+        began = time.monotonic()
+        self.serve(run, task, most)
+        with self._urgent:
+            self._turns.charge(run, time.monotonic() - began)
+        return True
 
     def _serve_spare(self) -> None:
         """Serve spare requests until `run` ends."""
@@ -101,68 +149,64 @@ class Service:
             # a tenth of each core if others want all of it
             os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), 10)
         while not self._stopped:
-            with suppress(Empty):
-                self._spare_tasks.get(timeout=LOOK_S).do()
-
-    def stop(self) -> None:
-        """End `run` after the present request; callable from another thread or a signal handler."""
-        self._stopped = True
-
-    def serve(self, request: IncomingRequest, asked: RefineRequest) -> None:
-        """Reply to a waiting request, or refuse it with the reason."""
-        self._asks_at = time.monotonic() + SILENCE_S
-        with request:
-            try:
-                payload = self.answer(asked)
-            except BusError as error:
-                refuse(request, str(error), retryable=True)
-            except ProtocolError as error:
-                refuse(request, str(error))
-            except Exception as error:  # noqa: BLE001 - no request may end the worker
-                refuse(request, f"could not refine: {type(error).__name__}: {error}")
-            else:
-                request.reply(payload)
-
-    def answer(self, request: RefineRequest) -> bytes:
-        """Refine a batch.
-
-        Raises ProtocolError for an invalid request, BusError if its frame or model is not found.
-        """
-        model, observation = self._memory.model(request), self._memory.observation(request)
-        refined = self._kernel.refine(model, observation, request.particles)
-        if not request.particles.spare:
-            self._tasks.put(Task(request.run, partial(self._observe_ahead, request.run)))
-        return encode_refined(refined)
+            with self._spare:
+                taken = self._turns.take_spare()
+                if taken is None:
+                    self._spare.wait(LOOK_S)
+                    continue
+                run, task = taken
+                most = None if self._turns.is_alone(run) else PARTICLES_A_TURN * self._kernel.offer.batch
+            began, worked = time.monotonic(), time.thread_time()
+            self.serve(run, task, most, spare=True)
+            worked = (time.thread_time() - worked) / self._kernel.offer.lanes
+            with self._spare:
+                self._turns.charge(run, worked, beside=time.monotonic() - began)
 
     def _accept(self, request: IncomingRequest) -> None:
         """Queue a request; called on a thread of the bus."""
         try:
-            asked = decode_request(request.payload)
+            asked = self._admitted(request)
         except ProtocolError as error:
             with request:
                 refuse(request, str(error))
         else:
-            tasks = self._spare_tasks if asked.particles.spare else self._tasks
-            tasks.put(Task(asked.run, partial(self.serve, request, asked)))
+            self._put(asked.run, Task(asked, request, time.monotonic()))
 
-    def _keep_frame(self, key: str, payload: bytes) -> None:
-        """Keep a published frame, to be observed before its requests; called on a thread of the bus."""
-        run = keys.owner_of(key)
-        with suppress(ProtocolError):  # its requests report the error
-            self._memory.put_frame(run, number_of(payload), payload)
-            self._tasks.put(Task(run, partial(self._observe_ahead, run)))
+    def _admitted(self, request: IncomingRequest) -> RefineRequest:
+        """A request; ProtocolError if it is invalid, for a run of another coordinator, or one too many."""
+        asked, coordinator = decode_request(request.payload), keys.last_of(request.key)
+        if keys.coordinator_of(asked.run) != coordinator:
+            raise ProtocolError(f"run {asked.run} is not one of {coordinator}")
+        if self._is_full(asked.run):
+            raise ProtocolError(f"too many requests of run {asked.run} are waiting")
+        return asked
 
-    def _observe_ahead(self, run: str) -> None:
-        with suppress(Exception):  # as above
-            self._memory.observe_ahead(run)
+    def _put(self, run: str, task: Task, *, first: bool = False) -> None:
+        """Let something wait for its turn; `first` if it was begun."""
+        spare = task.asked is not None and task.asked.particles.spare
+        changed = self._spare if spare else self._urgent
+        with changed:
+            self._turns.put(run, task, spare=spare, first=first)
+            changed.notify()
+
+    def _is_full(self, run: str) -> bool:
+        """Whether so much of a run waits that no more is accepted."""
+        return self._turns.count(run) >= MOST_WAITING * (1 + self._kernel.offer.lanes)
+
+    def _notice_frame(self, run: str) -> None:
+        """Have a published frame observed before its requests; called on a thread of the bus."""
+        if not self._is_full(run):
+            self._put(run, Task())
 
     def _notice_run(self, key: str, alive: bool) -> None:
         """Drop a run and its requests when its coordinator has left; called on a thread of the bus."""
         if not alive:
-            run = keys.owner_of(key)
-            for tasks in (self._tasks, self._spare_tasks):
-                with tasks.mutex:
-                    tasks.queue = deque(task for task in tasks.queue if task.run != run)
+            run = keys.run_of(key)
+            with self._urgent:
+                dropped = self._turns.drop(run)
+            for task in dropped:
+                if task.request is not None:
+                    task.request.close()
             self._memory.forget(run)
 
     def _is_link_dead(self) -> bool:
@@ -176,7 +220,7 @@ class Service:
             return False
         self._asks_at = time.monotonic() + SILENCE_S
         with suppress(BusError):
-            present = keys.of_run("*", "present")
+            present = keys.of_run(keys.ANY_RUN, "present")
             return self._bus.meets_coordinator() and self._bus.fetch(present) is None
         return True
 

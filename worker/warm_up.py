@@ -7,11 +7,11 @@ import numpy as np
 from gepf.common.body import ROOT_DOFS, ROTATION, TRANSLATION, BodyModel
 from gepf.common.camera import Intrinsics
 from gepf.common.frame import DepthFrame, SubjectFrame
+from gepf.common.kernel import Kernel
 from gepf.common.protocol.frames import decode_frame, encode_frame
 from gepf.common.protocol.models import decode_model, encode_model
 from gepf.common.refinement import Particles
 from gepf.common.settings import RefineSettings
-from gepf.worker.service import Kernel
 
 
 def warm_up(kernel: Kernel) -> None:

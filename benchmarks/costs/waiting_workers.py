@@ -13,11 +13,13 @@ import time
 
 from gepf.common.body import BodyModel
 from gepf.common.frame import SubjectFrame
+from gepf.common.kernel import Kernel
+from gepf.common.offer import Offer
 from gepf.common.refinement import Particles, Refined
 from gepf.common.settings import RefineSettings
 from gepf.common.transport.opening import open_worker
 from gepf.coordinator.tracking.preparation import unmoved
-from gepf.worker.service import Kernel, Service
+from gepf.worker.service import Service
 
 
 def waiting(seconds: float, lanes: int) -> Kernel:
@@ -32,7 +34,7 @@ def waiting(seconds: float, lanes: int) -> Kernel:
             time.sleep(seconds * math.ceil(len(particles.poses) / lanes))
         return unmoved(particles)
 
-    return Kernel(observe, refine, lanes)
+    return Kernel(observe, refine, Offer(lanes=lanes))
 
 
 def serve(endpoint: str, name: str, kernel: Kernel) -> None:

@@ -44,7 +44,7 @@ def measure(chosen: argparse.Namespace) -> int:
     rows, console = choose(chosen.only, chosen.seeds), progress()
     console.print("rendering and loading kernels")
     footages = {scene: shoot(scene) for scene in dict.fromkeys(row.scene for row in rows)}
-    load_kernel()
+    load_kernel(1)
     jobs = [Job(row, seed) for row in rows for seed in range(row.seeds)]
     found: dict[Job, Run] = {}
     work = run_forked(lambda job: run(job, footages[job.row.scene]), jobs, chosen.processes)

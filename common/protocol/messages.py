@@ -20,14 +20,14 @@ from gepf.common.bounds import (
     SMALLEST,
 )
 from gepf.common.errors import ProtocolError
-from gepf.common.protocol.keys import NAME
+from gepf.common.protocol.keys import RUN
 from gepf.common.protocol.wire import Array, Hash, Message, Natural, check, decode, encode, pack, unpack
 from gepf.common.refinement import Particles, PosePrior, Refined, triangle_size
 from gepf.common.settings import RefineSettings
 
 ROUNDING = 1e-9  # relative, of the smallest eigenvalue of a precision
 
-RunName = Annotated[str, msgspec.Meta(pattern=rf"^{NAME.pattern}\Z")]
+RunName = Annotated[str, msgspec.Meta(pattern=rf"^{RUN.pattern}\Z")]
 
 
 class PriorMessage(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -54,10 +54,12 @@ class RequestMessage(Message, frozen=True, tag="request"):
 class ReplyMessage(Message, frozen=True, tag="reply"):
     """Refined particles (N, D): all their poses, then log likelihoods, then residuals, in one row.
 
-    Where covariances were requested, also the lower triangles of their roots.
+    Where covariances were requested, also the lower triangles of their roots. And the time for which the
+    request waited for others at the worker, seconds.
     """
 
     values: Array
+    waited_s: Annotated[float, msgspec.Meta(ge=0.0, le=LARGEST)]
     covariance_roots: Array | None = None
 
 
@@ -70,7 +72,7 @@ class RefusalMessage(Message, frozen=True, tag="refusal"):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RefineRequest:
-    """One batch: particles of a model, to be refined on a frame of a run."""
+    """One batch: particles of a model, to be refined on a frame of a run, `<coordinator>/<run>`."""
 
     run: str
     frame: int
@@ -127,18 +129,21 @@ def check_settings(settings: RefineSettings) -> None:
             check(f"setting {name}", value, least, MAX_ITERATIONS if isinstance(value, int) else LARGEST)
 
 
-def encode_refined(refined: Refined) -> bytes:
-    """Refined particles for the coordinator."""
+def encode_refined(refined: Refined, waited_s: float = 0.0) -> bytes:
+    """Refined particles for the coordinator, and the time for which the request waited at the worker."""
     values = pack(np.concatenate((refined.poses.ravel(), refined.log_likelihood, refined.residual)))
     roots = refined.covariance_roots
-    return encode(ReplyMessage(values=values, covariance_roots=None if roots is None else pack(roots)))
+    packed = None if roots is None else pack(roots)
+    return encode(ReplyMessage(values=values, waited_s=min(waited_s, LARGEST), covariance_roots=packed))
 
 
-def decode_refined(payload: bytes, shape: tuple[int, ...], *, covariance: bool = False) -> Refined:
+def decode_refined(
+    payload: bytes, shape: tuple[int, ...], *, covariance: bool = False
+) -> tuple[Refined, float]:
     """Refined particles for requested poses of a shape (N, D), with covariances if those were requested.
 
-    Poses are finite; log likelihoods and residuals may be infinite if nothing was observed. Raises
-    ProtocolError for anything else.
+    Also the time for which the request waited at the worker, seconds. Poses are finite; log likelihoods and
+    residuals may be infinite if nothing was observed. Raises ProtocolError for anything else.
     """
     count, dofs = shape
     message = decode(payload, ReplyMessage)
@@ -157,7 +162,7 @@ def decode_refined(payload: bytes, shape: tuple[int, ...], *, covariance: bool =
         roots = unpack(what, message.covariance_roots, "<f4", packed, -1.0, 1.0)
         if not np.all(roots[:, np.cumsum(np.arange(1, dofs + 1)) - 1] > 0.0):
             raise ProtocolError(f"{what} have a diagonal that is not above zero")
-    return Refined(poses.reshape(shape), log_likelihood, residual, roots)
+    return Refined(poses.reshape(shape), log_likelihood, residual, roots), message.waited_s
 
 
 def encode_refusal(reason: str, *, retryable: bool = False) -> bytes:

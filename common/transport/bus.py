@@ -45,14 +45,25 @@ class Bus(Closing):
         with mapped(f"publishing on {key}"):
             return Publisher(self._session, self._session.declare_publisher(key))
 
-    def subscribe(self, key: str, on_message: Callable[[str, bytes], None]) -> None:
-        """Call `on_message(key, payload)` for every message published from now on."""
+    def subscribe(self, key: str, on_message: Callable[[str, bytes], None]) -> Callable[[], None]:
+        """Call `on_message(key, payload)` for every message published from now on.
+
+        The returned function ends this; it must not be called on a thread of the session.
+        """
 
         def receive(sample: zenoh.Sample) -> None:
             on_message(str(sample.key_expr), sample.payload.to_bytes())
 
         with mapped(f"subscribing to {key}"):
-            self._declared.append(self._session.declare_subscriber(key, receive))
+            subscriber = self._session.declare_subscriber(key, receive)
+        self._declared.append(subscriber)
+
+        def end() -> None:
+            self._declared.remove(subscriber)
+            with mapped(f"ending the subscription to {key}"):
+                subscriber.undeclare()  # type: ignore[no-untyped-call]
+
+        return end
 
     def subscribe_newest(self, key: str, count: int) -> Callable[[], list[tuple[str, bytes]]]:
         """Keep the newest messages, up to a count; the returned function takes all of them, with their keys.
@@ -92,7 +103,7 @@ class Bus(Closing):
             return found[0] if found else None
 
     def serve_requests(self, key: str, on_request: Callable[[IncomingRequest], None]) -> None:
-        """Call `on_request(request)` for every request to this worker."""
+        """Call `on_request(request)` for every request on a key, which may have wildcards."""
 
         def receive(query: zenoh.Query) -> None:
             on_request(IncomingRequest(query))

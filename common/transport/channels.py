@@ -63,6 +63,7 @@ class IncomingRequest(Closing):
 
     def __init__(self, query: zenoh.Query) -> None:
         self._query = query
+        self.key = str(query.key_expr)
         self.payload = b"" if query.payload is None else query.payload.to_bytes()
 
     def close(self) -> None:

@@ -4,7 +4,8 @@ The listening side also defines access control. Everything that no rule allows i
 rule is for the name in a certificate:
 
     worker      its own keys; the frames and models of runs, to read
-    coordinator, router     everything under `gepf/`
+    coordinator     its own runs and its own live input; the workers, to ask
+    router      everything under `gepf/`
     any other   nothing
 """
 
@@ -16,12 +17,12 @@ from typing import Any
 
 from gepf.common.bounds import MAX_BYTES
 from gepf.common.protocol import keys
-from gepf.common.transport.credentials import Credentials
+from gepf.common.transport.credentials import Credentials, holder_of
 
 LEASE_MS = 1_000  # a peer that is silent for this time is disconnected
 RETRY_MS = (100, 1_000)  # between attempts to connect, first and longest
 SHARED_MEMORY_BYTES = 4 * 2**20  # for frames on this host: half of what users but root may lock
-COORDINATOR = "coordinator"
+COORDINATOR = "coordinator"  # name of a coordinator without certificates; the first one with them
 ROUTER = "router"
 IN, OUT = "ingress", "egress"
 READ = ("declare_subscriber", "query", "declare_liveliness_subscriber", "liveliness_query")
@@ -32,10 +33,16 @@ Rules = dict[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Security:
-    """A certificate, and on the listening side the admitted workers."""
+    """A certificate, and on the listening side who is admitted."""
 
     credentials: Credentials
     workers: tuple[str, ...] | None = None  # None for no access control
+    coordinators: tuple[str, ...] = (COORDINATOR,)
+
+
+def holder_name(security: Security | None) -> str | None:
+    """The name in the certificate; None without one."""
+    return None if security is None else holder_of(security.credentials)
 
 
 def session_settings(
@@ -71,7 +78,7 @@ def session_settings(
     if security is not None:
         settings["transport"]["link"] |= encryption(security.credentials)
         if security.workers is not None:
-            settings["access_control"] = access_control(security.workers)
+            settings["access_control"] = access_control(security.workers, security.coordinators)
     return settings
 
 
@@ -93,24 +100,34 @@ def encryption(credentials: Credentials) -> dict[str, Any]:
     }
 
 
-def access_control(workers: Sequence[str]) -> Rules:
-    """Rules that admit these workers, coordinators and routers, and local workers over a socket."""
+def access_control(workers: Sequence[str], coordinators: Sequence[str]) -> Rules:
+    """Rules that admit these workers and coordinators, routers, and local programs over a socket."""
     everything = ["everything of ours"]
     rules = [
         allow(everything[0], (IN, OUT), (*READ, *SERVE, *PUBLISH), "gepf/**"),
         allow("ask a run", (IN,), READ, keys.ALL_RUNS),
         allow("be sent to by a run", (OUT,), (*SERVE, *PUBLISH), keys.ALL_RUNS),
+        allow("see workers", (IN,), ("declare_liveliness_subscriber", "liveliness_query"), keys.ALL_WORKERS),
+        allow("be seen by coordinators", (OUT,), SERVE, keys.ALL_WORKERS),
     ]
     subjects = [
         {"id": "our own", "link_protocols": ["unixsock-stream"]},
-        {"id": "the same side", "cert_common_names": [COORDINATOR, ROUTER]},
+        {"id": "the same side", "cert_common_names": [ROUTER]},
     ]
     policies = [{"rules": everything, "subjects": ["our own", "the same side"]}]
+    for coordinator in coordinators:
+        run, ask = f"run as {coordinator}", f"ask as {coordinator}"
+        own = [keys.of_run(coordinator, "**"), keys.of_live(coordinator, "**")]
+        rules.append(allow(run, (IN, OUT), (*READ, *SERVE, *PUBLISH), *own))
+        rules.append(allow(ask, (IN,), ("query",), keys.of_worker("*", f"refine/{coordinator}")))
+        subjects.append({"id": coordinator, "cert_common_names": [coordinator]})
+        granted = [run, ask, "see workers", "be seen by coordinators"]
+        policies.append({"rules": granted, "subjects": [coordinator]})
     for worker in workers:
         be, hear = f"be {worker}", f"hear as {worker}"
-        own = keys.of_worker(worker, "**")
-        rules.append(allow(be, (IN,), (*SERVE, "declare_liveliness_subscriber", "liveliness_query"), own))
-        rules.append(allow(hear, (OUT,), ("query", "liveliness_token", "reply"), own))
+        own = [keys.of_worker(worker, "**")]
+        rules.append(allow(be, (IN,), (*SERVE, "declare_liveliness_subscriber", "liveliness_query"), *own))
+        rules.append(allow(hear, (OUT,), ("query", "liveliness_token", "reply"), *own))
         subjects.append({"id": worker, "cert_common_names": [worker]})
         policies.append({"rules": [be, hear, "ask a run", "be sent to by a run"], "subjects": [worker]})
     return {
@@ -122,12 +139,12 @@ def access_control(workers: Sequence[str]) -> Rules:
     }
 
 
-def allow(name: str, flows: Iterable[str], messages: Iterable[str], key_expression: str) -> Rules:
+def allow(name: str, flows: Iterable[str], messages: Iterable[str], *key_expressions: str) -> Rules:
     """One rule."""
     return {
         "id": name,
         "permission": "allow",
         "flows": list(flows),
         "messages": list(messages),
-        "key_exprs": [key_expression],
+        "key_exprs": list(key_expressions),
     }

@@ -165,12 +165,17 @@ def publish(
 @app.command(rich_help_panel=HOSTS)
 @grouped
 def certificates(options: given.CertificatesOptions) -> None:
-    """Create, or renew, certificates for an authority, coordinator, router and workers."""
+    """Create, or renew, certificates for an authority, coordinators, router and workers."""
+    from gepf.common.protocol.keys import check_name
     from gepf.coordinator.security.access import choose_names
     from gepf.coordinator.security.certificates import make_certificates
 
     hosts = tuple(host.strip() for host in options.hosts.split(",") if host.strip())
-    made = make_certificates(options.out, choose_names(options.workers), hosts, options.days, options.mount)
+    names = [name.strip() for name in options.coordinators.split(",") if name.strip()]
+    coordinators = tuple(check_name("coordinator", name) for name in names)
+    made = make_certificates(
+        options.out, choose_names(options.workers), hosts, options.days, options.mount, coordinators
+    )
     new = ", ".join(made.new) or "nothing, no certificate needs to be renewed yet"
     say("gepf", f"new in {options.out}: {new}; keep ca.key secret")
     if made.succession is not None:

@@ -17,8 +17,9 @@ import numpy as np
 
 from gepf.common.errors import InputError
 from gepf.common.frame import DepthFrame
-from gepf.common.protocol.keys import check_stream
+from gepf.common.protocol.keys import check_stream, of_live
 from gepf.common.transport.channels import Publisher
+from gepf.common.transport.session import holder_name
 from gepf.coordinator.bodies.choice import choose_bodies
 from gepf.coordinator.commands.job import Job
 from gepf.coordinator.commands.progress import FrameRate, Show, counted, describe_frame
@@ -114,6 +115,7 @@ class Input:
             "joint_states": None if job.joint_states is None else job.joint_states.hash,
             "settings": msgspec.to_builtins(job.settings),
             "scene": self.scope.describe(),
+            "worker_kind": job.pool.kind,
             "versions": {"gepf": versions().get("gepf")},
         }
         if job.people > 1:
@@ -210,10 +212,13 @@ class LiveInput(Input):
                 raise InputError(f"{option} is for recorded sequences; leave it out with live input")
         if not vendor_of(job.sequence) and job.pool.listen is None and job.pool.connect is None:
             raise InputError("no publisher could connect; add --listen or --connect with an endpoint")
+        holder = holder_name(job.pool.security)
+        if holder and (vendor := vendor_of(job.sequence)):
+            cameras = [replace(each, key=of_live(holder, vendor)) for each in cameras]
         keys = [each.key for each in cameras]
         if not is_topic(keys[0]):
             for key in keys:
-                check_stream(key, guarded=job.pool.security is not None)
+                check_stream(key, holder)
             job = replace(job, results=job.results or results_key(keys[0]))
         self.keys, self._show = " and ".join(keys), show
         if job.record is not None:

@@ -10,8 +10,9 @@ from typing import Any, TypeVar
 import msgspec
 
 from gepf.common.errors import InputError
-from gepf.common.protocol.keys import check_stream
+from gepf.common.protocol.keys import check_name, check_stream
 from gepf.common.settings import Settings
+from gepf.common.transport.session import holder_name
 from gepf.coordinator.bodies.choice import choose_model
 from gepf.coordinator.bodies.human.dofs import HUMAN
 from gepf.coordinator.commands.options import CameraOptions, SecurityOptions, TrackOptions
@@ -78,6 +79,7 @@ def choose_job(options: TrackOptions, camera: CameraOptions, security: SecurityO
         options.connect,
         security.choose(options.listen, options.connect),
         options.worker_timeout,
+        check_name("--kind", options.kind),
     )
     as_given = {name: value for name, value in asdict(options).items() if name in Job.__dataclass_fields__}
     interpreted: dict[str, Any] = {
@@ -122,7 +124,7 @@ def check_outputs(job: Job, *, several: bool) -> None:
     if job.results is not None and not is_topic(job.results):
         if job.pool.listen is None and job.pool.connect is None:
             raise InputError("no subscriber could connect; add --listen or --connect with an endpoint")
-        check_stream(job.results, guarded=job.pool.security is not None)
+        check_stream(job.results, holder_name(job.pool.security))
     if job.record is not None and (several or not live_cameras(job.sequence)):
         raise InputError("--record is for live input (zenoh:KEY); leave it out")
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gepf.common.bounds import LARGEST, MAX_PARTICLES, SMALLEST
+from gepf.common.offer import CPU
 
 if TYPE_CHECKING:
     from gepf.common.transport.session import Security
@@ -137,6 +138,7 @@ class TrackOptions:
     workers: int | None = worker_option(
         "N", "Threads of the local worker (default: all cores; 0: none).", min=0, max=MAX_PARTICLES
     )
+    kind: str = worker_option("NAME", "Kernel of the workers that are used.", default=CPU)
     listen: str | None = worker_option("ENDPOINT", "Let other workers join, e.g. at tls/0.0.0.0:7447.")
     connect: str | None = worker_option("ENDPOINT", "Use the workers at a router.")
     worker_timeout: float | None = worker_option("SECONDS", "Stop if none joins (default: wait).")
@@ -209,6 +211,7 @@ class CertificatesOptions:
 
     out: Path = option("DIR", "Folder; keeps certificates that need no renewal.", default=MISSING)
     workers: str = option("N|NAME,...", "How many workers (worker-0, ...), or their names.", default="1")
+    coordinators: str = option("NAME,...", "Other coordinators, which share a pool at a router.", default="")
     hosts: str = option("HOST,...", "Other hosts where a coordinator or router listens.", default="")
     days: int = option("N", "Days of validity (of the authority: ten years).", default=30, min=1)
     mount: Path | None = option("DIR", "Path of the folder in a router's container.")

@@ -15,6 +15,7 @@ from gepf.common.protocol.frames import LIVE_END, encode_colour, encode_live
 from gepf.common.protocol.keys import check_stream
 from gepf.common.transport.bus import Bus
 from gepf.common.transport.opening import open_coordinator, open_worker
+from gepf.common.transport.session import holder_name
 from gepf.coordinator.commands.console import INTERRUPTS
 from gepf.coordinator.commands.options import CameraOptions, PublishOptions, SecurityOptions
 from gepf.coordinator.commands.progress import Show
@@ -36,7 +37,7 @@ def run_publish(
     """
     secured = security.choose(options.listen, options.connect)
     reached = Pool(0, options.listen, options.connect, secured)
-    key = check_stream(options.key, guarded=secured is not None)
+    key = check_stream(options.key, holder_name(secured))
     attached = None
     if vendor_of(options.sequence):
         given = options.rate, options.frames, camera.intrinsics, camera.depth_scale

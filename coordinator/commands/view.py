@@ -20,6 +20,7 @@ from gepf.common.protocol.keys import check_stream
 from gepf.common.protocol.models import decode_model
 from gepf.common.recent import MODELS_KEPT, put_recent
 from gepf.common.transport.bus import Bus
+from gepf.common.transport.session import holder_name
 from gepf.coordinator.commands.console import INTERRUPTS
 from gepf.coordinator.commands.finished import find_sequence
 from gepf.coordinator.commands.options import SecurityOptions, ViewOptions
@@ -165,8 +166,9 @@ def view_run(options: ViewOptions, show: Show) -> None:
 def view_live(options: ViewOptions, key: str, security: SecurityOptions, show: Show) -> None:
     """Show published frames and results until an interrupt; a file ends with the results, too."""
     secured = security.choose(options.listen, options.connect)
-    check_stream(key, guarded=secured is not None)
-    results = check_stream(options.results or results_key(key), guarded=secured is not None)
+    holder = holder_name(secured)
+    check_stream(key, holder)
+    results = check_stream(options.results or results_key(key), holder)
     reached = Pool(0, options.listen, options.connect, secured)
     with reach_partner(reached, "publisher", key, show) as bus:
         told = bus.subscribe_newest(f"{results}/**", WAITING_FRAMES)  # several people have keys below it

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from gepf.common.errors import BusError
+from gepf.common.offer import CPU
 from gepf.common.protocol import keys
 from gepf.common.transport.bus import Bus
 from gepf.common.transport.channels import ANSWER_S
@@ -34,6 +35,7 @@ class LocalWorker:
         self.name = name
         self.restarted = 0
         self._command = [*pool.worker_command, "--lanes", str(pool.lanes), "--connect", endpoint, "--tied"]
+        self._command += [] if pool.kind == CPU else ["--kind", pool.kind]
         self._log = folder / f"{name}.log"  # its standard error, kept apart from ours
         self._failed_starts = 0
         self._present = False  # on the bus
@@ -41,7 +43,7 @@ class LocalWorker:
         self._away_since: float | None = None  # after it has served
         self.process = self._start() if pool.lanes else None
         if self.process is not None:
-            bus.watch(keys.of_worker(name, "alive"), self._notice)
+            bus.watch(keys.of_worker(name, "offer/**"), self._notice)
 
     def look_after(self, now: float) -> str | None:
         """Restart it if it has died; returns a message then. BusError if it died too often before it served.

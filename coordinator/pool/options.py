@@ -7,6 +7,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 
 from gepf.common.cores import usable_cores
+from gepf.common.offer import CPU
 from gepf.common.transport.session import Security
 
 WORKER_COMMAND = (sys.executable, "-P", "-m", "gepf.worker.cli")
@@ -21,6 +22,7 @@ class Pool:
     connect: str | None = None  #: endpoint of a router with other workers
     security: Security | None = None
     worker_timeout: float | None = None  #: seconds without any worker until the run ends; None: never
+    kind: str = CPU  #: of the kernel of all workers that are used
     run: str | None = None  #: name; None for a random one
     worker_command: tuple[str, ...] = WORKER_COMMAND
     shared_at: str | None = None  #: endpoint of this pool, if several runs share it
@@ -44,13 +46,18 @@ class Pool:
 
 @dataclass(slots=True)
 class PoolStatistics:
-    """The workers that refined, and counts of batches, invalid replies and restarts."""
+    """The workers of the run and their processors, and counts of batches, invalid replies and restarts."""
 
     workers_seen: tuple[str, ...] = ()
     counts: dict[str, int] = field(default_factory=dict)
+    processors: tuple[str, ...] = ()
 
     def after(self, earlier: PoolStatistics) -> PoolStatistics:
         """The sums of both; this one is the later part of the same run."""
         counts = Counter(earlier.counts)
         counts.update(self.counts)
-        return PoolStatistics(tuple(sorted({*earlier.workers_seen, *self.workers_seen})), dict(counts))
+        return PoolStatistics(
+            tuple(sorted({*earlier.workers_seen, *self.workers_seen})),
+            dict(counts),
+            tuple(sorted({*earlier.processors, *self.processors})),
+        )

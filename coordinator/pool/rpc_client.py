@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import zlib
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -10,6 +11,7 @@ from functools import partial
 from queue import Empty, SimpleQueue
 
 from gepf.common.errors import NoWorkers, ProtocolError, SilentWorkers, VersionError
+from gepf.common.offer import Offer
 from gepf.common.protocol import keys
 from gepf.common.protocol.messages import RefineRequest, decode_refined, decode_refusal, encode_request
 from gepf.common.refinement import Refined, concatenate
@@ -67,30 +69,32 @@ class RpcClient:
     called with a message for the user when workers join, leave, or are missing.
     """
 
-    def __init__(self, bus: Bus, pool: Pool, local: LocalWorker, report: Callable[[str], None]) -> None:
-        self.scheduler = Scheduler()
+    def __init__(
+        self, bus: Bus, run: str, pool: Pool, local: LocalWorker, report: Callable[[str], None]
+    ) -> None:
+        self.scheduler = Scheduler(lambda worker: zlib.crc32(f"{run} {worker}".encode()))
         self.malformed = 0  # replies
-        self.seen: set[str] = set()  # all workers so far
+        self.seen: dict[str, str] = {}  # processors of all workers so far, by name
+        self._refine = f"refine/{keys.coordinator_of(run)}"
         self._bus = bus
         self._pool = pool
         self._local = local
         self._report = report
-        self._lanes: dict[str, int] = {}  # by worker, present or not
+        self._offers: dict[str, dict[str, Offer]] = {}  # by worker and token, of any kind
         self._senders: dict[str, RequestSender] = {}  # by worker
         self._inbox: SimpleQueue[Callable[[], None]] = SimpleQueue()
         self._refinements: dict[int, Refinement] = {}  # the unfinished ones by number
         self._begun = 0  # refinements
         self._next_poll = 0.0
         self._alone_since: float | None = None  # start of the time without a worker
-        self._alone_reported = False
+        self._alone_reported = ""  # why there is no worker, as last reported
         self._waits_for = ""  # missing data, as last reported
-        bus.watch(keys.of_worker("*", "lanes/*"), self._queued(self._count))
-        bus.watch(keys.of_worker("*", "alive"), self._queued(self._notice))
+        bus.watch(keys.of_worker("*", "offer/**"), self._queued(self._notice))
 
     @property
     def lanes(self) -> int:
         """Number of lanes of all present workers."""
-        return sum(worker.lanes for worker in self.scheduler.workers.values())
+        return sum(worker.offer.lanes for worker in self.scheduler.workers.values())
 
     @property
     def frames(self) -> set[int]:
@@ -148,41 +152,68 @@ class RpcClient:
         self._alone_since = now if self._alone_since is None else self._alone_since
         alone, limit = now - self._alone_since, self._pool.worker_timeout
         if limit is not None and alone > limit:
-            self._alone_since, self._alone_reported = None, False
-            where = self._pool.listen or self._pool.connect or "ENDPOINT"
-            raise NoWorkers(f"no worker came within {limit:g} s; start gepf-worker --connect {where}")
-        if alone > NOTICE_S and not self._alone_reported:
-            self._alone_reported = True
-            self._report(
-                "the local worker is not ready yet; the first time, compiling takes about a minute"
-                if self._pool.lanes
-                else "no worker is connected; waiting for one"
-            )
+            self._alone_since, self._alone_reported = None, ""
+            raise NoWorkers(f"no worker came within {limit:g} s; {self._advise()}")
+        if alone > NOTICE_S and self._alone_reported != (why := self._explain()):
+            self._alone_reported = why
+            self._report(why)
 
-    def _count(self, key: str, alive: bool) -> None:
-        """A worker has announced its number of lanes."""
-        if alive:
-            worker = keys.owner_of(key)
-            self._lanes[worker] = keys.lanes_of(key)
-            if worker in self._senders:
-                self._notice(key, alive)
+    def _foreign(self) -> str:
+        """The kinds of the present workers, if none is used."""
+        kinds = {offer.kind for offers in self._offers.values() for offer in offers.values()}
+        return " or ".join(sorted(kinds))
+
+    def _explain(self) -> str:
+        """Why there is no worker."""
+        if self._pool.lanes:
+            return "the local worker is not ready yet; the first time, compiling takes about a minute"
+        if foreign := self._foreign():
+            missing = f"no worker of kind '{self._pool.kind}' is connected"
+            return f"{missing}, and those of kind {foreign} are not used; {self._advise()}"
+        return "no worker is connected; waiting for one"
+
+    def _advise(self) -> str:
+        """How to start a worker."""
+        where = self._pool.listen or self._pool.connect or "ENDPOINT"
+        if not (foreign := self._foreign()):
+            return f"start gepf-worker --connect {where}"
+        return f"start gepf-worker --kind {self._pool.kind} --connect {where}, or give --kind {foreign}"
 
     def _notice(self, key: str, alive: bool) -> None:
-        """A worker has joined or left."""
-        worker, now = keys.owner_of(key), time.monotonic()
-        if alive and worker not in self._senders:
-            refine = keys.of_worker(worker, "refine")
-            self._senders[worker] = self._bus.request_sender(refine, REQUEST_TIMEOUT_S)
-            self.seen.add(worker)
-            self._alone_since, self._alone_reported = None, False
-            self._report(f"worker {worker} joined")
-        elif not alive and worker in self._senders:
+        """An offer of a worker has appeared or disappeared."""
+        worker, now = keys.worker_of(key), time.monotonic()
+        offers = self._offers.setdefault(worker, {})
+        offers.pop(key, None)
+        if alive:
+            try:
+                offers[key] = keys.read_offer(key)
+            except ProtocolError as error:
+                self._report(f"worker {worker} is not used: {error}")
+        if not offers:
+            del self._offers[worker]
+        used = [offer for offer in offers.values() if offer.kind == self._pool.kind]
+        if used:
+            self._welcome(worker, used[-1])
+            self._send(self.scheduler.join(worker, used[-1], now))
+        elif worker in self._senders:
             self._senders.pop(worker).close()
             self._report(f"worker {worker} left")
-        if alive:
-            self._send(self.scheduler.join(worker, self._lanes.get(worker, 1), now))
-        else:
             self._send(self.scheduler.leave(worker, now))
+
+    def _welcome(self, worker: str, offer: Offer) -> None:
+        """A worker that is used has joined, or offers something else."""
+        if self.seen and offer.processor not in self.seen.values():
+            earlier = ", ".join(sorted(set(self.seen.values())))
+            self._report(
+                f"worker {worker} has another processor ({offer.processor}) than the workers before it "
+                f"({earlier}); if this run is repeated, the last digits may differ"
+            )
+        self.seen[worker] = offer.processor
+        if worker not in self._senders:
+            refine = keys.of_worker(worker, self._refine)
+            self._senders[worker] = self._bus.request_sender(refine, REQUEST_TIMEOUT_S)
+            self._alone_since, self._alone_reported = None, ""
+            self._report(f"worker {worker} joined")
 
     def _send(self, requests: list[Request]) -> None:
         for request in requests:
@@ -195,16 +226,16 @@ class RpcClient:
     def _end(self, ticket: int, worker: str, ending: Ending, payload: bytes) -> None:
         """A request has ended."""
         outcome: Outcome = "nothing"
-        reason = ""
+        reason, waited = "", 0.0
         if ending == "reply":
-            outcome, reason = self._receive(ticket, worker, payload)
+            outcome, reason, waited = self._receive(ticket, worker, payload)
         elif ending == "refusal":
             outcome, reason = read_refusal(payload)
             if outcome == "unavailable" and reason != self._waits_for:
                 self._waits_for = reason
                 self._report(f"worker {worker} waits: {reason}")
         try:
-            self._send(self.scheduler.end(ticket, outcome, time.monotonic(), reason))
+            self._send(self.scheduler.end(ticket, outcome, time.monotonic(), reason, waited))
         except SilentWorkers as error:
             raise SilentWorkers(
                 f"workers are connected, but none answers within {REQUEST_TIMEOUT_S:.0f} s (last {worker}): "
@@ -213,22 +244,22 @@ class RpcClient:
         except ProtocolError as error:
             raise ProtocolError(f"no worker can refine the particles: {error}") from error
 
-    def _receive(self, ticket: int, worker: str, payload: bytes) -> tuple[Outcome, str]:
-        """Keep a useful reply, unless it is invalid."""
+    def _receive(self, ticket: int, worker: str, payload: bytes) -> tuple[Outcome, str, float]:
+        """Keep a useful reply, unless it is invalid; also returns how long the request waited for others."""
         batch = self.scheduler.wanted(ticket)
         if batch is None:
-            return "refined", ""
+            return "refined", "", 0.0
         refinement = self._refinements[batch.refinement]
         asked = refinement.request.particles
         shape = batch.stop - batch.start, asked.poses.shape[1]
         try:
-            part = decode_refined(payload, shape, covariance=asked.covariance)
+            part, waited = decode_refined(payload, shape, covariance=asked.covariance)
         except ProtocolError as error:
             self.malformed += 1
             self._report(f"worker {worker} sent an invalid reply: {error}")
-            return "refused", f"invalid reply: {error}"
+            return "refused", f"invalid reply: {error}", 0.0
         refinement.parts[batch.start] = part
-        return "refined", ""
+        return "refined", "", waited
 
 
 def read_refusal(payload: bytes) -> tuple[Outcome, str]:

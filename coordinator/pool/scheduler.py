@@ -1,10 +1,14 @@
 """Assigns particles to workers: a state machine from events to requests, without clock and socket.
 
-The particles are split into one batch per worker, in proportion to the lanes. A spare batch is refined on one
-lane. A batch whose request ends without a result is sent to another worker. If no batch is waiting, a late
-request is sent again, once, to an idle worker. The first result of a batch is used, later ones are ignored. A
-worker that gives neither a result nor a refusal gets no requests for a while. If all workers refuse a batch,
-the refinement fails.
+The particles are split into one batch per worker, for no more workers than are needed to be as fast as with
+all, so that no slot of theirs is empty but the last ones. A spare batch is refined on one lane. A batch whose
+request ends without a result is sent to another worker. If no batch is waiting, a late request is sent again,
+once, to an idle worker. The first result of a batch is used, later ones are ignored. A worker that gives
+neither a result nor a refusal gets no requests for a while. If all workers refuse a batch, the refinement
+fails.
+
+Other coordinators use the same workers. A worker says how long a request waited there for others, so a
+request is late by the time that it takes itself, beyond the usual wait at its worker.
 
 A request stays in flight until it ends, even if its refinement is done, because the worker is still busy with
 it.
@@ -13,17 +17,19 @@ it.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import accumulate, pairwise
 from typing import Literal
 
 from gepf.common.bounds import MAX_PARTICLES
 from gepf.common.errors import ProtocolError, SilentWorkers
+from gepf.common.offer import Offer
 
 MAX_IN_FLIGHT = 2  # requests at one worker, and spare ones per lane: the next one is there when one ends
 TICK_S = 0.1  # between checks of the clock; no request is late before
 LATE_FACTOR = 3.0  # a request is late after this multiple of the last time per particle
+LONG_WAIT_S = 0.02  # for others, at a worker, whereupon other workers are used: a turn of another run
 REST_S = 0.5  # pause of a worker without a result: it may be leaving or joining
 REQUEST_TIMEOUT_S = 30.0  # only a hanging worker takes so long
 
@@ -50,9 +56,15 @@ class Worker:
     """A present worker."""
 
     name: str
-    lanes: int  # particles refined in parallel
+    offer: Offer
     in_flight: set[int] = field(default_factory=set)  # tickets
     rests_until: float = -math.inf
+    waits: dict[bool, float] = field(default_factory=lambda: {False: 0.0, True: 0.0})
+    """Seconds that requests, or spare ones, have waited there for others: the longest lately."""
+
+    def note_wait(self, spare: bool, seconds: float) -> None:
+        """A request has waited there."""
+        self.waits[spare] = max(seconds, self.waits[spare] / 2)
 
 
 @dataclass(slots=True, eq=False)
@@ -66,29 +78,32 @@ class Request:
 
     @property
     def load(self) -> int:
-        """Particles per lane that refines them."""
-        lanes = 1 if self.batch.spare else self.worker.lanes
-        return math.ceil((self.batch.stop - self.batch.start) / lanes)
+        """Number of particles that are refined one after another."""
+        offer = self.worker.offer
+        parallel = offer.batch if self.batch.spare else offer.slots
+        return math.ceil((self.batch.stop - self.batch.start) / parallel)
 
 
 class Scheduler:
-    """The state machine. Each event returns the requests to send. Times are in seconds from any origin."""
+    """The state machine. Each event returns the requests to send. Times are in seconds from any origin.
 
-    def __init__(self) -> None:
+    Of equally good workers those with the lowest `rank` come first: if it differs among coordinators, they
+    use different workers.
+    """
+
+    def __init__(self, rank: Callable[[str], int] = lambda _: 0) -> None:
+        self._rank = rank
         self.workers: dict[str, Worker] = {}
         self.in_flight: dict[int, Request] = {}  # by ticket, the oldest first
         self.batches: list[Batch] = []  # of all unfinished refinements
         self.sent = self.sent_again = self.refused = 0  # requests
-        # seconds per particle and lane, in the last request with a result; of spare ones with their wait
+        # seconds per particle of a lane, in the last request with a result, and the last spare one
         self._pace = {False: math.inf, True: math.inf}
         self._answered_at = -math.inf  # by any worker
 
     def start(self, refinement: int, particles: int, now: float, *, spare: bool = False) -> list[Request]:
         """Start a refinement, which has an unused number, of so many particles; a spare one can wait."""
-        workers = sorted(self.workers.values(), key=lambda w: (w.rests_until > now, len(w.in_flight)))
-        lanes = [1 if spare else worker.lanes for worker in workers] or [1]
-        rounds = max(lanes) * particles / sum(lanes) / MAX_PARTICLES
-        ranges = split(particles, lanes * max(1, math.ceil(rounds)))
+        ranges = split(particles, self._slots(now, spare=spare))
         self.batches += [Batch(refinement, spare, start, stop) for start, stop in ranges]
         return self.dispatch(now)
 
@@ -96,9 +111,9 @@ class Scheduler:
         """Forget a refinement."""
         self.batches = [batch for batch in self.batches if batch.refinement != refinement]
 
-    def join(self, name: str, lanes: int, now: float) -> list[Request]:
-        """A worker has joined, or announced its number of lanes."""
-        self.workers.setdefault(name, Worker(name, lanes)).lanes = lanes
+    def join(self, name: str, offer: Offer, now: float) -> list[Request]:
+        """A worker has joined, or has another offer."""
+        self.workers.setdefault(name, Worker(name, offer)).offer = offer
         return self.dispatch(now)
 
     def leave(self, name: str, now: float) -> list[Request]:
@@ -108,8 +123,10 @@ class Scheduler:
             self._remove(self.in_flight[ticket])
         return self.dispatch(now)
 
-    def end(self, ticket: int, outcome: Outcome, now: float, reason: str = "") -> list[Request]:
-        """A request has ended.
+    def end(
+        self, ticket: int, outcome: Outcome, now: float, reason: str = "", waited: float = 0.0
+    ) -> list[Request]:
+        """A request has ended; a refined one has `waited` for others at the worker, seconds.
 
         Raises ProtocolError if all workers have refused its batch, SilentWorkers after the timeout if no
         worker has answered anything since it was sent.
@@ -121,7 +138,9 @@ class Scheduler:
         self._remove(request)
         batch, worker = request.batch, request.worker
         if outcome == "refined":
-            self._pace[batch.spare] = (now - request.sent_at) / request.load
+            if is_wanted:
+                worker.note_wait(batch.spare, waited)
+                self._pace[batch.spare] = max(0.0, now - request.sent_at - waited) / request.load
             batch.done |= is_wanted
             if all(each.done for each in self.batches if each.refinement == batch.refinement):
                 self.cancel(batch.refinement)
@@ -147,10 +166,10 @@ class Scheduler:
         for batch in sorted(waiting, key=lambda batch: batch.spare):
             by_all = batch.refusals.keys() >= self.workers.keys()
             ready, spare = self._awake(now), batch.spare
-            able = [w for w in ready if self._count(w, batch) < MAX_IN_FLIGHT * (1 + spare * w.lanes)]
+            able = [w for w in ready if self._count(w, batch) < MAX_IN_FLIGHT * (1 + spare * w.offer.lanes)]
             free = [w for w in able if by_all or w.name not in batch.refusals]
             if free:
-                sends.append(self._send(batch, min(free, key=lambda w: len(w.in_flight)), now))
+                sends.append(self._send(batch, min(free, key=self._preference), now))
         return sends or self._send_late_again(waiting, now)
 
     def wanted(self, ticket: int) -> Batch | None:
@@ -158,6 +177,15 @@ class Scheduler:
         request = self.in_flight.get(ticket)
         is_wanted = request is not None and not request.batch.done and request.batch in self.batches
         return request.batch if request is not None and is_wanted else None
+
+    def _slots(self, now: float, *, spare: bool) -> list[int]:
+        """The slots of all workers, the preferred ones first; [1] without workers."""
+        workers = sorted(self.workers.values(), key=lambda w: (w.rests_until > now, *self._preference(w)))
+        return [worker.offer.batch if spare else worker.offer.slots for worker in workers] or [1]
+
+    def _preference(self, worker: Worker) -> tuple[int, bool, int]:
+        """The worker with the lowest one comes first: few requests of our own, no wait for others."""
+        return len(worker.in_flight), worker.waits[False] > LONG_WAIT_S, self._rank(worker.name)
 
     def _awake(self, now: float) -> list[Worker]:
         return [worker for worker in self.workers.values() if worker.rests_until <= now]
@@ -178,7 +206,8 @@ class Scheduler:
         return sends
 
     def _is_late(self, request: Request, now: float) -> bool:
-        usual = LATE_FACTOR * self._pace[request.batch.spare] * request.load
+        spare = request.batch.spare
+        usual = LATE_FACTOR * (self._pace[spare] * request.load + request.worker.waits[spare])
         return self.wanted(request.ticket) is not None and now >= request.sent_at + max(TICK_S, usual)
 
     def _send(self, batch: Batch, worker: Worker, now: float) -> Request:
@@ -197,8 +226,15 @@ class Scheduler:
             each.in_flight.remove(request.ticket)
 
 
-def split(particles: int, lanes: Sequence[int]) -> list[tuple[int, int]]:
-    """Successive ranges (start, stop) in proportion to the lanes of the workers; none is empty."""
-    total = sum(lanes)
-    ends = [math.ceil(particles * share / total) for share in accumulate(lanes, initial=0)]
-    return [(start, stop) for start, stop in pairwise(ends) if start < stop]
+def split(particles: int, slots: Sequence[int]) -> list[tuple[int, int]]:
+    """Successive ranges (start, stop), one per request, for workers with so many slots.
+
+    All take the same number of rounds, the last one maybe fewer, and workers that are not needed get nothing.
+    If a request would have too many particles, workers get several.
+    """
+    slots = [min(count, MAX_PARTICLES) for count in slots]
+    most = MAX_PARTICLES // max(slots)  # rounds of a request
+    requests = math.ceil(particles / (most * sum(slots)))  # for each worker
+    rounds = math.ceil(particles / max(1, requests * sum(slots)))
+    ends = accumulate((rounds * count for count in slots * requests), initial=0)
+    return [(start, min(stop, particles)) for start, stop in pairwise(ends) if start < particles]

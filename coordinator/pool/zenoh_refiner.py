@@ -5,12 +5,13 @@ from __future__ import annotations
 import threading
 import uuid
 from collections.abc import Callable, Collection
-from contextlib import AbstractContextManager, ExitStack
+from contextlib import AbstractContextManager, ExitStack, suppress
 from dataclasses import replace
 from pathlib import Path
 
 from gepf.common.body import BodyModel
 from gepf.common.closing import Closing
+from gepf.common.errors import BusError, InputError
 from gepf.common.frame import SubjectFrame
 from gepf.common.protocol import keys
 from gepf.common.protocol.frames import encode_frame
@@ -18,10 +19,12 @@ from gepf.common.protocol.messages import RefineRequest
 from gepf.common.protocol.models import encode_model
 from gepf.common.recent import FRAMES_KEPT, MODELS_KEPT, put_recent
 from gepf.common.refinement import Particles
+from gepf.common.transport.admission import is_seen
 from gepf.common.transport.bus import Bus
 from gepf.common.transport.channels import Publisher
 from gepf.common.transport.endpoints import LOCAL, protocol_of
 from gepf.common.transport.opening import open_coordinator, private_folder
+from gepf.common.transport.session import COORDINATOR, holder_name
 from gepf.coordinator.pool.local_worker import LocalWorker
 from gepf.coordinator.pool.options import Pool, PoolStatistics
 from gepf.coordinator.pool.rpc_client import Refinement, RpcClient
@@ -83,7 +86,9 @@ class ZenohRefiner(Refiner, Closing):
     """
 
     def __init__(self, pool: Pool, report: Callable[[str], None] = lambda _: None) -> None:
-        self.run = keys.check_name("run", pool.run or uuid.uuid4().hex[:12])
+        name = keys.check_name("run", pool.run or uuid.uuid4().hex[:12])
+        holder = holder_name(pool.security) or COORDINATOR
+        self.run = f"{holder}/{name}"
         self._pool = pool
         self._report = report
         self._lost_links: set[str] = set()
@@ -102,11 +107,13 @@ class ZenohRefiner(Refiner, Closing):
             if pool.connect and not pool.listen and not pool.shared_at:
                 self._bus.watch_links(self._report_link)
             self._publication = Publication(self._bus, self.run)
+            if pool.security is not None and not pool.shared_at:
+                check_admission(self._bus, holder, pool)
             self._bus.announce(keys.of_run(self.run, "alive"))
             of_our_own = replace(pool, workers=0) if pool.shared_at else pool
-            self._local = LocalWorker(of_our_own, f"{self.run}-0", self._bus, local, folder)
+            self._local = LocalWorker(of_our_own, f"{name}-0", self._bus, local, folder)
             stack.callback(self._local.stop)
-            self._client = RpcClient(self._bus, pool, self._local, report)
+            self._client = RpcClient(self._bus, self.run, pool, self._local, report)
             self._stack = stack.pop_all()
 
     def close(self) -> None:
@@ -137,6 +144,7 @@ class ZenohRefiner(Refiner, Closing):
                 "batches_refused": scheduler.refused,
                 "replies_malformed": client.malformed,
             },
+            processors=tuple(sorted(set(client.seen.values()))),
         )
 
     @property
@@ -158,7 +166,7 @@ class ZenohRefiner(Refiner, Closing):
         return self._bus.publish(key)
 
     def publish(self, subject: SubjectFrame) -> None:
-        """Send a frame to all workers, so that they have it when its particles are submitted."""
+        """Send a frame to the workers of this run, so that they have it when its particles are submitted."""
         self._publication.put(subject, self._client.frames)
 
     def submit(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Refinement:
@@ -168,6 +176,20 @@ class ZenohRefiner(Refiner, Closing):
         self._publication.offer(model)
         number = self._publication.put(subject, self._client.frames)
         return self._client.begin(RefineRequest(self.run, number, model.hash, particles))
+
+
+def check_admission(bus: Bus, holder: str, pool: Pool) -> None:
+    """InputError if a router that answers does not admit a coordinator of this name."""
+
+    def give_up() -> None:
+        raise BusError("no answer")
+
+    key = keys.of_run(holder, "admission")
+    bus.announce(key)
+    with suppress(BusError):  # a router that comes later cannot be asked
+        if pool.connect and not is_seen(key, pool.connect_endpoints, pool.security, give_up):
+            line = f"{pool.connect} does not admit coordinator '{holder}'; have it listed there"
+            raise InputError(f"{line} in coordinators.txt")
 
 
 Connect = Callable[[Pool, Callable[[str], None]], AbstractContextManager[ZenohRefiner]]

@@ -16,7 +16,7 @@ import numpy as np
 from gepf.common.arrays import Array
 from gepf.common.body import BodyModel
 from gepf.common.errors import ProtocolError
-from gepf.common.protocol.keys import of_run
+from gepf.common.protocol.keys import RUN, of_run
 from gepf.common.protocol.wire import LIVE
 from gepf.common.transport.channels import Publisher
 from gepf.coordinator.bodies.angles import Angles
@@ -27,7 +27,7 @@ from gepf.coordinator.tracking.estimate import Estimate, Status
 
 KIND, END = "estimate", "estimates-end"
 
-BodyKey = Annotated[str, msgspec.Meta(pattern=r"^gepf/run/[A-Za-z0-9._-]{1,64}/model/[0-9a-f]{64}\Z")]
+BodyKey = Annotated[str, msgspec.Meta(pattern=rf"^gepf/run/{RUN.pattern}/model/[0-9a-f]{{64}}\Z")]
 Values = dict[str, float | None]  # by name; None if unknown
 
 

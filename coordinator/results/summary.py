@@ -59,6 +59,7 @@ def summarise(totals: RunTotals, person: Outcome) -> dict[str, object]:
         "versions": versions(),
         "resumes": totals.resumes,
         "workers_seen": statistics.workers_seen,
+        "processors": statistics.processors,
         **statistics.counts,
         "frames": tally.frames,
         "status": tally.status,

@@ -1,6 +1,7 @@
 """Access control of runs and routers, and their certificates.
 
-The admitted workers are listed in a text file beside the certificate of the authority, one name per line.
+The admitted workers and coordinators are listed in two text files beside the certificate of the authority,
+one name per line.
 """
 
 from __future__ import annotations
@@ -10,26 +11,33 @@ from pathlib import Path
 
 from gepf.common.errors import InputError
 from gepf.common.protocol.keys import check_name
-from gepf.common.transport.credentials import check_holder, read_credentials
+from gepf.common.transport.credentials import check_holder, holder_of, read_credentials
 from gepf.common.transport.endpoints import CONNECT, LISTEN, check_endpoint
 from gepf.common.transport.session import COORDINATOR, ROUTER, Security
 
-ROSTER = "workers.txt"
+WORKERS_FILE = "workers.txt"
+COORDINATORS_FILE = "coordinators.txt"
 
 
-def read_roster(ca: Path) -> tuple[str, ...]:
+def read_workers(ca: Path) -> tuple[str, ...]:
     """The admitted workers of an authority; InputError if there is no list."""
-    path = ca.parent / ROSTER
+    path = ca.parent / WORKERS_FILE
     if not path.exists():
         raise InputError(f"{path} is missing; write the names of all allowed workers there, one per line")
-    return list_workers(path)
+    return tuple(map(check_worker, list_names(path)))
 
 
-def list_workers(path: Path) -> tuple[str, ...]:
-    """The names in a file, empty if it is missing; InputError for an invalid name."""
+def read_coordinators(ca: Path) -> tuple[str, ...]:
+    """The admitted coordinators of an authority; only `coordinator` if there is no list."""
+    listed = [check_name("coordinator", name) for name in list_names(ca.parent / COORDINATORS_FILE)]
+    return tuple(dict.fromkeys((COORDINATOR, *listed)))
+
+
+def list_names(path: Path) -> tuple[str, ...]:
+    """The names in a file, empty if it is missing."""
     lines = path.read_text(errors="replace").splitlines() if path.exists() else []
     names = (line.strip() for line in lines)
-    return tuple(check_worker(name) for name in names if name and not name.startswith("#"))
+    return tuple(name for name in names if name and not name.startswith("#"))
 
 
 def choose_names(workers: str) -> tuple[str, ...]:
@@ -60,13 +68,13 @@ def choose_security(
     connect: str | None,
     files: TlsFiles,
     *,
-    holder: str = COORDINATOR,
+    holder: str | None = None,
     insecure: bool = False,
 ) -> Security | None:
     """Certificates and access rules for these endpoints; None without certificates.
 
-    InputError for a certificate that does not belong to `holder`, and for an unencrypted link to other hosts
-    unless `insecure` is set.
+    InputError for a certificate that does not belong to `holder`, or without it to a coordinator, and for an
+    unencrypted link to other hosts unless `insecure` is set.
     """
     credentials = read_credentials(files.ca, files.cert, files.key)
     for option, endpoint in ((LISTEN, listen), (CONNECT, connect)):
@@ -74,5 +82,15 @@ def choose_security(
             check_endpoint(option, endpoint, credentials, insecure=insecure)
     if credentials is None:
         return None
-    check_holder(credentials, holder)
-    return Security(credentials, None if listen is None else read_roster(credentials.ca))
+    coordinators = read_coordinators(credentials.ca)
+    if holder is not None:
+        check_holder(credentials, holder)
+    elif (name := holder_of(credentials)) not in coordinators:
+        admitted, roster = " or ".join(map(repr, coordinators)), credentials.ca.parent / COORDINATORS_FILE
+        raise InputError(
+            f"certificate {credentials.cert} is for '{name}', not for {admitted}; give that one, "
+            f"or list '{name}' in {roster}"
+        )
+    if listen is None:
+        return Security(credentials)
+    return Security(credentials, read_workers(credentials.ca), coordinators)

@@ -1,4 +1,4 @@
-"""A folder with the certificates of an authority, coordinator, router and workers, and their renewal."""
+"""A folder with the certificates of an authority, coordinators, router and workers, and their renewal."""
 
 from __future__ import annotations
 
@@ -14,7 +14,13 @@ from cryptography import x509
 from gepf.common.errors import InputError
 from gepf.common.transport.credentials import Credentials
 from gepf.common.transport.session import COORDINATOR, ROUTER, Security, session_settings
-from gepf.coordinator.security.access import ROSTER, list_workers
+from gepf.coordinator.security.access import (
+    COORDINATORS_FILE,
+    WORKERS_FILE,
+    check_worker,
+    list_names,
+    read_coordinators,
+)
 from gepf.coordinator.security.authority import AUTHORITY, find_authority
 from gepf.coordinator.security.issuing import Issued, host_name, issue, read_certificates, renewal_time, save
 
@@ -31,12 +37,18 @@ class Made:
 
 
 def make_certificates(
-    folder: Path, workers: tuple[str, ...], hosts: tuple[str, ...], days: int, mount: Path | None
+    folder: Path,
+    workers: tuple[str, ...],
+    hosts: tuple[str, ...],
+    days: int,
+    mount: Path | None,
+    coordinators: tuple[str, ...] = (),
 ) -> Made:
     """Create the certificates of a folder that are missing, or that have lived for two thirds of their life.
 
-    The folder also gets `workers.txt`, the admitted workers, and `router.json5`, the configuration of a Zenoh
-    router that has the folder at `mount`.
+    The folder also gets `workers.txt` and `coordinators.txt`, who is admitted, and `router.json5`, the
+    configuration of a Zenoh router that has the folder at `mount`. Coordinators besides `coordinator` can
+    only connect. InputError for a name with two roles.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -44,15 +56,19 @@ def make_certificates(
         raise InputError(f"cannot make folder {folder}: {error.strerror}; choose another --out") from error
     authority, succession = find_authority(folder)
     hosts = (*USUAL_HOSTS, socket.gethostname(), *hosts)
-    listed = tuple(dict.fromkeys((*list_workers(folder / ROSTER), *workers)))
-    hosts_of = {COORDINATOR: hosts, ROUTER: hosts, **dict.fromkeys(listed, ())}
+    listed = tuple(dict.fromkeys(map(check_worker, (*list_names(folder / WORKERS_FILE), *workers))))
+    admitted = tuple(dict.fromkeys((*read_coordinators(folder / f"{AUTHORITY}.pem"), *coordinators)))
+    if several := sorted({*admitted, ROUTER, AUTHORITY} & {*listed} | {*admitted} & {ROUTER, AUTHORITY}):
+        raise InputError(f"two have the name '{several[0]}'; give workers and coordinators other names")
+    hosts_of = {COORDINATOR: hosts, ROUTER: hosts, **dict.fromkeys((*admitted[1:], *listed), ())}
     new = [name for name in hosts_of if not is_good(folder / f"{name}.pem", hosts_of[name], authority)]
     for name in new:
         save(folder, name, issue(name, hosts_of[name], authority, dt.timedelta(days=days)))
-    (folder / ROSTER).write_text("".join(f"{worker}\n" for worker in listed))
+    for file, names in ((WORKERS_FILE, listed), (COORDINATORS_FILE, admitted)):
+        (folder / file).write_text("".join(f"{name}\n" for name in names))
     place = mount or folder.absolute()
     own = Credentials(place / f"{AUTHORITY}.pem", place / f"{ROUTER}.pem", place / f"{ROUTER}.key")
-    settings = session_settings("router", ["tls/0.0.0.0:7447"], [], Security(own, listed))
+    settings = session_settings("router", ["tls/0.0.0.0:7447"], [], Security(own, listed, admitted))
     (folder / "router.json5").write_text(json.dumps(settings, indent=1) + "\n")
     leaves = [read_certificates(folder / f"{name}.pem")[0] for name in hosts_of]
     return Made(new, min(map(renewal_time, leaves)), succession)

@@ -69,9 +69,9 @@ def test_quiet_and_json_leave_a_program_what_it_reads(
 def test_the_summary_has_settings_and_outcome(tracked: Tracked, desk: Desk) -> None:
     """Settings, seed, versions, the pool that was asked for, workers, frames, particles, rate and times."""
     where = ("--listen", "tcp/127.0.0.1:7447", "--connect", "tcp/router:7447", "--insecure")
-    workers = ("--workers", "3", "--worker-timeout", "9")
+    workers = ("--workers", "3", "--worker-timeout", "9", "--kind", "cuda")
     _, summary = tracked("--particles", "7", "--points", "300", "--seed", "9", *workers, *where)
-    pool = Pool(3, "tcp/127.0.0.1:7447", "tcp/router:7447", worker_timeout=9.0)
+    pool = Pool(3, "tcp/127.0.0.1:7447", "tcp/router:7447", worker_timeout=9.0, kind="cuda")
     assert desk.workers.asked == pool
     asked = {name: getattr(pool, name) for name in ("workers", "listen", "connect", "worker_timeout")}
     settings: Any = summary["settings"]
@@ -83,7 +83,9 @@ def test_the_summary_has_settings_and_outcome(tracked: Tracked, desk: Desk) -> N
         "seed": 9,
         "frames": 5,
         "particles": 7,
+        "worker_kind": "cuda",
         "workers_seen": ["one", "two"],
+        "processors": ["zen3"],
         "batches_sent_again": 3,
         "pool": {**asked, "encrypted": False},
         "color": None,

@@ -14,6 +14,7 @@ from rich.console import Console
 from gepf.common.body import BodyModel
 from gepf.common.errors import SilentWorkers
 from gepf.common.frame import SubjectFrame
+from gepf.common.offer import Offer
 from gepf.common.protocol import keys
 from gepf.common.refinement import Particles
 from gepf.common.transport.channels import IncomingRequest
@@ -99,9 +100,8 @@ def test_a_worker_that_takes_requests_and_never_answers_is_named(endpoint: str) 
     """When a request has met its timeout: an error in place of a wait without end."""
     kept = list[IncomingRequest]()
     with ZenohRefiner(Pool(0, listen=endpoint)) as refiner, open_worker([endpoint]) as bus:
-        bus.serve_requests(keys.of_worker("mute", "refine"), kept.append)
-        bus.announce(keys.of_worker("mute", "lanes/1"))
-        bus.announce(keys.of_worker("mute", "alive"))
+        bus.serve_requests(keys.of_worker("mute", "refine/*"), kept.append)
+        bus.announce(keys.offer_key("mute", Offer()))
         refiner.wait_for(1)
         pending = refiner.submit(frame(1), MODEL, PARTICLES)
         with pytest.raises(SilentWorkers, match=r"none answers within 30 s \(last mute\)"):

@@ -141,9 +141,8 @@ def test_reply_may_be_infinite_but_for_its_poses() -> None:
     """A particle that nothing was observed of has no likelihood; a pose that is no pose is refused."""
     refined = tiny_refined()
     refined.log_likelihood[0] = -np.inf
-    assert (
-        messages.decode_refined(messages.encode_refined(refined), (COUNT, DOFS)).log_likelihood[0] == -np.inf
-    )
+    received, _ = messages.decode_refined(messages.encode_refined(refined), (COUNT, DOFS))
+    assert received.log_likelihood[0] == -np.inf
     refined.poses[0, 0] = np.inf
     refuse("reply", messages.encode_refined(refined), "poses must be -100000 to 100000, not ")
 

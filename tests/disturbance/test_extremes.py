@@ -113,7 +113,7 @@ def test_a_filter_survives_any_answer(name: str) -> None:
             liar.choice([0.0, 1e300, np.inf], len(poses)),
             roots.astype(np.float32) if name == "default" else None,
         )
-        return decode_refined(encode_refined(answer), poses.shape, covariance=name == "default")
+        return decode_refined(encode_refined(answer), poses.shape, covariance=name == "default")[0]
 
     belief = begin(model, POSES[0], settings)
     for _ in range(30):

@@ -21,18 +21,18 @@ import psutil  # type: ignore[import-untyped]
 import pytest
 
 from gepf.common.errors import ProtocolError
+from gepf.common.kernel import Kernel
 from gepf.common.protocol import keys, messages
 from gepf.common.protocol.frames import encode_frame
 from gepf.common.protocol.models import decode_model, encode_model
 from gepf.common.settings import preset
 from gepf.common.transport.bus import Bus
-from gepf.common.transport.channels import IncomingRequest
 from gepf.common.transport.opening import open_worker
 from gepf.coordinator.pool.options import Pool
 from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
 from gepf.worker.kernel.icp import refine
 from gepf.worker.kernel.observation import observe, observe_for
-from gepf.worker.service import Kernel, Service
+from gepf.worker.service import Service, Task
 from gepf.worker.warm_up import tiny_frame, warm_up
 from tests.support.extremes import Extremes
 from tests.support.messages import KINDS, Mutator
@@ -96,13 +96,13 @@ class Villain:
     def __init__(self, bus: Bus, worker: str) -> None:
         self._mutator = Mutator(1, HONEST)
         self._answers: SimpleQueue[tuple[str, bytes]] = SimpleQueue()
-        self._sender = bus.request_sender(keys.of_worker(worker, "refine"), LONGEST)
+        self._sender = bus.request_sender(keys.of_worker(worker, "refine/evil"), LONGEST)
         self._models = {MODEL.hash: encode_model(MODEL)}
-        self._publisher = bus.publish(keys.of_run("evil", "frame"))
+        self._publisher = bus.publish(keys.of_run("evil/run", "frame"))
         self._frames: dict[str, bytes] = {}
-        self.honest = replace(REQUEST, run="evil", frame=0, particles=REQUEST.particles.part(0, 3))
-        bus.serve(keys.of_run("evil", "model/*"), lambda key: self._models.get(keys.last_of(key)))
-        bus.serve(keys.of_run("evil", "frame/*"), lambda key: self._frames.get(keys.last_of(key)))
+        self.honest = replace(REQUEST, run="evil/run", frame=0, particles=REQUEST.particles.part(0, 3))
+        bus.serve(keys.of_run("evil/run", "model/*"), lambda key: self._models.get(keys.last_of(key)))
+        bus.serve(keys.of_run("evil/run", "frame/*"), lambda key: self._frames.get(keys.last_of(key)))
         self._publish(encode_frame(tiny_frame()))
 
     def _publish(self, payload: bytes) -> None:
@@ -171,23 +171,28 @@ class Liar(Service):
         self._mutator = Mutator(seed, HONEST)
         self._heard = heard
 
-    def serve(self, request: IncomingRequest, asked: messages.RefineRequest) -> None:
+    def serve(self, run: str, task: Task, most: int | None = None, *, spare: bool = False) -> None:
         """Answer one request."""
-        turn = self._heard.total() if self._heard["honest answers"] else 0
-        try:
-            honest = self.answer(asked)
-        except ProtocolError as error:  # the frame is over, and others refined it
-            request.refuse(messages.encode_refusal(str(error)))
+        if task.asked is None or task.request is None:
+            super().serve(run, task, most, spare=spare)
             return
-        if turn % 3 == 0:
-            self._heard["honest answers"] += 1
-            request.reply(honest)
-        elif turn % 30 == 1:
-            self._heard["false refusals"] += 1
-            request.refuse(self._mutator.mutate(messages.encode_refusal("no")))
-        else:
-            self._heard["lies"] += 1
-            request.reply(self._nonsense(honest, asked.particles.poses.shape))
+        asked, request = task.asked, task.request
+        with request:
+            turn = self._heard.total() if self._heard["honest answers"] else 0
+            try:
+                honest = messages.encode_refined(self.answer(asked))
+            except ProtocolError as error:  # the frame is over, and others refined it
+                request.refuse(messages.encode_refusal(str(error)))
+                return
+            if turn % 3 == 0:
+                self._heard["honest answers"] += 1
+                request.reply(honest)
+            elif turn % 30 == 1:
+                self._heard["false refusals"] += 1
+                request.refuse(self._mutator.mutate(messages.encode_refusal("no")))
+            else:
+                self._heard["lies"] += 1
+                request.reply(self._nonsense(honest, asked.particles.poses.shape))
 
     def _nonsense(self, honest: bytes, asked: tuple[int, ...]) -> bytes:
         """The honest answer, mutated until it is none."""

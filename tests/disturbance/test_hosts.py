@@ -30,9 +30,9 @@ DONE = "a batch is done"
 
 def work_slowly(endpoint: str, name: str) -> None:
     """`gepf-worker`, with a long task in each batch; says when it has done one."""
+    from gepf.common.kernel import Kernel
     from gepf.worker.cli import exit_with, serve
     from gepf.worker.connection import Identity
-    from gepf.worker.service import Kernel
     from tests.support.kernel.warm_kernel import KERNEL
 
     def refine(*asked: Any, **how: Any) -> Any:

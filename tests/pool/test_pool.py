@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
@@ -15,6 +16,8 @@ import pytest
 
 from gepf.common.errors import InputError, NoWorkers, ProtocolError
 from gepf.common.frame import SubjectFrame
+from gepf.common.kernel import Kernel
+from gepf.common.offer import Offer
 from gepf.common.protocol import keys
 from gepf.common.protocol.messages import decode_refusal, encode_refusal, encode_request
 from gepf.common.protocol.wire import PROTOCOL
@@ -25,9 +28,9 @@ from gepf.common.transport.channels import IncomingRequest
 from gepf.common.transport.opening import open_coordinator, open_worker
 from gepf.coordinator.pool.options import Pool
 from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
-from gepf.worker.service import Kernel
 from tests.support.answers import as_bytes
 from tests.support.processes.instant_worker import observe, refine
+from tests.support.processes.programs import wait_until
 from tests.support.processes.serving import (
     MODEL,
     PARTICLES,
@@ -83,19 +86,30 @@ class WatchedBus:
         return getattr(self._bus, name)
 
 
-def test_frames_of_one_number_are_not_mixed_up(endpoint: str) -> None:
-    """A repeated number, as in a second sequence on the same pool, is a new frame, which is sent."""
+def test_frames_of_one_number_are_not_mixed_up(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A repeated number, as in a second sequence on the same pool, is a new frame, which is sent.
+
+    Only the body and the first frame are fetched: the worker receives the others.
+    """
+    monkeypatch.setattr("gepf.worker.memory.FRAME_DELAY_S", 60.0)
     fetched = SimpleQueue[str]()
     with (
         pool(endpoint) as refiner,
         serving(endpoint, "w", through=lambda bus: WatchedBus(bus, iter(()), fetched)),
     ):
         refiner.wait_for(1)
-        for depth in (1, 2, 3):
+        for depth in (1, 2, 3, 4, 5):
             again = replace(frame(depth), frame=replace(frame(depth).frame, number=7))
             assert as_bytes(refiner.submit(again, MODEL, PARTICLES).result()) == expected(depth)
-    assert "model" in fetched.get()
-    assert fetched.empty()
+            await_subscriber(refiner)
+    kinds = Counter(fetched.get().split("/")[4] for _ in range(fetched.qsize()))
+    assert kinds["model"] == 1
+    assert kinds["frame"] in {1, 2}  # the second request may be faster than its frame
+
+
+def await_subscriber(refiner: ZenohRefiner) -> None:
+    """Return when a worker receives the frames of a run."""
+    wait_until(lambda: refiner._publication._publisher.has_subscriber)
 
 
 def telling(
@@ -117,12 +131,15 @@ def test_a_frame_sent_ahead_is_ready_when_its_turn_comes(endpoint: str) -> None:
     coming, observed, prepared = frame(2), SimpleQueue[int](), SimpleQueue[RefineSettings]()
 
     with pool(endpoint) as refiner, serving(endpoint, "w", Kernel(telling(observed, prepared), refine)):
-        refiner.wait_for(1)
+        refined_bytes(refiner, 0)
+        await_subscriber(refiner)
+        assert observed.get() == 0
+        assert prepared.get() == SETTINGS
         present = frame(1)
         pending = refiner.submit(present, MODEL, PARTICLES)
         refiner.publish(coming)
         one = pending.result()
-        assert [observed.get(timeout=60.0) for _ in range(2)] == [1, 2]
+        assert {observed.get(timeout=60.0) for _ in range(2)} == {1, 2}
         assert prepared.get(timeout=60.0) == SETTINGS
         again = refiner.submit(present, MODEL, PARTICLES).result()
         two = refiner.submit(coming, MODEL, PARTICLES).result()
@@ -163,13 +180,18 @@ def test_the_lanes_of_a_worker_get_the_frame_and_body_of_a_search_once(endpoint:
 
     with (
         pool(endpoint) as refiner,
-        serving(endpoint, "w", Kernel(slowly, refine, 4), lambda bus: WatchedBus(bus, iter(()), fetched)),
+        serving(
+            endpoint,
+            "w",
+            Kernel(slowly, refine, Offer(lanes=4)),
+            lambda bus: WatchedBus(bus, iter(()), fetched),
+        ),
     ):
         refiner.wait_for(1)
         subject = frame(1)
         pending = [refiner.submit(subject, MODEL, replace(PARTICLES, spare=True)) for _ in range(4)]
         assert all(as_bytes(each.result()) == expected(1) for each in pending)
-    assert "model" in fetched.get()
+    assert [fetched.get().split("/")[4] for _ in range(2)] == ["model", "frame"]
     assert fetched.empty()
     assert observed.get() == 1
     assert observed.empty()
@@ -186,11 +208,13 @@ def test_a_frame_sent_ahead_that_makes_no_sense_harms_its_own_turn_alone(endpoin
         return observe(subject)
 
     with pool(endpoint) as refiner, serving(endpoint, "w", Kernel(refuse_the_second, refine)):
-        refiner.wait_for(1)
+        refined_bytes(refiner, 0)
+        await_subscriber(refiner)
+        assert tried.get() == 0
         pending = refiner.submit(frame(1), MODEL, PARTICLES)
         refiner.publish(coming)
         one = pending.result()
-        assert [tried.get(timeout=60.0) for _ in range(2)] == [1, 2]
+        assert {tried.get(timeout=60.0) for _ in range(2)} == {1, 2}
         with pytest.raises(ProtocolError, match="it hurts"):
             refiner.submit(coming, MODEL, PARTICLES).result()
         three = refined_bytes(refiner, 3)
@@ -270,8 +294,8 @@ def answering(endpoint: str, name: str, answer: Callable[[IncomingRequest], None
             answer(request)
 
     with open_worker([endpoint]) as bus:
-        bus.serve_requests(keys.of_worker(name, "refine"), serve)
-        bus.announce(keys.of_worker(name, "alive"))
+        bus.serve_requests(keys.of_worker(name, "refine/*"), serve)
+        bus.announce(keys.offer_key(name, Offer()))
         yield
 
 
@@ -321,9 +345,9 @@ def test_of_many_answers_the_first_counts(endpoint: str) -> None:
     answers: SimpleQueue[bytes] = SimpleQueue()
     with open_coordinator([endpoint]) as bus, answering(endpoint, "chatterer", chatter):
         alive = threading.Event()
-        bus.watch(keys.of_worker("*", "alive"), lambda _, there: alive.set() if there else None)
+        bus.watch(keys.of_worker("*", "offer/**"), lambda _, there: alive.set() if there else None)
         assert alive.wait(60.0)
-        sender = bus.request_sender(keys.of_worker("chatterer", "refine"), 5.0)
+        sender = bus.request_sender(keys.of_worker("chatterer", "refine/coordinator"), 5.0)
         for _ in range(3):  # when one is answered, all answers to those before have come
             sender.send(b"", lambda _, answer: answers.put(answer))
             assert answers.get(timeout=60.0) == b"0"
@@ -334,12 +358,13 @@ def test_a_request_that_cannot_be_served_gets_a_reason(endpoint: str) -> None:
     """Rubbish, a run or a frame that is not there, and poses of another model; the next one is served."""
     with pool(endpoint) as refiner, serving(endpoint, "w"), open_worker([endpoint]) as bus:
         refined_bytes(refiner, 1)
-        sender = bus.request_sender(keys.of_worker("w", "refine"), 10.0)
+        sender = bus.request_sender(keys.of_worker("w", "refine/coordinator"), 10.0)
         came, request = SimpleQueue[tuple[str, bytes]](), replace(REQUEST, run=refiner.run)
         for payload, reason in (
             (b"\xc1nonsense", "not a request message"),
-            (encode_request(REQUEST), "frame 1 of run ghost is not available"),
-            (encode_request(replace(REQUEST, model="0" * 64)), "model 0{12} of run ghost is not available"),
+            (encode_request(REQUEST), "frame 1 of run coordinator/ghost is not available"),
+            (encode_request(replace(REQUEST, model="0" * 64)), "model 0{12} of run coordinator/ghost is not"),
+            (encode_request(replace(REQUEST, run="room/ghost")), "run room/ghost is not one of coordinator"),
             (encode_request(replace(request, frame=99)), f"frame 99 of run {refiner.run} is not available"),
             (
                 encode_request(replace(request, particles=Particles(POSES[:, :5], SETTINGS))),

@@ -19,13 +19,14 @@ import pytest
 
 from gepf.common.body import BodyModel
 from gepf.common.errors import BusError
+from gepf.common.kernel import Kernel
+from gepf.common.protocol import keys
 from gepf.common.refinement import Particles, Refined
 from gepf.coordinator.pool.options import Pool
 from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
 from gepf.coordinator.tracking.preparation import unmoved
 from gepf.worker.cli import exit_with, serve
 from gepf.worker.connection import Identity
-from gepf.worker.service import Kernel
 from tests.support.processes.programs import INSTANT, is_alive, started, wait_until
 from tests.support.processes.serving import MODEL, PARTICLES, expected, frame, pool, refined_bytes
 from tests.support.processes.warm_processes import end, start
@@ -50,7 +51,7 @@ def test_killed_worker_is_replaced(
             stack.enter_context(started(*asked, command=INSTANT))
         refiner.wait_for(lanes + outside)
         assert refined_bytes(refiner, 0) == expected(0)
-        name, pid = f"{refiner.run}-0", refiner.local_pid
+        name, pid = f"{keys.last_of(refiner.run)}-0", refiner.local_pid
         threading.Timer(0.03, os.kill, (pid, signal.SIGKILL)).start()
         assert refined_bytes(refiner, 1) == expected(1)
         wait_until(lambda: not is_alive(pid))
@@ -89,7 +90,7 @@ def test_the_only_worker_is_replaced_when_it_stays_frozen(monkeypatch: pytest.Mo
     said: list[str] = []
     with local(1, said.append) as refiner:
         assert refined_bytes(refiner, 0) == expected(0)
-        name, pid = f"{refiner.run}-0", refiner.local_pid
+        name, pid = f"{keys.last_of(refiner.run)}-0", refiner.local_pid
         os.kill(pid, signal.SIGSTOP)
         assert refined_bytes(refiner, 1) == expected(1)
         assert not is_alive(pid)
@@ -156,7 +157,8 @@ def test_outside_worker_serves_until_a_signal(endpoint: str) -> None:
         assert process.stderr is not None
         lines = process.stderr.read().splitlines()
         assert lines[1] == f"gepf-worker: connecting to {endpoint}"
-        assert f"gepf-worker: outside serves {endpoint} with 2 lanes" in lines
+        serves = f"gepf-worker: outside serves {endpoint} with 2 lanes (cpu, "
+        assert sum(line.startswith(serves) for line in lines) == 1
 
 
 def test_idle_worker_is_idle(endpoint: str) -> None:

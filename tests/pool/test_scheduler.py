@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from itertools import count, groupby, pairwise
 
@@ -10,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gepf.common.errors import ProtocolError, SilentWorkers
+from gepf.common.offer import Offer
 from gepf.coordinator.pool.scheduler import Outcome, Request, Scheduler, split
 
 Event = Callable[[Scheduler, float], list[Request]]
@@ -33,7 +35,7 @@ def small_batches(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def joined(worker: str, lanes: int = 1) -> Event:
     """A worker joins."""
-    return lambda scheduler, now: scheduler.join(worker, lanes, now)
+    return lambda scheduler, now: scheduler.join(worker, Offer(lanes=lanes), now)
 
 
 def left(worker: str) -> Event:
@@ -41,9 +43,9 @@ def left(worker: str) -> Event:
     return lambda scheduler, now: scheduler.leave(worker, now)
 
 
-def ended(ticket: int, outcome: Outcome = "refined", reason: str = "no") -> Event:
-    """A request is over."""
-    return lambda scheduler, now: scheduler.end(ticket, outcome, now, reason)
+def ended(ticket: int, outcome: Outcome = "refined", reason: str = "no", waited: float = 0.0) -> Event:
+    """A request is over; it has waited for others at its worker."""
+    return lambda scheduler, now: scheduler.end(ticket, outcome, now, reason, waited)
 
 
 def look(scheduler: Scheduler, now: float) -> list[Request]:
@@ -72,7 +74,7 @@ def check(scheduler: Scheduler) -> None:
         assert worker.in_flight == {r.ticket for r in in_flight if r.worker is worker}
         kinds = [request.batch.spare for request in in_flight if request.worker is worker]
         assert kinds.count(False) <= 2
-        assert kinds.count(True) <= 2 * (1 + worker.lanes)
+        assert kinds.count(True) <= 2 * (1 + worker.offer.lanes)
     for batch in scheduler.batches:
         assert batch.in_flight == {r.ticket for r in in_flight if r.batch is batch}
     assert all(request.worker.name in scheduler.workers for request in in_flight)
@@ -302,20 +304,69 @@ def test_a_spare_request_is_on_one_lane() -> None:
         ]
     )
     scheduler = Scheduler()
-    scheduler.join("a", 16, 0.0)
+    scheduler.join("a", Offer(lanes=16), 0.0)
     assert sum(len(scheduler.start(n, 1, 0.0, spare=True)) for n in range(40)) == 34
+
+
+def test_a_request_is_not_late_by_the_queue_of_others() -> None:
+    """The wait at a worker is expected again; the request's own time and a longer wait than ever are late."""
+    waited: Table = [
+        (0.0, joined("a"), []),
+        (0.0, started(1), [(0, "a", 0, 1)]),
+        (5.1, ended(0, waited=5.0), []),  # so it took 0.1 s
+        (6.0, joined("b"), []),
+        (6.0, started(2), [(1, "b", 0, 1), (2, "a", 1, 2)]),
+    ]
+    play([*waited, (6.1, ended(1), []), (21.2, look, []), (21.4, look, [(3, "b", 1, 2)])])
+    play([*waited, (6.1, ended(2), []), (6.29, look, []), (6.31, look, [(3, "a", 0, 1)])])
+
+
+def test_no_more_workers_than_needed_and_those_where_others_do_not_wait() -> None:
+    """Four lanes do four particles at once; a coordinator with other ranks uses other workers."""
+    scheduler = Scheduler(rank=lambda name: -ord(name))
+    for name in "abcd":
+        scheduler.join(name, Offer(lanes=2), 0.0)
+    assert sent(scheduler.start(-1, 4, 0.0)) == [(0, "d", 0, 2), (1, "c", 2, 4)]
+    scheduler.end(1, "refined", 0.1)
+    scheduler.end(0, "refined", 1.0, waited=0.9)
+    assert sent(scheduler.start(-2, 4, 1.0)) == [(2, "c", 0, 2), (3, "b", 2, 4)]
+    assert len(scheduler.start(-3, 9, 1.0)) == 3  # two rounds in any case
+
+
+def test_a_lane_that_does_many_at_once_gets_as_many() -> None:
+    """Shares go with lanes times batch; a request of one batch takes the time of one particle."""
+    scheduler = Scheduler()
+    scheduler.join("gpu", Offer(lanes=1, batch=64), 0.0)
+    scheduler.join("cpu", Offer(lanes=2), 0.0)
+    assert [last - first for _, _, first, last in sent(scheduler.start(-1, 660, 0.0))] == [640, 20]
+    assert [request.load for request in scheduler.in_flight.values()] == [10, 10]
+
+
+def test_no_lane_idles_while_others_finish() -> None:
+    """20 particles on workers of four lanes take two rounds, so the third gets what one round does.
+
+    Equal shares of 7, 7 and 6 would take as long, and keep another coordinator from six rounds, not five.
+    """
+    scheduler = Scheduler()
+    for name in "abcd":
+        scheduler.join(name, Offer(lanes=4), 0.0)
+    requests = scheduler.start(-1, 20, 0.0)
+    assert sent(requests) == [(0, "a", 0, 8), (1, "b", 8, 16), (2, "c", 16, 20)]
+    assert [request.load for request in requests] == [2, 2, 1]
 
 
 @given(st.integers(0, 9000), st.lists(st.integers(1, 50), min_size=1, max_size=12))
 def test_no_share_is_empty_or_too_large(particles: int, lanes: list[int]) -> None:
-    """All particles in order; no share is far from its lanes' part, or larger than a request may be."""
+    """All particles in order; none takes longer than with equal work, or is larger than a request may be."""
     ranges = split(particles, lanes)
     assert [n for start, stop in ranges for n in range(start, stop)] == list(range(particles))
-    most = particles * max(lanes) / sum(lanes) + 1.0
-    assert all(0 < stop - start <= most for start, stop in ranges)
+    assert all(start < stop for start, stop in ranges)
+    if particles <= 1024:
+        rounds = math.ceil(particles / sum(lanes))
+        assert [stop - start for start, stop in ranges[:-1]] == [rounds * n for n in lanes[: len(ranges) - 1]]
     scheduler = Scheduler()
     for number, each in enumerate(lanes):
-        scheduler.join(str(number), each, 0.0)
+        scheduler.join(str(number), Offer(lanes=each), 0.0)
     scheduler.start(0, particles, 0.0)
     assert all(batch.stop - batch.start <= 1024 for batch in scheduler.batches)
 
@@ -349,7 +400,7 @@ def test_any_history_ends_well(particles: int, history: list[tuple[float, Event]
         check(scheduler)
     for name in "abc":
         scheduler.leave(name, now)
-    scheduler.join("good", 1, now)
+    scheduler.join("good", Offer(), now)
     while scheduler.batches:
         assert scheduler.in_flight, "a good worker is idle while there is work"
         scheduler.end(next(iter(scheduler.in_flight)), "refined", now)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from pathlib import Path
 from queue import SimpleQueue
 
@@ -11,7 +12,7 @@ import pytest
 
 from gepf.common.errors import InputError
 from gepf.common.protocol import keys
-from gepf.common.protocol.messages import encode_request
+from gepf.common.protocol.messages import decode_refusal, encode_request
 from gepf.common.transport.opening import open_router, open_session, open_worker
 from gepf.common.transport.session import Security
 from gepf.coordinator.pool.options import Pool
@@ -75,15 +76,15 @@ def test_unlisted_certificate_opens_nothing(place: str, ours: Folder) -> None:
         security = Security(ours.of(STRANGER))
         with open_worker([place], security) as bus:
             seen: list[str] = []
-            bus.subscribe(keys.of_run("*", "frame"), lambda key, _: seen.append(key))
-            bus.watch(keys.of_worker("*", "alive"), lambda key, _: seen.append(key))
-            bus.announce(keys.of_worker(STRANGER, "alive"))
+            bus.subscribe(keys.of_run(keys.ANY_RUN, "frame"), lambda key, _: seen.append(key))
+            bus.watch(keys.of_worker("*", "offer/**"), lambda key, _: seen.append(key))
+            bus.announce(keys.of_worker(STRANGER, "offer/**"))
             assert bus.fetch(keys.of_run(refiner.run, "frame/1"), 1.0) is None
             assert bus.fetch(keys.of_run(refiner.run, "model/*"), 1.0) is None
             assert refined_bytes(refiner, 2) == expected(2)
             with pytest.raises(InputError, match=f"does not admit worker '{STRANGER}'"):
                 check_admission(bus, Identity(STRANGER, (place,), security))
-        assert set(seen) <= {keys.of_worker(STRANGER, "alive")}  # its own, which never leaves it
+        assert set(seen) <= {keys.of_worker(STRANGER, "offer/**")}  # its own, which never leaves it
         assert refiner.statistics.workers_seen == ("w0",)
 
 
@@ -97,10 +98,10 @@ def test_worker_opens_its_own_keys_only(place: str, ours: Folder) -> None:
         with open_worker([place], Security(ours.of("w1"))) as bus:
             assert bus.fetch(keys.of_run(refiner.run, "frame/1"), 1.0) is not None
             seen: list[str] = []
-            bus.watch(keys.of_worker("*", "alive"), lambda key, _: seen.append(key))
+            bus.watch(keys.of_worker("*", "offer/**"), lambda key, _: seen.append(key))
             bus.serve(keys.of_run(refiner.run, "model/*"), lambda _: b"forged")
             answers: SimpleQueue[tuple[str, bytes]] = SimpleQueue()
-            sender = bus.request_sender(keys.of_worker("w0", "refine"), 1.0)
+            sender = bus.request_sender(keys.of_worker("w0", "refine/coordinator"), 1.0)
             sender.send(encode_request(REQUEST), lambda *how: answers.put(how))
             bus.publish(keys.of_run(refiner.run, "frame")).put(b"forged")
             assert answers.get(timeout=60.0) == ("nothing", b"")
@@ -109,6 +110,85 @@ def test_worker_opens_its_own_keys_only(place: str, ours: Folder) -> None:
             assert refined_bytes(refiner, 2) == expected(2)
             wait_until(lambda: bool(frames))
             assert b"forged" not in frames
+
+
+def room(name: str, place: str, ours: Folder) -> ZenohRefiner:
+    """A coordinator at a router."""
+    security = Security(ours.of(name))
+    return ZenohRefiner(Pool(workers=0, connect=place, security=security, worker_timeout=60.0))
+
+
+def test_coordinators_share_a_router_and_its_workers(place: str, ours: Folder) -> None:
+    """Each with its own certificate and runs of its own name, and with the bytes of the kernel."""
+    with (
+        open_router([place], (), ours.routing),
+        secure_worker(place, ours, "w0"),
+        room("room", place, ours) as one,
+        room("room-2", place, ours) as two,
+    ):
+        for number in range(3):
+            assert refined_bytes(one, number) == expected(number)
+            assert refined_bytes(two, 5 + number) == expected(5 + number)
+        assert [keys.coordinator_of(each.run) for each in (one, two)] == ["room", "room-2"]
+
+
+def test_a_coordinator_opens_its_own_keys_only(place: str, ours: Folder) -> None:
+    """It cannot publish, serve or end what is another's, read frames of people there, or ask in its name.
+
+    A real session tries each, and the same with its own keys, which work.
+    """
+    with (
+        open_router([place], (), ours.routing),
+        secure_worker(place, ours, "w0") as honest,
+        room("room", place, ours) as victim,
+        open_worker([place], Security(ours.of("room-2"))) as intruder,
+        open_worker([place], Security(ours.of("room"))) as watcher,
+        open_worker([place], Security(ours.of("room-2"))) as accomplice,
+    ):
+        assert refined_bytes(victim, 1) == expected(1)
+        came, seen = list[tuple[str, bytes]](), list[str]()
+        for run in (victim.run, "room-2/run"):
+            honest.subscribe(keys.of_run(run, "frame"), lambda *sample: came.append(sample))
+        for bus in (watcher, accomplice):
+            for name in ("room", "room-2"):
+                bus.subscribe(keys.of_live(name, "depth"), lambda *sample: came.append(sample))
+        accomplice.subscribe(keys.of_run(victim.run, "frame"), lambda key, _: seen.append(key))
+        accomplice.watch(keys.of_run(victim.run, "alive"), lambda key, _: seen.append(key))
+        for what in ("frame/1", "model/*", "present"):
+            assert intruder.fetch(keys.of_run(victim.run, what), 1.0) is None
+
+        intruder.serve(keys.of_run(victim.run, "model/*"), lambda _: b"forged")
+        with open_worker([place], Security(ours.of("room-2"))) as ending:
+            ending.announce(keys.of_run(victim.run, "alive"))  # its end would drop the run's requests
+        answers: SimpleQueue[tuple[str, bytes]] = SimpleQueue()
+        for name, run, ends in (
+            ("room", victim.run, "nothing"),
+            ("room-2", victim.run, "refusal"),
+            ("room-2", "room-2/run", "refusal"),  # which has no such frame, but is heard
+        ):
+            sender = intruder.request_sender(keys.of_worker("w0", f"refine/{name}"), 5.0)
+            sender.send(encode_request(replace(REQUEST, run=run)), lambda *how: answers.put(how))
+            ending_of, payload = answers.get(timeout=60.0)
+            assert ending_of == ends
+            if (name, run) == ("room-2", victim.run):
+                assert decode_refusal(payload).reason == f"run {run} is not one of room-2"
+        forged = [keys.of_run(victim.run, "frame"), keys.of_live("room", "depth")]
+        own = [keys.of_run("room-2/run", "frame"), keys.of_live("room-2", "depth")]
+        for key in (*forged, *own):
+            intruder.publish(key).put(b"forged")
+        wait_until(lambda: {key for key, payload in came if payload == b"forged"} == {*own})
+        for number in range(2, 5):
+            assert refined_bytes(victim, number) == expected(number)
+        assert {key for key, payload in came if payload == b"forged"} == {*own}
+        assert not seen
+        assert victim.statistics.counts["batches_sent_again"] == 0
+
+
+def test_a_coordinator_that_a_router_does_not_list_reads_what_to_do(place: str, ours: Folder) -> None:
+    """Instead of waiting for workers that it can never see."""
+    says = f"does not admit coordinator '{STRANGER}'; have it listed there in coordinators.txt"
+    with open_router([place], (), ours.routing), pytest.raises(InputError, match=says):
+        room(STRANGER, place, ours)
 
 
 def test_worker_process_with_a_certificate(place: str, ours: Folder) -> None:

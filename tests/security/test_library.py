@@ -17,7 +17,7 @@ from tests.support.processes.programs import GEPF, started
 from tests.support.refusals import refused
 from tests.support.small_sequence import write_small_sequence
 
-KEY = "gepf/live/depth"
+KEY = "gepf/live/coordinator/depth"
 
 
 def files_of(folder: Folder, name: str) -> gepf.TlsFiles:
@@ -63,7 +63,7 @@ def test_what_does_not_fit_is_refused_before_anything_is_opened(place: str, ours
     mistakes: list[tuple[Callable[[], object], str]] = [
         (lambda: gepf.live(KEY, listen=place, tls=files_of(ours, "w0")), "is for 'w0', not for"),
         (lambda: gepf.live(KEY, listen="tcp/127.0.0.1:1", tls=tls), "listen=.* is not encrypted"),
-        (lambda: gepf.live("camera/depth", listen=place, tls=tls), "use gepf/live/camera/depth"),
+        (lambda: gepf.live("camera/depth", listen=place, tls=tls), "use gepf/live/coordinator/camera/depth"),
         (lambda: gepf.Tracker(workers=place), r"^connect=.* needs a certificate; add tls=TlsFiles\("),
         (lambda: gepf.PeopleTracker(workers=pool, tls=tls), "^listen=.* is not encrypted"),
     ]

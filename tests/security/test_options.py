@@ -14,7 +14,13 @@ from gepf.common.transport.credentials import Credentials, check_holder, holder_
 from gepf.common.transport.endpoints import CONNECT, LISTEN, check_endpoint
 from gepf.common.transport.session import Security
 from gepf.coordinator.cli import main
-from gepf.coordinator.security.access import TlsFiles, choose_names, choose_security, read_roster
+from gepf.coordinator.security.access import (
+    TlsFiles,
+    choose_names,
+    choose_security,
+    read_coordinators,
+    read_workers,
+)
 from gepf.coordinator.security.certificates import make_certificates
 from tests.support.processes.certificates import Folder, make_folder
 from tests.support.processes.programs import WORKER
@@ -122,13 +128,23 @@ def test_names_of_workers() -> None:
             choose_names(bad)
 
 
+def test_coordinators_are_added_and_share_no_name(tmp_path: Path) -> None:
+    """Further ones can only connect; none has the name of a worker or of the router."""
+    assert make_certificates(tmp_path, ("w0",), (), 1, None, ("room",)).new[2:] == ["room", "w0"]
+    assert make_certificates(tmp_path, (), (), 1, None, ("room-2",)).new == ["room-2"]
+    assert read_coordinators(tmp_path / "ca.pem") == ("coordinator", "room", "room-2")
+    for workers, coordinators in ((("room",), ()), ((), ("w0",)), ((), ("router",))):
+        with pytest.raises(InputError, match="give workers and coordinators other names"):
+            make_certificates(tmp_path, workers, (), 1, None, coordinators)
+
+
 def test_certificates_are_made_once(tmp_path: Path) -> None:
     """A second call keeps valid ones, adds new names, and renews for new hosts and after expiry."""
     first = make_certificates(tmp_path, ("w0",), (), 1, None).new
     assert first == ["coordinator", "router", "w0"]
     assert make_certificates(tmp_path, ("w0",), (), 1, None).new == []
     assert make_certificates(tmp_path, ("w1",), (), 1, None).new == ["w1"]
-    assert read_roster(tmp_path / "ca.pem") == ("w0", "w1")
+    assert read_workers(tmp_path / "ca.pem") == ("w0", "w1")
     assert make_certificates(tmp_path, ("w1",), ("10.0.0.5", "far.example"), 1, None).new == first[:2]
     (tmp_path / "w0.key").unlink()
     assert make_certificates(tmp_path, (), (), 1, None).new == ["w0"]

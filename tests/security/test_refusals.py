@@ -89,12 +89,17 @@ def test_who_speaks_no_tls_refuses_nobody(ours: Folder) -> None:
     assert why_refused(f"tls/127.0.0.1:{port}", ours.of("w0")) is None
 
 
-def test_run_that_is_refused_by_its_router_ends(place: str, ours: Folder, foreign: Folder) -> None:
-    """A coordinator that a router refuses reports that instead of waiting for workers."""
+def test_run_that_is_refused_by_its_router_ends(
+    place: str, ours: Folder, foreign: Folder, tmp_path: Path
+) -> None:
+    """A coordinator that a router refuses reports that instead of waiting for workers.
+
+    It trusts both authorities, so its own certificate is valid for it, and so is that of the router.
+    """
+    both = tmp_path / "ca.pem"
+    both.write_bytes(b"".join((folder.path / "ca.pem").read_bytes() for folder in (ours, foreign)))
     with open_router([place], (), ours.routing):
-        options = Pool(
-            workers=0, connect=place, security=Security(foreign.of("coordinator", ca=ours.path / "ca.pem"))
-        )
+        options = Pool(workers=0, connect=place, security=Security(foreign.of("coordinator", ca=both)))
         with pytest.raises(InputError, match="have one signed by the authority there"):
             ZenohRefiner(options).__enter__()
 
@@ -118,7 +123,7 @@ def test_refused_process_says_so_in_one_line(
     }[case]
     seen: list[str] = []
     with open_coordinator([place], (), ours.listening) as bus:
-        bus.watch(keys.of_worker("*", "alive"), lambda key, _: seen.append(key))
+        bus.watch(keys.of_worker("*", "offer/**"), lambda key, _: seen.append(key))
         process = start(work_instantly, "--connect", place, *options, log=tmp_path / "log")
         process.join(60.0)
         assert process.exitcode == 2

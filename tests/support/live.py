@@ -16,11 +16,11 @@ import pytest
 
 from gepf.common.body import BodyModel
 from gepf.common.frame import DepthFrame
+from gepf.common.kernel import Kernel
 from gepf.common.refinement import Particles, Refined
 from gepf.common.transport.opening import open_worker
 from gepf.coordinator.results.live_recorder import read_frames
 from gepf.coordinator.tracking.preparation import unmoved
-from gepf.worker.service import Kernel
 from gepf.worker.warm_up import tiny_frame
 from tests.support.processes.instant_worker import KERNEL
 from tests.support.processes.programs import in_thread

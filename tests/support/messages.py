@@ -27,7 +27,7 @@ def tiny_request() -> messages.RefineRequest:
     """A request as a coordinator sends it."""
     prior = PosePrior(POSES, np.eye(DOFS))
     particles = Particles(POSES, RefineSettings(damping=0.25), prior=prior)
-    return messages.RefineRequest("run-1", 7, tiny_model().hash, particles)
+    return messages.RefineRequest("room-1/run-1", 7, tiny_model().hash, particles)
 
 
 def tiny_refined() -> Refined:
@@ -57,11 +57,11 @@ KINDS = {
     "request": Kind(messages.encode_request(tiny_request()), messages.decode_request),
     "reply": Kind(
         messages.encode_refined(tiny_refined()),
-        lambda payload: messages.decode_refined(payload, (COUNT, DOFS)),
+        lambda payload: messages.decode_refined(payload, (COUNT, DOFS))[0],
     ),
     "sure-reply": Kind(
         messages.encode_refined(tiny_sure()),
-        lambda payload: messages.decode_refined(payload, (COUNT, DOFS), covariance=True),
+        lambda payload: messages.decode_refined(payload, (COUNT, DOFS), covariance=True)[0],
     ),
     "refusal": Kind(messages.encode_refusal("no"), messages.decode_refusal),
 }

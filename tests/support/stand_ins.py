@@ -72,7 +72,7 @@ START = {"root_tz": 2.0, "r_elbow_flexion": 0.5}
 class StillWorkers(StandIn):
     """Leaves particles where they are; before frame `fail_at` it raises `failure`."""
 
-    statistics = PoolStatistics(("one", "two"), {"batches_sent_again": 3})
+    statistics = PoolStatistics(("one", "two"), {"batches_sent_again": 3}, ("zen3",))
 
     def __init__(self, fail_at: int | None = None, failure: BaseException | None = None) -> None:
         self.fail_at = fail_at

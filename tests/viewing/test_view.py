@@ -78,7 +78,7 @@ def test_live_frames_and_results_are_shown_as_they_come(
 
     def publish(stop: threading.Event) -> None:
         with open_worker([endpoint]) as bus:
-            bus.serve(f"gepf/run/r/model/{model.hash}", fetch)
+            bus.serve(f"gepf/run/room/r/model/{model.hash}", fetch)
             camera, results = bus.publish(KEY), bus.publish(f"{KEY}/results")
             while not (camera.has_subscriber and results.has_subscriber) and not stop.wait(0.01):
                 pass

@@ -8,8 +8,10 @@ import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -20,6 +22,7 @@ from gepf.common.protocol.frames import encode_frame
 from gepf.common.protocol.messages import RefineRequest
 from gepf.common.refinement import Particles
 from gepf.common.settings import RefineSettings
+from gepf.common.transport.channels import IncomingRequest
 from gepf.common.transport.opening import open_coordinator, open_router, open_worker
 from gepf.worker.connection import Identity, check_alive
 from gepf.worker.memory import Memory
@@ -27,7 +30,15 @@ from gepf.worker.service import Service, Task
 from gepf.worker.warm_up import tiny_frame
 from tests.support.processes.instant_worker import KERNEL
 from tests.support.processes.programs import INSTANT, started, wait_until
-from tests.support.processes.serving import expected, pool, refined_bytes, running, serving
+from tests.support.processes.serving import (
+    PARTICLES,
+    REQUEST,
+    expected,
+    pool,
+    refined_bytes,
+    running,
+    serving,
+)
 
 
 @pytest.mark.slow
@@ -67,7 +78,7 @@ def test_a_worker_leaves_a_run_that_is_announced_and_does_not_answer(
     """A token may outlive its run, where the link does."""
     monkeypatch.setattr("gepf.worker.service.SILENCE_S", 0.1)
     with open_coordinator([endpoint]) as silent, open_worker([endpoint]) as own:
-        silent.announce(keys.of_run("r", "alive"))
+        silent.announce(keys.of_run("room/r", "alive"))
         service = Service(own, "w", KERNEL)
         service.run()
         assert service.abandoned
@@ -86,11 +97,15 @@ def test_a_request_does_not_wait_for_a_search_that_observes_the_same_frame(endpo
         return object()
 
     def asked(*, spare: bool) -> RefineRequest:
-        return RefineRequest("r", 0, "", Particles(np.zeros((1, 6)), RefineSettings(), spare=spare))
+        return replace(REQUEST, particles=Particles(np.zeros((1, 6)), RefineSettings(), spare=spare))
 
-    with open_coordinator([endpoint]) as bus, ThreadPoolExecutor(2, "search") as threads:
+    with (
+        open_coordinator([endpoint]) as there,
+        open_worker([endpoint]) as bus,
+        ThreadPoolExecutor(2, "search") as threads,
+    ):
+        there.serve(keys.of_run(REQUEST.run, "frame/*"), lambda _: encode_frame(tiny_frame()))
         memory = Memory(bus, observe)
-        memory.put_frame("r", 0, encode_frame(tiny_frame()))
         searches = [threads.submit(memory.observation, asked(spare=True))]
         begun.wait()
         searches.append(threads.submit(memory.observation, asked(spare=True)))
@@ -105,12 +120,14 @@ def test_a_request_does_not_wait_for_a_search_that_observes_the_same_frame(endpo
 def test_a_worker_whose_spare_requests_fail_on_the_bus_ends_with_the_error(endpoint: str) -> None:
     """As it does for other requests: it can be started again, but must not go on without serving searches."""
 
-    def fail() -> None:
+    def fail(_: bytes) -> None:
         raise BusError("the link is broken")
 
+    spare = replace(REQUEST, particles=replace(PARTICLES, spare=True))
     with open_coordinator([endpoint]), open_worker([endpoint]) as own:
         service = Service(own, "w", KERNEL)
-        service._spare_tasks.put(Task("r", fail))
+        request = cast("IncomingRequest", SimpleNamespace(refuse=fail))
+        service._turns.put(spare.run, Task(spare, request), spare=True)
         with pytest.raises(BusError, match="the link is broken"):
             service.run()
 
@@ -122,7 +139,7 @@ def test_a_worker_is_healthy_as_long_as_it_is_announced(
     with open_coordinator([endpoint]):
         with serving(endpoint, "w"):
             check_alive(Identity("w", (endpoint,)))
-            monkeypatch.setattr("gepf.worker.connection.SEEN_WITHIN_S", 0.5)
+            monkeypatch.setattr("gepf.common.transport.admission.SEEN_WITHIN_S", 0.5)
             with pytest.raises(BusError, match="worker 'v' is not seen at unixsock"):
                 check_alive(Identity("v", (endpoint,)))
         with pytest.raises(BusError, match="'w' is not seen"):

@@ -6,8 +6,8 @@ They are computed once per frame and shared by all its particles.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,6 @@ from gepf.common.arrays import Array, Indices, Mask
 from gepf.common.camera import Intrinsics
 from gepf.common.compiling import numba
 from gepf.common.frame import EMPTY, SubjectFrame
-from gepf.common.recent import FRAMES_KEPT
 from gepf.common.settings import RefineSettings
 from gepf.worker.kernel.neighbourhoods import neighbourhoods
 
@@ -26,7 +25,7 @@ TILE = 16  # observed points in one search
 NONE = -1  # instead of a row, if a column has no occupied pixel
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
 class Observation:
     """Observed points in the camera frame, ordered by neighbourhood, padded to whole tiles with the last.
 
@@ -116,12 +115,17 @@ def observe_view(subject: SubjectFrame) -> Observation:
     )
 
 
+_packed: WeakKeyDictionary[Observation, dict[float, PackedViews]] = WeakKeyDictionary()
+
+
 def pack_views(observation: Observation, settings: RefineSettings) -> PackedViews:
-    """Pack the observations of all cameras in the metric of the noise; the last ones are cached."""
-    return join_views(observation, settings.stretch)
+    """Pack the observations of all cameras in the metric of the noise; cached while they exist."""
+    packed = _packed.setdefault(observation, {})
+    if settings.stretch not in packed:
+        packed[settings.stretch] = join_views(observation, settings.stretch)
+    return packed[settings.stretch]
 
 
-@lru_cache(FRAMES_KEPT)
 def join_views(observation: Observation, stretch: float) -> PackedViews:
     """Pack the observations of all cameras with depth multiplied by `stretch`."""
     views, scale = observation.views, np.array([[1.0], [1.0], [stretch]], dtype=np.float32)

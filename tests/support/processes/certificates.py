@@ -15,7 +15,7 @@ from gepf.common.transport.opening import open_worker
 from gepf.common.transport.session import COORDINATOR, ROUTER, Security
 from gepf.coordinator.pool.options import Pool
 from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
-from gepf.coordinator.security.access import read_roster
+from gepf.coordinator.security.access import read_coordinators, read_workers
 from gepf.coordinator.security.authority import find_authority
 from gepf.coordinator.security.certificates import make_certificates
 from gepf.coordinator.security.issuing import issue, save
@@ -24,6 +24,7 @@ from tests.support.processes.instant_worker import KERNEL
 from tests.support.processes.serving import running
 
 WORKERS = ("w0", "w1")
+ROOMS = ("room", "room-2")  # coordinators that share a router
 STRANGER = "stranger"  # signed, but not listed
 
 
@@ -46,17 +47,17 @@ class Folder:
     def listening(self) -> Security:
         """The coordinator's certificate and access rules."""
         own = self.of(COORDINATOR)
-        return Security(own, read_roster(own.ca))
+        return Security(own, read_workers(own.ca), read_coordinators(own.ca))
 
     @property
     def routing(self) -> Security:
         """The router's certificate and access rules."""
-        return Security(self.of(ROUTER), WORKERS)
+        return Security(self.of(ROUTER), WORKERS, read_coordinators(self.path / "ca.pem"))
 
 
 def make_folder(path: Path) -> Folder:
     """A good set, and in it `stranger`, and `old`, a certificate of `w0` that is over."""
-    make_certificates(path, WORKERS, (), 1, None)
+    make_certificates(path, WORKERS, (), 1, None, ROOMS)
     signer, _ = find_authority(path)
     save(path, STRANGER, issue(STRANGER, (), signer, dt.timedelta(days=1)))
     save(path, "old", issue("w0", (), signer, dt.timedelta(minutes=-1)))

@@ -10,11 +10,13 @@ from functools import partial
 import numpy as np
 
 from gepf.common.body import BodyModel
+from gepf.common.cores import usable_cores
 from gepf.common.frame import SubjectFrame
+from gepf.common.kernel import Kernel
+from gepf.common.offer import Offer
 from gepf.common.refinement import Particles, Refined
 from gepf.common.settings import RefineSettings
 from gepf.worker import cli
-from gepf.worker.service import Kernel
 
 
 def observe(subject: SubjectFrame, settings: RefineSettings | None = None) -> float:
@@ -40,9 +42,10 @@ def refine(model: BodyModel, observation: float, particles: Particles, lanes: in
 KERNEL = Kernel(observe, refine)
 
 
-def load_kernel(lanes: int = 1) -> Kernel:
+def load_kernel(lanes: int | None) -> Kernel:
     """In place of the compiled kernel."""
-    return Kernel(observe, partial(refine, lanes=lanes), lanes)
+    lanes = lanes or usable_cores()
+    return Kernel(observe, partial(refine, lanes=lanes), Offer(lanes=lanes))
 
 
 def main() -> None:

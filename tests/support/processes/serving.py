@@ -12,6 +12,7 @@ import numpy as np
 
 from gepf.common.arrays import Array
 from gepf.common.frame import SubjectFrame
+from gepf.common.kernel import Kernel
 from gepf.common.protocol.messages import RefineRequest
 from gepf.common.refinement import Particles
 from gepf.common.settings import RefineSettings
@@ -19,7 +20,7 @@ from gepf.common.transport.bus import Bus
 from gepf.common.transport.opening import open_worker
 from gepf.coordinator.pool.options import Pool
 from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
-from gepf.worker.service import Kernel, Service
+from gepf.worker.service import Service
 from gepf.worker.warm_up import tiny_frame, tiny_model
 from tests.support.answers import as_bytes
 from tests.support.processes.instant_worker import KERNEL, observe, refine
@@ -74,4 +75,4 @@ def refined_bytes(refiner: ZenohRefiner, number: int, poses: Array = POSES) -> l
     return as_bytes(refiner.submit(frame(number), MODEL, Particles(poses, SETTINGS)).result())
 
 
-REQUEST = RefineRequest("ghost", 1, MODEL.hash, PARTICLES)
+REQUEST = RefineRequest("coordinator/ghost", 1, MODEL.hash, PARTICLES)

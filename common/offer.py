@@ -1,0 +1,26 @@
+"""What a worker offers to coordinators: the kind of its kernel, its processor, and how much at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+CPU = "cpu"  # kind of the kernel of this package
+
+
+@dataclass(frozen=True, slots=True)
+class Offer:
+    """What a worker offers. Results of one kind and processor have the same bytes.
+
+    lanes: number of requests of searches, or of particles of another request, that are refined in parallel.
+    batch: number of particles that one lane refines in the time of one.
+    """
+
+    kind: str = CPU
+    processor: str = "any"
+    lanes: int = 1
+    batch: int = 1
+
+    @property
+    def slots(self) -> int:
+        """Number of particles that are refined in parallel."""
+        return self.lanes * self.batch
