@@ -42,16 +42,19 @@ def over_neighbours(combine: np.ufunc, values: NDArray[np.uint16]) -> NDArray[np
     return found
 
 
-def is_sparse(images: Iterable[NDArray[np.uint16]]) -> bool:
-    """Whether depth (H, W) of some frames consists of points of a lattice with narrow gaps in between."""
+def is_sparse(images: Iterable[NDArray[np.uint16]], *, of_points: bool = False) -> bool:
+    """Whether depth (H, W) of some frames consists of points with narrow gaps in between.
+
+    They are points of a lattice, or known to be `of_points`, wherever these are.
+    """
     measured = closed = 0
     steps = np.zeros((2, 3))  # along rows and along columns, of 1, 2 and 3 pixels
     for depth in images:
         before = int(np.count_nonzero(depth))
         measured, closed = measured + before, closed + int(np.count_nonzero(close_gaps(depth))) - before
         steps += [count_steps(depth > 0), count_steps(depth.T > 0)]
-    is_regular = steps[:, 0] * steps[:, 2] <= REGULAR * steps[:, 1] ** 2
-    return measured >= MIN_MEASURED and closed > SPARSE * measured and bool(is_regular.any())
+    is_regular = bool((steps[:, 0] * steps[:, 2] <= REGULAR * steps[:, 1] ** 2).any())
+    return measured >= MIN_MEASURED and closed > SPARSE * measured and (of_points or is_regular)
 
 
 def count_steps(measured: NDArray[np.bool_]) -> NDArray[np.intp]:
