@@ -31,9 +31,8 @@ def counted(depth: Array) -> np.ndarray[tuple[int, ...], np.dtype[np.uint16]]:
 @pytest.mark.parametrize("noisy", [False, True])
 def test_depth_registered_to_a_finer_image_is_sparse(finer: float, *, noisy: bool) -> None:
     """With the noise of a depth camera and without, at any ratio of the sizes."""
-    size = [round(finer * each) for each in (CAMERA.width, CAMERA.height)]
-    focal, middle = finer * CAMERA.fx, [(each - 1.0) / 2.0 for each in size]
-    colour = Intrinsics(*size, focal, focal, *middle)
+    width, height, focal = round(finer * CAMERA.width), round(finer * CAMERA.height), finer * CAMERA.fx
+    colour = Intrinsics(width, height, focal, focal, (width - 1.0) / 2.0, (height - 1.0) / 2.0)
     depth = as_a_kinect(room(), CAMERA, np.random.default_rng(1)) if noisy else room()
     points = back_project(depth, CAMERA)[depth > 0] - [0.025, 0.0, 0.0]
     assert is_sparse([counted(render_points(points, colour))])
