@@ -18,10 +18,12 @@ from gepf.common.transport.channels import ANSWER_S
 from gepf.common.transport.endpoints import LOCAL
 from gepf.common.transport.opening import open_router, private_folder
 from gepf.coordinator.pool.options import Pool
+from gepf.coordinator.pool.watched_process import WatchedProcess
 
 THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 FAILED_STARTS = 3  # successive starts without service before the run ends
-ABSENCE_S = 10.0  # longest absence of a worker that has served
+ABSENCE_S = 10.0  # longest absence of a worker that has served, while it was able to run
+SILENCE_S = 20.0  # the same of one that owes an answer: it fails before the request does
 
 
 class LocalWorker:
@@ -40,30 +42,37 @@ class LocalWorker:
         self._failed_starts = 0
         self._present = False  # on the bus
         self._served = False  # since it was started
-        self._away_since: float | None = None  # after it has served
+        self._silent_s = 0.0  # able to run, but absent after it has served, or without an answer
         self.process = self._start() if pool.lanes else None
         if self.process is not None:
             bus.watch(keys.of_worker(name, "offer/**"), self._notice)
 
-    def look_after(self, now: float) -> str | None:
+    def look_after(self, now: float, *, owes: bool = False) -> str | None:
         """Restart it if it has died; returns a message then. BusError if it died too often before it served.
 
-        If it has served before and is absent for long, for instance frozen, it is killed.
+        If it has served before, and then is absent for long or owes an answer, it is frozen, and is killed.
+        Only time in which it was able to run counts: a busy machine freezes nobody.
 
         Args:
             now: Seconds from any origin.
+            owes: Whether it was asked, and has not answered since `heard`.
         """
         if self.process is None:
             return None
+        able = self._watched.able_since(now)
         if self._served:
             self._failed_starts = 0
-        if self._present or not self._served:
-            self._away_since = None
-        elif self._away_since is None:
-            self._away_since = now
-        elif now > self._away_since + ABSENCE_S:
+        if self._served and (owes or not self._present):
+            self._silent_s += able
+        else:
+            self._silent_s = 0.0
+        if self._silent_s > (SILENCE_S if self._present else ABSENCE_S):
             self.process.kill()
         return None if self.process.poll() is None else self._restart(self.process)
+
+    def heard(self) -> None:
+        """It has answered."""
+        self._silent_s = 0.0
 
     def stop(self) -> None:
         """End the process; kill it if it does not end in time."""
@@ -86,13 +95,14 @@ class LocalWorker:
             raise BusError(f"local workers do not start; the last {how}: {last}")
         end(ended)
         self._present = self._served = False
+        self._silent_s = 0.0
         self.process = self._start()
         self.restarted += 1
         return f"worker {self.name} {how}; starting it again"
 
     def _start(self) -> subprocess.Popen[bytes]:
         with self._log.open("wb") as stderr:
-            return subprocess.Popen(
+            process = subprocess.Popen(
                 [*self._command, "--name", self.name],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.DEVNULL,
@@ -100,6 +110,8 @@ class LocalWorker:
                 env={**os.environ, **dict.fromkeys(THREADS, "1")},
                 start_new_session=True,  # Ctrl-C goes to this process, which ends the worker
             )
+        self._watched = WatchedProcess(process.pid)
+        return process
 
 
 def end(process: subprocess.Popen[bytes]) -> None:

@@ -144,7 +144,8 @@ class RpcClient:
 
     def _check(self, now: float) -> None:
         """Check the local worker; report once that there is no worker; raise NoWorkers after the timeout."""
-        line = self._local.look_after(now)
+        local = self.scheduler.workers.get(self._local.name)
+        line = self._local.look_after(now, owes=local is not None and bool(local.in_flight))
         if line is not None:
             self._report(line)
         if self._senders:
@@ -227,6 +228,8 @@ class RpcClient:
         """A request has ended."""
         outcome: Outcome = "nothing"
         reason, waited = "", 0.0
+        if worker == self._local.name and ending != "nothing":
+            self._local.heard()
         if ending == "reply":
             outcome, reason, waited = self._receive(ticket, worker, payload)
         elif ending == "refusal":

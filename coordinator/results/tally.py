@@ -32,13 +32,19 @@ def describe_status(statuses: Iterable[str]) -> str:
     return describe_counts(count_status(statuses))
 
 
+def single_doubts(why: str) -> list[str]:
+    """A reason for each of the joints that it lists; so there are few, however long a run is."""
+    reason, colon, joints = why.rpartition(": ")
+    return [reason + colon + joint for joint in joints.split(", ")]
+
+
 @dataclass(slots=True)
 class Tally:
     """Counts of the estimates that were added.
 
     `hypotheses` is the largest number in a frame, `stage_seconds` the total by stage, `doubts` the reasons to
-    doubt frames that are not tracked, `shown` the frames in which each camera of a rig showed the body,
-    `faults` the end of each fault in seconds, by camera, kind and start.
+    doubt frames that are not tracked, one for each joint, `shown` the frames in which each camera of a rig
+    showed the body, `faults` the end of each fault in seconds, by camera, kind and start.
     """
 
     frames: int = 0
@@ -63,7 +69,7 @@ class Tally:
         self.frames += 1
         self.statuses[estimate.status] += 1
         if estimate.why and estimate.status != "tracked":
-            self.doubts[estimate.why] += 1
+            self.doubts.update(single_doubts(estimate.why))
         for stage, seconds in estimate.stage_seconds.items():
             self.stage_seconds[stage] = self.stage_seconds.get(stage, 0.0) + seconds
         self.shown.update(name for name in estimate.seen_by if name)

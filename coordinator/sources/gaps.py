@@ -2,6 +2,10 @@
 
 A morphological closing of nearness with a window of 3 x 3 fills gaps of up to two pixels, and moves no
 outline: a gap gets the depth of a surface around it, at an outline that of the farther one.
+
+Sparse points are those of a lattice, so along rows or columns their steps have two lengths that follow each
+other, such as 1 and 2 pixels, or 2 and 3. Pixels that noise left out are otherwise: if each fails by itself,
+lengths have a geometric distribution, and n(1) n(3) = n(2)^2; if neighbours do together, n(1) n(3) is larger.
 """
 
 from __future__ import annotations
@@ -13,6 +17,8 @@ from numpy.typing import NDArray
 
 SPARSE = 0.25
 """Closed gaps for each measured pixel above which depth is sparse. Gaps of cameras are few, or large."""
+REGULAR = 0.5
+"""n(1) n(3) / n(2)^2 of steps below which points are of a lattice: 0 without noise, 1 by chance."""
 MIN_MEASURED = 100
 """Pixels without which depth is not called sparse."""
 NOWHERE = np.uint16(np.iinfo(np.uint16).max)
@@ -36,10 +42,23 @@ def over_neighbours(combine: np.ufunc, values: NDArray[np.uint16]) -> NDArray[np
     return found
 
 
-def is_sparse(images: Iterable[NDArray[np.uint16]]) -> bool:
-    """Whether depth (H, W) of some frames consists of points with narrow gaps in between."""
+def is_sparse(images: Iterable[NDArray[np.uint16]], *, of_points: bool = False) -> bool:
+    """Whether depth (H, W) of some frames consists of points with narrow gaps in between.
+
+    They are points of a lattice, or known to be `of_points`, wherever these are.
+    """
     measured = closed = 0
+    steps = np.zeros((2, 3))  # along rows and along columns, of 1, 2 and 3 pixels
     for depth in images:
         before = int(np.count_nonzero(depth))
         measured, closed = measured + before, closed + int(np.count_nonzero(close_gaps(depth))) - before
-    return measured >= MIN_MEASURED and closed > SPARSE * measured
+        steps += [count_steps(depth > 0), count_steps(depth.T > 0)]
+    is_regular = bool((steps[:, 0] * steps[:, 2] <= REGULAR * steps[:, 1] ** 2).any())
+    return measured >= MIN_MEASURED and closed > SPARSE * measured and (of_points or is_regular)
+
+
+def count_steps(measured: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Number (3,) of steps of 1, 2 and 3 pixels from a measured pixel (H, W) to the next one in its row."""
+    rows, columns = np.nonzero(measured)
+    steps = np.diff(columns)[np.diff(rows) == 0]
+    return np.bincount(steps[steps <= 3], minlength=4)[1:]

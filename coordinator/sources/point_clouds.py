@@ -67,7 +67,8 @@ def read_clouds(path: Path, given: GivenCamera) -> Source:
     def read(place: int) -> Array:
         return render_points(read_cloud(files[place]).reshape(-1, 3), camera)
 
-    return Source(path.resolve().name, camera, range(len(files)), read, scale, fps, times, folder=path)
+    name, numbers = path.resolve().name, range(len(files))
+    return Source(name, camera, numbers, read, scale, fps, times, folder=path, of_points=True)
 
 
 def cloud_files(path: Path) -> tuple[list[Path], list[float] | None]:

@@ -48,6 +48,7 @@ class Source:
         offset_s: Added to the camera's time it gives the rig's.
         others: The other cameras of the rig. There is a frame for each frame of this one.
         mirrored: Whether the recorder mirrored the images, so that they were mirrored back; None if unknown.
+        of_points: Whether images are made of points, which leave gaps wherever they are.
     """
 
     name: str
@@ -64,6 +65,7 @@ class Source:
     offset_s: float = 0.0
     others: tuple[Source, ...] = ()
     mirrored: bool | None = None
+    of_points: bool = False
 
     @property
     def views(self) -> tuple[Source, ...]:
@@ -142,7 +144,7 @@ class Source:
     @cached_property
     def is_sparse(self) -> bool:
         """Whether depth consists of points with narrow gaps in between, which are closed in all frames."""
-        return is_sparse(depth for depth, _ in self._examined(3))
+        return is_sparse((depth for depth, _ in self._examined(3)), of_points=self.of_points)
 
     def examined(self) -> list[NDArray[np.float32]]:
         """Depth (H, W) in metres of ten frames, evenly spaced, without those that are damaged."""
