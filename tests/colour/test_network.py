@@ -1,0 +1,154 @@
+"""The network of keypoints: the file, its outputs, and crops."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import tarfile
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gepf.common.arrays import Array
+from gepf.common.camera import Intrinsics, project
+from gepf.common.errors import InputError
+from gepf.common.kinematics import joint_positions, pose_vertices
+from gepf.coordinator.bodies.human.template import human
+from gepf.coordinator.bodies.tracked import name_pose
+from gepf.coordinator.colour.build import MEMBER, SHA256, extract
+from gepf.coordinator.colour.crop import SIDE_PX, Colours, Crop, close_gaps, crop_of_body, crop_of_points
+from gepf.coordinator.colour.keypoints import LANDMARK_OF, find_keypoints
+from gepf.coordinator.colour.network import FILE, PoseNetwork
+from gepf.coordinator.synthesis.clothes import dress
+from gepf.coordinator.synthesis.rendering import ColouredSurface, DepthRenderer
+
+pytest.importorskip("ai_edge_litert", reason="the extra color is not installed")
+
+CAMERA = Intrinsics(320, 240, 290.0, 290.0, 159.5, 119.5)
+STANDING = {
+    "root_tx": 0.3, "root_tz": 2.9, "r_shoulder_abduct": 1.2, "l_shoulder_flexion": 0.5,
+    "l_elbow_flexion": 1.2, "r_hip_abduct": 0.3,
+}  # fmt: skip
+UP = np.array([0.0, -1.0, 0.0])
+
+
+@cache
+def person(turned: bool = False) -> tuple[Colours, Array, Array]:
+    """An image of a dressed person, turned on the side or not: colours, vertices, joints."""
+    model = human()
+    pose = name_pose(model, STANDING | ({"root_rz": 1.5} if turned else {}))[None]
+    surface = ColouredSurface(
+        pose_vertices(model, pose)[0], model.triangles, dress(model, np.random.default_rng(0))
+    )
+    with DepthRenderer(CAMERA) as renderer:
+        image = renderer.colours(surface, np.array([0.6, 0.6, 0.5]), np.array([0.3, -0.5, -1.0]))
+    return image, surface.vertices, joint_positions(model, pose)[0]
+
+
+def everything(image: Colours) -> Array:
+    """All pixels have depth."""
+    return np.ones(image.shape[:2], np.bool_)
+
+
+def limbs(joints: Array) -> dict[str, Array]:
+    """Pixels (2,) of the joints that are keypoints, too."""
+    named = zip(human().joint_names, project(joints, CAMERA), strict=True)
+    return {name: at for name, at in named if name in LANDMARK_OF}
+
+
+def test_the_file_is_that_of_the_package() -> None:
+    """Its hash is the one that the build script demands, and its licence stands beside it with the source."""
+    assert hashlib.sha256(FILE.read_bytes()).hexdigest() == SHA256
+    licence = FILE.with_suffix(".LICENSE").read_text()
+    assert "Apache License" in licence
+    assert "@mediapipe/pose 0.5.1675469404" in licence
+
+
+@pytest.mark.parametrize("changed", [False, True])
+def test_only_the_right_file_is_taken_from_a_package(changed: bool, tmp_path: Path) -> None:
+    """Its bytes are returned; a package with another file is refused, and so is one without it."""
+    content = FILE.read_bytes()[: -1 if changed else None]
+    with tarfile.open(tmp_path / "package.tgz", "w:gz") as archive:
+        member = tarfile.TarInfo(MEMBER)
+        member.size = len(content)
+        archive.addfile(member, io.BytesIO(content))
+    if not changed:
+        assert extract(tmp_path / "package.tgz") == content
+        return
+    with pytest.raises(InputError, match="expected f17bfbec"):
+        extract(tmp_path / "package.tgz")
+    (tmp_path / "empty.tgz").write_bytes(b"")
+    with pytest.raises(InputError, match="holds no package/pose_landmark_lite"):
+        extract(tmp_path / "empty.tgz")
+
+
+def test_threads_do_not_change_a_byte() -> None:
+    """One, two and again one thread: the same keypoints and mask."""
+    image, vertices, _ = person()
+    crop = crop_of_points(vertices, UP, CAMERA)
+    seen = [find_keypoints(PoseNetwork(n), image, everything(image), crop) for n in (1, 2, 1)]
+    found = {(each.keypoints.tobytes(), each.mask.tobytes(), each.crop) for each in seen if each is not None}
+    assert len(found) == 1
+
+
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("scale", [1, 3])
+def test_a_person_is_found_where_it_is(turned: bool, scale: int) -> None:
+    """From a body or from depth, upright or not, in images larger than depth: 6 cm at the median, 20 at most.
+
+    The mask shows the person, and precise keypoints are not far off by their own measure.
+    """
+    image, vertices, joints = person(turned)
+    larger = np.repeat(np.repeat(image, scale, axis=0), scale, axis=1)
+    at = limbs(joints)
+    left, right, neck = (
+        joints[human().joint_names.index(each)] for each in ("left_hip", "right_hip", "neck")
+    )
+    of_body = crop_of_body(vertices, 0.5 * (left + right), neck, CAMERA)
+    up = np.array([1.0, 0.0, 0.0]) if turned else UP
+    for crop in (of_body, crop_of_points(vertices, up, CAMERA)):
+        assert crop is not None
+        seen = find_keypoints(PoseNetwork(), larger, everything(image), crop, looks=2)
+        assert seen is not None
+        found = dict(zip(LANDMARK_OF, seen.keypoints, strict=True))
+        off = np.array([np.linalg.norm(found[name][:2] - pixel) for name, pixel in at.items()])
+        metres = off * 2.9 / CAMERA.fx
+        assert np.median(metres) < 0.06
+        assert metres.max() < 0.2
+        assert np.median(off**2 * [found[name][2] for name in at]) < 9.0
+        inside = [seen.mask[tuple(np.rint(found[name][1::-1]).astype(int))] for name in ("left_hip", "nose")]
+        assert all(inside)
+        assert seen.mask.mean() < 0.2
+
+
+def test_nobody_is_found_in_an_empty_image() -> None:
+    """Where there is nobody, there are no keypoints."""
+    image = np.full((240, 320, 3), 120, np.uint8)
+    assert find_keypoints(PoseNetwork(), image, everything(image), Crop(160.0, 120.0, 200.0)) is None
+
+
+def test_a_crop_is_the_inverse_of_itself() -> None:
+    """Places go to the image and back; an upright crop of an image's own size shows the image."""
+    crop = Crop(100.0, 80.0, 60.0, 0.7)
+    places = np.random.default_rng(0).uniform(0.0, SIDE_PX, (20, 2))
+    np.testing.assert_allclose(crop.to_crop(crop.to_image(places)), places)
+    image = np.random.default_rng(1).integers(20, 255, (SIDE_PX, SIDE_PX, 3), np.uint8)
+    whole = Crop((SIDE_PX - 1) / 2, (SIDE_PX - 1) / 2, SIDE_PX)
+    assert np.array_equal(whole.take(image, everything(image)), image)
+    mask = image[:, :, 0] > 100
+    assert np.array_equal(whole.spread(mask, (SIDE_PX, SIDE_PX)), mask)
+
+
+def test_only_narrow_gaps_of_registered_colour_are_closed() -> None:
+    """A line without depth and colour is closed; a large area stays black, and what is black itself, too."""
+    image = np.full((60, 60, 3), 200, np.uint8)
+    measured = np.ones((60, 60), np.bool_)
+    for rows, columns in ((slice(5, 8), slice(0, 60)), (slice(20, 50), slice(10, 40))):
+        image[rows, columns], measured[rows, columns] = 0, False
+    image[55:58] = 0  # a black thing, with depth
+    closed = close_gaps(image, measured, 12.0)
+    assert np.all(closed[5:8] == 200)
+    assert np.all(closed[30:40, 20:30] == 0)
+    assert np.all(closed[55:58] == 0)
