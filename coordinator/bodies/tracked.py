@@ -13,6 +13,7 @@ from gepf.common.activation import activate
 from gepf.common.arrays import Array
 from gepf.common.body import BodyModel
 from gepf.coordinator.bodies.human.dofs import HUMAN_DOFS
+from gepf.coordinator.bodies.human.keypoints import carry
 from gepf.coordinator.bodies.human.shape_space import REFERENCE_STATURE, ShapeSpace
 
 SIZES = 64  # bodies that are kept
@@ -49,8 +50,14 @@ def coarsen(model: BodyModel, cell_m: float) -> BodyModel:
     kept = order[np.cumsum(count) - count]  # (cells,) the vertex of each cell
     triangles = cell[model.triangles]
     apart = np.all(triangles != np.roll(triangles, 1, axis=1), axis=1)
+    carriers, shares = model.keypoint_vertices, model.keypoint_shares
+    if len(carriers):
+        links = model.keypoint_links
+        carriers, shares = carry(model.keypoint_points, links, model.vertices[kept], model.skin_links[kept])
     return replace(
         model,
+        keypoint_vertices=carriers,
+        keypoint_shares=shares,
         vertices=model.vertices[kept],
         shape_vertices=model.shape_vertices[:, kept],
         triangles=triangles[apart],

@@ -19,7 +19,7 @@ LANDMARK_OF = {
 """Keypoint -> landmark of the network; in the order of `gepf.common.body.KEYPOINTS`."""
 MIDDLE, RIM = 33, 34  # auxiliary landmarks: middle of the hips, and a point on the circle around the person
 LEAST_PRESENCE = 0.5
-DEVIATIONS = (0.012, 0.04)
+DEVIATIONS = (0.012, 0.035)
 """Standard deviation of a visible keypoint along each axis, and the increase if it is hidden, in sides of the
 crop. From rendered people (`python -m benchmarks.keypoints`)."""
 
