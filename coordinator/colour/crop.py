@@ -24,6 +24,8 @@ NEAREST_M = 0.2  # depth of a point that is projected
 BLACK = 16  # brightest channel of a pixel without colour, after compression
 GAP_PX = 12  # widest gap that is closed
 TINY_PX = 8.0  # smallest side of a crop
+LARGEST_SHIFT, LARGEST_GROWTH, LARGEST_TURN = 0.15, np.log(1.5), np.radians(30.0)
+"""Of crops that show much the same: share of the side, logarithm of the ratio of sides, angle."""
 
 Colours = NDArray[np.uint8]
 """Pixels (H, W, 3), RGB."""
@@ -70,6 +72,18 @@ class Crop:
         seen = warp(image.reduce(shrink), corners * scale / shrink, Image.Resampling.BILINEAR)
         holds = warp(Image.fromarray(measured), corners, Image.Resampling.NEAREST)
         return close_gaps(seen, holds > 0, GAP_PX * SIDE_PX / self.side)
+
+    def fits(self, other: Crop) -> bool:
+        """Whether both show much the same: their middles are near, and their sides and turns similar."""
+        apart = max(abs(self.column - other.column), abs(self.row - other.row))
+        turned = abs((self.turn - other.turn + np.pi) % (2.0 * np.pi) - np.pi)
+        ratio = abs(np.log(self.side / other.side))
+        return bool(apart < LARGEST_SHIFT * other.side and ratio < LARGEST_GROWTH and turned < LARGEST_TURN)
+
+    def overlaps(self, shape: tuple[int, ...]) -> bool:
+        """Whether the middle of the crop is near an image (H, W), at most half of its side away."""
+        away = max(-self.column, self.column - shape[1], -self.row, self.row - shape[0])
+        return away < 0.5 * self.side
 
     def spread(self, mask: Mask, shape: tuple[int, int]) -> Mask:
         """The pixels (H, W) of an image of this shape that a mask (SIDE_PX, SIDE_PX) of the crop shows."""

@@ -19,6 +19,7 @@ LANDMARK_OF = {
 """Keypoint -> landmark of the network; in the order of `gepf.common.body.KEYPOINTS`."""
 MIDDLE, RIM = 33, 34  # auxiliary landmarks: middle of the hips, and a point on the circle around the person
 LEAST_PRESENCE = 0.5
+LOOKS = 2
 DEVIATIONS = (0.012, 0.035)
 """Standard deviation of a visible keypoint along each axis, and the increase if it is hidden, in sides of the
 crop. From rendered people (`python -m benchmarks.keypoints`)."""
@@ -34,20 +35,20 @@ class SeenPerson:
     crop: Crop
 
 
-def find_keypoints(
-    network: PoseNetwork, colours: Colours, measured: Mask, crop: Crop, looks: int = 1
-) -> SeenPerson | None:
+def find_keypoints(network: PoseNetwork, colours: Colours, measured: Mask, crop: Crop) -> SeenPerson | None:
     """The person in a crop of an image; None if the network sees nobody there.
 
-    The image (h, w, 3) covers the depth image, of which the pixels (H, W) with depth are `measured`. With
-    more `looks`, each further one is at the crop that the one before suggests.
+    The image (h, w, 3) covers the depth image, of which the pixels (H, W) with depth are `measured`. If the
+    person fills the crop badly, the network looks again, where the person is.
     """
-    for _ in range(looks):
+    for _ in range(LOOKS):
         found = network.see(crop.take(colours, measured))
         if found.presence < LEAST_PRESENCE:
             return None
         middle, rim = crop.to_image(found.places[[MIDDLE, RIM]])
         seen_in, crop = crop, Crop.around(middle, float(np.linalg.norm(rim - middle)), rim - middle)
+        if crop.fits(seen_in):
+            break
     chosen = list(LANDMARK_OF.values())
     hidden = 1.0 - found.visibility[chosen]
     deviation = (DEVIATIONS[0] + DEVIATIONS[1] * hidden) * seen_in.side

@@ -20,6 +20,7 @@ from gepf.common.arrays import Array, Mask
 from gepf.common.packages import needs
 from gepf.coordinator.colour.crop import SIDE_PX, Colours
 
+NETWORK = "BlazePose lite 0.5.1675469404"
 FILE = Path(__file__).with_name("pose_landmark_lite.tflite")
 LANDMARKS, VALUES = 39, 5
 CELL_PX = 4  # of the heatmaps

@@ -15,12 +15,16 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from gepf.common.camera import Intrinsics
 from gepf.common.errors import InputError
 from gepf.common.frame import DepthFrame
+from gepf.common.packages import MissingPackage
 from gepf.common.protocol.keys import check_stream
 from gepf.common.transport.channels import Publisher
 from gepf.coordinator.bodies.angles import is_person
 from gepf.coordinator.bodies.choice import choose_bodies
+from gepf.coordinator.colour.finder import KeypointFinder
+from gepf.coordinator.colour.network import NETWORK
 from gepf.coordinator.commands.job import Job
 from gepf.coordinator.commands.progress import FrameRate, Show, counted, describe_frame
 from gepf.coordinator.commands.publish import play
@@ -38,10 +42,11 @@ from gepf.coordinator.results.configuration import (
 )
 from gepf.coordinator.results.evaluation import Truth, read_truth
 from gepf.coordinator.results.live_results import results_key
+from gepf.coordinator.scene.scope import Scope
 from gepf.coordinator.sources import Source, open_source
 from gepf.coordinator.sources.background import check_size, read_background
 from gepf.coordinator.sources.camera import AS_RECORDED
-from gepf.coordinator.sources.colour_folder import ColourFolder
+from gepf.coordinator.sources.colour_folder import ColourFolder, with_colours
 from gepf.coordinator.sources.devices.device import AttachedCamera, vendor_of
 from gepf.coordinator.sources.doubts import find_doubts
 from gepf.coordinator.sources.frame_recorder import FrameRecorder
@@ -70,7 +75,8 @@ class Input:
     total: int | None = None  # frames
     live: LiveFrames | None = None
     truth: Truth | None = None
-    colours: ColourFolder | None = None
+    colours: ColourFolder | None = None  # for pictures
+    finder: KeypointFinder | None = None  # of keypoints in colour images
 
     def __init__(self, job: Job, source: Source | None, first: Source | LiveCamera) -> None:
         self.job = job
@@ -92,6 +98,12 @@ class Input:
         particles = counted(job.settings.filter.particles, "particle")
         into = "" if job.out is None else f" into {job.out}"
         return f"tracking {job.sequence}{into}: {job.settings.method}, {particles}{people}"
+
+    @property
+    def uses_colour(self) -> bool:
+        """Whether keypoints of people would be used; the paper has depth alone."""
+        job = self.job
+        return self.bodies.people and not job.no_color and job.settings.refine.sensor == "camera"
 
     def describe(self, tracked: Sequence[Tracked], rate: FrameRate) -> str:
         """A tracked frame in a short line; for live input, also what was left out and why."""
@@ -118,8 +130,31 @@ class Input:
         }
         if job.people > 1:
             configuration[PEOPLE] = job.people
+        if self.finder is not None:
+            configuration["keypoints"] = NETWORK
         plain: RunConfiguration = msgspec.json.decode(msgspec.json.encode(configuration))
         return plain
+
+
+def open_finder() -> tuple[KeypointFinder | None, str]:
+    """What finds keypoints in colour images; None, and why, if its package is not installed."""
+    try:
+        return KeypointFinder(), ""
+    except MissingPackage as error:
+        return None, f"colour is not used: {error}, or add --no-color"
+
+
+def check_pixels(scope: Scope, camera: Intrinsics) -> None:
+    """InputError if pixels that the user gave are not in the images."""
+    size, region, person = f"{camera.width}x{camera.height}", scope.region, scope.person
+    if region is not None and (
+        region[0] >= camera.width or region[1] >= camera.height or min(region[2:]) <= 0
+    ):
+        raise InputError(f"--roi has no pixel of the {size} images; give another")
+    if not isinstance(person, str):
+        column, row = person
+        if not (0 <= column < camera.width and 0 <= row < camera.height):
+            raise InputError(f"--person {column},{row} is outside the {size} images; give a pixel inside")
 
 
 class RecordedInput(Input):
@@ -132,16 +167,10 @@ class RecordedInput(Input):
         self.source = source = open_source(job.sequence, job.given)
         self.numbers = numbers = select_frames(source.numbers, job.frames)
         self.total = len(numbers)
-        width, height = source.intrinsics.width, source.intrinsics.height
-        region, person = job.scope.region, job.scope.person
-        if region is not None and (region[0] >= width or region[1] >= height or min(region[2:]) <= 0):
-            raise InputError(f"--roi has no pixel of the {width}x{height} images; give another")
-        if not isinstance(person, str):
-            column, row = person
-            if not (0 <= column < width and 0 <= row < height):
-                outside = f"--person {column},{row} is outside the {width}x{height} images"
-                raise InputError(f"{outside}; give a pixel inside")
+        check_pixels(job.scope, source.intrinsics)
         super().__init__(job, source, source)
+        if self.uses_colour:
+            self.source = source = self._with_colours()
         if isinstance(job.joint_states, JointStates):
             job.joint_states.check_names(self.bodies.dof_names)
         # with several people, the sequence's truth does not say whose it is
@@ -173,6 +202,15 @@ class RecordedInput(Input):
             }
         self.configuration = self.configure(recording)
 
+    def _with_colours(self) -> Source:
+        """The recording with its colour images, if there are any and keypoints can be found in them."""
+        coloured = with_colours(self.source, self.job.color)
+        if any(view.colours for view in coloured.views):
+            self.finder, why = open_finder()
+            if why:
+                logger.warning(why)
+        return self.source if self.finder is None else coloured
+
     def announce(self, done: int) -> str:
         """A message on the frames and how they are tracked, or where a resumed run continues."""
         job, total, camera = self.job, self.total, self.source.intrinsics
@@ -201,7 +239,7 @@ class LiveInput(Input):
             raise InputError("--resume is for recorded sequences; gepf report finishes a killed live run")
         for option, given in (
             ("--frames", job.frames),
-            ("--color", job.color),
+            ("--color DIR", job.color),
             ("--intrinsics", job.given.intrinsics),
             ("--depth-scale", job.given.depth_scale),
             ("--mirrored", job.given.mirrored),
@@ -219,10 +257,15 @@ class LiveInput(Input):
         if job.record is not None:
             with_parent(job.record)
         super().__init__(job, None, cameras[0])
+        self._without_colour = ""  # why colour is not used, until that is said
+        if self.uses_colour:
+            self.finder, self._without_colour = open_finder()
         self.live: LiveFrames = LiveFrames(cameras, show.say, idle=job.idle_timeout)
         rig = {c.camera: [c.key, c.T_rig_camera.tolist(), c.offset_s] for c in cameras if c.camera}
         self.configuration = self.configure({"sequence": str(job.sequence), **({"rig": rig} if rig else {})})
-        self._attached = AttachedCamera(job.sequence, show.say) if vendor_of(job.sequence) else None
+        self._attached = None
+        if vendor_of(job.sequence):
+            self._attached = AttachedCamera(job.sequence, show.say, colour=self.finder is not None)
         self._failure: Exception | None = None  # of the attached camera
         self._recorder = None if job.record is None else FrameRecorder(job.record, cameras, show.say)
 
@@ -241,8 +284,8 @@ class LiveInput(Input):
                     self.job.joint_states.listen(node, self.bodies.dof_names, self._show.say)
             else:
                 for place, camera in enumerate(self.live.cameras):
-                    if self._recorder is not None:
-                        put = partial(self._recorder.put_colour, camera.camera)
+                    if self._recorder is not None or self.uses_colour:
+                        put = partial(self._put_colour, place, camera.camera)
                         workers.listen(colour_key(camera.key), put)
                     workers.listen(camera.key, partial(self.live.receive, place=place))
             for _, frames in groupby(self.live, lambda _: self.live.stream):
@@ -270,7 +313,7 @@ class LiveInput(Input):
 
         def receive() -> None:
             try:
-                play(camera, put, put)
+                play(camera, put, put, partial(self._put_colour, 0, ""))
             except Exception as error:  # noqa: BLE001 the main thread raises it
                 self._failure = error
 
@@ -278,6 +321,16 @@ class LiveInput(Input):
         thread.start()
         stack.callback(thread.join)
         stack.callback(camera.close)
+
+    def _put_colour(self, place: int, camera: str, payload: bytes) -> None:
+        """Keep a colour image for its frame, and for the recording."""
+        if self._recorder is not None:
+            self._recorder.put_colour(camera, payload)
+        if self.finder is not None:
+            self.live.receive_colour(payload, place=place)
+        elif self._without_colour:
+            self._show.say(self._without_colour)
+            self._without_colour = ""
 
     def _take(self, frame: DepthFrame) -> DepthFrame:
         """The frame, which is recorded; InputError if the room without people has another size."""

@@ -112,7 +112,10 @@ class TrackOptions:
     rotate: str = input_option(
         "0|90|180|270|auto", "Clockwise degrees to upright (default: found).", default="auto"
     )
-    color: Path | None = input_option("DIR", "Draw results over these colour frames.")
+    color: Path | None = input_option(
+        "DIR", "Colour frames to use and draw over (default: SEQ/color is used)."
+    )
+    no_color: bool = input_option("", "Track by depth alone.", "--no-color", default=False)
     person: str = scene_option(
         "X,Y|nearest|largest|moving", "The person to track; X,Y is a pixel.", default="best"
     )

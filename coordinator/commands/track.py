@@ -140,6 +140,7 @@ def track_frames(
             scope=given.scope,
             start=given.start,
             motion=job.joint_states,
+            colour=given.finder,
             states=recorder.states,
         )
         if given.live is not None:

@@ -11,6 +11,7 @@ from gepf.common.body import BodyModel
 from gepf.common.frame import DepthFrame, SubjectFrame
 from gepf.common.kinematics import joint_positions, retract
 from gepf.coordinator.bodies.angles import is_person
+from gepf.coordinator.colour.finder import in_image
 from gepf.coordinator.filters.belief import Belief
 from gepf.coordinator.filters.motion import precisions
 from gepf.coordinator.stopwatch import Stopwatch
@@ -109,6 +110,7 @@ def report(updated: Updated) -> Tracked:
         stage_seconds=updated.clock.seconds,
         seen_by=seen,
         faults=faults_of(cameras, updated.frame.time_s),
+        keypoints={} if updated.context is None else in_image(updated.context.subject),
         certainty=unknown_certainty(len(joints[0])) if status in POSE_UNKNOWN else certainty,
     )
     subject = None if updated.context is None else updated.context.subject

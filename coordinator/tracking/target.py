@@ -19,6 +19,7 @@ from gepf.common.frame import DepthFrame, SubjectFrame
 from gepf.common.kinematics import joint_positions, pose_vertices
 from gepf.common.settings import RefineSettings, Settings
 from gepf.coordinator.bodies.tracked import Bodies
+from gepf.coordinator.colour.finder import ExpectedBody, keypoint_cost
 from gepf.coordinator.filters.belief import USUAL_INTERVAL, Belief
 from gepf.coordinator.filters.methods import apply_method
 from gepf.coordinator.scene.planes import Planes
@@ -112,6 +113,13 @@ class TargetTracker:
         The present frame is still being refined. So this is the pose of the frame before.
         """
         return None if self._expected is None else pose_vertices(self.model, self._expected[None])[0]
+
+    @property
+    def expected_body(self) -> ExpectedBody | None:
+        """The person around whom the next frame is segmented; None if there is none, or it is no person."""
+        if self._expected is None or not len(self.model.keypoint_links):
+            return None
+        return ExpectedBody(self.model, self._expected)
 
     @property
     def last_seen(self) -> Array:
@@ -289,7 +297,8 @@ class TargetTracker:
     def _accept(self, belief: Belief, submitted: Submitted) -> None:
         """Gate the tracked hypotheses; replace them by a detection that explains the frame better."""
         subject, detection, redetected = submitted.context.subject, submitted.detection, False
-        gate = gate_pose(belief.log_weights[0], belief.residual[0], submitted.rules)
+        by_depth = belief.log_weights[0] + keypoint_cost(self.model, belief.poses[0], subject)
+        gate = gate_pose(by_depth, belief.residual[0], submitted.rules)
         self._belief = belief
         if detection is not None:
             if detection.candidates.log_likelihood[0] > belief.log_weights[0] + SURER_LOG_LIKELIHOOD:

@@ -17,6 +17,7 @@ from gepf.common.arrays import Array
 from gepf.common.frame import DepthFrame, SubjectFrame
 from gepf.common.settings import Settings
 from gepf.coordinator.bodies.tracked import Bodies
+from gepf.coordinator.colour.finder import KeypointFinder, with_keypoints
 from gepf.coordinator.scene.scene import NOTHING, SETTLED_FRAMES
 from gepf.coordinator.scene.scope import Scope
 from gepf.coordinator.sources.live import LiveFrames
@@ -90,10 +91,11 @@ class Tracker:
         scope: Which part of the scene counts, and which person is meant.
         start: Values of degrees of freedom in the first frame, metres and radians; None to detect the body.
         motion: Joint motion as encoders report it.
+        colour: Finds keypoints of people in colour images; None: depth alone.
         states: States to resume from, one per person, of a tracker with the same settings.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 one parameter an input
         self,
         refiner: Refiner,
         settings: Settings,
@@ -103,11 +105,12 @@ class Tracker:
         scope: Scope | None = None,
         start: Mapping[str, float] | None = None,
         motion: Encoders | None = None,
+        colour: KeypointFinder | None = None,
         states: Sequence[TrackerState] | None = None,
     ) -> None:
         states = states or [first_state(bodies, start, settings.seed)] * people
         self._refiner, self._settings, self._bodies = refiner, settings, bodies
-        self._segmenter = Segmenter(settings.points, scope)
+        self._colour, self._segmenter = colour, Segmenter(settings.points, scope)
         self._segmenter.recall(states[0].checkpoint.scenes)
         self._cameras = states[0].checkpoint.cameras
         self._targets = tuple(TargetTracker(refiner, settings, bodies, each, motion) for each in states)
@@ -222,8 +225,15 @@ class Tracker:
             find = any(target.needs_candidates for target in self._targets)
             doubted = [target.doubted for target in self._targets]
             self._cameras, frame = watch(self._cameras, frame, set().union(*doubted))
+            seen = None
+            if self._colour is not None:
+                seen = self._colour.submit(frame, [target.expected_body for target in self._targets])
             segmented = self._segmenter.segment(frame, bodies, doubted=doubted, rejected=rejected, find=find)
-            return Ready(segmented, self._cameras, clocks)
+        if seen is not None:
+            with clocks[0].stage("keypoints"):
+                pairs = zip(segmented.subjects, seen.result(), strict=True)
+                segmented = replace(segmented, subjects=tuple(with_keypoints(*each) for each in pairs))
+        return Ready(segmented, self._cameras, clocks)
 
     def _assign(self, place: int, segmented: Segmented, free: list[SubjectFrame]) -> SubjectFrame | None:
         """Choose the subject of a person: a free candidate if the person is undetected or lost.

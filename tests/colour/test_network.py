@@ -110,7 +110,7 @@ def test_a_person_is_found_where_it_is(turned: bool, scale: int) -> None:
     up = np.array([1.0, 0.0, 0.0]) if turned else UP
     for crop in (of_body, crop_of_points(vertices, up, CAMERA)):
         assert crop is not None
-        seen = find_keypoints(PoseNetwork(), larger, everything(image), crop, looks=2)
+        seen = find_keypoints(PoseNetwork(), larger, everything(image), crop)
         assert seen is not None
         found = dict(zip(LANDMARK_OF, seen.keypoints, strict=True))
         off = np.array([np.linalg.norm(found[name][:2] - pixel) for name, pixel in at.items()])
