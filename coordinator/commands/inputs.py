@@ -126,12 +126,11 @@ class Input:
             "joint_states": None if job.joint_states is None else job.joint_states.hash,
             "settings": msgspec.to_builtins(job.settings),
             "scene": self.scope.describe(),
+            "keypoints": None if self.finder is None else NETWORK,
             "versions": {"gepf": versions().get("gepf")},
         }
         if job.people > 1:
             configuration[PEOPLE] = job.people
-        if self.finder is not None:
-            configuration["keypoints"] = NETWORK
         plain: RunConfiguration = msgspec.json.decode(msgspec.json.encode(configuration))
         return plain
 
@@ -239,7 +238,7 @@ class LiveInput(Input):
             raise InputError("--resume is for recorded sequences; gepf report finishes a killed live run")
         for option, given in (
             ("--frames", job.frames),
-            ("--color DIR", job.color),
+            ("--color", job.color),
             ("--intrinsics", job.given.intrinsics),
             ("--depth-scale", job.given.depth_scale),
             ("--mirrored", job.given.mirrored),
