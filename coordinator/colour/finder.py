@@ -11,14 +11,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gepf.common.arrays import Array
-from gepf.common.body import BodyModel
-from gepf.common.camera import project
+from gepf.common.body import KEYPOINTS, ROOT_DOFS, BodyModel
+from gepf.common.camera import points_of, project
 from gepf.common.frame import DepthFrame, SubjectFrame
 from gepf.common.kinematics import joint_positions, keypoint_positions, pose_vertices
 from gepf.common.refinement import KEYPOINT_OUTLIER
-from gepf.coordinator.colour.crop import Crop, crop_of_body
+from gepf.coordinator.colour.crop import Crop, crop_of_body, crop_of_points
+from gepf.coordinator.colour.inverse_kinematics import fit_keypoints
 from gepf.coordinator.colour.keypoints import find_keypoints
 from gepf.coordinator.colour.network import PoseNetwork
+
+LEAST_POINTS = 100  # of a candidate
+OTHER_SIDE = {"left": "right", "right": "left"}
+MIRRORED = [
+    KEYPOINTS.index("_".join(OTHER_SIDE.get(part, part) for part in name.split("_"))) for name in KEYPOINTS
+]
+"""The keypoint on the other side, for each."""
 
 Keypoints = Mapping[str, NDArray[np.float32]]
 """Keypoints (17, 3) of a person in the image of each camera: column, row, inverse variance (1 / pixels^2)."""
@@ -45,6 +53,21 @@ class KeypointFinder:
         """Begin to look for people, each around an expected body; without one, or without colour: nothing."""
         return self._thread.submit(lambda: [self._look(frame, each) for each in bodies])
 
+    def look_at(self, subject: SubjectFrame, frame: DepthFrame, up: Array) -> Keypoints:
+        """The keypoints of a candidate in a frame, if the network sees a person there, and on its pixels.
+
+        `up` (3,) is the upward direction in the frame of the candidate's main camera, the only one that looks.
+        """
+        view = next(each for each in frame.views if each.camera == subject.frame.camera)
+        points = points_of(subject.frame.metres(), subject.frame.intrinsics, subject.frame.depth > 0)
+        if view.colours is None or len(points) < LEAST_POINTS:
+            return {}
+        crop = crop_of_points(points, up, view.intrinsics)
+        person = find_keypoints(self._network, view.colours, view.depth > 0, crop)
+        if person is None or not is_on(subject, person.keypoints):
+            return {}
+        return {view.camera: person.keypoints}
+
     def _look(self, frame: DepthFrame, body: ExpectedBody | None) -> Keypoints:
         found = dict[str, NDArray[np.float32]]()
         for view in frame.views if body is not None else ():
@@ -68,20 +91,50 @@ def crop_of(body: ExpectedBody | None, view: DepthFrame) -> Crop | None:
     return crop if crop is not None and crop.overlaps(view.depth.shape) else None
 
 
+def is_on(subject: SubjectFrame, keypoints: NDArray[np.float32]) -> bool:
+    """Whether at least half of the more precise keypoints (17, 3) of an image are on a subject's pixels."""
+    mine, (height, width) = in_crop(subject, keypoints), subject.frame.depth.shape
+    precise = mine[mine[:, 2] >= np.median(mine[:, 2])]
+    column, row = np.rint(precise[:, :2]).astype(int).T
+    inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+    on = subject.frame.depth[row[inside], column[inside]] > 0
+    return bool(2 * np.count_nonzero(on) >= len(precise))
+
+
+def fitted_poses(body: ExpectedBody | None, found: Keypoints, frame: DepthFrame) -> Array:
+    """Poses (F, D) that keypoints suggest: near the expected one, from rest, and of the other side.
+
+    The keypoints are those of the camera that sees most. None (0, D) without keypoints.
+    """
+    if body is None or not found:
+        return np.empty((0, 0 if body is None else len(body.pose)))
+    view = max(
+        (each for each in frame.views if each.camera in found),
+        key=lambda each: float(np.sum(found[each.camera][:, 2])),
+    )
+    seen = found[view.camera].astype(np.float64)
+    near = fit_keypoints(body.model, body.pose, seen, view)
+    rest = np.where(np.isin(body.model.dof_names, ROOT_DOFS) | ~body.model.moves, near, 0.0)
+    starts = ((rest, seen), (near, seen[MIRRORED]))
+    return np.stack([near, *(fit_keypoints(body.model, *each, view) for each in starts)])
+
+
 def with_keypoints(subject: SubjectFrame | None, found: Keypoints) -> SubjectFrame | None:
     """The subject of a frame with the keypoints of its cameras, in pixels of its crops."""
     if subject is None or not found:
         return subject
-    seen = (in_crop(each, found.get(each.frame.camera)) for each in subject.views)
-    pairs = zip(subject.views, seen, strict=True)
-    first, *others = (replace(each, keypoints=keypoints) for each, keypoints in pairs)
-    return replace(first, others=tuple(others))
+    first, *others = (
+        replace(each, keypoints=in_crop(each, found[each.frame.camera]))
+        if each.frame.camera in found
+        else each
+        for each in subject.views
+    )
+    wider = (with_keypoints(each, found) for each in subject.wider)
+    return replace(first, others=tuple(others), wider=tuple(each for each in wider if each is not None))
 
 
-def in_crop(subject: SubjectFrame, keypoints: NDArray[np.float32] | None) -> NDArray[np.float32] | None:
+def in_crop(subject: SubjectFrame, keypoints: NDArray[np.float32]) -> NDArray[np.float32]:
     """Keypoints of the whole image (17, 3) in pixels of a crop."""
-    if keypoints is None:
-        return None
     moved: NDArray[np.float32] = keypoints + np.float32([subject.view[0], subject.view[1], 0.0])
     return moved
 

@@ -30,7 +30,7 @@ from gepf.coordinator.tracking.detector import Detector, move_with_points
 from gepf.coordinator.tracking.estimate import Status
 from gepf.coordinator.tracking.gating import LEAST_PIXELS, gate_pose
 from gepf.coordinator.tracking.observation import POINTS, camera_points
-from gepf.coordinator.tracking.particle_filter import Encoders, Pace, ParticleFilter, Submitted
+from gepf.coordinator.tracking.particle_filter import Encoders, Pace, ParticleFilter, Submitted, suggest
 from gepf.coordinator.tracking.pose_candidates import SURER_LOG_LIKELIHOOD, Detection
 from gepf.coordinator.tracking.refiner import Refiner
 from gepf.coordinator.tracking.reporting import Updated
@@ -179,8 +179,11 @@ class TargetTracker:
         planes: Planes,
         clock: Stopwatch,
         pace: Pace | None = None,
+        fitted: Array | None = None,
     ) -> Submitted | Updated:
         """Predict particles for the next frame and send them to the workers.
+
+        `fitted` (F, D) are poses that keypoints suggest; some particles are replaced by them.
 
         `begin_frame` comes before, and `update` must follow. If there is nothing to refine, the frame is
         updated at once. A live frame has a pace and does not wait for a search for the body: it begins one,
@@ -206,6 +209,8 @@ class TargetTracker:
             pace = replace(pace, is_late=False)
         with clock.stage("draw"):
             proposal = self._filter.propose(self.model, self._belief, subject, self._time_s, pace)
+            if fitted is not None and self.begun is None:
+                proposal = suggest(proposal, fitted, self.model.shape_count)
         with clock.stage("refine"):
             rules = self._filter.pace(self._refine_settings, proposal.interval, pace)
             context = FrameContext(subject, self._belief.reported, proposal.interval, rules.stretch, first)

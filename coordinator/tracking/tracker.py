@@ -15,9 +15,10 @@ import numpy as np
 
 from gepf.common.arrays import Array
 from gepf.common.frame import DepthFrame, SubjectFrame
+from gepf.common.kinematics import pose_vertices
 from gepf.common.settings import Settings
 from gepf.coordinator.bodies.tracked import Bodies
-from gepf.coordinator.colour.finder import KeypointFinder, with_keypoints
+from gepf.coordinator.colour.finder import KeypointFinder, Keypoints, fitted_poses, with_keypoints
 from gepf.coordinator.scene.scene import NOTHING, SETTLED_FRAMES
 from gepf.coordinator.scene.scope import Scope
 from gepf.coordinator.sources.live import LiveFrames
@@ -33,17 +34,22 @@ from gepf.coordinator.tracking.state import TrackerState, first_state
 from gepf.coordinator.tracking.target import TargetTracker
 from gepf.coordinator.tracking.track_management import SEARCH_INTERVAL_FRAMES
 
+IMAGE_UP = np.array([0.0, -1.0, 0.0])  # in the camera's frame
 LARGEST_MOTION_M = 0.8  # largest motion of a body between two frames
 
 Item = TypeVar("Item")
 
 
 class Ready(NamedTuple):
-    """A segmented frame, the state of each camera, and a stopwatch for each person."""
+    """A segmented frame, the state of each camera, and a stopwatch for each person.
+
+    fitted: poses (F, D) for each person that keypoints suggest, if there are any.
+    """
 
     segmented: Segmented
     cameras: CameraStates
     clocks: list[Stopwatch]
+    fitted: list[Array]
 
 
 class Lookahead(Generic[Item]):
@@ -180,7 +186,8 @@ class Tracker:
             if n > 0:
                 target.scenes = {name: replace(s, learned=NOTHING) for name, s in target.scenes.items()}
             planes = segmented.planes(subject)
-            submitted.append(target.submit(segmented.frame, subject, planes, ready.clocks[n], pace))
+            fitted = ready.fitted[n] if subject is segmented.subjects[n] else ready.fitted[n][:0]
+            submitted.append(target.submit(segmented.frame, subject, planes, ready.clocks[n], pace, fitted))
             # the state of a first person who is already updated cannot change any more
             if target.begun and isinstance(submitted[0], Submitted):
                 searched, person = target.begun
@@ -219,21 +226,44 @@ class Tracker:
         clocks = [Stopwatch() for _ in self._targets]
         for target in self._targets:
             target.begin_frame()
+        doubted = [target.doubted for target in self._targets]
+        self._cameras, frame = watch(self._cameras, frame, set().union(*doubted))
+        with clocks[0].stage("keypoints"):
+            seen, fitted = self._look(frame)
         with clocks[0].stage("segment"):
-            bodies = [target.expected for target in self._targets]
+            bodies = [around(*each) for each in zip(self._targets, fitted, strict=True)]
             rejected = any(target.management.frames_searched > SETTLED_FRAMES for target in self._targets)
             find = any(target.needs_candidates for target in self._targets)
-            doubted = [target.doubted for target in self._targets]
-            self._cameras, frame = watch(self._cameras, frame, set().union(*doubted))
-            seen = None
-            if self._colour is not None:
-                seen = self._colour.submit(frame, [target.expected_body for target in self._targets])
             segmented = self._segmenter.segment(frame, bodies, doubted=doubted, rejected=rejected, find=find)
-        if seen is not None:
-            with clocks[0].stage("keypoints"):
-                pairs = zip(segmented.subjects, seen.result(), strict=True)
-                segmented = replace(segmented, subjects=tuple(with_keypoints(*each) for each in pairs))
-        return Ready(segmented, self._cameras, clocks)
+        with clocks[0].stage("keypoints"):
+            segmented = self._with_keypoints(segmented, seen)
+        return Ready(segmented, self._cameras, clocks, fitted)
+
+    def _look(self, frame: DepthFrame) -> tuple[list[Keypoints], list[Array]]:
+        """Keypoints of each person in colour, and the poses that they suggest; before segmentation."""
+        bodies = [target.expected_body for target in self._targets]
+        if self._colour is None:
+            return [{} for _ in bodies], [np.empty((0, 0)) for _ in bodies]
+        seen = self._colour.submit(frame, bodies).result()
+        return seen, [fitted_poses(*each, frame) for each in zip(bodies, seen, strict=True)]
+
+    def _with_keypoints(self, segmented: Segmented, seen: list[Keypoints]) -> Segmented:
+        """The segmented frame with the keypoints of each person, and those of candidates.
+
+        Candidates in whom the network sees a person come first.
+        """
+        if self._colour is None:
+            return segmented
+        candidates = list[SubjectFrame]()
+        for each in segmented.candidates:
+            planes = segmented.planes(each)
+            found = self._colour.look_at(each, segmented.frame, planes.up if planes.has_floor else IMAGE_UP)
+            candidates.append(with_keypoints(each, found) or each)
+        candidates.sort(key=lambda each: all(view.keypoints is None for view in each.views))
+        pairs = zip(segmented.subjects, seen, strict=True)
+        return replace(
+            segmented, subjects=tuple(with_keypoints(*each) for each in pairs), candidates=tuple(candidates)
+        )
 
     def _assign(self, place: int, segmented: Segmented, free: list[SubjectFrame]) -> SubjectFrame | None:
         """Choose the subject of a person: a free candidate if the person is undetected or lost.
@@ -283,6 +313,19 @@ class Tracker:
                     target.nothing_seen()
                 return each
         return segmented.subjects[place]
+
+
+def around(target: TargetTracker, fitted: Array) -> Array | None:
+    """The vertices (V, 3) around which a person is segmented: of the pose that keypoints suggest, if they do.
+
+    If it is farther from the expected pose than a body moves, one of them is wrong: those of both.
+    """
+    expected = target.expected
+    if expected is None or not len(fitted):
+        return expected
+    seen = pose_vertices(target.model, fitted[:1])[0]
+    moved = float(np.linalg.norm(seen - expected, axis=1).mean())
+    return seen if moved < LARGEST_MOTION_M else np.concatenate([seen, expected])
 
 
 def reported(updated: list[Updated]) -> Iterator[list[Tracked]]:
