@@ -2,12 +2,12 @@
 SHELL := /bin/bash
 BIN := .venv/bin
 STAMP := .venv/.installed
-PACKAGES := common worker coordinator gepf benchmarks examples tests
+PACKAGES := common worker coordinator gepf benchmarks docs examples tests
 KERNELS := $(BIN)/python -m tests.support.kernel.warm_tracker & tracker=$$!; \
     $(BIN)/python -m tests.support.kernel.warm_kernel && wait $$tracker
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-slow chaos hosts fuzz check format bench paper ablation real-people images images-test lock clean clean-kernels
+.PHONY: help setup demo test test-slow chaos hosts fuzz check docs format bench paper ablation real-people images images-test lock clean clean-kernels
 
 help: ## show what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -41,7 +41,7 @@ fuzz: setup ## hostile messages against the decoders, a live worker and a live c
 hosts: setup ## coordinator, router and workers on network hosts that fail: the same bytes? (as root)
 	$(BIN)/python -m pytest -q -m slow --timeout 3600 tests/disturbance/test_hosts.py
 
-check: setup ## lint, format, types, walls, dependencies, images' recipes
+check: setup docs ## lint, format, types, walls, dependencies, images' recipes, documents
 	$(BIN)/ruff check $(PACKAGES)
 	$(BIN)/ruff format --check $(PACKAGES)
 	$(BIN)/mypy
@@ -51,6 +51,10 @@ check: setup ## lint, format, types, walls, dependencies, images' recipes
 	$(BIN)/check-jsonschema --builtin-schema vendor.compose-spec docker/compose.yaml
 	$(BIN)/kubernetes-validate --strict --quiet $(filter-out %/kustomization.yaml,$(wildcard docker/kubernetes/*.yaml)) \
 		examples/batch/kubernetes.yaml
+
+docs: setup ## documents and API reference as a site in site/; a broken link or an undescribed name is an error
+	$(BIN)/python -m sphinx --quiet --fail-on-warning --fresh-env -c docs . site
+	@cp site/README.html site/index.html
 
 format: setup ## rewrite the code in the house's format
 	$(BIN)/ruff check --fix $(PACKAGES)

@@ -21,13 +21,13 @@ from gepf.common.arrays import Array
 from gepf.common.body import BodyModel
 from gepf.common.camera import Intrinsics, project
 from gepf.common.kinematics import joint_positions, link_transforms, pose_vertices
+from gepf.coordinator.bodies.human.people import PEOPLE
 from gepf.coordinator.bodies.human.template import human
 from gepf.coordinator.colour.crop import Crop, crop_of_body
 from gepf.coordinator.colour.keypoints import LANDMARK_OF
 from gepf.coordinator.colour.network import PoseNetwork
 from gepf.coordinator.synthesis.clothes import dress
 from gepf.coordinator.synthesis.rendering import ColouredSurface, DepthRenderer
-from gepf.coordinator.tracking.pose_library import draw_people
 
 CAMERA = Intrinsics(640, 480, 570.0, 570.0, 319.5, 239.5)
 DISTANCES_M = (2.2, 3.5)
@@ -78,7 +78,7 @@ def render_people(model: BodyModel, count: int, seed: int) -> list[Seen]:
     """What the network sees of people in random poses whom it finds."""
     rng, network, people = np.random.default_rng(seed), PoseNetwork(), list[Seen]()
     with DepthRenderer(CAMERA) as renderer:
-        for pose in draw_people(model, count, rng):
+        for pose in PEOPLE.draw_poses(model, count, rng):
             seen = look(model, pose, renderer, network, rng)
             if seen is not None:
                 people.append(seen)

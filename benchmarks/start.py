@@ -23,7 +23,7 @@ from gepf.common.arrays import Array
 from gepf.common.camera import Intrinsics
 from gepf.common.frame import DepthFrame
 from gepf.common.settings import preset
-from gepf.coordinator.bodies.tracked import Bodies
+from gepf.coordinator.bodies.family import Bodies
 from gepf.coordinator.results.evaluation import positions
 from gepf.coordinator.tracking.estimate import Estimate
 from gepf.coordinator.tracking.tracker import Tracker

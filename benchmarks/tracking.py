@@ -14,11 +14,11 @@ from gepf.common.arrays import Array, Mask
 from gepf.common.frame import DepthFrame
 from gepf.common.settings import Settings
 from gepf.coordinator.bodies.choice import choose_bodies
-from gepf.coordinator.bodies.tracked import Bodies
+from gepf.coordinator.bodies.family import Bodies
 from gepf.coordinator.results.evaluation import NEAR_M, positions
 from gepf.coordinator.results.tally import count_status
 from gepf.coordinator.sources.source import rate_of
-from gepf.coordinator.tracking.reporting import Tracked
+from gepf.coordinator.tracking.reporting import TrackedPerson
 from gepf.coordinator.tracking.tracker import Tracker
 from gepf.refiners import DirectRefiner
 from gepf.worker.cli import load_kernel
@@ -85,7 +85,7 @@ def track(
         start = found[-1].state.start
         columns = positions(start.model.joint_names, reference.names)
         joints = np.array([found[row].estimate.joint_positions[columns] for row in mine])
-        status, stature = count_status(one.estimate.status for one in found), found[-1].state.size.stature
+        status, stature = count_status(one.estimate.status for one in found), found[-1].state.size[0]
     return Outcome(
         recording,
         joints,
@@ -98,12 +98,12 @@ def track(
     )
 
 
-def follow(tracker: Tracker, frames: Iterable[DepthFrame]) -> tuple[list[Tracked], Array]:
+def follow(tracker: Tracker, frames: Iterable[DepthFrame]) -> tuple[list[TrackedPerson], Array]:
     """Estimates, and processor time (F,) in seconds of each frame, without reading it."""
     found, seconds = [], []
     for frame in frames:
         began = time.process_time()
-        found.append(tracker.track(frame)[0])
+        found.append(tracker.track(frame).people[0])
         seconds.append(time.process_time() - began)
     return found, np.array(seconds)
 

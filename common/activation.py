@@ -42,6 +42,7 @@ def activate(model: BodyModel, active: Iterable[str], held: Array) -> BodyModel:
     kinds = model.kinds[wanted]
     return BodyModel(
         name=model.name,
+        family=model.family,
         dof_names=tuple(model.dof_names[j] for j in wanted),
         kinds=kinds,
         parents=parents,

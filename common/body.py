@@ -26,6 +26,9 @@ TRANSLATION, ROTATION, SHAPE = 0, 1, 2
 
 LEAST_SPREAD = 1e-3
 
+MECHANISM = "mechanism"
+"""The family of robots and objects: rigid links of known shape."""
+
 REST_FROM_URDF = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
 """URDF and ROS: x forward, y left, z up. Rest: x to the body's left, y down, z to its back."""
 
@@ -60,34 +63,37 @@ class BodyModel:
 
     Shape coefficients (S) are the first degrees of freedom. The rest pose of a body with coefficients b is
     `vertices` + b . `shape_vertices`; `points` and `joint_points` change alike.
+
+    `family` names what else is known of such bodies, see `gepf.coordinator.bodies.family`; workers ignore it.
     """
 
     name: str
-    dof_names: tuple[str, ...]  # (D,)
-    kinds: Indices  # (D,) SHAPE, TRANSLATION or ROTATION
-    parents: Indices  # (D,) -1 for none
-    axes: Array  # (D, 3) unit
-    points: Array  # (D, 3) on the axis
-    limits: Array  # (D, 2) radians or metres, infinite where free
-    rest_spreads: Array  # (D,) in units of pose_deviation
-    balls: Indices  # (B,)
-    link_names: tuple[str, ...]  # (L,)
-    link_dofs: Indices  # (L,) the last degree of freedom that moves the link, -1 for none
-    vertices: Array  # (V, 3)
-    triangles: Indices  # (T, 3) counter-clockwise from outside
-    skin_links: Indices  # (V, K)
-    skin_weights: Array  # (V, K)
-    joint_names: tuple[str, ...]  # (J,)
-    joint_links: Indices  # (J,)
-    joint_points: Array  # (J, 3)
-    keypoint_links: Indices = field(default_factory=lambda: NO_KEYPOINTS[:, 0])  # (K,)
-    keypoint_vertices: Indices = field(default_factory=lambda: NO_KEYPOINTS)  # (K, W)
-    keypoint_shares: Array = field(default_factory=lambda: NO_KEYPOINTS.astype(np.float64))  # (K, W)
+    dof_names: tuple[str, ...]  #: (D,)
+    kinds: Indices  #: (D,) SHAPE, TRANSLATION or ROTATION
+    parents: Indices  #: (D,) -1 for none
+    axes: Array  #: (D, 3) unit
+    points: Array  #: (D, 3) on the axis
+    limits: Array  #: (D, 2) radians or metres, infinite where free
+    rest_spreads: Array  #: (D,) in units of pose_deviation
+    balls: Indices  #: (B,)
+    link_names: tuple[str, ...]  #: (L,)
+    link_dofs: Indices  #: (L,) the last degree of freedom that moves the link, -1 for none
+    vertices: Array  #: (V, 3)
+    triangles: Indices  #: (T, 3) counter-clockwise from outside
+    skin_links: Indices  #: (V, K)
+    skin_weights: Array  #: (V, K)
+    joint_names: tuple[str, ...]  #: (J,)
+    joint_links: Indices  #: (J,)
+    joint_points: Array  #: (J, 3)
+    keypoint_links: Indices = field(default_factory=lambda: NO_KEYPOINTS[:, 0])  #: (K,)
+    keypoint_vertices: Indices = field(default_factory=lambda: NO_KEYPOINTS)  #: (K, W)
+    keypoint_shares: Array = field(default_factory=lambda: NO_KEYPOINTS.astype(np.float64))  #: (K, W)
     shape_vertices: Array = field(
         default_factory=lambda: NO_DIRECTIONS
     )  # (S, V, 3) per unit of the shape coefficient
-    shape_points: Array = field(default_factory=lambda: NO_DIRECTIONS)  # (S, D, 3)
-    shape_joint_points: Array = field(default_factory=lambda: NO_DIRECTIONS)  # (S, J, 3)
+    shape_points: Array = field(default_factory=lambda: NO_DIRECTIONS)  #: (S, D, 3)
+    shape_joint_points: Array = field(default_factory=lambda: NO_DIRECTIONS)  #: (S, J, 3)
+    family: str = MECHANISM
 
     def __post_init__(self) -> None:
         for member in fields(self):
@@ -123,16 +129,26 @@ class BodyModel:
     @property
     def keypoint_points(self) -> Array:
         """The keypoints (K, 3) at rest, with all shape coefficients zero."""
-        return np.einsum("kw,kwa->ka", self.keypoint_shares, self.vertices[self.keypoint_vertices])
+        return np.asarray(
+            np.einsum("kw,kwa->ka", self.keypoint_shares, self.vertices[self.keypoint_vertices])
+        )
 
     @cached_property
     def moves(self) -> Mask:
-        """Which degrees of freedom (D,) change with time: all but shape coefficients."""
+        """Which degrees of freedom (D,) change with time, that is, all but shape coefficients."""
         return np.asarray(self.kinds != SHAPE)
 
     @cached_property
+    def root(self) -> Indices:
+        """Indices (6,) of the root's degrees of freedom: three translations, three rotations.
+
+        InputError if some of them are held.
+        """
+        return np.array([self.dof(name) for name in ROOT_DOFS], dtype=np.int64)
+
+    @cached_property
     def related(self) -> Mask:
-        """Which pairs of degrees of freedom (D, D) move a common link: one is the other, or its ancestor."""
+        """Pairs (D, D) of degrees of freedom that move a common link: the same, or with its ancestor."""
         related = np.eye(len(self.parents), dtype=np.bool_)
         for j, parent in enumerate(self.parents):
             related[j] |= related[parent] & (parent >= 0)

@@ -18,18 +18,26 @@ from gepf.common.camera import NOT_MOVED, Intrinsics, inverse, moved
 class DepthFrame:
     """A depth image with its camera and time, and those of the other cameras of a rig.
 
-    depth: uint16 (H, W), `depth_scale` units per metre, 0 for no depth. others: the images of other cameras
-    that are nearest in time, each with its own time; a camera may be missing. T_rig_camera: (4, 4). gravity:
-    direction (3,), unit vector in the camera's frame, if a live camera measures it. colours: the colour image
-    (h, w, 3), RGB, registered to depth, at any scale. Workers do not get it.
+    Attributes:
+        number: The number of the frame.
+        time_s: Its time, seconds.
+        depth: uint16 (H, W), `depth_scale` units per metre, 0 for no depth.
+        depth_scale: Units of depth per metre.
+        intrinsics: The camera.
+        camera: Its name in the rig; empty for a camera alone.
+        T_rig_camera: (4, 4), metres.
+        others: The images of other cameras that are nearest in time, each with its own time; a camera may be
+            missing.
+        gravity: Direction (3,), unit vector in the camera's frame, if a live camera measures it.
+        colours: The colour image (h, w, 3), RGB, registered to depth, at any scale. Workers do not get it.
     """
 
     number: int
     time_s: float
-    depth: NDArray[np.uint16]  # (H, W)
+    depth: NDArray[np.uint16]
     depth_scale: float
     intrinsics: Intrinsics
-    camera: str = ""  # its name in the rig
+    camera: str = ""
     T_rig_camera: Array = field(default_factory=NOT_MOVED.copy)
     others: tuple[DepthFrame, ...] = ()
     gravity: Array | None = None

@@ -26,14 +26,14 @@ the same number of additional iterations. `gepf.worker.kernel.parameters` has th
 class RefineSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Settings of a particle's refinement. Lengths in metres, angles in radians."""
 
-    icp_iterations: int = 3  # 0 only assesses the likelihood
+    icp_iterations: int = 3  #: 0 only assesses the likelihood
     descent: Descent = "plain"
-    damping: float = 0.1  # lambda of Eq. 4
+    damping: float = 0.1  #: lambda of Eq. 4
     sensor: Sensor = "distance"
-    noise_depth: float = 0.01  # standard deviation of an observed point along the viewing direction
-    noise_lateral: float = 0.01  # across it; closest points are searched in units of both
-    likelihood_scale: float = 0.01  # metres, root mean square residual that reduces the likelihood by e^-1/2
-    pose_deviation: float = 0.0  # prior of joint angles around rest; the unit of rest_spreads; 0: none
+    noise_depth: float = 0.01  #: standard deviation of an observed point along the viewing direction
+    noise_lateral: float = 0.01  #: across it; closest points are searched in units of both
+    likelihood_scale: float = 0.01  #: metres, root mean square residual that reduces the likelihood by e^-1/2
+    pose_deviation: float = 0.0  #: prior of joint angles around rest; the unit of rest_spreads; 0: none
 
     @property
     def independent_points(self) -> float:
@@ -57,10 +57,10 @@ class RefineSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class FilterSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Steps 1-3, 6 and 7 of the filter."""
 
-    particles: int = 20  # of `annealed`: per layer
-    merge_angle_deg: float = 4.0  # d; with `explore` covariances decide, unless correspondences are soft
-    velocity_time_s: float | None = None  # in which a velocity decays to 1 / e; None: never
-    explore: bool = False  # proposals for single limbs, see coordinator/filters/exploration.py
+    particles: int = 20  #: of `annealed`: per layer
+    merge_angle_deg: float = 4.0  #: d; with `explore` covariances decide, unless correspondences are soft
+    velocity_time_s: float | None = None  #: in which a velocity decays to 1 / e; None: never
+    explore: bool = False  #: proposals for single limbs, see coordinator/filters/exploration.py
 
 
 class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -69,12 +69,12 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     preset: str = "default"
     method: str = "gepf"
     seed: int = 0
-    points: int = 10_000  # largest number of observed points
-    measure_noise: bool = True  # in the first frame; the noise of `refine` is the minimum
-    pace_iterations: float = 0.0  # growth of iterations with the time between frames
-    measure_person: bool = True  # stature, from the first frames that show a person
-    recover: bool = True  # redetect the body if it is lost or in doubt
-    rotate_deg: int | None = None  # clockwise, makes a person upright; None to find it
+    points: int = 10_000  #: largest number of observed points
+    measure_noise: bool = True  #: in the first frame; the noise of `refine` is the minimum
+    pace_iterations: float = 0.0  #: growth of iterations with the time between frames
+    measure_person: bool = True  #: stature, from the first frames that show a person
+    recover: bool = True  #: redetect the body if it is lost or in doubt
+    rotate_deg: int | None = None  #: clockwise, makes a person upright; None to find it
     refine: RefineSettings = RefineSettings()
     filter: FilterSettings = FilterSettings()
 

@@ -11,7 +11,7 @@ from markupsafe import Markup
 from gepf.common.arrays import Array
 from gepf.common.body import TRANSLATION, BodyModel
 from gepf.common.errors import InputError, check_choice
-from gepf.coordinator.bodies.angles import angles_of
+from gepf.coordinator.bodies.families import angles_of
 from gepf.coordinator.tracking import estimate
 
 ROW = Markup('<tr><th>{}</th><td style="text-align: left">{}</td></tr>')

@@ -13,7 +13,7 @@ import numpy as np
 from gepf.common.arrays import Array
 from gepf.common.body import ROOT_DOFS
 from gepf.common.packages import needs
-from gepf.coordinator.bodies.swing_twist import isb_angles, isb_names
+from gepf.coordinator.bodies.human.isb import isb_angles, isb_names
 from gepf.coordinator.exports import export_run
 from gepf.coordinator.exports.recorded import RecordedRun, read_run
 from gepf.coordinator.results.angles import sliding_joints
@@ -29,14 +29,15 @@ if TYPE_CHECKING:
 class Run:
     """The results of `gepf track` or `Tracker.save` in a folder.
 
-    folder, summary: The folder, and all settings, versions and counts, as in `summary.json`.
-    track: All arrays of `track.npz`, radians and metres.
-    frame, time_s, status: Number, seconds and status of each frame (F,).
-    placed: Frames (F,) with a pose; those before the body was found have the first one.
-    joint_names: Names for `joint`.
-    angle_names: Names for `angle`: anatomical angles of a person, joints of a robot.
-    isb_angle_names: Shoulder angles by the ISB; also names for `angle`.
-    dof_names: MPEG-4 names of the degrees of freedom of the pose; also names for `angle`.
+    Attributes:
+        folder: The folder.
+        track: All arrays of `track.npz`, radians and metres.
+        frame, time_s, status: Number, seconds and status of each frame (F,).
+        placed: Frames (F,) with a pose; those before the body was found have the first one.
+        joint_names: Names for `joint`.
+        angle_names: Names for `angle`: anatomical angles of a person, joints of a robot.
+        isb_angle_names: Shoulder angles by the ISB; also names for `angle`.
+        dof_names: MPEG-4 names of the degrees of freedom of the pose; also names for `angle`.
     """
 
     def __init__(self, recorded: RecordedRun) -> None:

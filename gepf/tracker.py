@@ -22,10 +22,13 @@ from gepf.common.cores import usable_cores
 from gepf.common.errors import InputError
 from gepf.common.frame import DepthFrame
 from gepf.common.settings import Settings, preset
-from gepf.coordinator.bodies.choice import bodies_of, choose_bodies, choose_model, person
+from gepf.coordinator.bodies.choice import choose_bodies, choose_model
+from gepf.coordinator.bodies.family import Bodies
 from gepf.coordinator.bodies.human.dofs import HUMAN
 from gepf.coordinator.bodies.human.measures import Measures
-from gepf.coordinator.bodies.tracked import Bodies
+from gepf.coordinator.bodies.human.people import PEOPLE
+from gepf.coordinator.bodies.human.shape_space import Size
+from gepf.coordinator.bodies.mechanisms import MECHANISMS
 from gepf.coordinator.files import with_parent
 from gepf.coordinator.filters.methods import apply_method
 from gepf.coordinator.results.log import assemble, floor_up
@@ -90,7 +93,7 @@ class FrameLoop(Closing):
                 self._tracker, last = self._make(), stream
             for tracked in self._tracker.follow(part, look_ahead=look_ahead, live=live):
                 self._frames += 1
-                yield [named(each.estimate, each.state.body, each.state.start.held) for each in tracked]
+                yield [named(p.estimate, p.state.body, p.state.start.held) for p in tracked.people]
 
     def _frame_of(self, depth: DepthFrame | ArrayLike, time_s: float | None) -> DepthFrame:
         """The frame itself, or the next frame from an array (H, W)."""
@@ -109,8 +112,9 @@ class FrameLoop(Closing):
 
     def _save(self, estimates: Iterable[Estimate], place: int, folder: Path) -> Path:
         """Write one person's estimates as the folder of a run."""
-        state = self._tracker.states[place]
-        start, up = state.start, floor_up(self._tracker.states[0].checkpoint.scenes)
+        tracker_state = self._tracker.state
+        state, up = tracker_state.people[place], floor_up(tracker_state.frame.scenes)
+        start = state.start
         track = assemble(state.body, list(estimates), held=start.held, up=up)
         save_run(folder, track, TrackedBody(state.body, start.held), self._settings)
         return folder
@@ -127,7 +131,7 @@ class Tracker(FrameLoop):
             local worker; the endpoint of a router with workers; or a Pool. The results are the same, bit for
             bit.
         start: Values of degrees of freedom in the first frame, metres and radians, or a file of them; None
-            to detect the body, which is possible only for people.
+            to detect the body.
         active: Degrees of freedom to track; None for the default ones.
         camera: Matrix (3, 3), fx 0 cx, 0 fy cy, 0 0 1 in pixels; needed only for arrays.
         depth_scale: Units per metre of integer arrays.
@@ -163,13 +167,16 @@ class Tracker(FrameLoop):
         In the first seconds a person's body is replaced a few times, by one of another size with the same
         names.
         """
-        return self._tracker.states[0].body
+        return self._tracker.state.people[0].body
 
     @property
     def size(self) -> tuple[float, float] | None:
         """Estimated stature of the person, metres, and girth; None before detection, and for other bodies."""
-        size = self._tracker.states[0].size
-        return (size.stature, size.girth) if np.isfinite(size.stature) else None
+        person = self._tracker.state.people[0]
+        if person.start.family is not PEOPLE or not person.size:
+            return None
+        size = Size(*person.size)
+        return size.stature, size.girth
 
     def track(self, depth: DepthFrame | ArrayLike, time_s: float | None = None) -> Estimate:
         """Track the body in the next frame.
@@ -239,8 +246,8 @@ class PeopleTracker(FrameLoop):
 
     @property
     def found(self) -> int:
-        """Number of people found so far: they are the first in each list of estimates."""
-        return sum(each.start.found for each in self._tracker.states)
+        """Number of people found so far, who are the first in each list of estimates."""
+        return sum(person.start.found for person in self._tracker.state.people)
 
     def track(self, depth: DepthFrame | ArrayLike, time_s: float | None = None) -> list[Estimate]:
         """Track all people in the next frame, as `Tracker.track`; one estimate per person, found or not."""
@@ -301,8 +308,8 @@ def bodies_to_track(model: Body, active: tuple[str, ...] | None, preset_name: st
     """The bodies that `model` describes."""
     match model:
         case Measures():
-            return person(model, active, preset_name)
+            return PEOPLE.measured(model, active, preset_name)
         case BodyModel():
-            return bodies_of(model, active)
+            return MECHANISMS.given(model, active)
         case _:
             return choose_bodies(active, preset_name, choose_model(str(model)))

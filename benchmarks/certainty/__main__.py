@@ -41,7 +41,7 @@ from benchmarks.running import (
 )
 from benchmarks.tracking import prepare
 from gepf.common.errors import InputError
-from gepf.coordinator.bodies.tracked import Bodies
+from gepf.coordinator.bodies.family import Bodies
 from gepf.coordinator.tracking.certainty.certainty import FIT
 
 EVERY = [1, 2, 3]  # n-th frame
@@ -79,6 +79,8 @@ def measure(choice: Namespace) -> int:
     with TemporaryDirectory() as folder:
         if choice.fit:
             gathered = gather_to_fit(choice, Path(folder), bodies, crashes)
+            if not gathered:
+                raise InputError(f"nothing could be tracked: {'; '.join(crashes) or 'no recordings'}")
             found = fit(gathered, (PEOPLE, GRADIENT, CUT))
             screen().print(found)
             for kind in KINDS:

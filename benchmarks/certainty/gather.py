@@ -15,7 +15,7 @@ from gepf.common.camera import Intrinsics
 from gepf.common.frame import DepthFrame
 from gepf.common.kinematics import joint_positions
 from gepf.common.settings import Settings
-from gepf.coordinator.bodies.tracked import Bodies
+from gepf.coordinator.bodies.family import Bodies
 from gepf.coordinator.files import TRUTH_FILE
 from gepf.coordinator.results.evaluation import positions
 from gepf.coordinator.stopwatch import Stopwatch
@@ -24,9 +24,10 @@ from gepf.coordinator.tracking.certainty.features import Features, measure_featu
 from gepf.coordinator.tracking.certainty.surface import seen_shares
 from gepf.coordinator.tracking.estimate import POSE_UNKNOWN
 from gepf.coordinator.tracking.reporting import Updated, report
-from gepf.coordinator.tracking.segmenter import Segmenter
+from gepf.coordinator.tracking.segmenter import BodyView, Segmenter
 from gepf.coordinator.tracking.state import first_state
 from gepf.coordinator.tracking.target import TargetTracker
+from gepf.coordinator.tracking.track_state import Followed
 from gepf.refiners import DirectRefiner
 
 ROOMS = ("skinned", "three_cameras", "rooms")  # folders of rendered recordings
@@ -75,29 +76,31 @@ def gather(
     if cut is not None:
         row = row_between(reference.joints, reference.names, cut, frames[0].intrinsics)
         frames = [cut_below(frame, row) for frame in frames]
-    state = first_state(bodies, None, settings.seed)
+    state = first_state(bodies, None, settings)
     segmenter, tracker = Segmenter(settings.points), TargetTracker(DirectRefiner(), settings, bodies, state)
     rows: list[tuple[Array, Array, Mask, str]] = []
     for frame in frames[::every]:
         tracker.begin_frame()
-        segmented = segmenter.segment(frame, [tracker.expected])
+        segmented = segmenter.segment(frame, [tracker.segmentation_surface])
         (subject,) = segmented.candidates[:1] or segmented.subjects
-        submitted = tracker.submit(frame, subject, segmented.planes(subject), Stopwatch())
+        submitted = tracker.submit(BodyView(frame, subject, segmented.planes(subject)), Stopwatch())
         if isinstance(submitted, Updated):  # nothing was refined
             continue
-        updated = tracker.update(submitted)
-        estimate, context = report(updated).estimate, submitted.context
+        updated, track = tracker.update(submitted, {}), tracker.track
+        estimate, context = report(updated, {}).estimate, submitted.context
+        assert isinstance(track, Followed)
         found = np.flatnonzero(reference.frame == frame.number)
         if estimate.status in POSE_UNKNOWN or not len(found):
             continue
+        belief, weights = track.belief, estimate.hypothesis_weight
         features = measure_features(
             tracker.model,
-            estimate.pose,
-            joint_positions(tracker.model, np.stack([estimate.pose, *estimate.hypothesis_pose])),
-            estimate.hypothesis_weight,
+            belief.reported,
+            joint_positions(tracker.model, np.stack([belief.reported, *belief.poses[: len(weights)]])),
+            weights,
             context,
-            tracker.management.residual,
-            seen_shares(tracker.model, estimate.pose, context.subject, context.stretch),
+            track.residual,
+            seen_shares(tracker.model, belief.reported, context.subject, context.stretch),
         )
         mine, row = positions(tracker.model.joint_names, reference.names), found[0]
         apart = estimate.joint_positions[mine] - reference.joints[row]

@@ -1,31 +1,26 @@
-"""Anatomical angles of a body: continuous, with plain names.
+"""Angles of a body for users: continuous, with plain names.
 
 The pose has the degrees of freedom of the tracker; the three of a spherical joint are Euler angles, which
-jump if the middle one is near 90 degrees. The angles here are for users: flexion, abduction and rotation of a
-person, from swing and twist; joint values of a robot.
+jump if the middle one is near 90 degrees. The angles here are of swing and twist, and the values of joints
+with one degree of freedom. A family says which joints a body has.
 
 A joint is the motion of a segment relative to its carrier. It has three angles: two of the swing of the
 moving bone and one of the twist about it. They are zero if the bone is parallel to the carrier's axis and the
-hinge axes point to the side: arms straight down along the trunk (the template's arms differ from that by
-`ARM_TILT`, so its rest pose has this abduction), legs and spine straight.
-
-Signs are alike on both sides: flexion is forward (knee: the heel back), abduction away from the body,
-rotation inward; trunk, neck and pelvis bend forward, lean to the person's right and turn to the left.
+hinge axes point to the side.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import cache, cached_property
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from gepf.common.arrays import Array, Mask
-from gepf.common.body import ROOT_DOFS, ROTATION, BodyModel
+from gepf.common.body import ROOT_DOFS
 from gepf.common.camera import level_from_camera
-from gepf.coordinator.bodies.human.dofs import JOINT_ANGLES
-from gepf.coordinator.bodies.human.skeleton import ARM_TILT, Dof, build_skeleton
 from gepf.coordinator.bodies.swing_twist import (
     FARTHEST,
     compose,
@@ -35,25 +30,18 @@ from gepf.coordinator.bodies.swing_twist import (
     swing_twist,
 )
 
-SIDES = {"r": "right", "l": "left"}
-NECK_FLEXION = "neck_flexion"
 MIRROR = np.array([1.0, -1.0, -1.0])
 """Signs that convert rotation vectors of a right limb to those of its mirror image."""
 
 SHOWN_FROM_BEND = np.radians(20.0)
-"""Least flexion of the elbow at which the rotation of the upper arm is visible."""
+"""Least bend of an elbow at which the twist of the upper arm is visible."""
 
-_LIMB_BONES = {
-    # joint: carrier, moving segment, angle of the bone to the vertical at rest
-    "shoulder": ("vt1", "{side}_upper_arm", ARM_TILT),
-    "hip": ("pelvis", "{side}_thigh", 0.0),
-}
-_WORDS = {"twisting": "rotation", "rotate": "rotation", "abduct": "abduction", "pivot": "deviation"}
-_OWN_NAMES = {
-    "elbow_twisting": "forearm_pronation",
-    "subtalar_flexion": "subtalar_inversion",
-    "metatarsal_flexion": "toes_flexion",
-}
+
+class Turn(NamedTuple):
+    """A degree of freedom that rotates."""
+
+    name: str
+    axis: tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +57,7 @@ class SphericalJoint:
     """
 
     names: tuple[str, str, str]
-    dofs: tuple[Dof, ...]
+    dofs: tuple[Turn, ...]
     mirrored: bool = False
     upward: bool = False
     tilt: float = 0.0
@@ -83,53 +71,11 @@ class RevoluteJoint:
     dof: str
 
 
-def plain_name(dof: str) -> str:
-    """The plain name of a degree of freedom: `r_elbow_flexion` is `right_elbow_flexion`."""
-    side, _, motion = dof.partition("_")
-    if side not in SIDES:
-        return dof
-    stem, _, last = motion.rpartition("_")
-    return f"{SIDES[side]}_{_OWN_NAMES.get(motion) or f'{stem}_{_WORDS.get(last, last)}'}"
-
-
-@cache
-def anatomical_joints() -> tuple[tuple[SphericalJoint, ...], tuple[RevoluteJoint, ...]]:
-    """All joints of the template; each degree of freedom except translations of the root belongs to one."""
-    spherical = [whole_body("pelvis")]
-    for name, carrier, segment in (("trunk", "pelvis", "vt1"), ("neck", "vt1", "skull")):
-        names = (f"{name}_flexion", f"{name}_side_bending", f"{name}_rotation")
-        spherical.append(SphericalJoint(names, _between(carrier, segment), upward=True))
-    for side, word in SIDES.items():
-        for joint, (carrier, segment, tilt) in _LIMB_BONES.items():
-            names = (f"{word}_{joint}_flexion", f"{word}_{joint}_abduction", f"{word}_{joint}_rotation")
-            chain = _between(carrier, segment.format(side=side))
-            spherical.append(SphericalJoint(names, chain, mirrored=side == "r", tilt=tilt))
-    within = {dof.name for each in spherical for dof in each.dofs}
-    revolute = [
-        RevoluteJoint(plain_name(dof.name), dof.name)
-        for dof in build_skeleton().dofs
-        if dof.kind == ROTATION and dof.name not in within
-    ]
-    return tuple(spherical), tuple(revolute)
-
-
 def whole_body(name: str) -> SphericalJoint:
     """The orientation of the root in the camera's axes, relative to the body's heading."""
     names = (f"{name}_forward_tilt", f"{name}_side_tilt", f"{name}_turn")
-    dofs = tuple(dof for dof in build_skeleton().dofs if dof.name in ROOT_DOFS[3:])
-    return SphericalJoint(names, dofs, upward=True)
-
-
-def _between(carrier: str, segment: str) -> tuple[Dof, ...]:
-    """The degrees of freedom after the carrier's last up to the segment's last, outward."""
-    skeleton = build_skeleton()
-    by_name = {dof.name: dof for dof in skeleton.dofs}
-    chain: list[Dof] = []
-    name: str | None = skeleton.links[segment]
-    while name is not None and name != skeleton.links[carrier]:
-        chain.append(by_name[name])
-        name = by_name[name].parent
-    return tuple(reversed(chain))
+    axes = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+    return SphericalJoint(names, tuple(map(Turn, ROOT_DOFS[3:], axes)), upward=True)
 
 
 @dataclass(frozen=True)
@@ -142,6 +88,9 @@ class Angles:
         revolute: Joints with one degree of freedom.
         held: Values of held degrees of freedom, radians; zero if missing.
         level: Rotation vector from the camera's axes to those for the rotation of the whole body.
+        misfit: Least error of an angle, radians, because the body differs from the model; 0 if it does not.
+        bends: Twists that are visible only if another angle is bent, by name, with that other.
+        shown_by: Joint whose position shows an angle, and joint about which it moves, by the angle's name.
     """
 
     dof_names: tuple[str, ...]
@@ -149,6 +98,9 @@ class Angles:
     revolute: tuple[RevoluteJoint, ...]
     held: Mapping[str, float]
     level: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    misfit: float = 0.0
+    bends: Mapping[str, str] = field(default_factory=dict)
+    shown_by: Mapping[str, tuple[str, str]] = field(default_factory=dict)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -183,18 +135,15 @@ class Angles:
 
     @cached_property
     def levers(self) -> dict[int, int]:
-        """Angles that are visible only if another is bent, with that other: rotations of upper arms."""
-        names = self.names
-        return {
-            names.index(f"{side}_shoulder_rotation"): names.index(f"{side}_elbow_flexion")
-            for side in SIDES.values()
-            if {f"{side}_shoulder_rotation", f"{side}_elbow_flexion"} <= set(names)
-        }
+        """Indices of twists that are visible only if another angle is bent, with that other."""
+        at = {name: number for number, name in enumerate(self.names)}
+        pairs = self.bends.items()
+        return {at[twist]: at[bend] for twist, bend in pairs if twist in at and bend in at}
 
     def follow(self, angles: Array, unknown: Mask | None = None) -> Array:
         """Angles (F, A) of successive frames, each at the value nearest to the last.
 
-        Rotations that are not visible, because the elbow is straight, and `unknown` (F,) frames are not used
+        Twists that are not visible, because another joint is straight, and `unknown` (F,) frames are not used
         as reference for the next frame.
         """
         return self.follow_on(angles, unknown, None)[0]
@@ -251,19 +200,6 @@ class Angles:
         return np.full(len(poses), self.held.get(dof, 0.0))
 
 
-def angles_of(model: BodyModel, held: Mapping[str, float] | None = None, up: Array | None = None) -> Angles:
-    """The angles of a tracked body: anatomical ones of a person, joint values of other bodies.
-
-    With `up` (3,), away from the ground in the camera frame, angles of the whole body are relative to the
-    vertical.
-    """
-    if is_person(model.dof_names):
-        return person_angles(model.dof_names, held or {}, up)
-    base = (whole_body("base"),) if set(ROOT_DOFS[3:]) & set(model.dof_names) else ()
-    revolute = tuple(RevoluteJoint(name, name) for name in model.joints_of(ROTATION))
-    return Angles(model.dof_names, base, revolute, held or {}, level_turn(up))
-
-
 def level_turn(up: Array | None) -> tuple[float, float, float]:
     """The rotation vector to the axes of the levelled camera."""
     if up is None:
@@ -272,31 +208,3 @@ def level_turn(up: Array | None) -> tuple[float, float, float]:
 
     x, y, z = Rotation.from_matrix(level_from_camera(up)).as_rotvec().tolist()
     return x, y, z
-
-
-def is_person(dof_names: Sequence[str]) -> bool:
-    """Whether the degrees of freedom are those of a person, by their MPEG-4 names."""
-    joints = set(dof_names) - set(ROOT_DOFS)
-    return bool(joints) and joints <= set(JOINT_ANGLES)
-
-
-def person_angles(dof_names: tuple[str, ...], held: Mapping[str, float], up: Array | None = None) -> Angles:
-    """The anatomical angles of the joints that move.
-
-    If only one tilt of the neck moves, it is the flexion, and the neck has no other angles.
-    """
-    spherical, revolute = anatomical_joints()
-    moving = set(dof_names)
-    turned = moving | {name for name, value in held.items() if value}
-    neck = next(joint for joint in spherical if NECK_FLEXION in joint.names)
-    bent = [dof.name for dof in neck.dofs if dof.name in turned]
-    if len(bent) == 1 and bent[0].endswith("_tilt"):
-        spherical = tuple(joint for joint in spherical if joint is not neck)
-        revolute = (RevoluteJoint(NECK_FLEXION, bent[0]), *revolute)
-    return Angles(
-        dof_names,
-        tuple(joint for joint in spherical if moving & {dof.name for dof in joint.dofs}),
-        tuple(joint for joint in revolute if joint.dof in moving),
-        held,
-        level_turn(up),
-    )

@@ -22,13 +22,14 @@ from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions
 from gepf.common.refinement import Particles
 from gepf.common.settings import Settings
-from gepf.coordinator.bodies.tracked import Bodies
+from gepf.coordinator.bodies.family import Bodies
+from gepf.coordinator.bodies.human.shape_space import Size
 from gepf.coordinator.filters.pose_prior import pose_prior
 from gepf.coordinator.sources.source import Source
 from gepf.coordinator.tracking.candidate_refinement import ITERATIONS
 from gepf.coordinator.tracking.estimate import POSE_UNKNOWN
 from gepf.coordinator.tracking.refiner import Refiner, iterations
-from gepf.coordinator.tracking.reporting import Tracked
+from gepf.coordinator.tracking.reporting import TrackedPerson
 from gepf.coordinator.tracking.sensor_noise import assume_noise
 from gepf.coordinator.tracking.tracker import Tracker
 
@@ -129,26 +130,28 @@ def track_alone(source: Source, refiner: Refiner, settings: Settings, bodies: Bo
     """The motion of a person whom one camera shows; its Jacobian is measured once in BLOCK_S."""
     rows = list[tuple[float, Array, Array, Array]]()
     next_s, jacobian = -np.inf, np.zeros(3)
-    for (tracked,) in Tracker(refiner, settings, bodies).follow(source):
+    for frame in Tracker(refiner, settings, bodies).follow(source):
+        (tracked,) = frame.people
         estimate, deviation = tracked.estimate, np.full(len(tracked.estimate.joint_positions), np.inf)
         if estimate.status not in POSE_UNKNOWN:
             deviation = estimate.certainty.deviation
             if tracked.subject is not None and estimate.time_s >= next_s:
                 next_s = estimate.time_s + BLOCK_S
                 jacobian = measure_jacobian(tracked, tracked.subject, refiner, settings, bodies)
-        to_girth_1 = (1.0 - tracked.state.size.girth) * jacobian
+        girth = Size(*tracked.state.size).girth if tracked.state.size else np.nan
+        to_girth_1 = (1.0 - girth) * jacobian
         joints = np.nan_to_num(estimate.joint_positions + to_girth_1)
         rows.append((estimate.time_s, joints, deviation**2, np.broadcast_to(jacobian, joints.shape)))
     return Motion(*map(np.array, zip(*rows, strict=True)))
 
 
 def measure_jacobian(
-    tracked: Tracked, subject: SubjectFrame, refiner: Refiner, settings: Settings, bodies: Bodies
+    tracked: TrackedPerson, subject: SubjectFrame, refiner: Refiner, settings: Settings, bodies: Bodies
 ) -> Array:
     """Derivatives (J, 3) of the joints with respect to the girth, by fits of a thinner and a thicker body."""
     start, rules = tracked.state.start, assume_noise(settings.refine, tracked.state.start.noise)
     pose, settled = tracked.estimate.pose[None], iterations(rules, ITERATIONS)
-    size = tracked.state.size
+    size = Size(*tracked.state.size)
     girths = size.girth * GIRTHS
     models = [bodies.tracked(size._replace(girth=girth), start.values)[0] for girth in girths.tolist()]
     sent = [

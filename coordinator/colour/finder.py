@@ -56,7 +56,7 @@ class KeypointFinder:
     def look_at(self, subject: SubjectFrame, frame: DepthFrame, up: Array) -> Keypoints:
         """The keypoints of a candidate in a frame, if the network sees a person there, and on its pixels.
 
-        `up` (3,) is the upward direction in the frame of the candidate's main camera, the only one that looks.
+        `up` (3,) is the upward direction in the frame of the candidate's main camera. No other camera looks.
         """
         view = next(each for each in frame.views if each.camera == subject.frame.camera)
         points = points_of(subject.frame.metres(), subject.frame.intrinsics, subject.frame.depth > 0)
@@ -116,7 +116,8 @@ def fitted_poses(body: ExpectedBody | None, found: Keypoints, frame: DepthFrame)
     near = fit_keypoints(body.model, body.pose, seen, view)
     rest = np.where(np.isin(body.model.dof_names, ROOT_DOFS) | ~body.model.moves, near, 0.0)
     starts = ((rest, seen), (near, seen[MIRRORED]))
-    return np.stack([near, *(fit_keypoints(body.model, *each, view) for each in starts)])
+    others = [fit_keypoints(body.model, start, places, view) for start, places in starts]
+    return np.stack([near, *others])
 
 
 def with_keypoints(subject: SubjectFrame | None, found: Keypoints) -> SubjectFrame | None:
@@ -135,14 +136,14 @@ def with_keypoints(subject: SubjectFrame | None, found: Keypoints) -> SubjectFra
 
 def in_crop(subject: SubjectFrame, keypoints: NDArray[np.float32]) -> NDArray[np.float32]:
     """Keypoints of the whole image (17, 3) in pixels of a crop."""
-    moved: NDArray[np.float32] = keypoints + np.float32([subject.view[0], subject.view[1], 0.0])
+    moved: NDArray[np.float32] = keypoints + np.array([*subject.view[:2], 0.0], np.float32)
     return moved
 
 
 def in_image(subject: SubjectFrame) -> Keypoints:
     """The keypoints of a subject in pixels of the whole images."""
     return {
-        each.frame.camera: each.keypoints - np.float32([each.view[0], each.view[1], 0.0])
+        each.frame.camera: each.keypoints - np.array([*each.view[:2], 0.0], np.float32)
         for each in subject.views
         if each.keypoints is not None
     }

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gepf.common.arrays import Array
+from gepf.common.arrays import Array, Mask
 from gepf.common.body import ROOT_DOFS, ROTATION, BodyModel
 from gepf.common.camera import project
 from gepf.common.frame import DepthFrame
@@ -28,8 +28,8 @@ PLACE_DEVIATION_M = 1.0  # of the root, which keypoints determine
 def fit_keypoints(model: BodyModel, start: Array, keypoints: Array, view: DepthFrame) -> Array:
     """The pose (D,) that agrees with keypoints (17, 3) of a camera's image, near a start (D,)."""
     pose, seen = start.copy(), keypoints[:, 2] > 0.0
-    depth, known = depth_under(keypoints, view)
-    known &= seen
+    depth, measured = depth_under(keypoints, view)
+    known = measured & seen
     prior = prior_precision(model)
     for _ in range(STEPS):
         around = retract(model, np.tile(pose, (len(pose), 1)), STEP * np.eye(len(pose)))
@@ -57,7 +57,7 @@ def fit_keypoints(model: BodyModel, start: Array, keypoints: Array, view: DepthF
     return pose
 
 
-def depth_under(keypoints: Array, view: DepthFrame) -> tuple[Array, Array]:
+def depth_under(keypoints: Array, view: DepthFrame) -> tuple[Array, Mask]:
     """The depth (17,) of keypoints by the nearest measured pixels around them, and where it is known."""
     depth, found = view.metres(), np.zeros(len(keypoints))
     for k, (column, row) in enumerate(np.rint(keypoints[:, :2]).astype(int)):

@@ -13,6 +13,7 @@ import numpy as np
 
 from gepf.common.errors import InputError
 from gepf.coordinator.bodies.human.measures import Measures
+from gepf.coordinator.bodies.human.people import PEOPLE
 from gepf.coordinator.commands.console import loading
 from gepf.coordinator.commands.options import CameraOptions, InfoOptions
 from gepf.coordinator.files import LOG_FILE
@@ -187,7 +188,7 @@ def describe_recording(form: Format, source: Source) -> dict[str, object]:
     depths = [source.frame(source.numbers[n]).metres() for n in chosen]
     seen = np.concatenate([depth[depth > 0] for depth in depths])
     near, far = (round(float(seen.min()), 4), round(float(seen.max()), 4)) if len(seen) else (None, None)
-    for doubt in find_doubts(source):
+    for doubt in find_doubts(source, PEOPLE.nearest_m):
         logger.warning("%s: %s", source.name, doubt)
     return {
         **(describe_place(source) if source.camera else {}),

@@ -21,7 +21,6 @@ from gepf.common.frame import DepthFrame
 from gepf.common.packages import MissingPackage
 from gepf.common.protocol.keys import check_stream
 from gepf.common.transport.channels import Publisher
-from gepf.coordinator.bodies.angles import is_person
 from gepf.coordinator.bodies.choice import choose_bodies
 from gepf.coordinator.colour.finder import KeypointFinder
 from gepf.coordinator.colour.network import NETWORK
@@ -56,7 +55,7 @@ from gepf.coordinator.sources.live_stream import LiveCamera, colour_key, is_topi
 from gepf.coordinator.sources.ros2 import Node
 from gepf.coordinator.sources.ros2_input import DepthTopic, JointTopic
 from gepf.coordinator.sources.source import select_frames
-from gepf.coordinator.tracking.reporting import Tracked
+from gepf.coordinator.tracking.reporting import TrackedFrame
 from gepf.coordinator.tracking.state import read_start
 
 logger = logging.getLogger(__name__)
@@ -103,13 +102,16 @@ class Input:
     def uses_colour(self) -> bool:
         """Whether keypoints of people would be used; the paper has depth alone."""
         job = self.job
-        return self.bodies.people and not job.no_color and job.settings.refine.sensor == "camera"
+        return (
+            self.bodies.family.has_keypoints and not job.no_color and job.settings.refine.sensor == "camera"
+        )
 
-    def describe(self, tracked: Sequence[Tracked], rate: FrameRate) -> str:
+    def describe(self, tracked: TrackedFrame, rate: FrameRate) -> str:
         """A tracked frame in a short line; for live input, also what was left out and why."""
-        others = "".join(f"; person {n} {each.estimate.status}" for n, each in enumerate(tracked[1:], 2))
+        first, *rest = (person.estimate for person in tracked.people)
+        others = "".join(f"; person {n} {estimate.status}" for n, estimate in enumerate(rest, 2))
         per_second = rate.per_second if self.live is None else rate.latest_per_second
-        said = describe_frame(tracked[0].estimate, per_second, rate.latency_s) + others
+        said = describe_frame(first, per_second, rate.latency_s) + others
         counts = {} if self.live is None else self.live.counts
         left_out = ", ".join(f"{counts[kind]} {why}" for kind, why in LEFT_OUT.items() if counts.get(kind))
         return said + (f"; left out: {left_out}" if left_out else "")
@@ -179,7 +181,7 @@ class RecordedInput(Input):
             mirrored = bool(source.mirrored)
             self.colours = ColourFolder(job.color, source.intrinsics, numbers, mirrored=mirrored)
         for view in source.views:
-            for doubt in find_doubts(view, of_person=is_person(self.bodies.dof_names)):
+            for doubt in find_doubts(view, self.bodies.family.nearest_m):
                 logger.warning("%s: %s", view.camera or source.name, doubt)
         first = source.frame(numbers[0])
         path, given = job.sequence.resolve(), job.given

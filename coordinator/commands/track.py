@@ -11,6 +11,7 @@ from functools import partial
 import numpy as np
 
 from gepf.common.errors import InputError, SilentWorkers
+from gepf.coordinator.bodies.human.people import PEOPLE
 from gepf.coordinator.commands.console import INTERRUPTS
 from gepf.coordinator.commands.finished import draw_pictures
 from gepf.coordinator.commands.inputs import MEND_STREAM, LiveInput, RecordedInput
@@ -32,7 +33,7 @@ from gepf.coordinator.sources.rig import live_cameras
 from gepf.coordinator.sources.ros2 import Node
 from gepf.coordinator.tracking.cameras import describe_changes
 from gepf.coordinator.tracking.estimate import Fault
-from gepf.coordinator.tracking.reporting import Tracked
+from gepf.coordinator.tracking.reporting import TrackedFrame
 from gepf.coordinator.tracking.tracker import Tracker
 
 LONGEST_DRAWN = 108_000  # frames of live input, an hour: curves of more show nothing, and need memory
@@ -141,7 +142,7 @@ def track_frames(
             start=given.start,
             motion=job.joint_states,
             colour=given.finder,
-            states=recorder.states,
+            state=recorder.state,
         )
         if given.live is not None:
             make().prepare()  # so that no frame waits for it, nor for the first worker
@@ -151,9 +152,10 @@ def track_frames(
             for frames in streams:
                 for tracked in make().follow(frames, live=given.live):
                     publish(tracked, outlets)
-                    first, live = tracked[0].estimate, given.live
-                    for line in describe_changes(faults, faults := first.faults):
+                    first, live = tracked.people[0].estimate, given.live
+                    for line in describe_changes(faults, first.faults):
                         show.say(line)
+                    faults = first.faults
                     rate.count(None if live is None else live.received_at(first.frame))
                     recorder.append(tracked, workers.statistics, rate.seconds)
                     advance(recorder.frames, given.total, given.describe(tracked, rate))
@@ -172,12 +174,12 @@ def track_frames(
     return not goes_on
 
 
-def publish(tracked: Sequence[Tracked], outlets: Sequence[LiveResults]) -> None:
+def publish(tracked: TrackedFrame, outlets: Sequence[LiveResults]) -> None:
     """Publish a frame of all people who have been found; for a single person every frame."""
-    for each, outlet in zip(tracked, outlets, strict=False):
-        start = each.state.start
-        if len(tracked) == 1 or start.found:
-            outlet.put(each.estimate, each.state.body, start.held)
+    for person, outlet in zip(tracked.people, outlets, strict=False):
+        start = person.state.start
+        if len(tracked.people) == 1 or start.found:
+            outlet.put(person.estimate, person.state.body, start.held)
 
 
 @contextmanager
@@ -207,7 +209,7 @@ def open_outlets(
     if job.people > 1:
         names = [f"{job.results}/{PERSON}{number}" for number in range(1, job.people + 1)]
     if node is not None and is_topic(job.results):
-        humans = HumanBodies(node) if given.bodies.people else None
+        humans = HumanBodies(node) if given.bodies.family is PEOPLE else None
         return [LiveResults(RosOutlet(node, name, humans)) for name in names]
     return [
         LiveResults(PackedOutlet(workers.speak(name), as_json=job.results_json), run=workers.run)
@@ -255,7 +257,7 @@ def conclude(given: RecordedInput | LiveInput, recorded: Mapping[int, Outcome], 
             why = tally.describe_failure()
             show.say(f"person {number}: {why}" if several else why, "bold red")
     advice = advise_rotation(recorded[1], is_tracked=tracked)
-    if advice and given.bodies.people and given.scope.up is None:
+    if advice and given.bodies.family.axis and given.scope.up is None:
         show.say(advice)
     return tracked
 

@@ -16,7 +16,7 @@ import numpy as np
 from ezc3d import c3d
 
 from gepf.common.arrays import Array
-from gepf.coordinator.bodies.angles import angles_of
+from gepf.coordinator.bodies.families import angles_of
 from gepf.coordinator.exports.axes import CAMERA_TO_OPENSIM
 from gepf.coordinator.exports.recorded import RecordedRun
 

@@ -21,7 +21,9 @@ from scipy.spatial.transform import Rotation
 
 from gepf.common.arrays import Array
 from gepf.common.kinematics.rotations import euler_angles
-from gepf.coordinator.bodies.angles import MIRROR, Angles, SphericalJoint, is_person, person_angles
+from gepf.coordinator.bodies.angles import MIRROR, Angles, SphericalJoint
+from gepf.coordinator.bodies.families import family_of
+from gepf.coordinator.bodies.human.people import PEOPLE
 from gepf.coordinator.exports.axes import CAMERA_TO_OPENSIM
 from gepf.coordinator.exports.recorded import RecordedRun
 from gepf.coordinator.results.angles import sliding_joints
@@ -49,7 +51,7 @@ def write_mot(run: RecordedRun, file: BinaryIO) -> None:
     track, kept = run.track, ~run.track.unknown
     columns = dict(zip(track.angle_names, np.degrees(track.angle).T, strict=True))
     columns |= {name: track.pose[:, track.dof_names.index(name)] for name in sliding_joints(run.folder)}
-    if is_person(track.dof_names):
+    if family_of(run.body().model) is PEOPLE:
         columns |= opensim_coordinates(run)
     text = io.TextIOWrapper(file, encoding="utf-8", newline="\n")
     text.write(f"{run.name}\nversion=1\nnRows={kept.sum()}\nnColumns={len(columns) + 1}\ninDegrees=yes\n")
@@ -62,8 +64,8 @@ def write_mot(run: RecordedRun, file: BinaryIO) -> None:
 
 def opensim_coordinates(run: RecordedRun) -> dict[str, Array]:
     """Coordinates (F,) of Rajagopal's model by name: degrees, and metres for the position of the pelvis."""
-    track = run.track
-    angles = person_angles(track.dof_names, run.body().held, track.up)
+    track, body = run.track, run.body()
+    angles = PEOPLE.angles(body.model, body.held, track.up)
     columns: dict[str, Array] = {}
     for ball in angles.spherical:
         if ball.names[0] in BALLS:

@@ -44,7 +44,7 @@ class Condensation:
         observation: Observation,
         settings: FilterSettings,
         rng: np.random.Generator,
-    ) -> Proposal[Belief]:
+    ) -> Proposal:
         """Select and predict: the particles of a frame, whose likelihood is requested."""
         ancestors = draw_ancestors(past.weights, settings.particles, rng)
         noise = self.diffusion(model) * rng.standard_normal((settings.particles, past.poses.shape[1]))
@@ -55,7 +55,7 @@ class Condensation:
     def update(
         self,
         model: BodyModel,
-        proposal: Proposal[Belief],
+        proposal: Proposal,
         assessed: Refined,
         settings: FilterSettings,  # noqa: ARG002 as all methods
         rng: np.random.Generator,  # noqa: ARG002 as all methods
@@ -69,7 +69,7 @@ class Condensation:
         return np.where(model.moves, np.where(turning, angle, self.diffusion_position), 0.0)
 
 
-def weigh(model: BodyModel, proposal: Proposal[Belief], measured: Refined, log_weights: Array) -> Belief:
+def weigh(model: BodyModel, proposal: Proposal, measured: Refined, log_weights: Array) -> Belief:
     """The belief of measured particles (N,)."""
     order = np.argsort(-log_weights, kind="stable")
     poses = measured.poses[order]
@@ -84,7 +84,7 @@ def weigh(model: BodyModel, proposal: Proposal[Belief], measured: Refined, log_w
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Layer(Proposal[Belief]):
+class Layer(Proposal):
     """The particles of one layer of a frame of the annealed filter."""
 
     spread: Array  # (D,) standard deviation of the noise of their diffusion

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Generic, Self, TypeVar
+from typing import Self
 
 import numpy as np
 
@@ -25,6 +25,8 @@ class Belief:
     residual: Array  # (M,) metres
     velocities: Array  # (M, D) relative motion per second
     reported: Array  # (D,)
+    covariances: Array = field(default_factory=lambda: np.empty((0, 0, 0)), kw_only=True)
+    """(M, D, D) of relative motion, of the modes; empty for the methods without."""
     posterior: Array = field(default_factory=lambda: np.empty((0, 0)), kw_only=True)
     """Covariance (D, D) of the reported pose by its refinement, in relative motion; empty if unknown."""
     shape_precision: Array = field(default_factory=lambda: np.empty((0, 0)), kw_only=True)
@@ -50,6 +52,10 @@ class Belief:
         """The same poses with zero velocity."""
         return replace(self, velocities=np.zeros_like(self.velocities))
 
+    def unseen(self) -> Self:
+        """After a frame that does not show the body: the same poses, at rest and without residual."""
+        return replace(self.at_rest(), residual=np.full(len(self.residual), np.nan))
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Observation:
@@ -72,14 +78,11 @@ class Observation:
         return motion if self.step is None else np.where(np.isnan(self.step), motion, self.step)
 
 
-B = TypeVar("B", bound=Belief)
-
-
 @dataclass(frozen=True, slots=True, eq=False)
-class Proposal(Generic[B]):
+class Proposal:
     """Particles of a frame before refinement, drawn from the belief of the frame before."""
 
-    past: B
+    past: Belief
     ancestors: Indices  # (N,) the pose of `past` that each particle was drawn from
     poses: Array  # (N, D)
     interval: float  # seconds since the frame of `past`

@@ -11,7 +11,6 @@ Decisions that the paper leaves open:
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -30,28 +29,21 @@ REDUCTION = 0.1  # share by which step 7 reduces every covariance in each frame
 FIRST_POSITION_DEVIATION = 0.02  # metres, of the initial values of prismatic joints
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Hypotheses(Belief):
-    """The belief after a frame: merged particles and covariances of their modes, the most likely first."""
-
-    covariances: Array  # (M, D, D) of relative motion
-
-
-def begin(model: BodyModel, pose: Array, settings: FilterSettings) -> Hypotheses:
+def begin(model: BodyModel, pose: Array, settings: FilterSettings) -> Belief:
     """Step 1: one hypothesis at the initial pose (D,) with the merging distance d as standard deviation."""
     deviation = np.where(
         model.kinds == ROTATION, np.deg2rad(settings.merge_angle_deg), FIRST_POSITION_DEVIATION
     )
-    return Hypotheses.at(pose, covariances=np.diag(model.moves * deviation**2)[None])
+    return Belief.at(pose, covariances=np.diag(model.moves * deviation**2)[None])
 
 
 def propose(
     model: BodyModel,
-    past: Hypotheses,
+    past: Belief,
     observation: Observation,
     settings: FilterSettings,
     rng: np.random.Generator,
-) -> Proposal[Hypotheses]:
+) -> Proposal:
     """Steps 2 and 3: the particles of a frame; steps 4 and 5 refine and weight them."""
     if settings.explore and settings.particles > 1:
         return explore(model, past, observation, settings, rng)
@@ -65,11 +57,11 @@ def propose(
 
 def update(
     model: BodyModel,
-    proposal: Proposal[Hypotheses],
+    proposal: Proposal,
     after: Refined,
     settings: FilterSettings,
     rng: np.random.Generator,  # noqa: ARG001 as all methods
-) -> Hypotheses:
+) -> Belief:
     """Steps 6 and 7: hypotheses from the refined particles."""
     past, before, posteriors = proposal.past, proposal.poses, np.empty((0, 0, 0))
     if after.covariance_roots is None:
@@ -89,7 +81,7 @@ def update(
         poses = fuse_with_prediction(model, poses, posteriors, proposal.expected[chosen], proposal.interval)
     reported = choose_reported(model, past.reported, poses, log_likelihood, proposal.interval)
     at = np.argmin(np.abs(poses - reported).sum(axis=1))
-    return Hypotheses(
+    return Belief(
         poses=poses,
         log_weights=log_likelihood,
         residual=after.residual[chosen],
@@ -102,11 +94,11 @@ def update(
 
 def explore(
     model: BodyModel,
-    past: Hypotheses,
+    past: Belief,
     observation: Observation,
     settings: FilterSettings,
     rng: np.random.Generator,
-) -> Proposal[Hypotheses]:
+) -> Proposal:
     """Steps 2 and 3 of preset `default`: as many particles as needed, of several kinds, see `exploration`."""
     reported = np.argmin(np.abs(past.poses - past.reported).sum(axis=1))
     predicted = retract(model, past.poses, observation.expect(past.velocities, settings.velocity_time_s))

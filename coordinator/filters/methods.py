@@ -7,7 +7,7 @@ for all callers.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, get_args
 
 import msgspec
@@ -21,10 +21,11 @@ from gepf.common.settings import Descent, FilterSettings, RefineSettings, Sensor
 from gepf.coordinator.filters import baselines, gradient_enhanced
 from gepf.coordinator.filters.baselines import Annealed, Condensation
 from gepf.coordinator.filters.belief import USUAL_INTERVAL, Belief, Observation, Proposal
+from gepf.coordinator.filters.pose_prior import population_precision
 
 Begin = Callable[[BodyModel, Array, FilterSettings], Belief]
-Propose = Callable[[BodyModel, Any, Observation, FilterSettings, np.random.Generator], Proposal[Any]]
-Update = Callable[[BodyModel, Any, Refined, FilterSettings, np.random.Generator], Belief | Proposal[Any]]
+Propose = Callable[[BodyModel, Belief, Observation, FilterSettings, np.random.Generator], Proposal]
+Update = Callable[[BodyModel, Any, Refined, FilterSettings, np.random.Generator], Belief | Proposal]
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,6 +119,12 @@ def apply_method(settings: Settings) -> Settings:
         of_filter = msgspec.structs.replace(of_filter, particles=1)
     recover = settings.recover and method.descends and not method.lone  # as in the baselines' papers
     return msgspec.structs.replace(settings, refine=refine, filter=of_filter, recover=recover)
+
+
+def initial_belief(model: BodyModel, pose: Array, settings: Settings) -> Belief:
+    """The belief at an initial pose (D,), of a body with the shape of the population."""
+    belief = METHODS[settings.method].begin(model, pose, settings.filter)
+    return replace(belief, shape_precision=population_precision(model))
 
 
 MOST_PACE = 3.0  # the largest factor on the iterations is MOST_PACE ** pace

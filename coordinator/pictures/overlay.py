@@ -12,6 +12,7 @@ from gepf.common.arrays import Array, Mask
 from gepf.common.body import BodyModel
 from gepf.common.camera import NOT_MOVED, Intrinsics, moved, project
 from gepf.common.kinematics import joint_positions
+from gepf.coordinator.bodies.families import FAMILIES
 from gepf.coordinator.pictures.plots import STATUS
 from gepf.coordinator.pictures.shading import BACKGROUND, Colour, draw_body
 from gepf.coordinator.results.track import Track
@@ -72,16 +73,7 @@ def view_around(track: Track, camera: Intrinsics, width: int, height: int, place
     return View(camera, float(low[0]), float(low[1]), scale, columns, rows, placed)
 
 
-TRUNK = (("pelvis", "neck"), ("neck", "head"))
-HALF = (
-    ("neck", "{}_shoulder"),
-    ("{}_shoulder", "{}_elbow"),
-    ("{}_elbow", "{}_wrist"),
-    ("pelvis", "{}_hip"),
-    ("{}_hip", "{}_knee"),
-    ("{}_knee", "{}_ankle"),
-)
-LINES = (*TRUNK, *((a.format(side), b.format(side)) for side in ("right", "left") for a, b in HALF))
+LINES = tuple(line for family in FAMILIES for line in family.lines)
 
 
 def bones(joint_names: tuple[str, ...]) -> list[tuple[int, int]]:

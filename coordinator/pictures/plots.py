@@ -16,7 +16,7 @@ from matplotlib.patches import Patch
 
 from gepf.common.arrays import Array
 from gepf.common.body import ROOT_DOFS, TRANSLATION
-from gepf.coordinator.bodies.angles import angles_of
+from gepf.coordinator.bodies.families import angles_of
 from gepf.coordinator.results.angles import measure, near_to
 from gepf.coordinator.results.evaluation import Truth
 from gepf.coordinator.results.track import Track, TrackedBody, filled

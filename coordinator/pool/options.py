@@ -16,15 +16,15 @@ WORKER_COMMAND = (sys.executable, "-P", "-m", "gepf.worker.cli")
 class Pool:
     """The workers of a run: a local one, and others that connect or are at a router."""
 
-    workers: int | None = None  # lanes of the local worker; None for one per core, 0 for no local worker
-    listen: str | None = None  # endpoint at which others may join
-    connect: str | None = None  # endpoint of a router with other workers
+    workers: int | None = None  #: lanes of the local worker; None for one per core, 0 for no local worker
+    listen: str | None = None  #: endpoint at which others may join
+    connect: str | None = None  #: endpoint of a router with other workers
     security: Security | None = None
-    worker_timeout: float | None = None  # seconds without any worker until the run ends; None: never
-    run: str | None = None  # name; None for a random one
+    worker_timeout: float | None = None  #: seconds without any worker until the run ends; None: never
+    run: str | None = None  #: name; None for a random one
     worker_command: tuple[str, ...] = WORKER_COMMAND
-    shared_at: str | None = None  # endpoint of this pool, if several runs share it
-    insecure: bool = False  # in the library: links to other hosts may be unencrypted
+    shared_at: str | None = None  #: endpoint of this pool, if several runs share it
+    insecure: bool = False  #: in the library: links to other hosts may be unencrypted
 
     @property
     def lanes(self) -> int:

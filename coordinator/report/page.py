@@ -15,14 +15,14 @@ from jinja2 import Environment, PackageLoader, select_autoescape
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from gepf.coordinator.bodies.angles import is_person
+from gepf.coordinator.bodies.families import family_of
 from gepf.coordinator.files import FILM_FILE, HYPOTHESES_FILE, SHEET_FILE, write_atomically
 from gepf.coordinator.pictures.plots import SIDES, Curve, angle_curves, plot_curves, styled
 from gepf.coordinator.results.configuration import flatten
 from gepf.coordinator.results.killed import finish_killed
 from gepf.coordinator.results.summary import people_in, read_summary
 from gepf.coordinator.results.tally import describe_status
-from gepf.coordinator.results.track import Track, read_track
+from gepf.coordinator.results.track import Track, read_track, read_tracked_body
 from gepf.coordinator.tracking.certainty.certainty import FLAGGED
 
 Summary = dict[str, Any]
@@ -133,7 +133,7 @@ def section_of(folder: Path) -> dict[str, Any]:
     parts = {group: angle_curves(track, members) for group, members in group_angles(track.angle_names)}
     return {
         "folder": folder,
-        "person": is_person(track.dof_names),
+        "zero": family_of(read_tracked_body(folder).model).zero,
         "facts": describe_run(track, summary),
         "doubts": list(find_doubts(track)),
         "ranges": list(list_ranges(track, chain.from_iterable(parts.values()))),

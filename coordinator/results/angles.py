@@ -1,36 +1,30 @@
 """The angles of a track and their deviations; which of its joints are prismatic.
 
 The reported angles of a hidden limb, and the rotation of an arm with a straight elbow, are arbitrary. The
-deviation of each angle is known for each frame, and so is the speed of human joints. A person's angles are
+deviation of each angle is known for each frame, and so is the speed of human joints. Angles with a misfit are
 smoothed accordingly: the most likely x (F,) minimise
 
     sum_f (x_f - angle_f)^2 / variance_f + sum_f (x_f - x_{f-1})^2 / (SPEED interval_f)^2
 
-Here `variance` is the variance of an angle beyond `ANGLE_MISFIT`, so a visible angle does not change.
+Here `variance` is the variance of an angle beyond its misfit, so a visible angle does not change.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 
 import numpy as np
 
 from gepf.common.arrays import Array
 from gepf.common.body import TRANSLATION
-from gepf.coordinator.bodies.angles import Angles, is_person
+from gepf.coordinator.bodies.angles import Angles
 from gepf.coordinator.results.track import MODEL_FILE, NewArray, Track, filled_from, read_tracked_body
 from gepf.coordinator.sources.camera import DEFAULT_FPS
 
 SPREAD_FACTOR = 2.0
 """From the spread of hypotheses to the error, which is larger because there are few particles: for the same
 people, 69 % of the joints are within the resulting deviation, 96 % within twice of it."""
-
-ANGLE_MISFIT = np.radians(5.0)
-"""Least error of a person's angles, if joints are correct and all hypotheses agree. Together with the
-deviation of the joints and twice the spread of the hypotheses, 80 % of elbow, knee, shoulder and hip angles
-of people with exact truth are within one deviation, 98 % within two."""
 
 LARGEST_DEVIATION = np.radians(60.0)
 """Deviation of an angle that is not visible: about that of a random angle within a joint's range."""
@@ -39,20 +33,6 @@ SPEED = np.radians(1400.0)
 """Radians per second, one standard deviation: a fast arm. Elbows of throwers reach 2 300 degrees."""
 
 KNOWN_VARIANCE, UNKNOWN_VARIANCE = np.radians([1e-4, 1e4]) ** 2  # limits in smoothing
-
-SHOWN_BY = {
-    # angle: the joint whose position shows it, and the one about which that turns
-    "shoulder_flexion": ("elbow", "shoulder"),
-    "shoulder_abduction": ("elbow", "shoulder"),
-    "shoulder_rotation": ("wrist", "elbow"),
-    "elbow_flexion": ("wrist", "elbow"),
-    "hip_flexion": ("knee", "hip"),
-    "hip_abduction": ("knee", "hip"),
-    "hip_rotation": ("ankle", "knee"),
-    "knee_flexion": ("ankle", "knee"),
-    "neck_flexion": ("head", "neck"),
-}
-
 
 PART_FRAMES = 1024
 """Frames that are measured at once, so that memory does not grow with the hypotheses of a long run."""
@@ -70,7 +50,7 @@ def with_angles(track: Track, angles: Angles, new: NewArray = np.empty) -> Track
     first = int(np.argmax(placed))
     start = track.part(slice(first, first + 1))
     parts = [slice(n, n + PART_FRAMES) for n in range(0, shape[0], PART_FRAMES)]
-    smoothed, last = is_person(track.dof_names) and shape[0] > 1, None
+    smoothed, last = angles.misfit > 0.0 and shape[0] > 1, None
     reported = new(shape[::-1], np.float64).T if smoothed else new(shape, np.float64)
     beyond = new(shape[::-1], np.float64).T if smoothed else np.empty((0, shape[1]))
     for part in parts:
@@ -81,7 +61,7 @@ def with_angles(track: Track, angles: Angles, new: NewArray = np.empty) -> Track
         if smoothed:
             off = deviations(known, angles, others, followed, np.inf)
             off[unknown[part]] = np.inf
-            beyond[part] = np.maximum(off**2 - ANGLE_MISFIT**2, 0.0)
+            beyond[part] = np.maximum(off**2 - angles.misfit**2, 0.0)
     if smoothed:
         since = np.diff(track.time_s)
         interval = np.where(since > 0.0, since, 1.0 / DEFAULT_FPS)
@@ -129,14 +109,14 @@ def measure(track: Track, angles: Angles) -> tuple[Array, Array]:
 def deviations(track: Track, angles: Angles, others: Array, about: Array, most: float) -> Array:
     """Standard deviations (F, A) of the errors of angles `about` (F, A), given those of the hypotheses.
 
-    For a robot, whose measures are known, they follow from the hypotheses alone. For a person, the rotation
+    Without a misfit, of a robot whose measures are known, they follow from the hypotheses alone. The rotation
     of a limb is less certain the straighter the limb is. Unknown angles have the deviation `most`.
     """
     away = near_to(about, others, angles) - about[:, None]
     spread = SPREAD_FACTOR * root_mean_square(away, track.hypothesis_weight)
-    if not is_person(track.dof_names):
+    if not angles.misfit:
         return spread
-    off = np.maximum(ANGLE_MISFIT, deviations_from_joints(track, angles))
+    off = np.maximum(angles.misfit, deviations_from_joints(track, angles))
     for twist, bend in angles.levers.items():
         shown = np.sin(np.clip(about[:, bend], 0.0, 0.5 * np.pi))  # 0 straight, 1 at a right angle
         off[:, twist] /= np.sqrt(np.maximum(shown**2, 1e-9))
@@ -163,26 +143,15 @@ def near_to(about: Array, others: Array, angles: Angles) -> Array:
 
 def deviations_from_joints(track: Track, angles: Angles) -> Array:
     """Deviations (F, A) of angles, radians, from those of the joints that they move; 0 if unknown."""
-    shown = shown_by(angles.names, track.joint_names)
+    at = {name: j for j, name in enumerate(track.joint_names)}
+    joints = {a: angles.shown_by.get(name, ()) for a, name in enumerate(angles.names)}
+    shown = {a: [at[name] for name in pair] for a, pair in joints.items() if pair and set(pair) <= set(at)}
     off = np.zeros((len(track.frame), len(angles.names)))
     ends, pivots = np.array(list(shown.values()), dtype=np.intp).reshape(-1, 2).T
     length = np.linalg.norm(track.joint_positions[:, ends] - track.joint_positions[:, pivots], axis=-1)
     deviation = np.nan_to_num(track.joint_deviation[:, ends])
     off[:, list(shown)] = np.divide(deviation, length, out=np.zeros_like(length), where=length > 0.0)
     return off
-
-
-@cache
-def shown_by(angles: tuple[str, ...], joints: tuple[str, ...]) -> dict[int, tuple[int, int]]:
-    """For angles that follow from joint positions: the moved joint, and the joint at the centre."""
-    found: dict[int, tuple[int, int]] = {}
-    for a, name in enumerate(angles):
-        side, _, motion = name.partition("_")
-        limb = [f"{side}_{joint}" for joint in SHOWN_BY.get(motion, ())]
-        ends = SHOWN_BY.get(name, limb)
-        if ends and set(ends) <= set(joints):
-            found[a] = (joints.index(ends[0]), joints.index(ends[1]))
-    return found
 
 
 def sliding_joints(run: Path) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ from typing import BinaryIO
 import numpy as np
 
 from gepf.common.arrays import Array
-from gepf.coordinator.bodies.swing_twist import isb_angles, isb_names
+from gepf.coordinator.bodies.human.isb import isb_angles, isb_names
 from gepf.coordinator.results.track import Track
 
 Columns = dict[str, Array]

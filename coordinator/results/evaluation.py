@@ -18,7 +18,7 @@ from gepf.common.arrays import Array, Indices, Mask
 from gepf.common.body import ROOT_DOFS
 from gepf.common.camera import NOT_MOVED, moved
 from gepf.common.errors import InputError
-from gepf.coordinator.bodies.from_joints import angles_from_joints
+from gepf.coordinator.bodies.human.from_joints import angles_from_joints
 from gepf.coordinator.files import file_layout, read_arrays
 from gepf.coordinator.results.track import Track
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import logging
 import os
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing, suppress
 from itertools import zip_longest
@@ -45,27 +45,12 @@ from gepf.coordinator.results.recorder import (
 )
 from gepf.coordinator.results.summary import RunTotals
 from gepf.coordinator.results.tally import Outcome, Tally
-from gepf.coordinator.scene.scene import SceneChange
+from gepf.coordinator.scene.scene import SceneChanges
 from gepf.coordinator.tracking.estimate import Estimate
-from gepf.coordinator.tracking.reporting import Tracked
+from gepf.coordinator.tracking.reporting import TrackedFrame
 from gepf.coordinator.tracking.state import Start
 
 logger = logging.getLogger(__name__)
-
-
-class LiveFloor:
-    """The up direction by the floor of the first camera that sees one, of each person, in a live run."""
-
-    def __init__(self) -> None:
-        self._scenes: list[dict[str, SceneChange]] = []
-
-    def ups(self, tracked: Sequence[Tracked]) -> list[list[float] | None]:
-        """For each person (3,), frame of the camera or rig, after a frame; None without a floor."""
-        self._scenes = self._scenes or [{} for _ in tracked]
-        for known, each in zip(self._scenes, tracked, strict=True):
-            known.update(each.state.checkpoint.scenes)
-        ups = map(floor_up, self._scenes)
-        return [None if up is None else up.tolist() for up in ups]
 
 
 class LiveRecorder:
@@ -77,7 +62,7 @@ class LiveRecorder:
     InputError if the folder is in use, cannot be written, or holds a run.
     """
 
-    states = None
+    state = None
 
     def __init__(self, run: Path, configuration: RunConfiguration, pool: Mapping[str, object]) -> None:
         self.run, self.frames = run, 0
@@ -92,7 +77,7 @@ class LiveRecorder:
             raise
         self._file.truncate(0)
         self._starts: list[Start] = []
-        self._floor = LiveFloor()
+        self._scenes = SceneChanges()  # the last of each camera
         self._disk = ThreadPoolExecutor(1)
         self._syncing: Future[None] | None = None
 
@@ -111,13 +96,16 @@ class LiveRecorder:
         if not self.frames:
             remove_empty(self._made)
 
-    def append(self, tracked: Sequence[Tracked], statistics: PoolStatistics, seconds: float) -> None:
+    def append(self, tracked: TrackedFrame, statistics: PoolStatistics, seconds: float) -> None:
         """Write the results of one frame.
 
         When this returns, readers see them, and they survive the end of this process. The disk gets them as
         fast as it can, without delaying the next frame: if power is lost, what it did not get is lost.
         """
-        starts, ups = [each.state.start for each in tracked], self._floor.ups(tracked)
+        self._scenes.update(tracked.state.scenes)
+        floor = floor_up(self._scenes)
+        up = None if floor is None else floor.tolist()
+        starts = [person.state.start for person in tracked.people]
         records: list[Record] = []
         if not self.frames:
             open_container(self._file)
@@ -126,8 +114,10 @@ class LiveRecorder:
         if any(changed):
             records.append(LiveBodies(changed))
         people = [
-            LivePerson(as_values(each.estimate), each.state.shape.tolist(), each.state.stature_deviation, up)
-            for each, up in zip(tracked, ups, strict=True)
+            LivePerson(
+                as_values(person.estimate), person.state.shape.tolist(), person.state.stature_deviation, up
+            )
+            for person in tracked.people
         ]
         append_chunk(self._file, self.frames, [*records, LiveFrame(people, statistics, seconds)])
         if self._syncing is None or self._syncing.done():
@@ -226,7 +216,7 @@ def finish_log(run: Path, facts: Mapping[str, object], rate: float = 0.0) -> dic
     def estimates(person: int) -> Iterable[Estimate]:
         return (as_estimate(frame.people[person].estimate) for frame in read_frames(path))
 
-    return write_run(run, totals, people, facts, estimates, InFiles(run))
+    return write_run(run, totals, people, facts, estimates, InFiles(run), packed=True)
 
 
 class InFiles:
@@ -268,7 +258,7 @@ def finish_live(run: Path) -> None:
 class Unstored:
     """Counts the frames of a live run whose results are published and shown, but not stored."""
 
-    states = None
+    state = None
 
     def __init__(self) -> None:
         self.frames = 0
@@ -280,15 +270,15 @@ class Unstored:
     def __exit__(self, *_: object) -> None:
         """There is nothing to release."""
 
-    def append(self, tracked: Sequence[Tracked], statistics: PoolStatistics, seconds: float) -> None:
+    def append(self, tracked: TrackedFrame, statistics: PoolStatistics, seconds: float) -> None:
         """Count one frame."""
         del statistics, seconds
-        tallies = [each.tally for each in self._people] or [Tally() for _ in tracked]
-        for tally, each in zip(tallies, tracked, strict=True):
-            tally.add(each.estimate)
+        tallies = [outcome.tally for outcome in self._people] or [Tally() for _ in tracked.people]
+        for tally, person in zip(tallies, tracked.people, strict=True):
+            tally.add(person.estimate)
         self._people = [
-            Outcome(each.state.start, each.state.shape, each.state.stature_deviation, None, tally)
-            for each, tally in zip(tracked, tallies, strict=True)
+            Outcome(person.state.start, person.state.shape, person.state.stature_deviation, None, tally)
+            for person, tally in zip(tracked.people, tallies, strict=True)
         ]
         self.frames += 1
 

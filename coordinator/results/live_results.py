@@ -19,7 +19,8 @@ from gepf.common.errors import ProtocolError
 from gepf.common.protocol.keys import of_run
 from gepf.common.protocol.wire import LIVE
 from gepf.common.transport.channels import Publisher
-from gepf.coordinator.bodies.angles import Angles, angles_of
+from gepf.coordinator.bodies.angles import Angles
+from gepf.coordinator.bodies.families import angles_of
 from gepf.coordinator.results.log import assemble
 from gepf.coordinator.results.track import Track
 from gepf.coordinator.tracking.estimate import Estimate, Status

@@ -22,7 +22,7 @@ import numpy as np
 from gepf.common.arrays import Array
 from gepf.common.body import BodyModel
 from gepf.common.errors import InputError
-from gepf.coordinator.bodies.angles import angles_of
+from gepf.coordinator.bodies.families import angles_of
 from gepf.coordinator.pool.options import PoolStatistics
 from gepf.coordinator.results.angles import with_angles
 from gepf.coordinator.results.summary import RunTotals
@@ -31,7 +31,7 @@ from gepf.coordinator.results.track import NewArray, Track
 from gepf.coordinator.scene.planes import Planes
 from gepf.coordinator.scene.scene import Scene, SceneChanges
 from gepf.coordinator.tracking.estimate import Estimate
-from gepf.coordinator.tracking.state import Checkpoint, Start, TrackerState
+from gepf.coordinator.tracking.state import Checkpoint, FrameState, PersonState, Start, TrackerState
 
 HEAD = struct.Struct("<II")
 FORM = 17
@@ -45,8 +45,9 @@ class Opening(msgspec.Struct, frozen=True, tag="opening"):
 
 
 class Entry(msgspec.Struct, frozen=True, tag="frame"):
-    """One frame of all people, and the run until then. A start is None if it did not change."""
+    """One frame, all people in it, and the run until then. A start is None if it did not change."""
 
+    frame: FrameState
     starts: list[Start | None]
     checkpoints: list[Checkpoint]
     estimates: list[Estimate]
@@ -109,12 +110,10 @@ class RecordedPerson:
     """One person in all frames so far."""
 
     estimates: list[Estimate]
-    state: TrackerState  # after the last frame
+    state: PersonState  # after the last frame
 
-    @property
-    def outcome(self) -> Outcome:
-        """The person at the end of these frames."""
-        up = floor_up(self.state.checkpoint.scenes)
+    def outcome(self, up: Array | None) -> Outcome:
+        """The person at the end of these frames; `up` (3,) is the direction away from the floor."""
         state = self.state
         return Outcome(state.start, state.shape, state.stature_deviation, up, Tally.of(self.estimates))
 
@@ -124,6 +123,7 @@ class Recorded(RunTotals):
     """At least one frame, and the run until the last of them."""
 
     people: list[RecordedPerson]
+    frame: FrameState  # after the last frame
     end: int  # bytes of complete records
 
     @property
@@ -131,13 +131,18 @@ class Recorded(RunTotals):
         """Number of frames."""
         return len(self.people[0].estimates)
 
+    @property
+    def state(self) -> TrackerState:
+        """The state of the tracker after the last frame."""
+        return TrackerState([person.state for person in self.people], self.frame)
+
 
 def read_log(path: Path) -> Recorded | None:
     """Read a log; None if it has no frame. Raises InputError if it has another format."""
     openings: list[Opening] = []
     last: Entry | None = None
     starts: list[Start | None] = []
-    scenes: list[dict[str, Scene]] = []
+    scenes = dict[str, Scene]()
     estimates: list[list[Estimate]] = []  # of each person
     end = 0
     with path.open("rb") as file:
@@ -148,26 +153,25 @@ def read_log(path: Path) -> Recorded | None:
                 continue
             starts = [new or old for new, old in zip_longest(record.starts, starts)]
             if last is None:
-                scenes, estimates = [{} for _ in starts], [[] for _ in starts]
+                estimates = [[] for _ in starts]
             last = record
-            for p, checkpoint in enumerate(record.checkpoints):
-                for camera, change in checkpoint.scenes.items():
-                    scenes[p].setdefault(camera, Scene()).recall(change)
-                estimates[p].append(record.estimates[p])
+            for camera, change in record.frame.scenes.items():
+                scenes.setdefault(camera, Scene()).recall(change)
+            for estimates_of_person, estimate in zip(estimates, record.estimates, strict=True):
+                estimates_of_person.append(estimate)
     if last is None:
         return None
     people = []
     for p, start in enumerate(starts):
         assert start is not None  # it is recorded with the first frame
-        whole = {camera: scene.all() for camera, scene in scenes[p].items()}
-        state = TrackerState(start, replace(last.checkpoints[p], scenes=whole))
-        people.append(RecordedPerson(estimates[p], state))
+        people.append(RecordedPerson(estimates[p], PersonState(start, last.checkpoints[p])))
     return Recorded(
         configuration=openings[-1].configuration,
         statistics=last.statistics,
         seconds=last.seconds,
         resumes=len(openings) - 1,
         people=people,
+        frame=replace(last.frame, scenes={camera: scene.all() for camera, scene in scenes.items()}),
         end=end,
     )
 

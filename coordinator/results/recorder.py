@@ -16,8 +16,6 @@ import numpy as np
 
 from gepf.common.errors import InputError
 from gepf.common.settings import Settings
-from gepf.coordinator.bodies.human.dofs import HUMAN
-from gepf.coordinator.bodies.human.measures import DEVIATION
 from gepf.coordinator.files import (
     LIVE_FILE,
     LOG_FILE,
@@ -30,12 +28,19 @@ from gepf.coordinator.pool.options import PoolStatistics
 from gepf.coordinator.results.configuration import RunConfiguration, differences, versions
 from gepf.coordinator.results.csv_file import write_csv
 from gepf.coordinator.results.live_log import is_empty
-from gepf.coordinator.results.log import Entry, Opening, Recorded, append_records, assemble, read_log
+from gepf.coordinator.results.log import (
+    Entry,
+    Opening,
+    Recorded,
+    append_records,
+    assemble,
+    floor_up,
+    read_log,
+)
 from gepf.coordinator.results.summary import (
     PERSON,
     PERSON_FILE,
     RunTotals,
-    describe_size,
     find_summary,
     folder_of,
     summarise,
@@ -52,7 +57,7 @@ from gepf.coordinator.results.track import (
     write_tracked_body,
 )
 from gepf.coordinator.tracking.estimate import Estimate
-from gepf.coordinator.tracking.reporting import Tracked
+from gepf.coordinator.tracking.reporting import TrackedFrame
 from gepf.coordinator.tracking.state import TrackerState
 
 CSV_FILE = "poses.csv"
@@ -102,12 +107,12 @@ class Recorder:
             remove_empty(self._made)
 
     @property
-    def states(self) -> list[TrackerState] | None:
-        """The state of each person at the end of the interrupted run; None for a new run."""
-        return [person.state for person in self.past.people] if self.past else None
+    def state(self) -> TrackerState | None:
+        """The state of the tracker at the end of the interrupted run; None for a new run."""
+        return self.past.state if self.past else None
 
-    def append(self, tracked: Sequence[Tracked], statistics: PoolStatistics, seconds: float) -> None:
-        """Write the results of one frame, and the state of the tracker after it for each person.
+    def append(self, tracked: TrackedFrame, statistics: PoolStatistics, seconds: float) -> None:
+        """Write the results of one frame, and the state of the tracker after it.
 
         When this returns, readers see them, and they survive the end of this process. They survive a loss of
         power some milliseconds later, at the latest when the next frame is appended or the results are read.
@@ -116,11 +121,12 @@ class Recorder:
         """
         if self.past:
             statistics, seconds = statistics.after(self.past.statistics), seconds + self.past.seconds
-        starts = [each.state.start for each in tracked]
+        starts = [person.state.start for person in tracked.people]
         entry = Entry(
+            frame=tracked.state,
             starts=[new if new is not old else None for new, old in zip_longest(starts, self._starts)],
-            checkpoints=[each.state.checkpoint for each in tracked],
-            estimates=[each.estimate for each in tracked],
+            checkpoints=[person.state.checkpoint for person in tracked.people],
+            estimates=[person.estimate for person in tracked.people],
             statistics=statistics,
             seconds=seconds,
         )
@@ -141,7 +147,8 @@ class Recorder:
         recorded = read_log(self.run / LOG_FILE)
         if recorded is None:
             return {}
-        people = [person.outcome for person in recorded.people]
+        up = floor_up(recorded.frame.scenes)
+        people = [person.outcome(up) for person in recorded.people]
         facts = {**facts, "frame_rate": rate or recorded.frames / max(recorded.seconds, 1e-9)}
         found = write_run(self.run, recorded, people, facts, lambda p: recorded.people[p].estimates)
         self._finished = bool(facts["complete"])
@@ -155,11 +162,13 @@ def write_run(
     facts: Mapping[str, object],
     estimates: Callable[[int], Iterable[Estimate]],
     new: NewArray = np.empty,
+    *,
+    packed: bool = False,
 ) -> dict[int, Outcome]:
     """Write all files except pictures for each person found, and for the first; returns them by number.
 
     Each summary starts with `facts`. `estimates` gives those of a person by index; they are read once, into
-    the arrays that `new` makes.
+    the arrays that `new` makes. With `packed`, tracks are compressed.
     """
     configuration = totals.configuration
     said = configuration.get("scene", {}).get("up")
@@ -171,24 +180,27 @@ def write_run(
         own = {} if len(people) == 1 else {PERSON: number}
         summary = {**facts, **summarise(totals, person), **own}
         folder = folder_of(run, len(people), number)
-        if person.found and configuration["model"]["name"] == HUMAN:
-            names = ("stature", DEVIATION, "girth", "age")
-            folder.mkdir(parents=True, exist_ok=True)
-            write_json(folder / PERSON_FILE, dict(zip(names, describe_size(person).values(), strict=True)))
-        write_files(folder, track, TrackedBody(body, start.held), summary)
+        if person.found and configuration["model"]["content"] is None:  # the size was not known
+            measures = start.family.size_file(start.size_of(person.shape), person.stature_deviation)
+            if measures:
+                folder.mkdir(parents=True, exist_ok=True)
+                write_json(folder / PERSON_FILE, measures)
+        write_files(folder, track, TrackedBody(body, start.held), summary, packed=packed)
     if len(people) > 1:
         write_json(run / SUMMARY_FILE, {**facts, **summarise_all(totals, found)})
     return found
 
 
-def write_files(folder: Path, track: Track, body: TrackedBody, summary: Mapping[str, object]) -> None:
+def write_files(
+    folder: Path, track: Track, body: TrackedBody, summary: Mapping[str, object], *, packed: bool = False
+) -> None:
     """Write all files of one person except pictures; the folder is created if it is missing.
 
     The summary is the last: where it is, all others are.
     """
     folder.mkdir(parents=True, exist_ok=True)
     write_atomically(folder / MODEL_FILE, lambda file: write_tracked_body(body, file))
-    write_atomically(folder / TRACK_FILE, lambda file: write_track(track, file))
+    write_atomically(folder / TRACK_FILE, lambda file: write_track(track, file, packed=packed))
     write_atomically(folder / CSV_FILE, lambda file: write_csv(track, file))
     write_json(folder / SUMMARY_FILE, summary)
 

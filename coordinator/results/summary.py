@@ -11,7 +11,6 @@ import msgspec
 import numpy as np
 
 from gepf.common.errors import InputError
-from gepf.coordinator.bodies.human.shape_space import shape_space
 from gepf.coordinator.files import SUMMARY_FILE
 from gepf.coordinator.results.configuration import RunConfiguration, digest_of, versions
 from gepf.coordinator.results.tally import STATUSES, Outcome
@@ -95,11 +94,9 @@ def describe_person(number: int, person: Outcome) -> dict[str, object]:
 
 
 def describe_size(person: Outcome) -> dict[str, float | None]:
-    """Stature, its standard deviation, girth and age by proportions; None if nobody was detected."""
-    stature, girth, maturity = person.start.size_of(person.shape)
-    size = (stature, person.stature_deviation, girth, shape_space().age(stature, maturity))
-    names = ("stature_m", "stature_deviation_m", "girth", "age")
-    return dict(zip(names, size if person.found else (None,) * len(names), strict=True))
+    """Measures by name, such as stature, girth and age; None if the body was not found."""
+    start = person.start
+    return start.family.describe_size(start.size_of(person.shape), person.stature_deviation)
 
 
 def find_summary(run: Path) -> dict[str, Any] | None:

@@ -123,11 +123,15 @@ def where_missing(track: Track, missing: Mask, value: Callable[[Array], Array | 
     return replace(track, **changed)
 
 
-def write_track(track: Track, file: BinaryIO) -> None:
-    """Write a track as `.npz`; equal tracks give equal bytes (no compression, no dates)."""
+def write_track(track: Track, file: BinaryIO, *, packed: bool = False) -> None:
+    """Write a track as `.npz`; equal tracks give equal bytes (no compression, no dates).
+
+    With `packed` it is compressed, as most of a long run would be padding: every frame has room for the
+    largest number of hypotheses. Its bytes then depend on the version of zlib.
+    """
     values: dict[str, Any] = {f.name: getattr(track, f.name) for f in fields(Track)}
     arrays = {name: np.asarray(value) for name, value in values.items() if value is not None}
-    np.savez(file, allow_pickle=False, **arrays)
+    (np.savez_compressed if packed else np.savez)(file, allow_pickle=False, **arrays)
 
 
 def read_track(folder: Path) -> Track:

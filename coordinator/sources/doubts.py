@@ -11,10 +11,7 @@ from gepf.common.camera import Intrinsics
 from gepf.coordinator.sources.clock import LONGEST_STEP_S, SHORTEST_STEP_S
 from gepf.coordinator.sources.source import Source
 
-NEAREST_MIDDLE_M, FARTHEST_MIDDLE_M = 1.2, 10.0
-"""Limits of the median depth around people, who are tracked at 1.5 to 4 m."""
-NEAREST_TO_BODY_M = 0.4
-"""The lower limit around other bodies."""
+FARTHEST_MIDDLE_M = 10.0  # limit of the median depth around bodies
 LARGEST_SHIFT = 0.25  # of the centre from the middle of the image, in its width or height
 LARGEST_STRETCH = 1.2  # of pixels
 KINECT_V2 = (512, 424)
@@ -23,13 +20,13 @@ KINECT_V2 = (512, 424)
 Depth alone does not show it. Recordings with ground truth are not in doubt."""
 
 
-def find_doubts(source: Source, *, of_person: bool = True) -> Iterator[str]:
+def find_doubts(source: Source, nearest_m: float) -> Iterator[str]:
     """Lines about what is suspicious in a recording of one camera, each with a mend.
 
-    `of_person` is whether people are tracked, who are not as near to the camera as other bodies.
+    `nearest_m` is the least median depth around bodies of the tracked family.
     """
     yield from doubts_of_lens(source.intrinsics)
-    yield from doubts_of_unit(measured_depth(source), NEAREST_MIDDLE_M if of_person else NEAREST_TO_BODY_M)
+    yield from doubts_of_unit(measured_depth(source), nearest_m)
     if len(source) > 1 and not 1.0 / LONGEST_STEP_S <= source.fps <= 1.0 / SHORTEST_STEP_S:
         yield f"{source.fps:.4g} frames per second are implausible; write their times to timestamps.txt"
     size = source.intrinsics.width, source.intrinsics.height

@@ -160,7 +160,7 @@ def roam(model: BodyModel, seed: int = 0, frames: int = ROAM_FRAMES) -> Scene:
     if seen[:, 2].max() + shift[2] > FARTHEST_M:
         size = np.ptp(seen, axis=0).max()
         raise InputError(f"{model.name} is {size:.1f} m large and would be too far away; give a smaller body")
-    poses[:, :3] += shift
+    poses[:, model.root[:3]] += shift
     return Scene(model, ROAM_CAMERA, DEFAULT_FPS, poses, poses[0].copy())
 
 

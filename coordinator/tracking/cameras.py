@@ -79,10 +79,10 @@ class Agreement:
 
         Of two cameras that contradict each other, one is believed only if they agreed before.
         """
-        others = [name for name in shown if name not in self.contradicting]
-        if not self.contradicting or len(others) > 1 or (others and self.agreed_s >= CONFIRMED_S):
+        supporting = [name for name in shown if name not in self.contradicting]
+        if not self.contradicting or len(supporting) > 1 or (supporting and self.agreed_s >= CONFIRMED_S):
             return ""
-        against = ", ".join(others) or "the others"
+        against = ", ".join(supporting) or "the others"
         return f"{', '.join(self.contradicting)} contradicts {against}: either may have a wrong T_rig_camera"
 
 
@@ -93,20 +93,21 @@ def watch(
 
     `contradicting` are the cameras that are left out now. A camera without an image keeps its fault.
     """
-    found = [state_by_image(view, states.get(view.camera), frame.time_s) for view in frame.views]
-    if all(each.fault for each in found):  # none is good: use those with depth, or else all
-        used = REPEATS if any(each.fault == REPEATS for each in found) else NO_DEPTH
-        found = [
-            replace(each, good_s=frame.time_s, fault=None) if each.fault == used else each for each in found
+    by_image = [state_by_image(view, states.get(view.camera), frame.time_s) for view in frame.views]
+    if all(state.fault for state in by_image):  # none is good: use those with depth, or else all
+        used = REPEATS if any(state.fault == REPEATS for state in by_image) else NO_DEPTH
+        by_image = [
+            replace(state, good_s=frame.time_s, fault=None) if state.fault == used else state
+            for state in by_image
         ]
     after, views = {name: replace(state, fault=state.fault or NO_DEPTH) for name, state in states.items()}, []
-    for view, each in zip(frame.views, found, strict=True):
-        depth = np.zeros_like(view.depth) if each.fault == REPEATS else view.depth
+    for view, state in zip(frame.views, by_image, strict=True):
+        depth = np.zeros_like(view.depth) if state.fault == REPEATS else view.depth
         views.append(replace(view, depth=depth, others=()))
-        after[view.camera] = each
+        after[view.camera] = state
         if view.camera in contradicting:
-            good_s = states.get(view.camera, each).good_s
-            after[view.camera] = CameraState(each.image, good_s, CONTRADICTS)
+            good_s = states.get(view.camera, state).good_s
+            after[view.camera] = CameraState(state.image, good_s, CONTRADICTS)
     return after, replace(views[0], others=tuple(views[1:]))
 
 
@@ -130,12 +131,12 @@ def camera_residuals(
     surface, second, third = pose_vertices(model, pose[None])[0][model.triangles[::3].T]
     normals = np.cross(second - surface, third - surface)
     offsets = np.sum(normals * surface, axis=1)
-    shown, residuals = {view.frame.camera: view for view in views}, dict[str, float]()
+    views_by_camera, residuals = {view.frame.camera: view for view in views}, dict[str, float]()
     for image in frame.views:
         facing = surface[normals @ image.T_rig_camera[:3, 3] > offsets]
         through = seen_through(image, facing)
-        if image.camera in shown:
-            residuals[image.camera] = max(through, mean_distance(shown[image.camera], facing))
+        if image.camera in views_by_camera:
+            residuals[image.camera] = max(through, mean_distance(views_by_camera[image.camera], facing))
         elif through > RESIDUAL_M + noise_depth:
             residuals[image.camera] = through
     return residuals
@@ -173,11 +174,11 @@ def faults_of(states: Mapping[str, CameraState], time_s: float) -> dict[str, tup
 def describe_changes(
     before: Mapping[str, tuple[Fault, float]], now: Mapping[str, tuple[Fault, float]]
 ) -> list[str]:
-    """Messages on the faults that were found since another frame, and on those that have ended."""
-    found = [
+    """Messages on the faults that began since another frame, and on those that have ended."""
+    started = [
         f"camera {name} {kind} since {since:.2f} s"
         + (f" and is left out; {REMEDY}" if kind == CONTRADICTS else "")
         for name, (kind, since) in now.items()
         if name not in before or before[name][0] != kind
     ]
-    return found + [f"camera {name} is used again" for name in before if name not in now]
+    return started + [f"camera {name} is used again" for name in before if name not in now]

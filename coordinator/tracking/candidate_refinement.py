@@ -14,14 +14,15 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from gepf.common.arrays import Array, Indices, Mask
-from gepf.common.body import ROOT_DOFS, BodyModel
+from gepf.common.body import BodyModel
 from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions
 from gepf.common.refinement import Particles
 from gepf.common.settings import RefineSettings
-from gepf.coordinator.bodies.human.shape_space import shape_space
-from gepf.coordinator.bodies.tracked import Bodies, Size, coarsen
+from gepf.coordinator.bodies.family import Bodies, BodyFamily, BodySize
+from gepf.coordinator.bodies.tracked import coarsen
 from gepf.coordinator.colour.finder import keypoint_cost
+from gepf.coordinator.filters.exploration import layout_of
 from gepf.coordinator.filters.pose_prior import pose_prior
 from gepf.coordinator.tracking.field_of_view import TOP, cut_sides, in_view, out_of_reach
 from gepf.coordinator.tracking.gating import Gate, gate_pose
@@ -30,15 +31,10 @@ from gepf.coordinator.tracking.pose_candidates import Candidates, candidates_of,
 from gepf.coordinator.tracking.pose_library import look_straight
 from gepf.coordinator.tracking.refiner import Pending, Refiner, Requests, iterations, with_closest_points
 from gepf.coordinator.tracking.state import Start
-from gepf.coordinator.tracking.stature import log_prior
 
-STATURE_STEPS = np.array([0.91, 0.955, 1.0, 1.045, 1.09])  # factors of the best stature so far
-GIRTHS = (0.9, 1.05, 1.2, 1.4)
-MATURITIES = (0.0, 0.5, 1.0)  # of a small person: proportions of the mean child, halfway, of an adult
 ITERATIONS = 12  # until candidates converge; the last stage has half of these
 FEW_POINTS = 1_000  # on which the first candidates are refined
-VERTEX_SHARE = 0.009  # of stature: rms distance of a surface from the nearest vertex, 0.008 to 0.010
-ENDS = ("head", "left_ankle", "right_ankle")
+RECOMBINED = 2  # candidates that get limbs of others
 REQUEST_ITERATIONS = 150  # of ICP in one request: about 10 ms on one lane
 
 
@@ -49,7 +45,7 @@ class Effort(NamedTuple):
     kept: int  # distinct candidates that it leaves
 
 
-ROUGH, FINE = Effort(3, 16), Effort(ITERATIONS, 4)
+ROUGH, FINE, MIXED = Effort(3, 16), Effort(ITERATIONS, 4), Effort(3, 4)
 
 T = TypeVar("T")
 Search = Generator[Requests, None, T]
@@ -68,26 +64,25 @@ class Shape(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Query:
-    """The frame in which a body is searched for, how it is refined there, and the sizes that it may have."""
+    """The frame in which a body is searched for, how it is refined there, and what it may be."""
 
     subject: SubjectFrame
     settings: RefineSettings
-    sizes: Sequence[Size]
-    roll: float | None = None  # of the image, in which a person is probably upright; None: not a person
+    family: BodyFamily
+    sizes: Sequence[BodySize]
+    roll: float | None = None  # of the image, in which the body is probably upright; None without an axis
 
     @cached_property
     def cut(self) -> Mask:
-        """Sides at which the main camera cuts the person, see `cut_sides`; none if another one does not."""
+        """Sides at which the main camera cuts the body, see `cut_sides`; none if another one does not."""
         if self.roll is None:
             return np.zeros(4, dtype=np.bool_)
         cut = [cut_sides(view, look_straight(middle_in(view), self.roll)) for view in self.subject.views]
         return cut[0] & all(each.any() for each in cut)
 
-    def log_prior(self, found: Candidates, statures: Sequence[float], names: tuple[str, ...]) -> Array:
-        """Log priors (N,) of candidates by their stature, of those of whom not both ends are in view."""
-        seen = in_view(self.subject, found.joints[:, [names.index(end) for end in ENDS]])
-        whole = seen[:, 0] & seen[:, 1:].any(axis=1)
-        return np.where(whole, 0.0, log_prior(np.array(statures)[found.sizes]))
+    def log_prior(self, found: Candidates, sizes: Sequence[BodySize], names: tuple[str, ...]) -> Array:
+        """Log priors (N,) of candidates by their size and by what is in view of them."""
+        return self.family.log_prior(names, np.array(sizes)[found.sizes], in_view(self.subject, found.joints))
 
     @cached_property
     def few(self) -> SubjectFrame:
@@ -101,14 +96,15 @@ class CandidateStages:
     def __init__(self, bodies: Bodies, refiner: Refiner, cell_m: float) -> None:
         self._bodies, self._refiner, self._cell_m = bodies, refiner, cell_m
 
-    def coarse(self, size: Size) -> BodyModel:
+    def coarse(self, size: BodySize) -> BodyModel:
         """The body of candidates of this size."""
         return coarsen(self._bodies.for_start(*size), self._cell_m)
 
     def shortlist(self, query: Query, groups: Iterable[Group]) -> Search[Candidates]:
-        """The best distinct candidates after both stages on few points."""
+        """The best distinct candidates after all stages on few points."""
         proposed = yield from self.on_few_points(query, groups, ROUGH)
         best = yield from self.on_few_points(query, [proposed.group], FINE)
+        best = yield from self.on_few_points(query, [best.group, self._recombined(query, best)], MIXED)
         if query.cut.any():
             proposed = yield from self.on_few_points(query, [best.group, self._completed(query, best)], ROUGH)
             best = yield from self.on_few_points(query, [proposed.group], FINE)
@@ -119,50 +115,61 @@ class CandidateStages:
         models = [self.coarse(size) for size in query.sizes]
         closest = iterations(with_closest_points(query.settings), effort.iterations)
         found = yield from self._refine(query.few, models, groups, closest)
-        names = models[0].joint_names
+        model = models[0]
         if not query.cut.any() or not len(found.poses):
-            return found.distinct(names, effort.kept)
-        found = found.likelier_by(query.log_prior(found, [size.stature for size in query.sizes], names))
+            return found.distinct(model, effort.kept)
+        found = found.likelier_by(query.log_prior(found, query.sizes, model.joint_names))
         seen = in_view(query.subject, found.joints)
-        if not query.cut[TOP] and (heads := seen[:, names.index("head")]).any():
-            found, seen = found.take(np.flatnonzero(heads)), seen[heads]
-        return found.distinct(names, effort.kept, seen)
+        if not query.cut[TOP] and (tops := seen[:, top_joint(query.family, model)]).any():
+            found, seen = found.take(np.flatnonzero(tops)), seen[tops]
+        return found.distinct(model, effort.kept, seen)
+
+    def _recombined(self, query: Query, best: Candidates) -> Group:
+        """Poses (N, D) and sizes (N,): the best candidates, each with one limb of another candidate.
+
+        Limbs fit or fail independently of each other. So the right ones may be spread over candidates.
+        """
+        limbs = [limb.dofs for limb in layout_of(self.coarse(query.sizes[0])).limbs]
+        poses, of = list[Array](), list[int]()
+        for pose, size in zip(best.poses[:RECOMBINED], best.sizes, strict=False):
+            for other in best.poses:
+                for limb in limbs:
+                    mixed = pose.copy()
+                    mixed[limb] = other[limb]
+                    if np.any(mixed != pose):
+                        poses.append(mixed)
+                        of.append(size)
+        return np.array(poses).reshape(-1, best.poses.shape[1]), np.array(of, dtype=np.int64)
 
     def _completed(self, query: Query, best: Candidates) -> Group:
         """Poses (N, D) and sizes (N,): candidates in every size, as they are and with unseen limbs at rest.
 
-        Their heads stay in place. A part of a body fits a range of sizes, and says nothing of other limbs.
+        Their upper ends stay in place. A part of a body fits a range of sizes, and says nothing of other
+        limbs.
         """
         poses, of = list[Array](), list[int]()
         for pose, size, joints in zip(best.poses, best.sizes, best.joints, strict=True):
             model = self.coarse(query.sizes[size])
             unseen = out_of_reach(model, in_view(query.subject, joints))
-            unseen[np.isin(model.dof_names, ROOT_DOFS)] = False
+            unseen[model.root] = False
             rests = np.where(unseen, 0.0, pose)
             for n, other in enumerate(query.sizes):
                 for each in (pose, rests):
-                    poses.append(with_head_at(self.coarse(other), each, joints))
+                    poses.append(with_top_at(query.family, self.coarse(other), each, joints))
                     of.append(n)
         return np.array(poses), np.array(of)
 
-    def fit_size(self, query: Query, found: Candidates) -> Search[tuple[Size, Array]]:
+    def fit_size(self, query: Query, found: Candidates) -> Search[tuple[BodySize, Array]]:
         """The size and poses (N, D) that explain a frame best, of these candidates' sizes or between them."""
-        size, poses = query.sizes[found.sizes[0]], found.poses
+        size, poses, best = query.sizes[found.sizes[0]], found.poses, found.poses[:0]
         if len(query.sizes) == 1:
             return size, poses
-        adult, statures = shape_space().statures[-1], size.stature * STATURE_STEPS
-        maturities = MATURITIES if size.stature <= adult else MATURITIES[:1]
-        pairs = [(each, m) for m in maturities for each in statures if m == 0.0 or each < adult]
-        tried = [Size(each, size.girth, maturity) for each, maturity in pairs]
-        size, _ = yield from self._choose_size(query, size, tried, poses[0])
-        tried = [size._replace(girth=girth) for girth in GIRTHS]
-        girth, best = yield from self._choose_size(query, size, tried, poses[0])
+        for sizes_after in query.family.size_stages:
+            size, best = yield from self._choose_size(query, size, sizes_after(size), poses[0])
         if query.cut.any():
-            model = self._bodies.for_start(*girth)
-            poses = np.array(
-                [with_head_at(model, *each) for each in zip(found.poses, found.joints, strict=True)]
-            )
-        return girth, np.concatenate([best, poses])
+            model, pairs = self._bodies.for_start(*size), zip(found.poses, found.joints, strict=True)
+            poses = np.array([with_top_at(query.family, model, pose, joints) for pose, joints in pairs])
+        return size, np.concatenate([best, poses])
 
     def as_tracked(
         self,
@@ -190,32 +197,28 @@ class CandidateStages:
         return found, gate_pose(by_depth, found.residual[0], settings)
 
     def _choose_size(
-        self, query: Query, present: Size, tried: Sequence[Size], pose: Array
-    ) -> Search[tuple[Size, Array]]:
-        """The likelihood-weighted mean of sizes with the maturity of the best, and its pose: (1, D).
+        self, query: Query, present: BodySize, tried: Sequence[BodySize], pose: Array
+    ) -> Search[tuple[BodySize, Array]]:
+        """The likelihood-weighted mean of sizes, and the pose of the best: (1, D).
 
-        If none is visible, the present size and the given pose. The likelihood measures distances to the
-        nearest vertex. Vertices of a larger body are farther apart, so the part of the distances that this
-        causes is left out.
+        If none is visible, the present size and the given pose.
         """
-        models = [self._bodies.for_start(*size) for size in tried]
+        family, models = query.family, [self._bodies.for_start(*size) for size in tried]
         poses = np.tile(pose, (len(tried), 1))
         if query.cut.any():
             joints = joint_positions(self._bodies.for_start(*present), pose[None])[0]
-            poses = np.array([with_head_at(model, pose, joints) for model in models])
+            poses = np.array([with_top_at(family, model, pose, joints) for model in models])
         group = poses, np.arange(len(tried))
         settings = iterations(query.settings, ITERATIONS)
         found = yield from self._refine(query.subject, models, [group], settings)
         if not found.is_visible:
             return present, pose[None]
-        measures = np.array(tried)[found.sizes]
-        between = VERTEX_SHARE * measures[:, 0] / settings.likelihood_scale
-        likely = found.log_likelihood + 0.5 * between**2
+        likely = found.log_likelihood
         if query.cut.any():
-            likely = likely + query.log_prior(found, [size.stature for size in tried], models[0].joint_names)
-        best = likely.argmax()
-        weights = np.exp(likely - likely[best]) * (measures[:, 2] == measures[best, 2])
-        return Size(*(weights @ measures / weights.sum()).round(2).tolist()), found.poses[[best]]
+            likely = likely + query.log_prior(found, tried, models[0].joint_names)
+        best = int(likely.argmax())
+        size = family.mean_size(np.array(tried)[found.sizes], np.exp(likely - likely[best]), best)
+        return size, found.poses[[best]]
 
     def _refine(
         self,
@@ -251,10 +254,16 @@ def of_one(poses: Array) -> Group:
     return poses, np.zeros(len(poses), dtype=np.int64)
 
 
-def with_head_at(model: BodyModel, pose: Array, joints: Array) -> Array:
-    """A pose (D,) of a body of another size, moved so that its head is where it is in joints (J, 3)."""
-    after, head = pose.copy(), model.joint_names.index("head")
-    after[:3] += joints[head] - joint_positions(model, pose[None])[0, head]
+def top_joint(family: BodyFamily, model: BodyModel) -> int:
+    """The index of the joint at the upper end of an upright body, of a family with an axis."""
+    assert family.axis is not None
+    return model.joint_names.index(family.axis[1])
+
+
+def with_top_at(family: BodyFamily, model: BodyModel, pose: Array, joints: Array) -> Array:
+    """A pose (D,) of a body of another size, moved so that its upper end is that of joints (J, 3)."""
+    after, top = pose.copy(), top_joint(family, model)
+    after[model.root[:3]] += joints[top] - joint_positions(model, pose[None])[0, top]
     return after
 
 

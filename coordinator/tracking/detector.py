@@ -1,10 +1,9 @@
 """Detects a body in a frame, in any pose and orientation.
 
 Poses of a library that resemble the observed points are refined in stages: all of them for a few iterations,
-the best distinct ones until they converge, the best one with bodies of several statures and proportions and
-then of several girths, and the remaining ones as the tracked body. The first two stages use few points and a
-coarse surface. The others use all points and the whole surface, because a coarse surface does not show the
-girth.
+the best distinct ones until they converge, the best one with bodies of several sizes, as its family says, and
+the remaining ones as the tracked body. The first two stages use few points and a coarse surface. The others
+use all points and the whole surface, because a coarse surface does not show a person's girth.
 
 `CandidateStages` does the stages.
 """
@@ -23,8 +22,8 @@ from gepf.common.body import ROOT_DOFS, BodyModel
 from gepf.common.frame import SubjectFrame
 from gepf.common.refinement import Particles
 from gepf.common.settings import RefineSettings, Settings, preset
-from gepf.coordinator.bodies.human.shape_space import REFERENCE_STATURE
-from gepf.coordinator.bodies.tracked import Bodies, Size, pose_by_name
+from gepf.coordinator.bodies.family import Bodies, FittedBody
+from gepf.coordinator.bodies.tracked import pose_by_name
 from gepf.coordinator.colour.finder import keypoint_cost
 from gepf.coordinator.filters.exploration import layout_of
 from gepf.coordinator.filters.pose_prior import pose_prior
@@ -32,10 +31,8 @@ from gepf.coordinator.scene.planes import Planes
 from gepf.coordinator.tracking.candidate_refinement import (
     FEW_POINTS,
     FINE,
-    GIRTHS,
     ITERATIONS,
     ROUGH,
-    VERTEX_SHARE,
     CandidateStages,
     Group,
     Query,
@@ -44,23 +41,14 @@ from gepf.coordinator.tracking.candidate_refinement import (
     of_one,
 )
 from gepf.coordinator.tracking.field_of_view import in_view
-from gepf.coordinator.tracking.gating import (
-    RESIDUAL_M,
-    gate_pose,
-    reject_parts,
-    reject_planes,
-    reject_points,
-    reject_position,
-)
+from gepf.coordinator.tracking.gating import RESIDUAL_M, gate_pose
 from gepf.coordinator.tracking.observation import camera_points, middle_of, observed_points, without_flat
 from gepf.coordinator.tracking.pose_candidates import Candidates, Detection, candidates_of, ordered
 from gepf.coordinator.tracking.pose_library import PoseLibrary, displaced, library_of, upright_rolls
 from gepf.coordinator.tracking.refiner import Refiner, iterations
 from gepf.coordinator.tracking.sensor_noise import SensorNoise, assume_noise
-from gepf.coordinator.tracking.state import Start, roll_of, start_at
+from gepf.coordinator.tracking.state import Start, start_at
 
-STATURES_M = (0.82, 0.9, 0.98, 1.07, 1.16, 1.26, 1.38, 1.5, 1.62, 1.74, 1.86, 1.98)
-USUAL_GIRTH = GIRTHS[1]
 CANDIDATES, FURTHER = 100, 15  # in the first orientation; in each other one, and for each wider mask
 
 
@@ -71,7 +59,7 @@ class Detector:
     """
 
     def __init__(self, bodies: Bodies, refiner: Refiner, settings: Settings) -> None:
-        self._bodies = bodies
+        self._bodies, self._family = bodies, bodies.family
         self._refiner = refiner
         self._refine = msgspec.structs.replace(
             preset("default").refine,
@@ -81,11 +69,10 @@ class Detector:
         degrees = (0, 90, 180, 270) if settings.rotate_deg is None else (settings.rotate_deg,)
         self._rolls = tuple(float(np.radians(each)) for each in degrees)
         self._flexible = settings.measure_person
-        self._usual = bodies.measures or Size(REFERENCE_STATURE, USUAL_GIRTH)
 
     @cached_property
     def _library(self) -> PoseLibrary:
-        return library_of(self._bodies, self._usual)
+        return library_of(self._bodies, self._bodies.library_size)
 
     @cached_property
     def _stages(self) -> CandidateStages:
@@ -93,7 +80,7 @@ class Detector:
 
     def prepare(self) -> None:
         """Build the pose library and the bodies of candidates."""
-        for size in self._sizes:
+        for size in self._bodies.sizes:
             self._stages.coarse(size)
 
     def detect(self, subject: SubjectFrame, noise: SensorNoise, planes: Planes) -> Search[Detection]:
@@ -105,7 +92,8 @@ class Detector:
         without its points.
         """
         rolls = upright_rolls(planes, self._rolls)
-        query = Query(subject, assume_noise(self._refine, noise), self._sizes, self._upright(rolls))
+        settings, sizes = assume_noise(self._refine, noise), self._bodies.sizes
+        query = Query(subject, settings, self._family, sizes, self._upright(rolls))
         best = yield from self._stages.shortlist(query, self._match(query, rolls))
         shown = query
         for wider in subject.wider:
@@ -115,7 +103,7 @@ class Detector:
             if gain(other, found) > gain(shown, best):
                 shown, best = other, found
         detected = yield from self._detect(shown, best, noise, planes)
-        if detected.gate.passes or not self._bodies.people:
+        if detected.gate.passes or self._family.has_flat_sides:
             return detected
         if (clear := without_flat(subject)) is subject:
             return detected
@@ -138,18 +126,8 @@ class Detector:
         values = pose_by_name(model, found[0])
         start = start_at(values, self._bodies, size, noise, flexible=self._flexible)
         candidates, gate = yield from self._stages.as_tracked(subject, start, found, settings)
-        if self._bodies.people and candidates.is_visible:
-            gate = gate.against(reject_points(subject, size.stature, whole=not query.cut.any()))
-            some, between = observed_points(subject, FEW_POINTS), VERTEX_SHARE * size.stature
-            head = candidates.joints[0, start.model.joint_names.index("head")]
-            if not (query.cut.any() and in_view(subject, head)):  # a near trunk is as flat as furniture
-                gate = gate.against(reject_planes(some, candidates.residual[0], between))
-            gate = gate.against(reject_parts(start.model, candidates.poses[0], subject, size.stature))
-            if planes.has_floor:
-                joints, names = subject.frame.to_camera(candidates.joints[0]), start.model.joint_names
-                trunk = joints[names.index("head")] - joints[names.index("pelvis")]
-                lowest = float(planes.above(joints).min())
-                gate = gate.against(reject_position(float(trunk @ planes.up), lowest))
+        if candidates.is_visible:
+            gate = gate.against(self._family.implausible(fitted(query, start, candidates, planes)))
         return Detection(subject, start, candidates, gate)
 
     def redetect(
@@ -164,12 +142,14 @@ class Detector:
     ) -> Search[Detection]:
         """Redetect a known body anywhere; `last` (D,) is its last pose, `precision` (S, S) that of its shape.
 
-        For a person who is not lost and has the same orientation as at the start, only that one is searched.
+        For an upright body that is not lost and has the same orientation as at the start, only that one is
+        searched.
         """
         turn = subject.frame.T_camera_rig[:3, :3]
-        first = roll_of(start.model, start.pose, turn)
+        upright = self._family.roll(start.model, start.pose, turn)
+        first = upright or 0.0
         rolls = (first, *(roll for roll in self._rolls if roll != first))
-        if not lost and self._bodies.people and roll_of(start.model, last, turn) == first:
+        if not lost and upright is not None and self._family.roll(start.model, last, turn) == first:
             rolls = rolls[:1]
         settings = msgspec.structs.replace(
             self._refine, noise_depth=rules.noise_depth, noise_lateral=rules.noise_lateral
@@ -179,7 +159,7 @@ class Detector:
         values = {**start.values, **pose_by_name(start.model, last)}
         model = self._bodies.for_start(*size)
         known = np.array([values.get(name, 0.0) for name in model.dof_names])
-        query = Query(subject, settings, [size], self._upright(rolls))
+        query = Query(subject, settings, self._family, [size], self._upright(rolls))
         matched = self._match(query, rolls, known)
         proposed = yield from self._stages.on_few_points(query, matched, ROUGH)
         limbs = layout_of(model).limbs
@@ -202,8 +182,8 @@ class Detector:
         if detection.subject is now:
             return detection
         model = detection.start.model
-        best = detection.candidates.distinct(model.joint_names, 1)
-        poses = move_with_points(model, best.poses, detection.subject, now)
+        best = detection.candidates.distinct(model, 1)
+        poses = move_root(model, best.poses, middle_of(now) - middle_of(detection.subject))
         prior = pose_prior(model, rules, poses[:, : model.shape_count])
         particles = Particles(poses, iterations(rules, ITERATIONS), prior=prior)
         pending = self._refiner.submit(now, model, particles)
@@ -213,12 +193,6 @@ class Detector:
         by_depth = candidates.log_likelihood[0] + keypoint_cost(model, candidates.poses[0], now)
         gate = gate_pose(by_depth, candidates.residual[0], rules)
         return Detection(now, replace(detection.start, pose=candidates.poses[0]), candidates, gate)
-
-    @property
-    def _sizes(self) -> list[Size]:
-        """The sizes with which an unknown body is searched for."""
-        known = self._bodies.measures
-        return [known] if known else [Size(stature, USUAL_GIRTH) for stature in STATURES_M]
 
     def _match(self, query: Query, rolls: Sequence[float], last: Array | None = None) -> Iterator[Group]:
         """Candidates (N, D) and their sizes (N,): those of the first orientation, then all others.
@@ -242,8 +216,8 @@ class Detector:
 
     def _similar(self, query: Query, roll: float, count: int) -> Group:
         """Poses (N, D) of the library that are similar to the observed points, and their sizes (N,)."""
-        usual = self._usual.stature
-        scales = [size.stature / usual if self._bodies.people else 1.0 for size in query.sizes]
+        usual = self._family.length(self._bodies.library_size)
+        scales = [self._family.length(size) / usual for size in query.sizes]
         every = 2 if query.cut.any() else 1  # all sizes of a part are tried later
         points, placed = camera_points(query.subject), query.subject.frame.T_rig_camera
         view = self._cutting(query.subject)
@@ -251,12 +225,30 @@ class Detector:
         return poses, of * every
 
     def _upright(self, rolls: Sequence[float]) -> float | None:
-        """The first orientation, for a person."""
-        return rolls[0] if self._bodies.people else None
+        """The first orientation, for a body with an axis."""
+        return None if self._family.axis is None else rolls[0]
 
     def _cutting(self, subject: SubjectFrame) -> SubjectFrame | None:
-        """The view that may cut the body; only people are compared in parts."""
-        return subject if self._bodies.people else None
+        """The view that may cut the body; only bodies with an axis are compared in parts."""
+        return None if self._family.axis is None else subject
+
+
+def fitted(query: Query, start: Start, candidates: Candidates, planes: Planes) -> FittedBody:
+    """The best candidate, and what the frame shows of it."""
+    subject, joints = query.subject, candidates.joints[0]
+    return FittedBody(
+        model=start.model,
+        size=start.size,
+        pose=candidates.poses[0],
+        joints=joints,
+        in_view=in_view(subject, joints),
+        residual=float(candidates.residual[0]),
+        subject=subject,
+        points=observed_points(subject),
+        some_points=observed_points(subject, FEW_POINTS),
+        is_cut=bool(query.cut.any()),
+        heights=planes.above(subject.frame.to_camera(joints)) if planes.has_floor else None,
+    )
 
 
 def gain(query: Query, found: Candidates) -> float:
@@ -265,10 +257,10 @@ def gain(query: Query, found: Candidates) -> float:
     return query.subject.pixels * (float(found.log_likelihood[0]) - least)
 
 
-def move_with_points(model: BodyModel, poses: Array, before: SubjectFrame, now: SubjectFrame) -> Array:
-    """Poses (N, D), with the root moved as the middle of the observed points moves between two frames."""
+def move_root(model: BodyModel, poses: Array, step_m: Array) -> Array:
+    """Poses (N, D) with the root moved by (3,) metres."""
     after = poses.copy()
-    for name, step in zip(ROOT_DOFS[:3], middle_of(now) - middle_of(before), strict=True):
+    for name, step in zip(ROOT_DOFS[:3], step_m, strict=True):
         if name in model.dof_names:
             after[:, model.dof(name)] += step
     return after

@@ -36,10 +36,10 @@ class Estimate:
     frame: int
     time_s: float
     status: Status
-    pose: Array  # (D,)
-    joint_positions: Array  # (J, 3)
-    hypothesis_pose: Array  # (M, D)
-    hypothesis_weight: Array  # (M,)
+    pose: Array  #: (D,)
+    joint_positions: Array  #: (J, 3)
+    hypothesis_pose: Array  #: (M, D)
+    hypothesis_weight: Array  #: (M,)
     residual: float
     certainty: Certainty
     stage_seconds: dict[str, float] = field(default_factory=dict)

@@ -1,4 +1,4 @@
-"""Gating: whether a pose is accepted, by its normalised residual, the observed points and its place."""
+"""Gating: whether a pose is accepted, by its normalised residual."""
 
 from __future__ import annotations
 
@@ -6,28 +6,12 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from scipy.ndimage import generate_binary_structure, maximum_filter, minimum_filter
 
-from gepf.common.arrays import Array, Indices, Mask
-from gepf.common.body import BodyModel
-from gepf.common.camera import pixels_at
-from gepf.common.frame import EMPTY, SubjectFrame
-from gepf.common.kinematics import pose_vertices
 from gepf.common.settings import SOFT_NOISE_RATIO, RefineSettings
-from gepf.coordinator.tracking.observation import observed_points
 
 RESIDUAL_M = 0.03  # largest mean distance of observed points, in addition to the camera's noise
-MISFIT_M = 0.028  # root of the mean cost, which includes model surface in empty space
+MISFIT_M = 0.0235  # root of the mean cost, which includes model surface in empty space
 LEAST_PIXELS = 150  # smallest number that can show a body
-SPAN_SHARES = (0.35, 1.6)  # extent / stature of a person in a frame; else the depth scale is wrong
-PART_SHARE = 0.2  # the smallest extent if a part is in view: head and shoulders
-HEAD_DOWN_M = -0.2  # lowest head above the pelvis
-FLOOR_M = (-0.25, 0.6)  # height of the lowest joint above the floor
-SHOWN_SHARE = 0.75  # smallest agreeing share of head or legs: people have at least 0.79
-AGREES_M = 0.06  # largest distance in depth between the body and what shows it
-CELL_SHARE = 0.018  # of stature: side of the cells that are drawn; vertices and triangles fill them
-CROSS = generate_binary_structure(2, 1)  # a cell and its four neighbours
-PARTS = {"head": ("head",), "legs": ("hip", "knee", "ankle")}  # and their joints
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,109 +41,3 @@ def gate_pose(log_likelihood: float, residual: float, settings: RefineSettings) 
     if not normalised <= 1.0:
         return Gate(normalised if normalised > 1.0 else np.inf, "the body does not fit the observed points")
     return Gate(normalised)
-
-
-def reject_points(subject: SubjectFrame, stature: float, *, whole: bool = True) -> str:
-    """Why a subject is too large or too small for a person of this stature; empty if it is not.
-
-    One that is not `whole`, but cut by the image or something nearer, may be smaller.
-    """
-    low, high = np.percentile(observed_points(subject), [1.0, 99.0], axis=0)
-    span = float(np.max(high - low))
-    if (SPAN_SHARES[0] if whole else PART_SHARE) * stature <= span <= SPAN_SHARES[1] * stature:
-        return ""
-    size = f"{span:.1f} m" if span >= 1.0 else f"{100 * span:.0f} cm"
-    return f"the observed points extend over {size}, which is not a person: is depth_scale right?"
-
-
-def reject_planes(points: Array, residual: float, between: float) -> str:
-    """Why a subject with points (P, 3) is not a person; empty if it may be.
-
-    Furniture has large sides that are nearly flat. So two planes are nearer to its points than the body is.
-    `residual` is their mean distance from the nearest vertices of the body, metres, and `between` the part of
-    it that the distances between vertices cause.
-    """
-    if fit_two_planes(points) ** 2 + between**2 < residual**2:
-        return "two planes fit the observed points better than a body: an object, not a person"
-    return ""
-
-
-def fit_two_planes(points: Array) -> float:
-    """Mean distance of points (P, 3) from the nearer of two planes that fit them.
-
-    The points are divided at their middle, across each of their principal axes. Then, in turns, each part is
-    fitted, and each point is given to the nearer plane.
-    """
-    centred, found = points - points.mean(axis=0), list[float]()
-    axes = np.linalg.svd(centred, full_matrices=False)[2]
-    products = (centred[:, :, None] * centred[:, None]).reshape(-1, 9)
-    first = axes @ centred.T > 0.0  # (A, P) for each of the axes
-    for _ in range(8):
-        parts = np.concatenate([first, ~first]).astype(np.float64)
-        counts = np.maximum(parts.sum(axis=1, keepdims=True), 1.0)
-        means = parts @ centred / counts
-        spreads = (parts @ products / counts).reshape(-1, 3, 3) - means[:, :, None] * means[:, None]
-        normals = np.linalg.eigh(spreads)[1][:, :, 0]
-        apart = np.abs(normals @ centred.T - np.sum(normals * means, axis=1, keepdims=True))
-        near, far = np.split(apart, 2)
-        found.append(float(np.minimum(near, far).mean(axis=1).min()))
-        first = near <= far
-    return min(found)
-
-
-def reject_parts(model: BodyModel, pose: Array, subject: SubjectFrame, stature: float) -> str:
-    """Why a pose (D,) cannot be a person: the frame contradicts the head or the legs; empty if it does not.
-
-    A pose that hides all of the head or the legs behind the body itself is no evidence of a person.
-    """
-    surface, links = pose_vertices(model, pose[None])[0], model.skin_links[:, 0]
-    surface = np.concatenate([surface, surface[model.triangles].mean(axis=1)])
-    links = np.concatenate([links, links[model.triangles[:, 0]]])
-    views = [agreeing_points(surface, each, CELL_SHARE * stature) for each in subject.views]
-    drawn, agrees = (np.concatenate(each) for each in zip(*views, strict=True))
-    for part, names in PARTS.items():
-        joints = [n for n, joint in enumerate(model.joint_names) if joint.split("_")[-1] in names]
-        mine = agrees[np.isin(links[drawn], model.joint_links[joints])]
-        if np.sum(mine) <= SHOWN_SHARE * len(mine):
-            return f"where the {part} of the body should be, there is something else: an object, not a person"
-    return ""
-
-
-def agreeing_points(surface: Array, view: SubjectFrame, cell_m: float) -> tuple[Indices, Mask]:
-    """Some points (N,) of a surface (V, 3) that face a camera, and which of them agree with its image (N,).
-
-    They are the nearest ones in each cell of the body's image. Its outline is left out: noise and clothes
-    move it. Anything agrees with pixels that are hidden, unmeasured or outside of the image.
-    """
-    frame, camera = view.frame, view.frame.intrinsics
-    places = frame.to_camera(surface)
-    ahead = np.flatnonzero(places[:, 2] > cell_m)
-    x, y, z = places[ahead].T
-    at = np.stack([camera.cy + camera.fy * y / z, camera.cx + camera.fx * x / z])  # rows, columns
-    cells = np.floor(at / (cell_m * camera.fx / np.median(z))).astype(np.int64)
-    row, column = cells - cells.min(axis=1, keepdims=True)
-    image = np.full((row.max() + 1, column.max() + 1), np.inf)
-    np.minimum.at(image, (row, column), z)
-    low, high = (each(image, footprint=CROSS)[row, column] for each in (minimum_filter, maximum_filter))
-    inner = np.flatnonzero((z == image[row, column]) & (z < low + AGREES_M) & np.isfinite(high))
-    row, column, inside = pixels_at(places[ahead[inner]], camera)
-    left, top, right, bottom = view.view
-    empty = ~inside & (left <= column) & (column < right) & (top <= row) & (row < bottom)
-    pixels, depth = (row[inside], column[inside]), np.zeros(len(inner))
-    depth[inside] = frame.depth[pixels] / frame.depth_scale
-    empty[inside] = (depth[inside] == 0.0) & (True if view.kinds is None else view.kinds[pixels] == EMPTY)
-    return ahead[inner], ~empty & ((depth == 0.0) | (np.abs(depth - z[inner]) < AGREES_M))
-
-
-def reject_position(rises: float, lowest: float) -> str:
-    """Why a body cannot be at its place; empty if it can.
-
-    The head `rises` above the pelvis, and the `lowest` joint is above the floor, by so many metres.
-    """
-    if rises < HEAD_DOWN_M:
-        return "the body is upside down; if the camera is, use --rotate"
-    if lowest < FLOOR_M[0]:
-        return f"the body reaches {-100 * lowest:.0f} cm below the floor"
-    if lowest > FLOOR_M[1]:
-        return f"the body floats {100 * lowest:.0f} cm above the floor"
-    return ""

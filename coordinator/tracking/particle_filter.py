@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Union
+from typing import TYPE_CHECKING, Union
 
 import msgspec
 import numpy as np
@@ -11,20 +11,14 @@ import numpy as np
 from gepf.common.arrays import Array
 from gepf.common.body import BodyModel
 from gepf.common.bounds import MAX_ITERATIONS
-from gepf.common.frame import DepthFrame, SubjectFrame
+from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import difference, joint_positions, natural_angles
 from gepf.common.refinement import Particles
 from gepf.common.settings import RefineSettings, Settings
 from gepf.coordinator.filters.belief import Belief, Proposal
 from gepf.coordinator.filters.exploration import FEWEST
-from gepf.coordinator.filters.gradient_enhanced import Hypotheses
-from gepf.coordinator.filters.methods import METHODS, pace_iterations
-from gepf.coordinator.filters.pose_prior import (
-    frame_share,
-    population_precision,
-    pose_prior,
-    updated_precision,
-)
+from gepf.coordinator.filters.methods import METHODS, initial_belief, pace_iterations
+from gepf.coordinator.filters.pose_prior import frame_share, pose_prior, updated_precision
 from gepf.coordinator.sources.joint_states import JointStates
 from gepf.coordinator.stopwatch import Stopwatch
 from gepf.coordinator.tracking.certainty.features import FrameContext
@@ -32,6 +26,7 @@ from gepf.coordinator.tracking.field_of_view import in_view, out_of_reach
 from gepf.coordinator.tracking.observation import filter_observation
 from gepf.coordinator.tracking.pose_candidates import Candidates, Detection
 from gepf.coordinator.tracking.refiner import Pending, Refiner
+from gepf.coordinator.tracking.segmenter import BodyView
 
 if TYPE_CHECKING:  # it loads the bus
     from gepf.coordinator.sources.ros2_input import JointTopic
@@ -41,7 +36,7 @@ Encoders = Union[JointStates, "JointTopic"]
 
 
 @dataclass(frozen=True, slots=True)
-class Pace:
+class FrameBudget:
     """What a live frame has time for."""
 
     period_s: float  # between published frames
@@ -52,9 +47,9 @@ class Pace:
 class Submitted:
     """A frame whose particles are with the workers."""
 
-    frame: DepthFrame
-    rules: RefineSettings  # by which they are refined
-    proposal: Proposal[Any]
+    view: BodyView
+    settings: RefineSettings  # by which they are refined
+    proposal: Proposal
     pending: Pending
     context: FrameContext
     detection: Detection | None  # result of a search for the body, if any
@@ -69,57 +64,61 @@ class ParticleFilter:
         self._method = METHODS[settings.method]
         self.rng = np.random.default_rng(settings.seed)
 
-    def begin(self, model: BodyModel, pose: Array) -> Belief:
-        """The belief at an initial pose (D,)."""
-        begun = self._method.begin(model, pose, self._settings.filter)
-        return replace(begun, shape_precision=population_precision(model))
-
     def believe(self, model: BodyModel, candidates: Candidates) -> Belief:
         """The belief in candidates: in all of them if the method has several hypotheses, else in the best."""
-        begun = self.begin(model, candidates.poses[0])
-        if not isinstance(begun, Hypotheses) or self._settings.filter.particles == 1:
-            return replace(begun, log_weights=candidates.log_likelihood[:1], residual=candidates.residual[:1])
+        belief = initial_belief(model, candidates.poses[0], self._settings)
+        if not len(belief.covariances) or self._settings.filter.particles == 1:
+            return replace(
+                belief, log_weights=candidates.log_likelihood[:1], residual=candidates.residual[:1]
+            )
         return replace(
-            begun,
+            belief,
             poses=candidates.poses,
             log_weights=candidates.log_likelihood,
             residual=candidates.residual,
             velocities=np.zeros_like(candidates.poses),
-            covariances=np.repeat(begun.covariances, len(candidates.poses), axis=0),
+            covariances=np.repeat(belief.covariances, len(candidates.poses), axis=0),
         )
 
     def propose(
-        self, model: BodyModel, belief: Belief, subject: SubjectFrame, time_s: float | None, pace: Pace | None
-    ) -> Proposal[Any]:
+        self,
+        model: BodyModel,
+        belief: Belief,
+        subject: SubjectFrame,
+        time_s: float | None,
+        budget: FrameBudget | None,
+    ) -> Proposal:
         """Particles for a frame; fewer if it is late, unless the method needs all of them.
 
         `time_s` is that of the last frame that showed the body.
         """
         step = None
         if self._motion is not None:
-            step = known_step(self._motion, model, belief.reported, time_s, subject.frame.time_s)
+            step = encoder_step(self._motion, model, belief.reported, time_s, subject.frame.time_s)
         seen, unseen = in_view(subject, joint_positions(model, belief.reported[None])[0]), None
         if not seen.all():
             unseen = out_of_reach(model, seen)
         observation = filter_observation(subject, time_s, step, unseen)
         settings = self._settings.filter
-        if pace is not None and pace.is_late and self._method.descends:
+        if budget is not None and budget.is_late and self._method.descends:
             settings = msgspec.structs.replace(settings, particles=min(settings.particles, FEWEST // 2))
         return self._method.propose(model, belief, observation, settings, self.rng)
 
-    def pace(self, rules: RefineSettings, interval: float, pace: Pace | None) -> RefineSettings:
+    def scale_iterations(
+        self, settings: RefineSettings, interval: float, budget: FrameBudget | None
+    ) -> RefineSettings:
         """Settings with the iterations for this interval between frames, seconds."""
-        interval = interval if pace is None else min(interval, pace.period_s)
-        return pace_iterations(rules, interval, self._settings.pace_iterations, MAX_ITERATIONS)
+        interval = interval if budget is None else min(interval, budget.period_s)
+        return pace_iterations(settings, interval, self._settings.pace_iterations, MAX_ITERATIONS)
 
     def send(
-        self, model: BodyModel, subject: SubjectFrame, proposal: Proposal[Any], rules: RefineSettings
+        self, model: BodyModel, subject: SubjectFrame, proposal: Proposal, settings: RefineSettings
     ) -> Pending:
         """Send particles to the workers."""
-        covariance, velocity = proposal.asks_covariance(rules), proposal.past.velocity
+        covariance, velocity = proposal.asks_covariance(settings), proposal.past.velocity
         past, share = proposal.past, frame_share(proposal.interval)
-        prior = pose_prior(model, rules, past.reported[: model.shape_count], past.shape_precision / share)
-        particles = Particles(proposal.poses, rules, covariance, velocity=velocity, prior=prior)
+        prior = pose_prior(model, settings, past.reported[: model.shape_count], past.shape_precision / share)
+        particles = Particles(proposal.poses, settings, covariance, velocity=velocity, prior=prior)
         return self._refiner.submit(subject, model, particles)
 
     def update(self, model: BodyModel, submitted: Submitted) -> tuple[Belief, int]:
@@ -130,21 +129,21 @@ class ParticleFilter:
                 refined = pending.result()
             with clock.stage("merge"):
                 refined = replace(refined, poses=natural_angles(model, refined.poses))
-                found = self._method.update(model, proposal, refined, self._settings.filter, self.rng)
-            if not isinstance(found, Proposal):
+                after = self._method.update(model, proposal, refined, self._settings.filter, self.rng)
+            if not isinstance(after, Proposal):
                 precision, count = proposal.past.shape_precision, model.shape_count
-                if count and len(found.posterior):
-                    covariance = found.posterior[:count, :count]
+                if count and len(after.posterior):
+                    covariance = after.posterior[:count, :count]
                     precision = updated_precision(precision, covariance, proposal.interval)
-                found = replace(found, shape_precision=precision)
+                after = replace(after, shape_precision=precision)
                 from_guess = submitted.context.first  # the change since a guess is not motion
-                return found.at_rest() if from_guess else found, len(proposal.poses)
+                return after.at_rest() if from_guess else after, len(proposal.poses)
             with clock.stage("refine"):
-                proposal = found
-                pending = self.send(model, submitted.context.subject, found, submitted.rules)
+                proposal = after
+                pending = self.send(model, submitted.context.subject, proposal, submitted.settings)
 
 
-def suggest(proposal: Proposal[Any], fitted: Array, shapes: int) -> Proposal[Any]:
+def suggest(proposal: Proposal, fitted: Array, shapes: int) -> Proposal:
     """The particles, the last ones replaced by poses (F, D) in the reported shape; at least half stay."""
     count = min(len(fitted), len(proposal.poses) // 2)
     if not count:
@@ -163,7 +162,7 @@ def suggest(proposal: Proposal[Any], fitted: Array, shapes: int) -> Proposal[Any
     return replace(proposal, poses=poses, ancestors=ancestors, expected=expected)
 
 
-def known_step(
+def encoder_step(
     encoders: Encoders, model: BodyModel, pose: Array, since_s: float | None, until_s: float
 ) -> Array | None:
     """The motion (D,) between two times by encoders, NaN if unknown; None if all of it is unknown.
@@ -174,13 +173,13 @@ def known_step(
     if since_s is None:
         return None
     before, after = pose.copy(), pose.copy()
-    known = np.zeros(len(pose), dtype=bool)
+    measured = np.zeros(len(pose), dtype=bool)
     first, last = encoders.at(since_s), encoders.at(until_s)
-    for name, one, other in zip(encoders.names, first, last, strict=False):  # no names before live states
-        if name in model.dof_names and np.isfinite(one + other):
+    for name, start, end in zip(encoders.names, first, last, strict=False):  # no names before live states
+        if name in model.dof_names and np.isfinite(start + end):
             j = model.dof(name)
-            before[j], after[j], known[j] = one, other, True
+            before[j], after[j], measured[j] = start, end, True
     for ball in model.balls:
-        known[ball : ball + 3] = known[ball : ball + 3].all()
+        measured[ball : ball + 3] = measured[ball : ball + 3].all()
     step = difference(model, before[None], after[None])[0]
-    return np.where(known, step, np.nan) if known.any() else None
+    return np.where(measured, step, np.nan) if measured.any() else None

@@ -12,6 +12,7 @@ from gepf.common.body import BodyModel
 from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions, natural_angles
 from gepf.common.refinement import Refined
+from gepf.coordinator.bodies.families import family_of
 from gepf.coordinator.tracking.certainty.certainty import OFF
 from gepf.coordinator.tracking.field_of_view import in_view
 from gepf.coordinator.tracking.gating import Gate
@@ -51,13 +52,13 @@ class Candidates:
         likely = replace(self, log_likelihood=self.log_likelihood + log_prior)
         return likely.take(np.argsort(-likely.log_likelihood, kind="stable"))
 
-    def distinct(self, names: tuple[str, ...], count: int, seen: Mask | None = None) -> Candidates:
+    def distinct(self, model: BodyModel, count: int, seen: Mask | None = None) -> Candidates:
         """Up to `count` distinct candidates, and the best that faces the other way, if none of them does.
 
         If joints are out of view, only those are compared that are `seen` (N, J) of one of two candidates.
         """
         kept = keep_distinct(self.joints, count, seen)
-        turned = faces_away(names, self.joints, self.joints[0])
+        turned = family_of(model).faces_away(model.joint_names, self.joints, self.joints[0])
         if not turned[kept].any():
             kept = np.sort(np.append(kept, np.flatnonzero(turned)[:1]))
         return self.take(kept)
@@ -78,9 +79,10 @@ class Detection:
         seen = in_view(self.subject, np.stack([mine, joints])).any(axis=0)
         return bool(np.any(np.linalg.norm(mine - joints, axis=-1)[seen] > OFF))
 
-    def looks_alike(self, names: tuple[str, ...], joints: Array, log_likelihood: float) -> bool:
+    def looks_alike(self, joints: Array, log_likelihood: float) -> bool:
         """Whether a candidate that faces opposite to joints (J, 3) explains the frame about equally well."""
-        turned = faces_away(names, self.candidates.joints, joints)
+        start = self.start
+        turned = start.family.faces_away(start.model.joint_names, self.candidates.joints, joints)
         return bool(np.any(self.candidates.log_likelihood[turned] > log_likelihood - ALIKE_LOG_LIKELIHOOD))
 
 
@@ -99,16 +101,6 @@ def ordered(parts: Sequence[Candidates]) -> Candidates:
     order = np.argsort(-whole.log_likelihood, kind="stable")
     visible = max(1, int(np.isfinite(whole.log_likelihood).sum()))
     return whole.take(order[:visible])
-
-
-def faces_away(names: tuple[str, ...], joints: Array, body: Array) -> Mask:
-    """Which bodies with joints (M, J, 3) face in the direction opposite to that of a body (J, 3)."""
-    pairs = ("hip", "shoulder")
-    if not all(f"{side}_{pair}" in names for side in ("left", "right") for pair in pairs):
-        return np.zeros(len(joints), dtype=np.bool_)
-    left, right = ([names.index(f"{side}_{pair}") for pair in pairs] for side in ("left", "right"))
-    across = (joints[:, left] - joints[:, right]).sum(axis=1)  # (M, 3)
-    return np.asarray(across @ (body[left] - body[right]).sum(axis=0) < 0.0)
 
 
 def keep_distinct(joints: Array, count: int, seen: Mask | None = None) -> Indices:

@@ -1,8 +1,4 @@
-"""Poses in which a body can be detected, each with its descriptor.
-
-Poses of people are drawn around modes: typical poses of arms, legs and trunk, in degrees, with the signs of
-`gepf.coordinator.bodies.human`, within the limits of the joints.
-"""
+"""Poses in which a body can be detected, each with its descriptor."""
 
 from __future__ import annotations
 
@@ -14,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gepf.common.arrays import Array, Indices, Mask
-from gepf.common.body import ROTATION, BodyModel
+from gepf.common.body import BodyModel
 from gepf.common.camera import NOT_MOVED, moved
 from gepf.common.compiling import numba
 from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import link_transforms, pose_vertices
 from gepf.common.kinematics.rotations import euler_angles, euler_matrix
-from gepf.coordinator.bodies.tracked import Bodies, Size
+from gepf.coordinator.bodies.family import Bodies, BodySize
 from gepf.coordinator.scene.planes import Planes
 from gepf.coordinator.tracking.descriptor import (
     BOUND_CELLS,
@@ -39,59 +35,20 @@ from gepf.coordinator.tracking.descriptor import (
 from gepf.coordinator.tracking.field_of_view import cut_sides, shows
 
 POSES = 3_000
-PERSON_CELL_M = 0.06  # side of a cell of the descriptor, for a person of reference stature
 DESCRIBED_VERTICES = 1_700  # of the surface; enough to fill the cells of a descriptor
-RANDOM_ORIENTATION_SHARE = 0.1  # of people's poses
-ELEVATION_DEG = (-20.0, 50.0)  # range of the camera's downward pitch
 LEAST_LEVEL = 0.3  # cosine of the camera's pitch; below it an image has no upright direction
-SPREAD_DEG = 15.0  # standard deviation of joint angles around their mode, and of the trunk's roll
-
-Angles = tuple[float, float, float, float]
-
-ARM = ("shoulder_flexion", "shoulder_abduct", "shoulder_twisting", "elbow_flexion")
-ARMS: tuple[Angles, ...] = (
-    (0, 8, 0, 10),  # hanging
-    (85, 5, 0, 10),  # points forward
-    (0, 85, 0, 10),  # straight sideways
-    (165, 10, 0, 15),  # overhead
-    (-15, 45, 40, 80),  # hand on the hip
-    (10, 10, 0, 90),  # forearm forward
-    (40, 10, 60, 100),  # in front of the chest
-    (70, 30, 0, 130),  # hand at the face
-    (0, 90, -80, 85),  # hands up
-)
-
-LEG = ("hip_flexion", "hip_abduct", "hip_twisting", "knee_flexion")
-STRAIGHT: Angles = (0, 3, 0, 5)
-STANDING: tuple[tuple[Angles, Angles], ...] = (
-    (STRAIGHT, STRAIGHT),
-    ((0, 20, 0, 5), (0, 20, 0, 5)),  # wide
-    ((30, 3, 0, 15), (-15, 3, 0, 20)),  # a stride
-    ((80, 5, 0, 90), STRAIGHT),  # a knee lifted
-    ((70, 3, 0, 10), STRAIGHT),  # a kick
-)
-LEGS = (
-    *STANDING,
-    ((70, 5, 0, 75), (-15, 3, 0, 35)),  # a lunge
-    ((85, 10, 0, 90), (0, 5, 0, 95)),  # down on one knee
-    ((85, 8, 0, 85), (85, 8, 0, 85)),  # sits
-    ((110, 15, 0, 120), (110, 15, 0, 120)),  # squats
-    ((0, 5, 0, 100), (0, 5, 0, 100)),  # kneels
-    ((95, 8, 0, 140), (95, 8, 0, 140)),  # sits on the heels
-    ((90, 5, 0, 10), (90, 5, 0, 10)),  # sits with the legs stretched out
-)
-
-TILTS = (0.0, 25.0, 55.0)
 
 
 @dataclass(frozen=True, eq=False)
 class PoseLibrary:
     """Poses (N, D) with the root at the origin, and their descriptors.
 
-    middles: Centre of each descriptor relative to the root, metres. cells: as `fill_differences` takes them.
+    root: Indices of the root's degrees of freedom. middles: Centre of each descriptor relative to the root,
+    metres. cells: as `fill_differences` takes them.
     """
 
     poses: Array  # (N, D)
+    root: Indices  # (6,)
     middles: Array  # (N, 3)
     cells: NDArray[np.float32]  # (ROWS * COLUMNS, N)
     occupied: NDArray[np.float32]  # (N,)
@@ -122,7 +79,8 @@ class PoseLibrary:
             chosen, scale_of = most_similar(difference, count)
             places = middles[scale_of] - self.middles[chosen]
         places = places * np.take(scales, scale_of)[:, None]
-        return turned_to(self.poses[chosen], moved(places @ turn, placed), placed[:3, :3] @ turn.T), scale_of
+        places, to_rig = moved(places @ turn, placed), placed[:3, :3] @ turn.T
+        return turned_to(self.root, self.poses[chosen], places, to_rig), scale_of
 
     def _compare(self, seen: Array, scales: Sequence[float]) -> tuple[Array, NDArray[np.float32]]:
         """Middles (S, 3), in units of each scale, and differences (S, N) from a whole body: points (P, 3)."""
@@ -182,18 +140,13 @@ def most_similar(difference: NDArray[np.float32], count: int) -> tuple[Indices, 
 
 
 @lru_cache(maxsize=4)
-def library_of(bodies: Bodies, size: Size) -> PoseLibrary:
-    """The poses in which a body of this size is searched for; built once.
-
-    A person's degrees of freedom have their MPEG-4 names. Any other body can have any orientation, and its
-    joints any values within their ranges.
-    """
+def library_of(bodies: Bodies, size: BodySize) -> PoseLibrary:
+    """The poses in which a body of this size is searched for; built once."""
     model, rng = bodies.for_start(*size), np.random.default_rng(20)  # independent of the run's seed
-    if bodies.people:
-        return describe_poses(model, draw_people(model, POSES, rng), PERSON_CELL_M)
-    poses = draw_any(model, POSES, rng)
-    extent = float(np.max(np.ptp(pose_vertices(model, poses[:: POSES // 100]), axis=1)))
-    return describe_poses(model, poses, extent / COLUMNS)
+    poses, cell_m = bodies.family.draw_poses(model, POSES, rng), bodies.family.cell_m
+    if cell_m is None:
+        cell_m = float(np.max(np.ptp(pose_vertices(model, poses[:: POSES // 100]), axis=1))) / COLUMNS
+    return describe_poses(model, poses, cell_m)
 
 
 def look_straight(at: Array, roll: float) -> Array:
@@ -206,12 +159,12 @@ def look_straight(at: Array, roll: float) -> Array:
     return np.asarray(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ straight)
 
 
-def turned_to(poses: Array, places: Array, turn: Array) -> Array:
-    """Poses (N, D), rotated by (3, 3) and with the root at positions (N, 3)."""
-    after = poses.copy()
-    after[:, :3] = places
+def turned_to(root: Indices, poses: Array, places: Array, turn: Array) -> Array:
+    """Poses (N, D), rotated by (3, 3) and with the root (6,) at positions (N, 3)."""
+    after, angles = poses.copy(), root[3:]
+    after[:, root[:3]] = places
     for pose in after:
-        pose[3:6] = euler_angles(turn @ euler_matrix(pose[3:6]), pose[3:6])
+        pose[angles] = euler_angles(turn @ euler_matrix(pose[angles]), pose[angles])
     return after
 
 
@@ -230,16 +183,16 @@ def displaced(
     """
     straight = look_straight(points.mean(axis=0), 0.0)
     turn = straight @ placed[:3, :3].T
-    poses = np.tile(pose, (4, 1))
+    poses, place, angles = np.tile(pose, (4, 1)), model.root[:3], model.root[3:]
     for n, each in enumerate(poses):
         quarter = euler_matrix(np.array([0.0, 0.5 * np.pi * n, 0.0]))
-        each[3:6] = euler_angles(euler_matrix(pose[3:6]) @ quarter, pose[3:6])
+        each[angles] = euler_angles(euler_matrix(pose[angles]) @ quarter, pose[angles])
     if view is not None and cut_sides(view, straight).any():
-        library = describe_poses(model, turned_to(poses, np.zeros((4, 3)), turn), cell_m)
+        library = describe_poses(model, turned_to(model.root, poses, np.zeros((4, 3)), turn), cell_m)
         return library.match(points, [1.0], 0.0, 4, placed, view)[0]
     observed = seen_centre(moved(points, placed) @ turn.T, cell_m)
     for each, surface in zip(poses, pose_vertices(model, poses)[:, :: stride(model)], strict=True):
-        each[:3] += (observed - seen_centre(surface @ turn.T, cell_m)) @ turn
+        each[place] += (observed - seen_centre(surface @ turn.T, cell_m)) @ turn
     return poses
 
 
@@ -251,77 +204,13 @@ def seen_centre(points: Array, cell_m: float) -> Array:
     return middle
 
 
-def draw_people(model: BodyModel, count: int, rng: np.random.Generator) -> Array:
-    """Poses (N, D) around the modes, seen from all sides and from slightly above or below.
-
-    Each arm has its own mode. Legs have modes in pairs, also mirrored. Half of the people stand.
-    """
-    poses = np.zeros((count, len(model.dof_names)))
-    for side in "lr":
-        arm = np.array(ARMS)[rng.integers(len(ARMS), size=count)]
-        put(model, poses, f"{side}_", ARM, arm + SPREAD_DEG * rng.standard_normal(arm.shape))
-    chosen = rng.integers(len(LEGS), size=count)
-    stands = rng.random(count) < 0.5
-    chosen[stands] = rng.integers(len(STANDING), size=int(stands.sum()))
-    pairs = np.array(LEGS, dtype=np.float64)[chosen]  # (N, 2, 4)
-    swapped = rng.random(count) < 0.5
-    pairs[swapped] = pairs[swapped, ::-1]
-    pairs += SPREAD_DEG * rng.standard_normal(pairs.shape)
-    for leg, side in enumerate("lr"):
-        put(model, poses, f"{side}_", LEG, pairs[:, leg])
-    tilt = np.array(TILTS)[rng.integers(len(TILTS), size=(count, 1))]
-    put(model, poses, "", ("vl3_tilt",), tilt + SPREAD_DEG * rng.standard_normal(tilt.shape))
-    np.clip(poses, model.limits[:, 0], model.limits[:, 1], out=poses)
-    poses[:, 3:6] = turns(count, rng)
-    return poses
-
-
-def put(model: BodyModel, poses: Array, side: str, names: tuple[str, ...], degrees: Array) -> None:
-    """Set the degrees of freedom with these names to angles (N, K) in degrees, if the model has them."""
-    for k, name in enumerate(names):
-        if side + name in model.dof_names:
-            poses[:, model.dof(side + name)] = np.radians(degrees[:, k])
-
-
-def turns(count: int, rng: np.random.Generator) -> Array:
-    """Angles (N, 3) of the root: any yaw, seen from above or below; some with any orientation."""
-    down = np.radians(rng.uniform(*ELEVATION_DEG, size=count))
-    yaw = rng.uniform(-np.pi, np.pi, size=count)
-    lean = np.radians(SPREAD_DEG) * rng.standard_normal(count)
-    angles = np.stack([down, yaw, lean], axis=-1)
-    turned = rng.random(count) < RANDOM_ORIENTATION_SHARE
-    angles[turned] = any_turns(int(turned.sum()), rng)
-    return angles
-
-
-def any_turns(count: int, rng: np.random.Generator) -> Array:
-    """Angles (N, 3) of uniformly distributed rotations."""
-    axis, other = rng.standard_normal((2, count, 3))
-    axis /= np.linalg.norm(axis, axis=-1, keepdims=True)
-    other -= np.sum(other * axis, axis=-1, keepdims=True) * axis
-    other /= np.linalg.norm(other, axis=-1, keepdims=True)
-    rotations = np.stack([axis, other, np.cross(axis, other)], axis=-1)
-    return np.array([euler_angles(rotation, np.zeros(3)) for rotation in rotations]).reshape(count, 3)
-
-
-def draw_any(model: BodyModel, count: int, rng: np.random.Generator) -> Array:
-    """Poses (N, D): joints uniformly distributed over their ranges, or full turns if they have no limits."""
-    low, high = model.limits.T
-    whole = np.where(model.kinds == ROTATION, np.pi, 0.5)
-    low, high = np.where(np.isfinite(low), low, -whole), np.where(np.isfinite(high), high, whole)
-    poses = rng.uniform(low, high, size=(count, len(low)))
-    poses[:, :3] = 0.0
-    poses[:, 3:6] = any_turns(count, rng)
-    return poses
-
-
 def describe_poses(model: BodyModel, poses: Array, cell_m: float) -> PoseLibrary:
     """Compute the descriptors of poses (N, D)."""
     count, every = len(poses), stride(model)
     links, vertices = model.skin_links[::every, 0].copy(), model.vertices[::every].copy()
     images, middles, occupied = describe_each(vertices, links, link_transforms(model, poses), cell_m)
     cells = np.ascontiguousarray(images.reshape(count, ROWS * COLUMNS).T)
-    return PoseLibrary(poses, middles, cells, occupied, cell_m)
+    return PoseLibrary(poses, model.root, middles, cells, occupied, cell_m)
 
 
 def stride(model: BodyModel) -> int:

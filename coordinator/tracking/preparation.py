@@ -11,13 +11,13 @@ from gepf.common.camera import Intrinsics
 from gepf.common.frame import DepthFrame, SubjectFrame
 from gepf.common.refinement import Particles, Refined, triangle_size
 from gepf.common.settings import Settings
-from gepf.coordinator.bodies.tracked import Bodies
+from gepf.coordinator.bodies.family import Bodies
 from gepf.coordinator.scene.planes import Planes
 from gepf.coordinator.stopwatch import Stopwatch
 from gepf.coordinator.tracking.observation import isolate
 from gepf.coordinator.tracking.refiner import LocalRefiner
 from gepf.coordinator.tracking.reporting import Updated, report
-from gepf.coordinator.tracking.segmenter import Segmenter
+from gepf.coordinator.tracking.segmenter import BodyView, Segmenter
 from gepf.coordinator.tracking.state import first_state
 from gepf.coordinator.tracking.target import TargetTracker
 
@@ -41,7 +41,7 @@ def unmoved(particles: Particles) -> Refined:
     return Refined(particles.poses, np.zeros(count), np.full(count, 0.01), covariance_roots)
 
 
-def rehearse(settings: Settings, bodies: Bodies) -> None:
+def warm_up(settings: Settings, bodies: Bodies) -> None:
     """Segment two frames of a small scene, as a whole and around a body, and detect and track it there.
 
     It is also detected where the image cuts it. There are no workers.
@@ -50,18 +50,18 @@ def rehearse(settings: Settings, bodies: Bodies) -> None:
     depth = np.full((CAMERA.height, CAMERA.width), 4000, dtype=np.uint16)
     depth[10:40, 30:45] = 1e3 * distance_m + 5 * (np.arange(15) - 7) ** 2  # something before the wall
     start = {"root_tz": distance_m} if "root_tz" in bodies.dof_names else {}
-    target, unknown, cut = (
-        TargetTracker(NoRefiner(), settings, bodies, first_state(bodies, values, settings.seed))
+    tracked, unknown, cut = (
+        TargetTracker(NoRefiner(), settings, bodies, first_state(bodies, values, settings))
         for values in (start, None, None)
     )
     segmenter = Segmenter(1)
-    for number, body in enumerate((None, target.expected)):
+    for number, surface in enumerate((None, tracked.segmentation_surface)):
         room = DepthFrame(number, number / 30.0, depth, 1000.0, CAMERA)
-        segmenter.segment(room, [body])
-        shown = replace(room, depth=np.where(depth < 4000, depth, 0))
-        short = replace(shown, depth=shown.depth[:30], intrinsics=CAMERA.crop(0, 0, CAMERA.width, 30))
-        for each in (target, unknown, cut) if bodies.people else (target,):
-            seen = short if each is cut else shown
-            each.begin_frame()
-            updated = each.submit(seen, isolate(seen, 400), Planes(), Stopwatch())
-            report(updated if isinstance(updated, Updated) else each.update(updated))
+        segmenter.segment(room, [surface])
+        whole = replace(room, depth=np.where(depth < 4000, depth, 0))
+        short = replace(whole, depth=whole.depth[:30], intrinsics=CAMERA.crop(0, 0, CAMERA.width, 30))
+        for target in (tracked, unknown, cut):
+            frame = short if target is cut else whole
+            target.begin_frame()
+            updated = target.submit(BodyView(frame, isolate(frame, 400), Planes()), Stopwatch())
+            report(updated if isinstance(updated, Updated) else target.update(updated, {}), {})

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gepf.common.arrays import Array
+from gepf.common.arrays import Array, Mask
 from gepf.common.body import BodyModel
 from gepf.common.frame import DepthFrame, SubjectFrame
 from gepf.common.kinematics import joint_positions, retract
-from gepf.coordinator.bodies.angles import is_person
 from gepf.coordinator.colour.finder import in_image
 from gepf.coordinator.filters.belief import Belief
 from gepf.coordinator.filters.motion import precisions
 from gepf.coordinator.stopwatch import Stopwatch
-from gepf.coordinator.tracking.cameras import faults_of
+from gepf.coordinator.tracking.cameras import CameraStates, faults_of
 from gepf.coordinator.tracking.certainty.certainty import (
     FIT,
     FLAGGED,
@@ -24,12 +24,25 @@ from gepf.coordinator.tracking.certainty.certainty import (
     Certainty,
     unknown_certainty,
 )
-from gepf.coordinator.tracking.certainty.features import FrameContext, measure_features, movable_joints
+from gepf.coordinator.tracking.certainty.features import (
+    Features,
+    FrameContext,
+    measure_features,
+    movable_joints,
+)
 from gepf.coordinator.tracking.certainty.surface import seen_shares
 from gepf.coordinator.tracking.estimate import MAX_HYPOTHESES, POSE_UNKNOWN, Estimate, Status
 from gepf.coordinator.tracking.field_of_view import in_view
-from gepf.coordinator.tracking.state import TrackerState
-from gepf.coordinator.tracking.track_management import CHECK_INTERVAL_FRAMES, TrackManagement
+from gepf.coordinator.tracking.state import FrameState, PersonState, Start
+from gepf.coordinator.tracking.track_state import (
+    Absent,
+    Followed,
+    Found,
+    Lost,
+    Searching,
+    Tracked,
+    TrackState,
+)
 
 HIDDEN_SHARE = 0.5  # a joint that is seen less than this is hidden
 RIVAL_WEIGHT = 0.5  # least weight of a rival, relative to the most likely hypothesis
@@ -40,62 +53,63 @@ INFORMATION = 44.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Updated:
-    """A frame whose belief is updated, before it is reported."""
+    """One person in a frame, before it is reported."""
 
     frame: DepthFrame
-    state: TrackerState  # after the frame
-    belief: Belief | None  # the one in the state
-    status: Status | None  # None: it follows from the belief
+    state: PersonState  # after the frame
     particles: int  # refined ones
     context: FrameContext | None  # None if nothing was refined
     clock: Stopwatch
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Tracked:
-    """One person in one frame: the estimate, the tracker's state after it, and the person's crop."""
+class TrackedPerson:
+    """One person in one frame: the estimate, the state after it, and the person's crop."""
 
     estimate: Estimate
-    state: TrackerState
+    state: PersonState
     subject: SubjectFrame | None = None
 
 
-def report(updated: Updated) -> Tracked:
+@dataclass(frozen=True, slots=True, eq=False)
+class TrackedFrame:
+    """All people in one frame, and what is known beside them after it."""
+
+    people: Sequence[TrackedPerson]
+    state: FrameState
+
+
+def report(updated: Updated, cameras: CameraStates) -> TrackedPerson:
     """The estimate of an updated frame, with the certainty of each joint and a status."""
     with updated.clock.stage("report"):
-        start, management = updated.state.start, updated.state.checkpoint.management
-        model, belief = start.model, updated.belief
-        certainty, disputed = unknown_certainty(len(model.joint_names)), ""
-        in_sight = np.ones(len(model.joint_names), dtype=np.bool_)
-        cameras = updated.state.checkpoint.cameras
-        faulty = any(each.fault for each in cameras.values())
+        start, track, context = updated.state.start, updated.state.track, updated.context
+        followed = track if isinstance(track, Followed) else None
+        model = start.model
         pose, poses, weights = start.pose, np.empty((0, len(start.pose))), np.empty(0)
-        if belief is not None:
-            pose, poses = belief.reported, belief.poses[:MAX_HYPOTHESES]
-            weights = belief.weights[:MAX_HYPOTHESES]
+        if followed is not None:
+            pose, poses = followed.belief.reported, followed.belief.poses[:MAX_HYPOTHESES]
+            weights = followed.belief.weights[:MAX_HYPOTHESES]
             weights = weights / weights.sum()
         joints = joint_positions(model, np.concatenate([pose[None], poses]))
-        seen = dict[str, Array]()
-        if updated.context is not None:
-            context = updated.context
+        certainty, seen, why, is_ambiguous = unknown_certainty(len(joints[0])), dict[str, Array](), "", False
+        if context is not None and followed is not None:
             in_sight = in_view(context.subject, joints[0])
             seen_by = seen_shares(model, pose, context.subject, context.stretch) * in_sight
-            features = measure_features(model, pose, joints, weights, context, management.residual, seen_by)
-            certainty = FIT.judge(features, in_sight)
-            names = [name for name, moves in zip(model.dof_names, model.moves, strict=True) if moves]
-            if belief is not None and belief.posterior.size and not is_person(names):
-                certainty = replace(certainty, deviation=known_deviations(model, pose, belief.posterior))
-            certainty = replace(certainty, off_probability=certainty.off_probability * movable_joints(model))
-            views = [each.frame.camera for each in context.subject.views]
+            features = measure_features(model, pose, joints, weights, context, followed.residual, seen_by)
+            certainty = certainty_of(start, pose, followed.belief, features, in_sight)
+            views = [view.frame.camera for view in context.subject.views]
             seen = dict(zip(views, seen_by, strict=True))
-            disputed = updated.state.checkpoint.agreement.dispute(views)
-        new = len(cameras) > 1 and management.tracked < CHECK_INTERVAL_FRAMES
-        least = least_probability(certainty, faulty=faulty, new=new)
-        doubt = explain_doubt(model.joint_names, certainty, np.where(in_sight, least, 1.0))
-        doubted = bool(disputed or doubt)
-        status = updated.status or status_of(
-            management, weights, joints[1:, in_sight], joints[0, in_sight], doubted=doubted
-        )
+            faulty = any(state.fault for state in cameras.values())
+            new = len(cameras) > 1 and followed.is_new
+            limit = least_probability(certainty, faulty=faulty, new=new)
+            disputed = followed.agreement.dispute(views)
+            doubt = explain_doubt(model.joint_names, certainty, np.where(in_sight, limit, 1.0))
+            why = disputed or followed.doubt or doubt
+            rivals = has_rival(weights, joints[1:, in_sight], joints[0, in_sight])
+            is_ambiguous = bool(disputed or doubt or followed.ambiguous_facing or rivals)
+        elif isinstance(track, Searching):
+            why = track.why
+        status = status_of(track, is_ambiguous=is_ambiguous)
     estimate = Estimate(
         frame=updated.frame.number,
         time_s=updated.frame.time_s,
@@ -104,37 +118,50 @@ def report(updated: Updated) -> Tracked:
         joint_positions=joints[0],
         hypothesis_pose=poses[:, model.moves],
         hypothesis_weight=weights,
-        residual=np.nan if belief is None else float(belief.residual[0]),
+        residual=np.nan if followed is None else float(followed.belief.residual[0]),
         particles=updated.particles,
-        why=disputed or management.reason or doubt,
+        why=why,
         stage_seconds=updated.clock.seconds,
         seen_by=seen,
         faults=faults_of(cameras, updated.frame.time_s),
         keypoints={} if updated.context is None else in_image(updated.context.subject),
         certainty=unknown_certainty(len(joints[0])) if status in POSE_UNKNOWN else certainty,
     )
-    subject = None if updated.context is None else updated.context.subject
-    return Tracked(estimate, updated.state, subject)
+    return TrackedPerson(estimate, updated.state, None if context is None else context.subject)
 
 
-def status_of(
-    management: TrackManagement, weights: Array, joints: Array, reported: Array, *, doubted: bool
-) -> Status:
-    """Status of a frame that shows something, from weights (M,) and joints (M, J, 3), most likely first.
+def status_of(track: TrackState, *, is_ambiguous: bool) -> Status:
+    """The status of a frame.
 
-    Joints are those in view. `reported` (J, 3) are the reported ones; they may differ from those of the most
-    likely hypothesis.
-
-    `searching`: the body may be anywhere. `lost`: the pose does not explain the frame. `ambiguous`: it is
-    `doubted`, an equally likely hypothesis has a joint elsewhere, or front and back look alike.
+    `absent`: nothing shows a body. `searching`: something does, but not where it is. `lost`: the pose does
+    not explain the frame. `ambiguous`: a tracked pose is doubtful.
     """
-    if management.is_lost:
-        return "searching"
-    if management.unexplained:
-        return "lost"
+    match track:
+        case Searching(sight="something") | Lost(sight="body"):
+            return "searching"
+        case Absent() | Found() | Searching() | Lost(sight="nothing"):
+            return "absent"
+        case Tracked(unexplained_s=0.0):
+            return "ambiguous" if is_ambiguous else "tracked"
+    return "lost"
+
+
+def has_rival(weights: Array, joints: Array, reported: Array) -> bool:
+    """Whether an equally likely hypothesis has a joint in view elsewhere.
+
+    Of hypotheses with weights (M,) and joints (M, J, 3), the most likely first. `reported` (J, 3) may differ
+    from the most likely hypothesis.
+    """
     apart = np.linalg.norm(joints[weights > RIVAL_WEIGHT * weights[0]] - reported, axis=-1)
-    doubted = doubted or management.ambiguous_facing or bool(np.any(apart > OFF))
-    return "ambiguous" if doubted else "tracked"
+    return bool(np.any(apart > OFF))
+
+
+def certainty_of(start: Start, pose: Array, belief: Belief, features: Features, in_sight: Mask) -> Certainty:
+    """The certainty of each joint of the reported pose (D,); `in_sight` (J,) are those in view."""
+    certainty = FIT.judge(features, in_sight)
+    if belief.posterior.size and start.family.is_exact:
+        certainty = replace(certainty, deviation=known_deviations(start.model, pose, belief.posterior))
+    return replace(certainty, off_probability=certainty.off_probability * movable_joints(start.model))
 
 
 def least_probability(certainty: Certainty, *, faulty: bool, new: bool) -> Array:

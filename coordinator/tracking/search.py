@@ -13,39 +13,45 @@ class BodySearch:
 
     def __init__(self) -> None:
         self.subject: SubjectFrame | None = None  # in which the body is searched for
-        self._search: Search[Detection] | None = None  # None also when done
+        self._stages: Search[Detection] | None = None  # None also when done
         self._sent: Requests = ()  # to the workers
-        self._found: Detection | None = None
+        self._detection: Detection | None = None
 
-    def begin(self, search: Search[Detection], subject: SubjectFrame) -> None:
+    def begin(self, stages: Search[Detection], subject: SubjectFrame) -> None:
         """Begin another search."""
-        self.subject, self._search, self._sent, self._found = subject, search, (), None
+        self.subject, self._stages, self._sent, self._detection = subject, stages, (), None
 
     @property
-    def runs(self) -> bool:
+    def is_running(self) -> bool:
         """Whether a search is under way."""
-        return self._search is not None
+        return self._stages is not None
 
     def advance(self, *, wait: bool = True) -> bool:
         """Take the results of a stage and send the next one; False if there is none.
 
         Without `wait`, also if the workers are not ready with it.
         """
-        if self._search is None or not (wait or all(each.is_ready for each in self._sent)):
+        if self._stages is None or not (wait or all(request.is_ready for request in self._sent)):
             return False
         try:
-            self._sent = next(self._search)
+            self._sent = next(self._stages)
         except StopIteration as end:
-            self._search, self._found = None, end.value
+            self._stages, self._detection = None, end.value
         return True
+
+    def finish(self) -> None:
+        """Wait for the end of the search, if there is one."""
+        while self.advance():
+            pass
 
     def take(self) -> Detection | None:
         """What was detected; None if no search has ended."""
-        if (found := self._found) is not None:
-            self.end()
-        return found
+        detection = self._detection
+        if detection is not None:
+            self.drop()
+        return detection
 
-    def end(self) -> None:
+    def drop(self) -> None:
         """Give up the search, if there is one."""
-        self.subject = self._search = self._found = None
+        self.subject = self._stages = self._detection = None
         self._sent = ()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import reduce
 
 import numpy as np
@@ -49,17 +49,17 @@ class SegmentedView:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Segmented:
+class SegmentedFrame:
     """A segmented frame.
 
     subjects: one per body; None if nothing of the body is visible, or if it may be anywhere.
-    aside: crops of each body, of doubted cameras.
+    excluded: crops of each body, of the cameras that are not used for it.
     candidates: people who are not tracked, the most likely first; empty unless a body may be anywhere.
     """
 
     frame: DepthFrame
     subjects: tuple[SubjectFrame | None, ...]
-    aside: tuple[SubjectFrame | None, ...]
+    excluded: tuple[SubjectFrame | None, ...]
     candidates: tuple[SubjectFrame, ...]
     views: tuple[SegmentedView, ...]
 
@@ -77,6 +77,24 @@ class Segmented:
         """The planes that the camera with the largest part of a subject sees."""
         camera = None if subject is None else subject.frame.camera
         return next((each.view.planes for each in self.views if each.frame.camera == camera), Planes())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BodyView:
+    """What a frame shows of one body.
+
+    excluded: what the cameras show that are not used for it. is_elsewhere: not where the body was expected.
+    is_slow: it is long since the frame before, so the next one is segmented when this one is refined.
+    suggested: poses (F, D) of the body that keypoints suggest.
+    """
+
+    frame: DepthFrame
+    subject: SubjectFrame | None
+    planes: Planes
+    excluded: SubjectFrame | None = None
+    is_elsewhere: bool = False
+    is_slow: bool = False
+    suggested: Array = field(default_factory=lambda: np.empty((0, 0)))
 
 
 class Segmenter:
@@ -101,31 +119,33 @@ class Segmenter:
         frame: DepthFrame,
         bodies: Sequence[Array | None],
         *,
-        doubted: Sequence[Collection[str]] = (),
+        excluded: Sequence[Collection[str]] = (),
         rejected: bool = False,
         find: bool = True,
-    ) -> Segmented:
+    ) -> SegmentedFrame:
         """Segment the next frame: near the vertices (V, 3) of bodies, and people if a body may be anywhere.
 
-        The `doubted` cameras of a body are not used for it, unless no other camera shows it.
+        The `excluded` cameras of a body are not used for it, unless no other camera shows it.
 
         Other people are not learned as the room, unless they have been `rejected` for a while. Without
         `find`, they are not searched for, and nothing is learned while a body may be anywhere.
         """
         views = tuple(self._segment_view(view, bodies, rejected=rejected, find=find) for view in frame.views)
-        subjects, aside = list[SubjectFrame | None](), list[SubjectFrame | None]()
-        for n, out in enumerate(doubted or [()] * len(bodies)):
+        subjects, contradicting = list[SubjectFrame | None](), list[SubjectFrame | None]()
+        for n, out in enumerate(excluded or [()] * len(bodies)):
             cuts = [(each.frame.camera, cut) for each in views if (cut := each.bodies[n]) is not None]
             agreed = subject_of(frame, [cut for name, cut in cuts if name not in out], self._points)
-            contradicting = subject_of(frame, [cut for name, cut in cuts if name in out], self._points)
-            subjects.append(agreed or contradicting)
-            aside.append(None if agreed is None else contradicting)
-        doubted_by_any = set().union(*doubted)
-        shown = [each.people for each in views if each.frame.camera not in doubted_by_any]
+            against = subject_of(frame, [cut for name, cut in cuts if name in out], self._points)
+            subjects.append(agreed or against)
+            contradicting.append(None if agreed is None else against)
+        excluded_by_any = set().union(*excluded)
+        shown = [each.people for each in views if each.frame.camera not in excluded_by_any]
         people = self._join_people(frame, shown if any(shown) else [each.people for each in views])
-        return Segmented(frame, tuple(subjects), tuple(aside), people, views)
+        return SegmentedFrame(frame, tuple(subjects), tuple(contradicting), people, views)
 
-    def find_candidates(self, segmented: Segmented, tracked: Sequence[Array]) -> tuple[SubjectFrame, ...]:
+    def find_candidates(
+        self, segmented: SegmentedFrame, tracked: Sequence[Array]
+    ) -> tuple[SubjectFrame, ...]:
         """People in a segmented frame, most likely first, without those with vertices `tracked` (V, 3)."""
         found = list[Sequence[Shown]]()
         for each in segmented.views:
@@ -142,7 +162,7 @@ class Segmenter:
 
     def learn_things(
         self,
-        segmented: Segmented,
+        segmented: SegmentedFrame,
         changes: SceneChanges,
         searched: SubjectFrame,
         person: SubjectFrame,

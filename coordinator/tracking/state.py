@@ -1,9 +1,9 @@
-"""The start of a tracker, and its state between frames."""
+"""The start of a track, and the state of a tracker between two frames."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -13,14 +13,15 @@ from gepf.common.arrays import Array
 from gepf.common.body import ROOT_DOFS, BodyModel, unknown_dof, with_fixed_shape
 from gepf.common.bounds import LARGEST
 from gepf.common.errors import InputError
-from gepf.common.kinematics import joint_positions
-from gepf.coordinator.bodies.human.shape_space import shape_space
-from gepf.coordinator.bodies.tracked import USUAL_SIZE, Bodies, Size
+from gepf.common.settings import Settings
+from gepf.coordinator.bodies.families import family_of
+from gepf.coordinator.bodies.family import Bodies, BodyFamily, BodySize
 from gepf.coordinator.files import read_json
+from gepf.coordinator.filters.methods import initial_belief
 from gepf.coordinator.scene.scene import SceneChanges
-from gepf.coordinator.tracking.cameras import Agreement, CameraStates
+from gepf.coordinator.tracking.cameras import CameraStates
 from gepf.coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise
-from gepf.coordinator.tracking.track_management import GIVEN, TrackManagement
+from gepf.coordinator.tracking.track_state import Absent, Body, Found, TrackState
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,16 +29,21 @@ class Start:
     """A body and its pose (D,) in the first frame that shows it.
 
     `values` are by name, including degrees of freedom that are held. Until the body is `found`, only the
-    names of its degrees of freedom and joints are valid; pose and size are NaN. `noise` is the
+    names of its degrees of freedom and joints are valid; the pose is NaN, the size empty. `noise` is the
     camera's noise in that frame; zero if it was not measured.
     """
 
     model: BodyModel
     pose: Array
-    size: Size
+    size: BodySize
     values: Mapping[str, float] = field(default_factory=dict)
     noise: SensorNoise = NO_NOISE
     found: bool = True
+
+    @property
+    def family(self) -> BodyFamily:
+        """What is known of such bodies."""
+        return family_of(self.model)
 
     @property
     def held(self) -> dict[str, float]:
@@ -48,9 +54,9 @@ class Start:
         """The body of the shape with these coefficients (S,), without degrees of freedom of shape."""
         return with_fixed_shape(self.model, shape) if self.model.shape_count else self.model
 
-    def size_of(self, shape: Array) -> Size:
-        """The size of a person with these shape coefficients (S,); that of the start without any."""
-        return Size(*shape_space().measures_of(shape)) if len(shape) else self.size
+    def size_of(self, shape: Array) -> BodySize:
+        """The size of the body with these shape coefficients (S,); that of the start without any."""
+        return self.family.size_of(shape) if len(shape) else self.size
 
     @property
     def is_free(self) -> bool:
@@ -59,14 +65,17 @@ class Start:
 
     @property
     def roll(self) -> float:
-        """The rotation of the image that makes the body upright: a multiple of pi / 2, radians."""
-        return roll_of(self.model, self.pose, np.eye(3)) if self.found else 0.0
+        """The rotation of the image that makes the body upright: a multiple of pi / 2, radians.
+
+        Zero for a body without an axis.
+        """
+        return (self.family.roll(self.model, self.pose, np.eye(3)) or 0.0) if self.found else 0.0
 
 
 def start_at(
     values: Mapping[str, float],
     bodies: Bodies,
-    size: Size | None = None,
+    size: BodySize | None = None,
     noise: SensorNoise = NO_NOISE,
     *,
     flexible: bool = False,
@@ -75,23 +84,9 @@ def start_at(
 
     If it is `flexible`, a size that is not known can change.
     """
-    size = size or bodies.measures or USUAL_SIZE
+    size = bodies.usual_size if size is None else size
     model, pose = (bodies.flexible if flexible else bodies.tracked)(size, values)
     return Start(model, pose, size, dict(values), noise)
-
-
-def roll_of(model: BodyModel, pose: Array, turn: Array) -> float:
-    """The rotation of an image that makes a pose (D,) upright: a multiple of pi / 2, radians.
-
-    `turn` (3, 3) leads from the rig to the camera.
-    """
-    if not {"head", "pelvis"} <= set(model.joint_names):
-        return 0.0
-    joints = joint_positions(model, pose[None])[0]
-    rises = joints[model.joint_names.index("head")] - joints[model.joint_names.index("pelvis")]
-    across, down, _ = turn @ rises
-    quarter = 0.5 * np.pi
-    return round(float(-np.arctan2(across, -down)) / quarter) % 4 * quarter
 
 
 def read_start(path: Path, dof_names: Collection[str], remedy: str = "") -> dict[str, float]:
@@ -108,31 +103,29 @@ def read_start(path: Path, dof_names: Collection[str], remedy: str = "") -> dict
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Checkpoint:
-    """The part of the state that changes with every frame and is recorded; a new field is recorded, too."""
+    """The part of a person's state that changes with every frame and is recorded."""
 
-    belief: dict[str, Array]  # by field; empty until the body is found
-    expected: Array | None  # pose (D,) around which the next frame is segmented
-    time_s: float | None  # of the last frame that showed the body
+    track: TrackState
     generator: str  # state of the random generator as JSON, which allows integers of any size
-    scenes: SceneChanges  # changes by the frame; the whole scenes in a resumed run
-    management: TrackManagement = field(default_factory=TrackManagement)
-    cameras: CameraStates = field(default_factory=dict)
-    doubted: tuple[str, ...] = ()  # cameras, when the next frame is segmented
-    faulty: tuple[str, ...] = ()  # cameras at fault in the last frame that showed the body
-    agreement: Agreement = field(default_factory=Agreement)  # of the cameras, by the last pose
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class TrackerState:
-    """The whole state of a tracker between two frames; equal states give equal results, bit for bit."""
+class PersonState:
+    """The whole state of a person or another body between two frames."""
 
     start: Start  # is recorded only when it changes
     checkpoint: Checkpoint
 
     @property
+    def track(self) -> TrackState:
+        """The state of the track."""
+        return self.checkpoint.track
+
+    @property
     def shape(self) -> Array:
         """The shape coefficients (S,) of the body."""
-        return self.checkpoint.belief.get("reported", self.start.pose)[: self.start.model.shape_count]
+        pose = self.track.belief.reported if isinstance(self.track, Body) else self.start.pose
+        return pose[: self.start.model.shape_count]
 
     @property
     def body(self) -> BodyModel:
@@ -140,23 +133,43 @@ class TrackerState:
         return self.start.body_of(self.shape)
 
     @property
-    def size(self) -> Size:
-        """The present size of a person; NaN of other bodies."""
+    def size(self) -> BodySize:
+        """The present size; empty until the body is found, or if its shape is known."""
         return self.start.size_of(self.shape)
 
     @property
     def stature_deviation(self) -> float:
         """Standard deviation of the stature, metres; 0 if it is not estimated."""
-        precision = self.checkpoint.belief.get("shape_precision", np.empty((0, 0)))
-        return float(np.sqrt(np.linalg.inv(precision)[0, 0])) if precision.size else 0.0
+        if not isinstance(self.track, Body) or not self.track.belief.shape_precision.size:
+            return 0.0
+        return float(np.sqrt(np.linalg.inv(self.track.belief.shape_precision)[0, 0]))
 
 
-def first_state(bodies: Bodies, values: Mapping[str, float] | None, seed: int) -> TrackerState:
+@dataclass(frozen=True, slots=True, eq=False)
+class FrameState:
+    """What is known beside the people after a frame."""
+
+    scenes: SceneChanges = field(default_factory=dict)  # changes by the frame; in a resumed run, all of them
+    cameras: CameraStates = field(default_factory=dict)
+    time_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TrackerState:
+    """The whole state of a tracker between two frames; equal states give equal results, bit for bit."""
+
+    people: Sequence[PersonState]
+    frame: FrameState = field(default_factory=FrameState)
+
+
+def first_state(bodies: Bodies, values: Mapping[str, float] | None, settings: Settings) -> PersonState:
     """The state before the first frame: a start at values by name, or None to detect the body."""
-    generator = json.dumps(np.random.default_rng(seed).bit_generator.state)
+    generator = json.dumps(np.random.default_rng(settings.seed).bit_generator.state)
     if values is not None:
         start = start_at(values, bodies)
-        return TrackerState(start, Checkpoint({}, start.pose, None, generator, {}, GIVEN))
-    model, pose = bodies.tracked(bodies.measures or USUAL_SIZE, {})
-    start = Start(model, np.full_like(pose, np.nan), Size(np.nan, np.nan), found=False)
-    return TrackerState(start, Checkpoint({}, None, None, generator, {}))
+        belief = initial_belief(start.model, start.pose, settings)
+        track = Found(belief=belief, segmentation_pose=start.pose)
+        return PersonState(start, Checkpoint(track, generator))
+    model, pose = bodies.tracked(bodies.usual_size, {})
+    start = Start(model, np.full_like(pose, np.nan), (), found=False)
+    return PersonState(start, Checkpoint(Absent(), generator))

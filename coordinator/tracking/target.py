@@ -1,59 +1,71 @@
-"""Tracks one body through frames that are already segmented.
+"""Executes the state machine of one body (`track_state`): searches for it, refines it, and makes the events.
 
-Each frame takes three steps. `begin_frame` takes over the body that a search has found meanwhile. `submit`
-detects the body if its place is in doubt, predicts particles and sends them to the workers. `update` waits
-for the refined particles and updates the belief.
+A frame takes three steps. `begin_frame` takes over a body that a live search has detected, before the frame
+is segmented. `submit` sends the particles of the frame to the workers. `update` waits for the refined ones.
 """
 
 from __future__ import annotations
 
 import json
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from gepf.common.arrays import Array
 from gepf.common.body import BodyModel
-from gepf.common.frame import DepthFrame, SubjectFrame
+from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions, pose_vertices
 from gepf.common.settings import RefineSettings, Settings
-from gepf.coordinator.bodies.tracked import Bodies
+from gepf.coordinator.bodies.family import Bodies
 from gepf.coordinator.colour.finder import ExpectedBody, keypoint_cost
 from gepf.coordinator.filters.belief import USUAL_INTERVAL, Belief
 from gepf.coordinator.filters.methods import apply_method
-from gepf.coordinator.scene.planes import Planes
 from gepf.coordinator.stopwatch import Stopwatch
-from gepf.coordinator.tracking.cameras import Agreement, camera_residuals, faults_of
+from gepf.coordinator.tracking.cameras import CameraStates, camera_residuals, faults_of
 from gepf.coordinator.tracking.certainty.features import FrameContext
-from gepf.coordinator.tracking.detector import Detector, move_with_points
-from gepf.coordinator.tracking.estimate import Status
+from gepf.coordinator.tracking.detector import Detector, move_root
 from gepf.coordinator.tracking.gating import LEAST_PIXELS, gate_pose
-from gepf.coordinator.tracking.observation import POINTS, camera_points
-from gepf.coordinator.tracking.particle_filter import Encoders, Pace, ParticleFilter, Submitted, suggest
+from gepf.coordinator.tracking.observation import POINTS, camera_points, middle_of
+from gepf.coordinator.tracking.particle_filter import (
+    Encoders,
+    FrameBudget,
+    ParticleFilter,
+    Submitted,
+    suggest,
+)
 from gepf.coordinator.tracking.pose_candidates import SURER_LOG_LIKELIHOOD, Detection
 from gepf.coordinator.tracking.refiner import Refiner
 from gepf.coordinator.tracking.reporting import Updated
 from gepf.coordinator.tracking.search import BodySearch
+from gepf.coordinator.tracking.segmenter import BodyView
 from gepf.coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise, assume_noise, measure_noise
-from gepf.coordinator.tracking.state import Checkpoint, TrackerState
-from gepf.coordinator.tracking.track_management import SEARCH_INTERVAL_FRAMES, TrackManagement
+from gepf.coordinator.tracking.state import Checkpoint, PersonState
+from gepf.coordinator.tracking.track_state import (
+    Body,
+    Event,
+    Found,
+    Instructions,
+    Policy,
+    Refined,
+    SearchEnded,
+    Segmented,
+    step,
+)
 
-GONE_SHARE = 0.35  # of the body's pixels in the last good frame; with fewer it may have left
-WHOLE_SHARE = 0.85  # of the pixels in which the body was detected; with fewer, a part of it is missing
 
-
-class Begun(NamedTuple):
-    """A body that has just been detected: the frame in which it was searched for, and its pixels in it."""
+class JustDetected(NamedTuple):
+    """The frame in which a body was searched for, and what shows the body in it."""
 
     searched: SubjectFrame
     person: SubjectFrame
 
 
 class TargetTracker:
-    """Tracks one body from frame to frame, from a state on; the other arguments are those of `Tracker`.
+    """Tracks one body from a state on; the other arguments are those of `Tracker`.
 
-    Settings that define the method replace those given here.
+    `start` is the body, `track` the state of the machine. Settings that define the method replace those given
+    here.
     """
 
     def __init__(
@@ -61,27 +73,18 @@ class TargetTracker:
         refiner: Refiner,
         settings: Settings,
         bodies: Bodies,
-        state: TrackerState,
+        state: PersonState,
         motion: Encoders | None = None,
     ) -> None:
         self._refiner = refiner
         self._settings = settings = apply_method(settings)
         self._filter = ParticleFilter(refiner, settings, motion)
+        self._filter.rng.bit_generator.state = json.loads(state.checkpoint.generator)
         self._detector = Detector(bodies, refiner, settings)
         self._distance = 0.0  # of the subject in the present frame, metres
-        self.searching = BodySearch()
-        self.begun: Begun | None = None  # until the next frame
-        self.aside: SubjectFrame | None = None  # what cameras that are left out show of the body
-        self.start, past = state.start, state.checkpoint
-        self.scenes = past.scenes  # what the last submitted frame changed in the scenes
-        self.cameras = past.cameras  # after the last submitted frame
-        self.management, self.doubted = past.management, past.doubted
-        self._expected, self._time_s = past.expected, past.time_s
-        self._agreement, self._faulty = past.agreement, past.faulty
-        self._filter.rng.bit_generator.state = json.loads(past.generator)
-        self._belief: Belief | None = None
-        if past.belief:
-            self._belief = replace(self._filter.begin(self.model, self.start.pose), **past.belief)
+        self.search = BodySearch()
+        self.start, self.track = state.start, state.track
+        self._detected: JustDetected | None = None
 
     @property
     def model(self) -> BodyModel:
@@ -89,254 +92,258 @@ class TargetTracker:
         return self.start.model
 
     @property
-    def state(self) -> TrackerState:
+    def state(self) -> PersonState:
         """Everything that the next frame depends on."""
-        belief = self._belief
-        checkpoint = Checkpoint(
-            belief={each.name: getattr(belief, each.name) for each in (fields(belief) if belief else ())},
-            expected=self._expected,
-            time_s=self._time_s,
-            generator=json.dumps(self._filter.rng.bit_generator.state),
-            scenes=self.scenes,
-            management=self.management,
-            cameras=self.cameras,
-            doubted=self.doubted,
-            faulty=self._faulty,
-            agreement=self._agreement,
+        return PersonState(
+            self.start, Checkpoint(self.track, json.dumps(self._filter.rng.bit_generator.state))
         )
-        return TrackerState(self.start, checkpoint)
 
     @property
-    def expected(self) -> Array | None:
+    def policy(self) -> Policy:
+        """What the state machine needs to know of settings and body."""
+        return Policy(
+            min_points=min(LEAST_PIXELS, self._settings.points),
+            recovers=self._settings.recover and self.start.is_free,
+        )
+
+    @property
+    def segmentation_surface(self) -> Array | None:
         """The vertices (V, 3) around which the next frame is segmented; None if the body may be anywhere.
 
-        The present frame is still being refined. So this is the pose of the frame before.
+        The present frame may still be refined. So they are those of the pose of the frame before, unless
+        frames are slow.
         """
-        return None if self._expected is None else pose_vertices(self.model, self._expected[None])[0]
+        if not isinstance(self.track, Body) or self.track.segmentation_pose is None:
+            return None
+        return np.asarray(pose_vertices(self.model, self.track.segmentation_pose[None])[0])
 
     @property
     def expected_body(self) -> ExpectedBody | None:
         """The person around whom the next frame is segmented; None if there is none, or it is no person."""
-        if self._expected is None or not len(self.model.keypoint_links):
-            return None
-        return ExpectedBody(self.model, self._expected)
+        pose = self.track.segmentation_pose if isinstance(self.track, Body) else None
+        return None if pose is None or not len(self.model.keypoint_links) else ExpectedBody(self.model, pose)
 
     @property
     def last_seen(self) -> Array:
         """The last known centre (3,) of the body, camera frame, metres."""
-        pose = self.start.pose if self._belief is None else self._belief.reported
+        pose = self.track.belief.reported if isinstance(self.track, Body) else self.start.pose
         return np.asarray(joint_positions(self.model, pose[None])[0].mean(axis=0))
 
     @property
-    def least_pixels(self) -> int:
-        """The smallest number of pixels that can show a body."""
-        return min(LEAST_PIXELS, self._settings.points)
-
-    def misses(self, pixels: int) -> bool:
-        """Whether so few pixels of the body are visible that it is searched for elsewhere."""
-        least = max(self.least_pixels, GONE_SHARE * self.management.pixels)
-        if self.begun is not None:
-            least = WHOLE_SHARE * self.begun.person.pixels
-        return self._belief is not None and pixels < least and self._redetects
-
-    def nothing_seen(self) -> None:
-        """Note that the present frame does not show the body where it was expected."""
-        self.management = self.management.nothing_seen()
-
-    @property
     def is_tracked(self) -> bool:
-        """Whether the body is found and not lost."""
-        return self.start.found and not self.management.is_lost
+        """Whether the body is known and not lost."""
+        return isinstance(self.track, Body) and not self.track.is_lost
 
     @property
     def needs_frame(self) -> bool:
         """Whether the body needs the next frame now: it is tracked, or lost and no search is under way."""
-        return self.is_tracked or (self._belief is not None and not self.searching.runs)
+        return self.is_tracked or (isinstance(self.track, Body) and not self.search.is_running)
 
     @property
     def needs_candidates(self) -> bool:
-        """Whether the body may be anywhere in the next frame, and no first search for it runs."""
-        return self._expected is None and not (self._belief is None and self.searching.runs)
+        """Whether the body may be anywhere in the next frame, and no first search for it is under way."""
+        if isinstance(self.track, Body):
+            return self.track.segmentation_pose is None
+        return not self.search.is_running
 
     def prepare(self) -> None:
         """Build what a first detection needs, unless the body is known already."""
-        if not self.start.found:
+        if not isinstance(self.track, Body):
             self._detector.prepare()
 
     def begin_frame(self) -> None:
-        """Begin at the body that a search has found meanwhile, if it has; before a frame is segmented."""
-        self.begun = None
-        self._begin_if_found(live=True)  # a search in a recording ends with its frame
+        """Begin at the body that a first search has detected meanwhile, if it has."""
+        if not isinstance(self.track, Body):
+            self._end_search()  # in a recording a search ends with its frame
 
     def end(self) -> None:
         """Give up what the workers do for later frames."""
-        self.searching.end()
+        self.search.drop()
+        self._step(SearchEnded())
+
+    def take_detected(self) -> JustDetected | None:
+        """The body that has just been detected, once; the room around it can be learned."""
+        detected, self._detected = self._detected, None
+        return detected
 
     def submit(
-        self,
-        frame: DepthFrame,
-        subject: SubjectFrame | None,
-        planes: Planes,
-        clock: Stopwatch,
-        pace: Pace | None = None,
-        fitted: Array | None = None,
+        self, view: BodyView, clock: Stopwatch, budget: FrameBudget | None = None
     ) -> Submitted | Updated:
         """Predict particles for the next frame and send them to the workers.
 
-        `fitted` (F, D) are poses that keypoints suggest; some particles are replaced by them.
-
         `begin_frame` comes before, and `update` must follow. If there is nothing to refine, the frame is
-        updated at once. A live frame has a pace and does not wait for a search for the body: it begins one,
-        or takes the result of an earlier one.
+        updated at once. A frame with a budget does not wait for a search: the search goes on during later
+        frames, and this one takes the result of an earlier one.
         """
-        first = self._belief is None or self.begun is not None
-        expected = self._expected is not None or (first and self.searching.subject is not None)
-        shows = subject is not None or (expected and any(view.depth.any() for view in frame.views))
-        detection = None
+        subject, detection = view.subject, None
+        self._distance = distance_to(subject)
+        with clock.stage("search"):
+            todo = self._segmented(view, subject)
+            if subject is not None:
+                if "search" in todo:
+                    self._begin_search(view, subject)
+                if budget is None:
+                    self.search.finish()
+                detection = self._end_search()
+                if isinstance(self.track, Found) and "refine" not in todo:  # it was detected just now
+                    if budget is None and self._detected is not None:
+                        subject = self._detected.person
+                    todo = self._segmented(view, subject)
+                if detection is not None:
+                    detection = self._detector.transfer(detection, subject, self._refine_settings)
         if subject is not None:
-            detection, subject = self._detect(subject, planes, clock, live=pace is not None)
-        if subject is not None and self._belief is not None and self.begun is not None:
-            poses = np.vstack([self._belief.reported, self._belief.poses])
-            poses = move_with_points(self.model, poses, self.begun.person, subject)
-            self._belief = replace(self._belief, reported=poses[0], poses=poses[1:])
-        anywhere = self.management.is_lost and self._redetects
-        self._expected = None if self._belief is None or anywhere else self._belief.reported
-        self.doubted = self._agreement.contradicting
-        if self._belief is None or subject is None:
-            status = self._lose(shows=shows)
-            return Updated(frame, self.state, self._belief, status, 0, None, clock)
-        if first and pace is not None:  # with few particles, hypotheses of the detection would be lost
-            pace = replace(pace, is_late=False)
+            with clock.stage("publish"):
+                self._refiner.publish(subject)
+            if "refine" in todo:
+                return self._refine(view, subject, detection, clock, budget)
+        return Updated(view.frame, self.state, 0, None, clock)
+
+    def update(self, submitted: Submitted, cameras: CameraStates) -> Updated:
+        """Wait for the refined particles of the last submitted frame, and update the state."""
+        belief, particles = self._filter.update(self.model, submitted)
+        with submitted.clock.stage("measure"):
+            faulty = tuple(faults_of(cameras, submitted.view.frame.time_s))
+            todo = self._step(self._assess(belief, submitted, faulty))
+            if "stop searching" in todo:
+                self.search.drop()
+        return Updated(submitted.view.frame, self.state, particles, submitted.context, submitted.clock)
+
+    def _refine(
+        self,
+        view: BodyView,
+        subject: SubjectFrame,
+        detection: Detection | None,
+        clock: Stopwatch,
+        budget: FrameBudget | None,
+    ) -> Submitted:
+        """Predict the particles of a frame and send them to the workers."""
+        assert isinstance(self.track, Body)  # it has a belief
+        first, belief = isinstance(self.track, Found), self.track.belief
+        if first and budget is not None:  # with few particles, hypotheses of the detection would be lost
+            budget = replace(budget, is_late=False)
         with clock.stage("draw"):
-            proposal = self._filter.propose(self.model, self._belief, subject, self._time_s, pace)
-            if fitted is not None and self.begun is None:
-                proposal = suggest(proposal, fitted, self.model.shape_count)
+            proposal = self._filter.propose(self.model, belief, subject, self.track.time_s, budget)
+            if not first:
+                proposal = suggest(proposal, view.suggested, self.model.shape_count)
         with clock.stage("refine"):
-            rules = self._filter.pace(self._refine_settings, proposal.interval, pace)
-            context = FrameContext(subject, self._belief.reported, proposal.interval, rules.stretch, first)
-            pending = self._filter.send(self.model, subject, proposal, rules)
-        return Submitted(frame, rules, proposal, pending, context, detection, clock)
-
-    def update(self, submitted: Submitted) -> Updated:
-        """Wait for the refined particles of the last submitted frame, and update the belief."""
-        frame, clock = submitted.context.subject.frame, submitted.clock
-        belief, answered = self._filter.update(self.model, submitted)
-        self._time_s = frame.time_s
-        with clock.stage("measure"):
-            self._accept(belief, submitted)
-        return Updated(frame, self.state, self._belief, None, answered, submitted.context, clock)
-
-    @property
-    def _redetects(self) -> bool:
-        """Whether a lost body is searched for."""
-        return self._settings.recover and self.start.is_free
+            settings = self._filter.scale_iterations(self._refine_settings, proposal.interval, budget)
+            context = FrameContext(subject, belief.reported, proposal.interval, settings.stretch, first)
+            pending = self._filter.send(self.model, subject, proposal, settings)
+        return Submitted(view, settings, proposal, pending, context, detection, clock)
 
     @property
     def _refine_settings(self) -> RefineSettings:
         """The settings for the noise at the distance of the present frame."""
         return assume_noise(self._settings.refine, self.start.noise.at(self._distance))
 
-    def _detect(
-        self, subject: SubjectFrame, planes: Planes, clock: Stopwatch, *, live: bool
-    ) -> tuple[Detection | None, SubjectFrame]:
-        """Detect the body if there is none yet; redetect it if its place is in doubt.
+    def _step(self, event: Event) -> Instructions:
+        self.track, todo = step(self.track, event, self.policy)
+        return todo
 
-        Returns a redetection, and the subject. After a detection in this frame, it is what showed the body.
-        """
-        with clock.stage("search"):
-            points = camera_points(subject, max(1, len(subject.picked) // POINTS))
-            self._distance = float(np.median(points[:, 2])) if len(points) else 0.0
-            if self._belief is None and self.start.found:
+    def _segmented(self, view: BodyView, subject: SubjectFrame | None) -> Instructions:
+        """The event of a segmented frame; a body with a given start is first seen there."""
+        has_depth = any(image.depth.any() for image in view.frame.views)
+        if subject is None:
+            return self._step(Segmented(view.frame.time_s, has_depth=has_depth))
+        moved = None
+        if isinstance(self.track, Found):
+            if self.track.place is None:
                 self.start = replace(self.start, noise=self._measure_noise(subject))
-                self._belief = self._filter.begin(self.model, self.start.pose)
-            elif self.searching.subject is None:
-                self._begin_search(subject, planes)
-            while not live and self.searching.advance():
-                pass
-            self._begin_if_found(live=live)
-            detection = self.searching.take()
-            if detection is not None:
-                detection = self._detector.transfer(detection, subject, self._refine_settings)
-            if self.begun is not None and not live:
-                subject = self.begun.person
-        with clock.stage("publish"):
-            self._refiner.publish(subject)
-        return detection, subject
+            else:
+                moved = self._move(self.track.belief, middle_of(subject) - self.track.place)
+        return self._step(
+            Segmented(
+                view.frame.time_s, subject.pixels, len(subject.picked), has_depth, view.is_elsewhere, moved
+            )
+        )
+
+    def _move(self, belief: Belief, step_m: Array) -> Belief:
+        """The belief in a body that has moved (3,) since the frame in which it was detected."""
+        poses = move_root(self.model, np.vstack([belief.reported, belief.poses]), step_m)
+        return replace(belief, reported=poses[0], poses=poses[1:])
 
     def _measure_noise(self, subject: SubjectFrame) -> SensorNoise:
         return measure_noise(subject.frame) if self._settings.measure_noise else NO_NOISE
 
-    def _begin_search(self, subject: SubjectFrame, planes: Planes) -> None:
-        """Begin a search for the body in a frame, if one is due."""
-        if self._belief is not None:
-            if self.management.check_due and self._redetects:
-                lost, last, rules = self.management.is_lost, self._belief.reported, self._refine_settings
-                precision = self._belief.shape_precision
-                search = self._detector.redetect(subject, self.start, rules, last, precision, lost=lost)
-                self.searching.begin(search, subject)
-        elif len(subject.picked) < self.least_pixels:
-            self.nothing_seen()
-        elif not self.management.search_due:
-            self.management = self.management.not_found(self.management.why)
+    def _begin_search(self, view: BodyView, subject: SubjectFrame) -> None:
+        """Begin a search for the body in a frame: for any body, or for the known one."""
+        if isinstance(self.track, Body):
+            belief, settings = self.track.belief, self._refine_settings
+            stages = self._detector.redetect(
+                subject,
+                self.start,
+                settings,
+                belief.reported,
+                belief.shape_precision,
+                lost=self.track.is_lost,
+            )
         else:
-            search = self._detector.detect(subject, self._measure_noise(subject), planes)
-            self.searching.begin(search, subject)
+            stages = self._detector.detect(subject, self._measure_noise(subject), view.planes)
+        self.search.begin(stages, subject)
 
-    def _begin_if_found(self, *, live: bool) -> None:
-        """Begin at the result of a first search, in its frame, if it passes gating.
+    def _end_search(self) -> Detection | None:
+        """Take the result of a search that has ended; returns that of a later one, to be compared.
 
-        Else the search counts as one frame, live as all until the next one.
+        A first search finds the body, in the frame in which it began, or nothing.
         """
-        searched = self.searching.subject
-        if self._belief is not None or searched is None or (detection := self.searching.take()) is None:
-            return
+        searched, detection = self.search.subject, self.search.take()
+        if searched is None or detection is None:
+            return None
+        if isinstance(self.track, Body):
+            self._step(SearchEnded())
+            return detection
         if not detection.gate.passes:
-            frames = SEARCH_INTERVAL_FRAMES if live else 1
-            self.management = self.management.not_found(detection.gate.why, frames)
-            return
-        self.start, self.management = detection.start, TrackManagement(why=detection.gate.why)
-        self._belief = self._filter.believe(self.model, detection.candidates)
-        self.begun = Begun(searched, detection.subject)
-        self._time_s, self._expected = detection.subject.frame.time_s, self._belief.reported
+            self._step(SearchEnded(why=detection.gate.why))
+            return None
+        self.start, person = detection.start, detection.subject
+        belief = self._filter.believe(self.model, detection.candidates)
+        detected = Found(
+            belief=belief,
+            time_s=person.frame.time_s,
+            segmentation_pose=belief.reported,
+            place=middle_of(person),
+            detected_pixels=person.pixels,
+        )
+        if "learn the room" in self._step(SearchEnded(detected)):
+            self._detected = JustDetected(searched, person)
+        return None
 
-    def _accept(self, belief: Belief, submitted: Submitted) -> None:
-        """Gate the tracked hypotheses; replace them by a detection that explains the frame better."""
-        subject, detection, redetected = submitted.context.subject, submitted.detection, False
-        by_depth = belief.log_weights[0] + keypoint_cost(self.model, belief.poses[0], subject)
-        gate = gate_pose(by_depth, belief.residual[0], submitted.rules)
-        self._belief = belief
+    def _assess(self, belief: Belief, submitted: Submitted, faulty: tuple[str, ...]) -> Refined:
+        """Gate the tracked hypotheses, or those of a detection that explains the frame better."""
+        assert isinstance(self.track, Body)  # it was refined
+        context, detection = submitted.context, submitted.detection
+        by_depth = belief.log_weights[0] + keypoint_cost(self.model, belief.poses[0], context.subject)
+        gate = gate_pose(by_depth, belief.residual[0], submitted.settings)
+        redetected, ambiguous_facing = False, None
         if detection is not None:
             if detection.candidates.log_likelihood[0] > belief.log_weights[0] + SURER_LOG_LIKELIHOOD:
                 joints = joint_positions(self.model, belief.poses[:1])[0]
-                redetected = self.management.is_lost or detection.is_elsewhere(joints)
+                redetected = self.track.is_lost or detection.is_elsewhere(joints)
                 redetected_as = self._filter.believe(self.model, detection.candidates)
-                self._belief = replace(redetected_as, shape_precision=belief.shape_precision)
+                belief = replace(redetected_as, shape_precision=belief.shape_precision)
                 gate = detection.gate
-            joints = joint_positions(self.model, self._belief.poses[:1])[0]
-            facing = detection.looks_alike(self.model.joint_names, joints, self._belief.log_weights[0])
-            self.management = replace(self.management, ambiguous_facing=facing)
-        if self.management.is_lost and not self._agreement.contradicting:
-            self._agreement = Agreement()
-        self.management = self.management.updated(gate, subject.pixels, redetected=redetected)
-        before, self._faulty = self._faulty, tuple(faults_of(self.cameras, submitted.frame.time_s))
-        if set(before) - set(self._faulty) and self._redetects:  # a camera is back
-            self.searching.end()  # it began without this camera
-            self.management = self.management.checked_next()
-        views = [*subject.views, *(self.aside.views if self.aside is not None else ())]
-        pose, noise = self._belief.poses[0], submitted.rules.noise_depth
-        residuals = camera_residuals(self.model, pose, submitted.frame, views, noise)
-        # the interval of the first frame includes the search, in which no cameras were compared
-        interval = USUAL_INTERVAL if submitted.context.first else submitted.proposal.interval
-        self._agreement = self._agreement.after(residuals, noise, interval)
+            joints = joint_positions(self.model, belief.poses[:1])[0]
+            ambiguous_facing = detection.looks_alike(joints, belief.log_weights[0])
+        view, noise_depth = submitted.view, submitted.settings.noise_depth
+        views = [*context.subject.views, *(view.excluded.views if view.excluded is not None else ())]
+        return Refined(
+            belief=belief,
+            gate=gate,
+            pixels=context.subject.pixels,
+            time_s=context.subject.frame.time_s,
+            redetected=redetected,
+            ambiguous_facing=ambiguous_facing,
+            faulty=faulty,
+            residuals=camera_residuals(self.model, belief.poses[0], view.frame, views, noise_depth),
+            noise_depth=noise_depth,
+            # the interval of the first frame includes the search, in which no cameras were compared
+            interval_s=USUAL_INTERVAL if context.first else submitted.proposal.interval,
+            is_slow=view.is_slow,
+        )
 
-    def _lose(self, *, shows: bool) -> Status:
-        """The status of a frame in which nothing of the body is seen; the hypotheses stay where they are."""
-        if self._belief is None:
-            if not shows:
-                self.nothing_seen()
-            searched = self.searching.subject is not None or self.management.frames_searched
-            return "searching" if shows and searched else "absent"
-        resting = self._belief.at_rest()
-        self._belief = replace(resting, residual=np.full(len(resting.residual), np.nan))
-        self.nothing_seen()
-        return "lost" if shows else "absent"
+
+def distance_to(subject: SubjectFrame | None) -> float:
+    """The median distance of a subject from the main camera, metres; 0 without one."""
+    if subject is None or not len(subject.picked):
+        return 0.0
+    return float(np.median(camera_points(subject, max(1, len(subject.picked) // POINTS))[:, 2]))

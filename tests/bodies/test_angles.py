@@ -13,12 +13,16 @@ from scipy.spatial.transform import Rotation
 from gepf.common.arrays import Array
 from gepf.common.body import ROOT_DOFS, BodyModel
 from gepf.common.kinematics import joint_positions
-from gepf.coordinator.bodies.angles import Angles, angles_of, person_angles
+from gepf.coordinator.bodies.angles import Angles
 from gepf.coordinator.bodies.choice import choose_bodies
-from gepf.coordinator.bodies.from_joints import angles_from_joints
+from gepf.coordinator.bodies.families import angles_of
+from gepf.coordinator.bodies.human.angles import person_angles
+from gepf.coordinator.bodies.human.from_joints import angles_from_joints
+from gepf.coordinator.bodies.human.isb import isb_shoulder
+from gepf.coordinator.bodies.human.shape_space import Size
 from gepf.coordinator.bodies.human.template import human
-from gepf.coordinator.bodies.swing_twist import isb_shoulder, nearest_swing, swing_twist
-from gepf.coordinator.bodies.tracked import Size, name_pose
+from gepf.coordinator.bodies.swing_twist import nearest_swing, swing_twist
+from gepf.coordinator.bodies.tracked import name_pose
 from gepf.coordinator.bodies.urdf import read_urdf
 
 DOWN, LEFT, FRONT = np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, -1.0])

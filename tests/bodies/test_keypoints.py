@@ -9,7 +9,7 @@ from gepf.common.activation import activate
 from gepf.common.body import KEYPOINTS, with_fixed_shape
 from gepf.common.kinematics import keypoint_positions
 from gepf.common.protocol.models import decode_model, encode_model
-from gepf.coordinator.bodies.human.shape_space import shape_space
+from gepf.coordinator.bodies.human.shape_space import Size, shape_space
 from gepf.coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from gepf.coordinator.bodies.tracked import coarsen
 
@@ -34,10 +34,10 @@ def test_shape_coefficients_move_them_as_another_person() -> None:
     """A body of any shape, fixed at a child's, has the keypoints of the child."""
     space = shape_space()
     child = space.person(1.2, 1.1)
-    fixed = with_fixed_shape(space.anybody, space.coefficients(1.2, 1.1))
+    fixed = with_fixed_shape(space.anybody, space.coefficients(Size(1.2, 1.1)))
     np.testing.assert_allclose(fixed.keypoint_points, child.keypoint_points, atol=1e-9)
     pose = np.zeros(len(space.anybody.dof_names))
-    pose[: len(space.coefficients(1.2, 1.1))] = space.coefficients(1.2, 1.1)
+    pose[: len(space.coefficients(Size(1.2, 1.1)))] = space.coefficients(Size(1.2, 1.1))
     posed = keypoint_positions(space.anybody, pose[None])[0]
     np.testing.assert_allclose(posed, child.keypoint_points, atol=1e-9)
 

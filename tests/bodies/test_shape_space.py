@@ -14,9 +14,9 @@ from gepf.common.body import with_fixed_shape
 from gepf.common.kinematics import joint_positions, pose_vertices
 from gepf.coordinator.bodies.choice import choose_bodies, load_body
 from gepf.coordinator.bodies.human.measures import Measures
-from gepf.coordinator.bodies.human.shape_space import shape_space
+from gepf.coordinator.bodies.human.shape_space import Size, shape_space
 from gepf.coordinator.bodies.human.template import human, human_of
-from gepf.coordinator.bodies.tracked import Size, coarsen
+from gepf.coordinator.bodies.tracked import coarsen
 from tests.support.refusals import refused
 
 LENGTHS = {"trunk": 0.53, "shoulder_width": 0.31, "hip_width": 0.16, "forearm": 0.22, "upper_arm": 0.33}
@@ -57,8 +57,9 @@ def test_age_sets_the_proportions_of_a_child(tmp_path: Path) -> None:
         body = load_body(str(path))
         assert np.ptp(body.vertices[:, 1]) == pytest.approx(1.2, rel=0.005)
         legs.append(body.vertices[:, 1].max())
-        size = choose_bodies(None, "default", str(path)).measures
-        assert size is not None
+        known = choose_bodies(None, "default", str(path)).size
+        assert known is not None
+        size = Size(*known)
         assert shape_space().age(size.stature, size.maturity) == pytest.approx(age)
         assert f"child of about {age} years" in Measures.of(1.2, age=age).in_words()
     assert legs[0] < legs[1] - 0.01
@@ -87,7 +88,7 @@ def test_a_person_of_a_file_has_its_measures(tmp_path: Path) -> None:
     path.write_text(json.dumps(asdict(PERSON)))
     assert load_body(str(path)).hash == human_of(PERSON).hash
     bodies = choose_bodies(None, "default", str(path))
-    assert bodies.measures == Size(1.75, 1.0)
+    assert bodies.size == Size(1.75, 1.0)
     path.write_text(json.dumps({"stature": 1.9, "girth": 0.85, "stature_deviation": 0.03}))
     assert load_body(str(path)).hash == human(1.9, 0.85).hash
 
@@ -124,9 +125,9 @@ def test_shape_coefficients_make_everybody(size: Size) -> None:
     space, rng = shape_space(), np.random.default_rng(0)
     person, anybody = space.person(*size), space.anybody
     pose = rng.normal(scale=0.3, size=len(person.dof_names))
-    same = np.concatenate([space.coefficients(*size), pose])
+    same = np.concatenate([space.coefficients(size), pose])
     fixed = with_fixed_shape(anybody, same[: anybody.shape_count])
     for place in (pose_vertices, joint_positions):
         np.testing.assert_allclose(place(anybody, same[None]), place(person, pose[None]), atol=1e-9)
         np.testing.assert_allclose(place(fixed, pose[None]), place(person, pose[None]), atol=1e-9)
-    assert space.measures_of(space.coefficients(*size)) == pytest.approx(size, abs=1e-9)
+    assert space.size_of(space.coefficients(size)) == pytest.approx(size, abs=1e-9)

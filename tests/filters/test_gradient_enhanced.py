@@ -16,10 +16,9 @@ from gepf.common.body import ROTATION, TRANSLATION
 from gepf.common.kinematics import difference
 from gepf.common.refinement import Refined
 from gepf.common.settings import FilterSettings, preset
-from gepf.coordinator.filters.belief import choose_reported, draw_ancestors, normalise
+from gepf.coordinator.filters.belief import Belief, choose_reported, draw_ancestors, normalise
 from gepf.coordinator.filters.exploration import choose_count, choose_kinds
 from gepf.coordinator.filters.gradient_enhanced import (
-    Hypotheses,
     begin,
     estimate_covariances,
     keep_unseen,
@@ -46,7 +45,7 @@ def toy(poses: Array) -> Refined:
 
 def follow(
     refine: Callable[[Array], Refined], settings: FilterSettings, seed: int, frames: int
-) -> list[Hypotheses]:
+) -> list[Belief]:
     """The filter over some frames."""
     rng, found = np.random.default_rng(seed), [begin(hinges(), np.zeros(2), settings)]
     for _ in range(frames):
@@ -238,7 +237,7 @@ def test_two_valleys_stay_two_hypotheses(explores: bool) -> None:
 
 def test_every_hypothesis_goes_back_to_its_own_ancestor() -> None:
     """Velocity and inherited covariance are those of its ancestor, whichever is the likeliest."""
-    past = Hypotheses(
+    past = Belief(
         poses=np.array([[0.0, 0.0], [1.0, 2.0]]),
         log_weights=np.zeros(2),
         residual=np.zeros(2),

@@ -19,7 +19,7 @@ from gepf.common.arrays import Array
 from gepf.common.body import BodyModel
 from gepf.common.camera import Intrinsics, project
 from gepf.common.kinematics import pose_vertices
-from gepf.coordinator.bodies.angles import angles_of
+from gepf.coordinator.bodies.families import angles_of
 from gepf.coordinator.pictures.film import spread, tile, write_film
 from gepf.coordinator.pictures.overlay import View, paint, view_around
 from gepf.coordinator.pictures.plots import STATUS, angle_curves, curves_of, plot_curves

@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 
 from gepf.common.activation import activate
-from gepf.coordinator.bodies.angles import angles_of
+from gepf.coordinator.bodies.families import angles_of
 from gepf.coordinator.bodies.human.template import human
 from gepf.coordinator.bodies.urdf import read_urdf
 from gepf.coordinator.cli import main

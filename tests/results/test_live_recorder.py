@@ -10,7 +10,9 @@ import tracemalloc
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
+from zipfile import ZipFile
 
 import numpy as np
 import pytest
@@ -29,9 +31,9 @@ from gepf.coordinator.results.summary import read_summary
 from gepf.coordinator.results.tally import Tally
 from gepf.coordinator.results.track import read_track
 from gepf.coordinator.tracking.estimate import Estimate
-from gepf.coordinator.tracking.reporting import Tracked
-from gepf.coordinator.tracking.state import TrackerState
-from tests.results.test_recorder import CONFIGURATION, START, estimate, names, record, state
+from gepf.coordinator.tracking.reporting import TrackedFrame, TrackedPerson
+from gepf.coordinator.tracking.state import PersonState
+from tests.support.recorded import CONFIGURATION, START, estimate, frame_state, names, record, state
 
 FRAMES = 40
 KINDS = ("tracked", "ambiguous", "lost")
@@ -62,8 +64,9 @@ def append(recorder: LiveRecorder | Recorder | Unstored, estimates: Sequence[Est
     """Record frames of one person."""
     for each in estimates:
         start = START if each.frame >= 2 else UNFOUND
-        tracked = Tracked(each, TrackerState(start, state(each.frame).checkpoint))
-        recorder.append([tracked], PoolStatistics(("a",), {"batches_sent": each.frame}), each.frame / 10)
+        people = [TrackedPerson(each, PersonState(start, state(each.frame).checkpoint))]
+        tracked = TrackedFrame(people, frame_state(each.frame))
+        recorder.append(tracked, PoolStatistics(("a",), {"batches_sent": each.frame}), each.frame / 10)
 
 
 def record_live(run: Path, estimates: Sequence[Estimate], *, killed: bool = False) -> None:
@@ -101,12 +104,24 @@ def contents(run: Path) -> dict[str, bytes]:
 
 
 def test_a_live_run_writes_the_files_of_a_recorded_run(tmp_path: Path) -> None:
-    """Byte for byte, values that JSON has no number for included; the container is gone."""
-    record_live(tmp_path / "live", frames())
+    """Byte for byte, values that JSON has no number for included; the container is gone.
+
+    Only the arrays of `track.npz` are compressed, so that padding to the frame with the most hypotheses takes
+    no room.
+    """
+    estimates = [*frames(), *(estimate(n, 80) for n in range(FRAMES, FRAMES + 3))]
+    record_live(tmp_path / "live", estimates)
     with Recorder(tmp_path / "recorded", CONFIGURATION) as recorder:
-        append(recorder, frames())
+        append(recorder, estimates)
         recorder.finish({"complete": True, "pool": {"workers": 1}}, 0.0)
-    assert contents(tmp_path / "live") == contents(tmp_path / "recorded")
+    live, recorded = contents(tmp_path / "live"), contents(tmp_path / "recorded")
+    packed, plain = live.pop("track.npz"), recorded.pop("track.npz")
+    assert live == recorded
+    with ZipFile(BytesIO(packed)) as one, ZipFile(BytesIO(plain)) as other:
+        assert [(name, one.read(name)) for name in one.namelist()] == [
+            (name, other.read(name)) for name in other.namelist()
+        ]
+    assert len(packed) < len(plain) / 4
 
 
 def test_a_killed_run_is_finished_when_it_is_read(killed: Path, caplog: pytest.LogCaptureFixture) -> None:
@@ -186,8 +201,8 @@ def test_people_of_a_killed_run_have_their_folders(tmp_path: Path) -> None:
         for each in frames(5):
             after = state(each.frame).checkpoint
             starts = [UNFOUND, START if each.frame >= 2 else UNFOUND, UNFOUND]
-            tracked = [Tracked(each, TrackerState(start, after)) for start in starts]
-            recorder.append(tracked, PoolStatistics(), 1.0)
+            people = [TrackedPerson(each, PersonState(start, after)) for start in starts]
+            recorder.append(TrackedFrame(people, frame_state(each.frame)), PoolStatistics(), 1.0)
     finish_killed(run / "person2")
     assert names(run) == ["person1", "person2", "summary.json"]
     assert len(read_track(run / "person2").frame) == 5

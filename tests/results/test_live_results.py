@@ -5,7 +5,6 @@ from __future__ import annotations
 import subprocess
 import sys
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +12,10 @@ import msgspec
 import numpy as np
 import pytest
 
-from gepf.common.kinematics import joint_positions
 from gepf.common.transport.opening import open_coordinator
 from gepf.coordinator.results.live_results import LiveResults, PackedOutlet, read_result
-from gepf.coordinator.tracking.certainty.certainty import Certainty, unknown_certainty
-from gepf.coordinator.tracking.estimate import Estimate, Status
 from tests.support.bodies import person
+from tests.support.published import estimate, nobody
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "live_results.py"
 
@@ -36,31 +33,6 @@ class Heard:
         self.payloads.append(payload)
 
     put_blocking = put
-
-
-def estimate(frame: int, turn: float, status: Status = "tracked") -> Estimate:
-    """An estimate of a person turned about the vertical by this angle."""
-    pose = np.zeros(len(person().dof_names))
-    pose[person().dof("root_ry")] = turn
-    joints = joint_positions(person(), pose[None])[0]
-    count = len(joints)
-    certainty = Certainty(np.full(count, 0.75), np.full(count, 0.25), np.full(count, 0.05))
-    if status == "lost":
-        certainty = unknown_certainty(count)
-    return Estimate(frame, frame / 30.0, status, pose, joints, pose[None], np.ones(1), 0.01, certainty)
-
-
-def nobody(frame: int) -> Estimate:
-    """A frame before anybody was found: nothing is known of a pose."""
-    there = estimate(frame, 0.0, "lost")
-    return replace(
-        there,
-        status="absent",
-        pose=np.full_like(there.pose, np.nan),
-        joint_positions=np.full_like(there.joint_positions, np.nan),
-        hypothesis_pose=np.empty((0, len(there.pose))),
-        hypothesis_weight=np.empty(0),
-    )
 
 
 def test_before_anybody_is_found_all_is_null() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import itertools
 import tempfile
-from dataclasses import replace
+from dataclasses import fields
 from pathlib import Path
 from typing import BinaryIO
 
@@ -15,76 +15,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gepf.common.errors import InputError
-from gepf.coordinator.bodies.tracked import Size
 from gepf.coordinator.files import write_atomically
-from gepf.coordinator.pool.options import PoolStatistics
-from gepf.coordinator.results.log import Recorded, read_log, read_records
+from gepf.coordinator.filters.belief import Belief
+from gepf.coordinator.results.log import read_log, read_records
 from gepf.coordinator.results.recorder import Recorder
 from gepf.coordinator.results.track import read_track
-from gepf.coordinator.scene.scene import SceneChange
-from gepf.coordinator.tracking.certainty.certainty import Certainty, unknown_certainty
-from gepf.coordinator.tracking.estimate import Estimate, Status
-from gepf.coordinator.tracking.reporting import Tracked
-from gepf.coordinator.tracking.state import Checkpoint, Start, TrackerState
-from gepf.worker.warm_up import tiny_model
-
-MODEL = replace(
-    tiny_model(),
-    joint_names=("pelvis", "right_wrist"),
-    joint_links=np.zeros(2, dtype=np.int64),
-    joint_points=np.zeros((2, 3)),
-)
-DOFS, JOINTS = MODEL.dof_names, MODEL.joint_names
-START = Start(MODEL, np.arange(len(DOFS)) / 7.0, Size(1.7, 1.0))
-SETTINGS = {"seed": 3, "method": "gepf", "preset": "default", "filter": {"particles": 2}}
-CONFIGURATION = {"sequence": "wall", "model": {"name": "wall"}, "settings": SETTINGS}
-
-
-def estimate(number: int, hypotheses: int = 2, status: Status = "tracked") -> Estimate:
-    """An estimate whose values differ from those of every other."""
-    rng = np.random.default_rng(number)
-    poses = rng.normal(size=(hypotheses, len(DOFS)))
-    unknown = unknown_certainty(len(JOINTS))
-    return Estimate(
-        frame=number,
-        time_s=number / 30,
-        status=status,
-        pose=poses[0],
-        joint_positions=rng.normal(size=(len(JOINTS), 3)),
-        hypothesis_pose=poses,
-        hypothesis_weight=np.full(hypotheses, 1 / hypotheses),
-        residual=float("nan") if status == "lost" else 0.01,
-        certainty=unknown if status == "lost" else Certainty(*rng.random((3, len(JOINTS)))),
-        stage_seconds={"refine": rng.random()},
-    )
-
-
-ESTIMATES = [estimate(4, 1), estimate(5, 3, "ambiguous"), estimate(6, 2, "lost")]
-
-
-def state(number: int) -> TrackerState:
-    """The tracker's state after a frame; its arrays hold values that are hard to encode."""
-    belief = {"poses": np.array([[0.1, np.nan, -np.inf, 5e-324]]), "reported": np.array([number / 3.0])}
-    generator = f'{{"state": {2**127 + number}}}'
-    scenes = {"front": SceneChange(seen=number)}
-    return TrackerState(START, Checkpoint(belief, np.array([0.5]), number / 3.0, generator, scenes))
-
-
-def append(recorder: Recorder, *estimates: Estimate) -> None:
-    """Record frames of one person."""
-    for each in estimates:
-        tracked = Tracked(each, state(each.frame))
-        recorder.append([tracked], PoolStatistics(("a",), {"batches_sent": 2}), each.frame / 10)
-
-
-def record(
-    folder: Path, estimates: list[Estimate], *, complete: bool = True, resume: bool = False
-) -> Recorded | None:
-    """Record a whole run, or the rest of one; returns what was recorded before."""
-    with Recorder(folder, CONFIGURATION, resume=resume) as recorder:
-        append(recorder, *estimates)
-        recorder.finish({"complete": complete}, 0.0)
-    return recorder.past
+from gepf.coordinator.tracking.track_state import Tracked
+from tests.support.recorded import CONFIGURATION, DOFS, ESTIMATES, MODEL, append, names, record, state
 
 
 @pytest.fixture
@@ -92,11 +29,6 @@ def run(tmp_path: Path) -> Path:
     """The folder of a finished run."""
     record(tmp_path / "run", ESTIMATES)
     return tmp_path / "run"
-
-
-def names(folder: Path) -> list[str]:
-    """Names of the files in a folder."""
-    return sorted(path.name for path in folder.iterdir())
 
 
 def test_the_track_has_the_fields_shapes_and_types_of_the_contract(run: Path) -> None:
@@ -151,8 +83,12 @@ def test_a_frame_is_in_the_file_before_the_next_begins(tmp_path: Path) -> None:
             (one,) = recorded.people
             assert one.state.start.model.hash == MODEL.hash
             assert one.state.checkpoint.generator == state(each.frame).checkpoint.generator
-            for name, array in state(each.frame).checkpoint.belief.items():
-                assert one.state.checkpoint.belief[name].tobytes() == array.tobytes()
+            recorded_track, track = one.state.track, state(each.frame).track
+            assert isinstance(recorded_track, Tracked)
+            assert isinstance(track, Tracked)
+            for field in fields(Belief):
+                values = getattr(track.belief, field.name)
+                assert getattr(recorded_track.belief, field.name).tobytes() == values.tobytes()
             last = one.estimates[-1]
             np.testing.assert_array_equal(last.hypothesis_pose, each.hypothesis_pose)
             assert last.stage_seconds == each.stage_seconds

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import fields
 from pathlib import Path
 from typing import BinaryIO
 
@@ -20,7 +19,8 @@ from gepf.coordinator.stopwatch import Stopwatch
 from gepf.coordinator.tracking.estimate import Estimate
 from gepf.coordinator.tracking.observation import isolate
 from gepf.coordinator.tracking.particle_filter import Submitted
-from gepf.coordinator.tracking.state import Checkpoint, TrackerState, first_state
+from gepf.coordinator.tracking.segmenter import BodyView
+from gepf.coordinator.tracking.state import TrackerState, first_state
 from gepf.coordinator.tracking.target import TargetTracker
 from gepf.refiners import DirectRefiner
 from tests.support.people import STANDING, OnePerson, as_bytes, empty, known, shown
@@ -30,11 +30,12 @@ from tests.support.stand_ins import Desk, desk, sequence, workers  # noqa: F401 
 
 def recorded_state(file: BinaryIO, state: TrackerState, estimate: Estimate) -> TrackerState:
     """A state as it is read from the log to which it was appended."""
-    entry = Entry([state.start], [state.checkpoint], [estimate], PoolStatistics(), 0.0)
+    (person,) = state.people
+    entry = Entry(state.frame, [person.start], [person.checkpoint], [estimate], PoolStatistics(), 0.0)
     append_records(file.fileno(), [Opening({}), entry])
     recorded = read_log(Path(file.name))
     assert recorded is not None
-    return recorded.people[0].state
+    return recorded.state
 
 
 @pytest.mark.parametrize(("method", "room"), [*((method, False) for method in METHODS), ("gepf", True)])
@@ -48,7 +49,7 @@ def test_a_tracker_goes_on_bit_for_bit(method: str, *, room: bool, tmp_path: Pat
     frames[2] = empty(2)
     frames = [in_a_room(frame) for frame in frames] if room else frames
     whole = OnePerson(DirectRefiner(), settings, known(), start=STANDING)
-    said = [as_bytes(tracked.estimate) for (tracked,) in whole.follow(frames)]
+    said = [as_bytes(tracked.people[0].estimate) for tracked in whole.follow(frames)]
 
     following = OnePerson(DirectRefiner(), settings, known(), start=STANDING)
     with (tmp_path / "log").open("ab") as file:
@@ -56,23 +57,22 @@ def test_a_tracker_goes_on_bit_for_bit(method: str, *, room: bool, tmp_path: Pat
             estimate = following.track(frame)
             assert as_bytes(estimate) == said[number]
             state = recorded_state(file, following.state, estimate)
-            following = OnePerson(DirectRefiner(), settings, known(), states=[state])
+            following = OnePerson(DirectRefiner(), settings, known(), state=state)
 
 
 def test_all_that_a_target_tracker_changes_is_in_its_state() -> None:
-    """Attributes that tracking changes are those that are recorded; a new one fails here."""
-    target = TargetTracker(DirectRefiner(), preset("default"), known(), first_state(known(), STANDING, 0))
+    """Tracking changes no other attribute than those of which the state consists; a new one fails here."""
+    settings = preset("default")
+    target = TargetTracker(DirectRefiner(), settings, known(), first_state(known(), STANDING, settings))
     before, state = dict(vars(target)), target.state
     frame = shown("standing").frames[0]
-    subject = isolate(frame, 1000)
-    submitted = target.submit(frame, subject, Planes(), Stopwatch())
+    submitted = target.submit(BodyView(frame, isolate(frame, 1000), Planes()), Stopwatch())
     assert isinstance(submitted, Submitted)
-    target.update(submitted)
-    changed = {name.lstrip("_") for name, value in vars(target).items() if value is not before[name]}
-    recorded = {field.name for field in fields(Checkpoint)} | {"start"}
-    assert changed - {"distance"} <= recorded  # of the present frame, before anything is done with it
+    target.update(submitted, {})
+    changed = {name for name, value in vars(target).items() if value is not before[name]}
+    assert changed - {"_distance"} == {"start", "track"}  # the distance is measured in each frame anew
     assert target.state.checkpoint.generator != state.checkpoint.generator
-    assert {field.name for field in fields(TrackerState)} == {"start", "checkpoint"}
+    assert target.state.track is target.track
 
 
 OPTIONS = ("--particles", "6", "--points", "300", "--seed", "3")

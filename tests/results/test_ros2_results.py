@@ -23,11 +23,11 @@ from gepf.coordinator.results.ros2_results import RosOutlet
 from gepf.coordinator.results.ros_humans import HumanBodies
 from gepf.coordinator.results.track import read_track
 from gepf.coordinator.sources.ros2 import Node
-from tests.results.test_live_results import estimate, nobody
 from tests.support.bodies import person
 from tests.support.live import AT_TWO_METRES, at_work, plate_image, tracking
 from tests.support.processes.certificates import free_port
 from tests.support.processes.programs import in_thread, wait_until
+from tests.support.published import estimate, nobody
 from tests.support.ros import CAMERA, IMAGE, camera_of, header_of, image_of
 
 TOPICS = {

@@ -9,7 +9,7 @@ import pytest
 
 from gepf.common.arrays import Array
 from gepf.common.kinematics import joint_positions
-from gepf.coordinator.bodies.angles import angles_of
+from gepf.coordinator.bodies.families import angles_of
 from gepf.coordinator.results.angles import with_angles
 from gepf.coordinator.results.log import assemble
 from gepf.coordinator.results.track import Track

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import stat
 import subprocess
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -64,7 +65,8 @@ def test_no_command_connects_in_the_open_unasked(
     line: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Exit code 2 and one line that names certificates and --insecure, before anything is opened."""
-    assert main([word.format(tmp_path) for word in line]) == 2
+    with ThreadPoolExecutor(1) as pool:  # `view` gives its thread the lowest priority; children inherit it
+        assert pool.submit(main, [word.format(tmp_path) for word in line]).result() == 2
     err = capsys.readouterr().err.splitlines()[-1]
     assert "--connect tcp/10.0.0.5:7447 is not encrypted: anyone on the way can read" in err
     assert "or --insecure" in err

@@ -14,6 +14,7 @@ import gepf
 from gepf.common.arrays import Array
 from gepf.common.camera import Intrinsics
 from gepf.common.kinematics import joint_positions
+from gepf.coordinator.bodies.human.people import PEOPLE
 from gepf.coordinator.bodies.human.template import human
 from gepf.coordinator.bodies.tracked import name_pose
 from gepf.coordinator.cli import main
@@ -44,7 +45,7 @@ def walk() -> tuple[Depth, Array]:
 
 def doubts(path: Path, given: GivenCamera | None = None) -> str:
     """All lines about a recording."""
-    return "\n".join(find_doubts(open_source(path, given or GivenCamera())))
+    return "\n".join(find_doubts(open_source(path, given or GivenCamera()), PEOPLE.nearest_m))
 
 
 def test_a_good_recording_raises_no_doubt(tmp_path: Path) -> None:

@@ -28,13 +28,13 @@ from tests.support.live import (
     plate_image,
     publishing,
     recorded_frames,
+    recording,  # noqa: F401 a fixture
     summary_of,
     tracking,
     until_recorded,
 )
 from tests.support.processes.programs import GEPF, started, wait_until
 from tests.support.processes.warm_processes import gepf, start
-from tests.support.recordings import write_open3d
 
 TRIES = 5  # at being on time, which a machine that is busy may miss
 PATIENT = 0.5  # seconds, on a machine that is busy; alone, 394 messages took 7 to 24 ms
@@ -112,13 +112,6 @@ def test_results_are_heard_while_the_run_goes_on(endpoint: str, tmp_path: Path) 
         pose = [list(message["pose"].values()) for _, message in told[:-1]]
         assert np.array_equal(pose, track.pose)
         assert list(told[0][1]["angles"]) == list(track.angle_names or ())
-
-
-@pytest.fixture
-def recording(tmp_path: Path) -> Path:
-    """Forty frames of a plate at two metres."""
-    depth = np.array([plate_image(number).depth for number in range(40)])
-    return write_open3d(tmp_path / "plate", depth, CAMERA)
 
 
 @pytest.mark.parametrize("first", ["publisher", pytest.param("tracker", marks=pytest.mark.slow)])

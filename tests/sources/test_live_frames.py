@@ -19,23 +19,9 @@ from gepf.common.frame import DepthFrame
 from gepf.common.protocol.frames import LIVE_END, encode_colour, encode_live
 from gepf.coordinator.sources.live import COUNTED, LiveFrames, from_first_seen
 from gepf.coordinator.sources.live_stream import LiveCamera, live_key
+from tests.support.walls import CAMERA, LONG, WIDE, image
 
 KEY = "camera/depth"
-CAMERA = Intrinsics(4, 3, 10.0, 10.0, 2.0, 1.5)
-LONG = Intrinsics(4, 3, 11.0, 10.0, 2.0, 1.5)
-WIDE = Intrinsics(6, 3, 10.0, 10.0, 3.0, 1.5)
-
-
-def image(
-    number: int,
-    time_s: float | None = None,
-    camera: Intrinsics = CAMERA,
-    depth_scale: float = 1000.0,
-    depth: int = 2000,
-) -> DepthFrame:
-    """A frame that shows a wall; by default of the camera that all tests begin with."""
-    seen = np.full((camera.height, camera.width), depth, dtype=np.uint16)
-    return DepthFrame(number, number / 30 if time_s is None else time_s, seen, depth_scale, camera)
 
 
 def counted(**counts: int) -> dict[str, int]:

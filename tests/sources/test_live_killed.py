@@ -9,8 +9,14 @@ import pytest
 
 from gepf.coordinator.cli import main
 from gepf.coordinator.results.track import read_track
-from tests.sources.test_live import recording  # noqa: F401 a fixture
-from tests.support.live import KEY, at_work, recorded_frames, summary_of, tracking
+from tests.support.live import (
+    KEY,
+    at_work,
+    recorded_frames,
+    recording,  # noqa: F401 a fixture
+    summary_of,
+    tracking,
+)
 from tests.support.processes.programs import GEPF, started, wait_until
 
 

@@ -15,7 +15,7 @@ from gepf.common.frame import DepthFrame
 from gepf.coordinator.sources.live import LiveRig
 from gepf.coordinator.sources.live_stream import LiveCamera
 from gepf.coordinator.sources.rig import live_cameras
-from tests.sources.test_live_frames import WIDE, image
+from tests.support.walls import WIDE, image
 
 Sent = tuple[float, str, int, float]  # reception, camera, number, time by the camera's clock
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 from gepf.common.body import BodyModel
 from gepf.common.frame import DepthFrame
@@ -24,6 +25,7 @@ from gepf.worker.warm_up import tiny_frame
 from tests.support.processes.instant_worker import KERNEL
 from tests.support.processes.programs import in_thread
 from tests.support.processes.serving import serving
+from tests.support.recordings import write_open3d
 
 KEY = "camera/depth"
 CAMERA = tiny_frame().frame.intrinsics
@@ -172,3 +174,10 @@ def summary_of(out: Path) -> dict[str, Any]:
     """The summary of a run."""
     content: dict[str, Any] = json.loads((out / "summary.json").read_text())
     return content
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> Path:
+    """Forty frames of a plate at two metres."""
+    depth = np.array([plate_image(number).depth for number in range(40)])
+    return write_open3d(tmp_path / "plate", depth, CAMERA)

@@ -17,16 +17,19 @@ from gepf.common.camera import Intrinsics, inverse, moved
 from gepf.common.frame import DepthFrame, SubjectFrame
 from gepf.common.kinematics import joint_positions, pose_vertices
 from gepf.common.settings import Settings, preset
-from gepf.coordinator.bodies.human.shape_space import shape_space
+from gepf.coordinator.bodies.family import Bodies
+from gepf.coordinator.bodies.human.dofs import HUMAN_DOFS
+from gepf.coordinator.bodies.human.people import PEOPLE
+from gepf.coordinator.bodies.human.shape_space import Size, shape_space
 from gepf.coordinator.bodies.human.template import DEFAULT_ACTIVE, human
-from gepf.coordinator.bodies.tracked import Bodies, Size, name_pose
+from gepf.coordinator.bodies.tracked import name_pose
 from gepf.coordinator.synthesis.rendering import DepthRenderer
 from gepf.coordinator.tracking.candidate_refinement import Search
 from gepf.coordinator.tracking.certainty.certainty import Certainty
 from gepf.coordinator.tracking.estimate import Estimate
 from gepf.coordinator.tracking.observation import isolate
 from gepf.coordinator.tracking.pose_candidates import Detection
-from gepf.coordinator.tracking.state import Start, TrackerState
+from gepf.coordinator.tracking.state import PersonState, Start
 from gepf.coordinator.tracking.tracker import Tracker
 from gepf.refiners import DirectRefiner
 
@@ -35,23 +38,23 @@ class OnePerson(Tracker):
     """`Tracker` for one person."""
 
     @property
-    def state(self) -> TrackerState:
-        """The state for the next frame."""
-        return self.states[0]
+    def person(self) -> PersonState:
+        """The person's state for the next frame."""
+        return self.state.people[0]
 
     @property
     def start(self) -> Start:
         """The body, and where tracking began."""
-        return self.state.start
+        return self.person.start
 
     @property
     def model(self) -> BodyModel:
         """The body that is tracked."""
-        return self.state.body
+        return self.person.body
 
     def track(self, frame: DepthFrame) -> Estimate:  # type: ignore[override]
         """The estimate of the next frame."""
-        return super().track(frame)[0].estimate
+        return super().track(frame).people[0].estimate
 
 
 CAMERA = Intrinsics(320, 240, 290.0, 290.0, 159.5, 119.5)
@@ -130,16 +133,21 @@ def empty(number: int) -> DepthFrame:
     return frame_of(number, np.zeros((CAMERA.height, CAMERA.width)))
 
 
+def people_of(size: Size | None) -> Bodies:
+    """People of this size, or of any, with the paper's degrees of freedom."""
+    return Bodies(PEOPLE, shape_space().person, DEFAULT_ACTIVE, DEFAULT_ACTIVE, HUMAN_DOFS, size=size)
+
+
 @cache
 def known() -> Bodies:
     """The person who is shown, whose measures are known."""
-    return Bodies(shape_space().person, DEFAULT_ACTIVE, DEFAULT_ACTIVE, measures=Size(1.82, 1.0))
+    return people_of(Size(1.82, 1.0))
 
 
 @cache
 def people() -> Bodies:
     """People of any size, as the command line makes them, of the paper's degrees of freedom."""
-    return Bodies(shape_space().person, DEFAULT_ACTIVE, DEFAULT_ACTIVE)
+    return people_of(None)
 
 
 def tracker(settings: Settings = SETTINGS, start: dict[str, float] = STANDING) -> OnePerson:

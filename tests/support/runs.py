@@ -12,7 +12,7 @@ import numpy as np
 from gepf.common.arrays import Array, Indices
 from gepf.common.body import ROOT_DOFS, ROTATION, BodyModel
 from gepf.common.kinematics import joint_positions
-from gepf.coordinator.bodies.angles import angles_of
+from gepf.coordinator.bodies.families import angles_of
 from gepf.coordinator.exports import export_run
 from gepf.coordinator.results.angles import with_angles
 from gepf.coordinator.results.track import (

@@ -26,6 +26,7 @@ from gepf.coordinator.tracking.cameras import (
 )
 from gepf.coordinator.tracking.estimate import Estimate
 from gepf.coordinator.tracking.observation import isolate
+from gepf.coordinator.tracking.track_state import Tracked
 from gepf.coordinator.tracking.tracker import Tracker
 from gepf.refiners import DirectRefiner
 from tests.support.people import SETTINGS, STANDING, frame_of, known, rendered
@@ -163,7 +164,7 @@ def test_a_camera_at_a_wrong_place_is_left_out(
             else view
             for name, view in images.items()
         ]
-        (tracked,) = tracker.track(together(views))
+        (tracked,) = tracker.track(together(views)).people
         found.append(tracked.estimate)
     assert all(set(each.seen_by) == {"front", "side"} for each in found[:since])
     assert not any(which in each.seen_by for each in found[since + 3 :])
@@ -184,12 +185,13 @@ def test_the_body_is_searched_for_when_a_camera_is_back(
 ) -> None:
     """After a fault of more than half a second; its image may show what was hidden from the other camera."""
     _, _, frames = seen
-    tracker, since = Tracker(DirectRefiner(), SETTINGS, known(), start=STANDING), list[int]()
+    tracker, since = Tracker(DirectRefiner(), SETTINGS, known(), start=STANDING), list[float]()
     for number, images in enumerate(frames):
         views = [view for name, view in images.items() if name == "front" or not 5 <= number < 25]
-        (tracked,) = tracker.track(together(views))
-        since.append(tracked.state.checkpoint.management.tracked)
-    assert since[24:27] == [since[0] + 24, 3, 4]
+        (tracked,) = tracker.track(together(views)).people
+        assert isinstance(tracked.state.track, Tracked)
+        since.append(tracked.state.track.age_s)
+    assert since[24:27] == pytest.approx([since[0] + 24 / FPS, 3 / FPS, 4 / FPS])
 
 
 @pytest.mark.parametrize(

@@ -80,7 +80,7 @@ def test_keypoints_are_used_recorded_and_the_same_after_a_restart(tmp_path: Path
     From the recorded state after any frame, a new tracker gives the same bytes.
     """
     frames, alone = coloured(), tracker()
-    said = [tracked.estimate for (tracked,) in looking().follow(frames)]
+    said = [tracked.people[0].estimate for tracked in looking().follow(frames)]
     model, following = human(1.82), looking()
     with (tmp_path / "log").open("ab") as file:
         for number, frame in enumerate(frames):
@@ -91,11 +91,12 @@ def test_keypoints_are_used_recorded_and_the_same_after_a_restart(tmp_path: Path
             off = estimate.keypoints[""][:, :2] - project(keypoint_positions(model, pose)[0], CAMERA)
             assert np.median(np.linalg.norm(off, axis=1)) < 6.0  # pixels
             state = following.state
-            entry = Entry([state.start], [state.checkpoint], [estimate], PoolStatistics(), 0.0)
+            (person,) = state.people
+            entry = Entry(state.frame, [person.start], [person.checkpoint], [estimate], PoolStatistics(), 0.0)
             append_records(file.fileno(), [Opening({}), entry])
             recorded = read_log(Path(file.name))
             assert recorded is not None
-            following = looking(states=[recorded.people[0].state])
+            following = looking(state=recorded.state)
     track = assemble(following.model, recorded.people[0].estimates)
     assert track.keypoint is not None
     assert track.keypoint.shape == (FRAMES, 1, 17, 3)
@@ -104,7 +105,7 @@ def test_keypoints_are_used_recorded_and_the_same_after_a_restart(tmp_path: Path
 
 def test_workers_weigh_what_the_coordinator_says() -> None:
     """The log likelihood changes by the cost of the keypoints, which go over the wire with the frame."""
-    frame, whole = coloured()[0], known().tracked(known().measures, STANDING)  # type: ignore[arg-type]
+    frame, whole = coloured()[0], known().tracked(known().usual_size, STANDING)
     subject = isolate(frame, 500)
     (found,) = KeypointFinder().submit(frame, [ExpectedBody(*whole)]).result()
     seen = with_keypoints(subject, found)
@@ -125,7 +126,7 @@ def test_workers_weigh_what_the_coordinator_says() -> None:
 
 def test_nobody_is_looked_for_outside_the_image() -> None:
     """A body beside the image or behind the camera has no crop."""
-    model, pose = known().tracked(known().measures, STANDING)  # type: ignore[arg-type]
+    model, pose = known().tracked(known().usual_size, STANDING)
     assert crop_of(ExpectedBody(model, pose), coloured()[0]) is not None
     for name, value in (("root_tx", 9.0), ("root_tz", -3.0)):
         away = pose.copy()

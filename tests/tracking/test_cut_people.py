@@ -12,6 +12,7 @@ from gepf.common.arrays import Array, Mask
 from gepf.common.body import BodyModel
 from gepf.common.camera import project
 from gepf.common.frame import EMPTY, HIDDEN, SUBJECT, DepthFrame
+from gepf.coordinator.bodies.human.shape_space import Size
 from gepf.coordinator.bodies.tracked import name_pose
 from gepf.coordinator.scene.planes import Planes
 from gepf.coordinator.tracking.detector import Detector
@@ -105,7 +106,7 @@ def test_who_is_partly_outside_the_image_is_tracked_by_what_is_in_view(case: str
         assert outside.any()
         assert not estimate.certainty.seen[outside].any()
         assert not any(share[outside].any() for share in estimate.seen_by.values())
-    assert tracker.start.size.stature == pytest.approx(stature, rel=0.07)
+    assert Size(*tracker.start.size).stature == pytest.approx(stature, rel=0.07)
 
 
 def shown_at(joints: Array, frame: DepthFrame) -> Mask:
@@ -142,7 +143,7 @@ def test_a_board_before_the_legs_is_no_evidence_against_them() -> None:
     assert found.gate.passes
     assert 8 <= np.count_nonzero(seen) <= 11
     assert np.linalg.norm(found.candidates.joints[0] - whole.joints[0], axis=-1)[seen].max() < 0.08
-    assert found.start.size.stature == pytest.approx(1.74, rel=0.07)
+    assert Size(*found.start.size).stature == pytest.approx(1.74, rel=0.07)
 
 
 @pytest.mark.parametrize("deep", [0.0, 0.3], ids=["board", "cupboard"])

@@ -15,14 +15,16 @@ from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions, pose_vertices
 from gepf.common.refinement import Particles, Refined
 from gepf.common.settings import preset
+from gepf.coordinator.bodies.family import Bodies
+from gepf.coordinator.bodies.human.shape_space import Size
 from gepf.coordinator.bodies.human.template import human
-from gepf.coordinator.bodies.tracked import Bodies, Size, name_pose, one_body
+from gepf.coordinator.bodies.mechanisms import MECHANISMS
+from gepf.coordinator.bodies.tracked import name_pose
 from gepf.coordinator.bodies.urdf import read_urdf
 from gepf.coordinator.scene.planes import Planes
 from gepf.coordinator.tracking.detector import Detector
 from gepf.coordinator.tracking.gating import Gate
 from gepf.coordinator.tracking.pose_candidates import Candidates, Detection
-from gepf.coordinator.tracking.pose_library import draw_any
 from gepf.coordinator.tracking.preparation import unmoved
 from gepf.coordinator.tracking.refiner import Pending
 from gepf.coordinator.tracking.sensor_noise import NO_NOISE
@@ -89,8 +91,8 @@ def test_a_person_is_detected_in_an_unusual_pose_and_of_any_size(
     found, tracked = detect(people(), model, pose)
     off = found.candidates.joints[0] - joint_positions(model, pose[None])[0]
     assert np.median(np.linalg.norm(off, axis=-1)) < 0.05
-    assert found.start.size.stature == pytest.approx(size.stature, rel=0.1)
-    assert found.start.size.maturity == pytest.approx(size.maturity, abs=0.4)
+    assert Size(*found.start.size).stature == pytest.approx(size.stature, rel=0.1)
+    assert Size(*found.start.size).maturity == pytest.approx(size.maturity, abs=0.4)
     assert np.all(np.diff(found.candidates.log_likelihood) <= 0.0)
     assert tracked.joint_names == model.joint_names
 
@@ -111,14 +113,14 @@ def test_the_front_of_a_seat_is_not_taken_for_a_part_of_the_person() -> None:
     found = complete(Detector(people(), DirectRefiner(), SETTINGS).detect(subject, NO_NOISE, Planes()))
     assert found.gate.passes
     assert np.linalg.norm(found.candidates.joints[0] - truth, axis=-1).max() < 0.05
-    assert found.start.size.stature == pytest.approx(1.75, rel=0.03)
+    assert Size(*found.start.size).stature == pytest.approx(1.75, rel=0.03)
 
 
 def test_any_other_body_is_detected_however_it_is_turned() -> None:
     """A bracket of a URDF file: its whole surface lies where it is shown."""
     model = read_urdf(BRACKET)
-    body = one_body(model, model.dof_names, model.dof_names)
-    poses = draw_any(model, 3, np.random.default_rng(4))
+    body = MECHANISMS.given(model, None)
+    poses = MECHANISMS.draw_poses(model, 3, np.random.default_rng(4))
     poses[:, 2] = 0.8
     for pose in poses:
         found, tracked = detect(body, model, pose)
@@ -185,9 +187,9 @@ def candidates(log_likelihood: list[float], *turns: float) -> Candidates:
 def test_only_candidates_that_differ_go_on_and_one_that_faces_the_other_way() -> None:
     """The likeliest first; one that faces away is kept to the end, however unlikely."""
     alike = candidates([-1.0, -2.0, -3.0, -30.0, -40.0], FRONT, FRONT + 0.01, 1.0, BACK, BACK + 0.6)
-    kept = alike.distinct(NAMES, 2)
+    kept = alike.distinct(MODEL, 2)
     assert kept.log_likelihood.tolist() == [-1.0, -3.0, -30.0]
-    assert alike.distinct(NAMES, 9).log_likelihood.tolist() == [-1.0, -3.0, -30.0, -40.0]
+    assert alike.distinct(MODEL, 9).log_likelihood.tolist() == [-1.0, -3.0, -30.0, -40.0]
 
 
 @pytest.mark.parametrize(("behind", "ambiguous"), [(0.5, True), (20.0, False)])
@@ -198,7 +200,7 @@ def test_front_and_back_are_ambiguous_where_the_frame_does_not_tell_them_apart(
     found = candidates([-5.0, -5.0 - behind], FRONT, BACK)
     subject = subject_of(show(MODEL, found.poses[:1]).frames[0], 300)
     detection = Detection(subject, start_at(STANDING, known()), found, Gate(0.5))
-    assert detection.looks_alike(NAMES, found.joints[0], -5.0) is ambiguous
+    assert detection.looks_alike(found.joints[0], -5.0) is ambiguous
 
 
 @pytest.mark.parametrize("turn", [FRONT, BACK])
@@ -241,7 +243,7 @@ def test_a_smaller_body_in_a_part_of_the_person_is_not_preferred() -> None:
     subject = replace(subject_of(replace(whole, depth=depth), 2_000), wider=(wider,))
     found = complete(Detector(people(), DirectRefiner(), SETTINGS).detect(subject, NO_NOISE, Planes()))
     assert found.subject is wider
-    assert found.start.size.stature == pytest.approx(1.9, rel=0.03)
+    assert Size(*found.start.size).stature == pytest.approx(1.9, rel=0.03)
 
 
 class Blind(DirectRefiner):
@@ -265,7 +267,7 @@ def test_a_search_in_which_no_candidate_is_visible_finds_nobody() -> None:
     for found in (first, later, detector.transfer(later, replace(subject), SETTINGS.refine)):
         assert not found.gate.passes
         assert found.gate.why == "the body does not fit the observed points"
-        assert not found.looks_alike(NAMES, found.candidates.joints[0], 0.0)
+        assert not found.looks_alike(found.candidates.joints[0], 0.0)
 
 
 def test_a_person_in_whom_no_candidate_is_visible_is_searched_for() -> None:

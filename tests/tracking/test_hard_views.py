@@ -13,7 +13,8 @@ from scipy.spatial.transform import Rotation
 from gepf.common.arrays import Array
 from gepf.common.camera import Intrinsics, back_project
 from gepf.common.kinematics import joint_positions, pose_vertices
-from gepf.coordinator.bodies.choice import USUAL, choose_bodies
+from gepf.coordinator.bodies.choice import choose_bodies
+from gepf.coordinator.bodies.human.people import USUAL
 from gepf.coordinator.bodies.human.template import human
 from gepf.coordinator.bodies.tracked import name_pose
 from gepf.coordinator.sources import open_source

@@ -22,7 +22,7 @@ from gepf.coordinator.sources.camera import write_camera
 from gepf.coordinator.sources.joint_states import JointStates, read_joint_states
 from gepf.coordinator.synthesis.scenes import Scene, roam
 from gepf.coordinator.synthesis.sequence import DEPTH_SCALE, write_depth, write_start, write_truth
-from gepf.coordinator.tracking.particle_filter import known_step
+from gepf.coordinator.tracking.particle_filter import encoder_step
 from gepf.coordinator.tracking.sensor_noise import NO_NOISE
 from tests.support.stand_ins import Direct
 
@@ -104,12 +104,12 @@ def test_steps_are_changes_of_what_is_known_alone() -> None:
     model = human()
     pose = np.zeros(len(model.dof_names))
     known = states(("l_elbow_flexion", "l_shoulder_flexion", "gripper"), [[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]])
-    step = known_step(known, model, pose, 0.25, 0.75)
+    step = encoder_step(known, model, pose, 0.25, 0.75)
     assert step is not None
     assert step[model.dof("l_elbow_flexion")] == pytest.approx(0.5)
     assert np.isfinite(step).sum() == 1
-    assert known_step(known, model, pose, 0.5, 1.5) is None
-    assert known_step(known, model, pose, None, 0.5) is None
+    assert encoder_step(known, model, pose, 0.5, 1.5) is None
+    assert encoder_step(known, model, pose, None, 0.5) is None
 
 
 def test_a_ball_turns_as_its_three_joints_say() -> None:
@@ -120,7 +120,7 @@ def test_a_ball_turns_as_its_three_joints_say() -> None:
     one, other = [0.2, 0.9, -0.3], [1.1, 0.4, 0.5]
     pose = np.zeros(len(model.dof_names))
     pose[columns] = one
-    step = known_step(states(names, [one, other]), model, pose, 0.0, 1.0)
+    step = encoder_step(states(names, [one, other]), model, pose, 0.0, 1.0)
     assert step is not None
     moved: Array = retract(model, pose[None], np.nan_to_num(step)[None])[0]
     assert np.allclose(moved[columns], other)

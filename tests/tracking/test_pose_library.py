@@ -10,9 +10,10 @@ from gepf.common.arrays import Array
 from gepf.common.body import BodyModel
 from gepf.common.kinematics import joint_positions, pose_vertices
 from gepf.coordinator.bodies.human.template import human
+from gepf.coordinator.bodies.human.typical_poses import draw_people
 from gepf.coordinator.bodies.tracked import name_pose
 from gepf.coordinator.tracking.descriptor import COLUMNS, ROWS, VACANT, describe, fill_differences
-from gepf.coordinator.tracking.pose_library import describe_poses, displaced, draw_people, look_straight
+from gepf.coordinator.tracking.pose_library import describe_poses, displaced, look_straight
 from tests.support.people import STANDING
 
 MODEL = human(1.75)

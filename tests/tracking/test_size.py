@@ -14,9 +14,10 @@ from gepf.common.kinematics import joint_positions
 from gepf.common.settings import Settings
 from gepf.coordinator.bodies.choice import choose_bodies
 from gepf.coordinator.bodies.human.measures import Measures
+from gepf.coordinator.bodies.human.shape_space import Size
 from gepf.coordinator.bodies.human.template import human_of
 from gepf.coordinator.bodies.tracked import name_pose
-from gepf.coordinator.tracking.state import TrackerState
+from gepf.coordinator.tracking.state import PersonState
 from gepf.refiners import DirectRefiner
 from tests.support.people import SETTINGS, SITTING, STANDING, OnePerson, frame_of, rendered
 from tests.support.rigs import around, seen_from
@@ -40,13 +41,13 @@ def swaying(measures: Measures, posture: dict[str, float], frames: int) -> list[
     return list(rendered(body, np.array(poses)))
 
 
-def follow(frames: list[DepthFrame], settings: Settings = SETTINGS) -> TrackerState:
+def follow(frames: list[DepthFrame], settings: Settings = SETTINGS) -> PersonState:
     """The state after frames in which a person of unknown size is detected and tracked."""
     tracker = OnePerson(DirectRefiner(), settings, BODIES)
     for frame in frames:
         estimate = tracker.track(frame)
     assert estimate.status == "tracked"
-    return tracker.state
+    return tracker.person
 
 
 def timed(images: list[Array]) -> list[DepthFrame]:
@@ -66,14 +67,14 @@ def at_time(frame: DepthFrame, n: int) -> DepthFrame:
 def test_a_person_who_stands_has_the_right_stature(stature: float, girth: float) -> None:
     """Adult, heavy adult and child; the stated deviation covers the error."""
     state = follow(timed(swaying(Measures.of(stature, girth), POSTURE, 20)))
-    assert state.size.stature == pytest.approx(stature, rel=0.025)
-    assert abs(state.size.stature - stature) < 3.0 * state.stature_deviation < 0.15
+    assert Size(*state.size).stature == pytest.approx(stature, rel=0.025)
+    assert abs(Size(*state.size).stature - stature) < 3.0 * state.stature_deviation < 0.15
 
 
 def test_a_person_who_sits_has_about_the_right_stature() -> None:
     """From the first frame on, and less certain than one who stands."""
     sits = follow(timed(swaying(Measures.of(1.7, 1.0), {**SITTING, "root_tz": 2.7}, 20)))
-    assert sits.size.stature == pytest.approx(1.7, rel=0.06)
+    assert Size(*sits.size).stature == pytest.approx(1.7, rel=0.06)
 
 
 def test_the_stature_becomes_certain_with_time() -> None:
@@ -81,8 +82,8 @@ def test_the_stature_becomes_certain_with_time() -> None:
     tracker, statures, deviations = OnePerson(DirectRefiner(), SETTINGS, BODIES), [], []
     for frame in timed(swaying(Measures.of(1.7, 1.0), POSTURE, 30)):
         tracker.track(frame)
-        statures.append(tracker.state.size.stature)
-        deviations.append(tracker.state.stature_deviation)
+        statures.append(Size(*tracker.person.size).stature)
+        deviations.append(tracker.person.stature_deviation)
     assert np.all(np.diff(deviations) < 0.0)
     steps = np.abs(np.diff(statures))
     assert steps[-10:].mean() < steps[:10].mean()
@@ -95,8 +96,8 @@ def test_cameras_on_both_sides_show_the_girth(girth: float) -> None:
     pose = name_pose(body, POSTURE)
     frame = seen_from(body, [pose, pose], {"front": around(0.0), "back": around(180.0)})
     state = follow([at_time(frame, n) for n in range(20)])
-    assert state.size.girth == pytest.approx(girth, rel=0.05)
-    assert state.size.stature == pytest.approx(1.7, rel=0.025)
+    assert Size(*state.size).girth == pytest.approx(girth, rel=0.05)
+    assert Size(*state.size).stature == pytest.approx(1.7, rel=0.025)
 
 
 def test_a_size_that_is_not_wanted_is_not_measured() -> None:
@@ -105,9 +106,9 @@ def test_a_size_that_is_not_wanted_is_not_measured() -> None:
     tracker, sizes = OnePerson(DirectRefiner(), settings, BODIES), set()
     for frame in timed(swaying(Measures.of(1.7, 1.0), POSTURE, 4)):
         tracker.track(frame)
-        sizes.add(tracker.state.size)
+        sizes.add(tracker.person.size)
     assert len(sizes) == 1
-    assert tracker.state.stature_deviation == 0.0
+    assert tracker.person.stature_deviation == 0.0
 
 
 def test_what_is_reported_has_no_degrees_of_freedom_of_shape() -> None:
@@ -115,7 +116,7 @@ def test_what_is_reported_has_no_degrees_of_freedom_of_shape() -> None:
     tracker = OnePerson(DirectRefiner(), SETTINGS, BODIES)
     for frame in timed(swaying(Measures.of(1.6, 1.0), POSTURE, 3)):
         estimate = tracker.track(frame)
-    body = tracker.state.body
+    body = tracker.person.body
     assert body.dof_names[0] == "root_tx"
     assert estimate.pose.shape == (len(body.dof_names),)
     assert estimate.hypothesis_pose.shape[1] == len(body.dof_names)

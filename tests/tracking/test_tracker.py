@@ -17,21 +17,25 @@ from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions
 from gepf.common.refinement import Particles, Refined
 from gepf.common.settings import Settings
+from gepf.coordinator.bodies.human.shape_space import Size
 from gepf.coordinator.bodies.human.template import human
-from gepf.coordinator.bodies.tracked import Size, name_pose
+from gepf.coordinator.bodies.tracked import name_pose
+from gepf.coordinator.filters.belief import Belief
+from gepf.coordinator.results.log import pack_array
 from gepf.coordinator.scene.planes import Planes
 from gepf.coordinator.sources.live import LiveFrames
 from gepf.coordinator.sources.live_stream import LiveCamera
 from gepf.coordinator.stopwatch import Stopwatch
 from gepf.coordinator.tracking.detector import Detector
 from gepf.coordinator.tracking.estimate import POSE_UNKNOWN, Estimate
-from gepf.coordinator.tracking.particle_filter import Pace, Submitted
+from gepf.coordinator.tracking.particle_filter import FrameBudget, Submitted
 from gepf.coordinator.tracking.refiner import Pending
-from gepf.coordinator.tracking.reporting import report, status_of
+from gepf.coordinator.tracking.reporting import has_rival, report
+from gepf.coordinator.tracking.segmenter import BodyView
 from gepf.coordinator.tracking.sensor_noise import NO_NOISE
-from gepf.coordinator.tracking.state import TrackerState, first_state
+from gepf.coordinator.tracking.state import PersonState, first_state
 from gepf.coordinator.tracking.target import TargetTracker
-from gepf.coordinator.tracking.track_management import TrackManagement
+from gepf.coordinator.tracking.track_state import Body
 from gepf.coordinator.tracking.tracker import Tracker
 from gepf.refiners import DirectRefiner
 from gepf.worker.kernel.icp import refine
@@ -41,6 +45,7 @@ from tests.support.people import (
     SETTINGS,
     STANDING,
     OnePerson,
+    as_bytes,
     empty,
     frame_of,
     known,
@@ -55,6 +60,12 @@ from tests.support.rooms import in_a_room
 from tests.support.stand_ins import Direct, StillWorkers
 
 FOLLOWING = msgspec.structs.replace(SETTINGS, recover=False)  # looks nowhere else
+
+
+def belief_of(state: PersonState) -> Belief:
+    """The belief in a body that is known."""
+    assert isinstance(state.track, Body)
+    return state.track.belief
 
 
 def apart(estimate: Estimate, joints: Array) -> Array:
@@ -76,7 +87,7 @@ def test_it_starts_by_itself_and_follows(posture: str, stature: float, room: boo
         assert apart(estimate, truth)[fresh.model.joint_names.index("pelvis")] < 0.05
         assert np.median(apart(estimate, truth)) < 0.03
         assert apart(estimate, truth).max() < 0.08
-    assert fresh.start.size.stature == pytest.approx(stature, rel=0.05)
+    assert Size(*fresh.start.size).stature == pytest.approx(stature, rel=0.05)
 
 
 def test_legs_behind_a_table_are_not_drawn_out_of_it() -> None:
@@ -103,9 +114,9 @@ def test_the_way_from_the_initial_guess_is_no_motion() -> None:
     followed = tracker(start={**STANDING, "r_shoulder_flexion": 0.4})
     first = followed.track(frames[0])
     assert abs(first.pose - followed.start.pose).max() > 0.2
-    assert not followed.state.checkpoint.belief["velocities"].any()
+    assert not belief_of(followed.person).velocities.any()
     followed.track(frames[1])
-    assert followed.state.checkpoint.belief["velocities"].any()
+    assert belief_of(followed.person).velocities.any()
 
 
 def test_an_estimate_is_whole() -> None:
@@ -169,10 +180,11 @@ def test_a_frame_is_told_while_the_workers_are_busy_with_the_next() -> None:
     """The last comes at the end; each with the state that was known after it, and nothing else changes."""
     frames, refiner = list(shown("standing").frames), Watched()
     frames[2] = empty(2)  # nothing to be busy with: the frame before comes all the same
-    states: list[TrackerState] = []
-    for (tracked,) in OnePerson(refiner, FOLLOWING, known(), start=STANDING).follow(frames):
-        refiner.events.append(f"told {tracked.estimate.frame}")
-        states.append(tracked.state)
+    states: list[PersonState] = []
+    for tracked in OnePerson(refiner, FOLLOWING, known(), start=STANDING).follow(frames):
+        (person,) = tracked.people
+        refiner.events.append(f"told {person.estimate.frame}")
+        states.append(person.state)
     assert refiner.events == [
         *("sent 0", "busy", "sent 1", "idle"),
         *("sent 1", "busy", "told 0", "idle"),
@@ -181,9 +193,24 @@ def test_a_frame_is_told_while_the_workers_are_busy_with_the_next() -> None:
     one_by_one = tracker(FOLLOWING)
     for frame, state in zip(frames, states, strict=True):
         one_by_one.track(frame)
-        assert state.checkpoint.generator == one_by_one.state.checkpoint.generator
-        for name, array in state.checkpoint.belief.items():
-            np.testing.assert_array_equal(array, one_by_one.state.checkpoint.belief[name])
+        assert msgspec.msgpack.encode(state.checkpoint, enc_hook=pack_array) == msgspec.msgpack.encode(
+            one_by_one.person.checkpoint, enc_hook=pack_array
+        )
+
+
+def test_at_low_rates_a_frame_is_segmented_around_the_pose_of_the_frame_before() -> None:
+    """Four frames a second, also with look-ahead; at video rate, around that of two frames before."""
+    frames = shown("standing").frames
+    for interval_s in (0.25, 1 / 30):
+        timed = [replace(frame, time_s=interval_s * n) for n, frame in enumerate(frames)]
+        ahead, alone = tracker(FOLLOWING), tracker(FOLLOWING)
+        estimates = [tracked.people[0].estimate for tracked in ahead.follow(timed)]
+        assert [as_bytes(each) for each in estimates] == [as_bytes(alone.track(frame)) for frame in timed]
+        for track in (ahead.person.track, alone.person.track):
+            assert isinstance(track, Body)
+            assert track.segmentation_pose is not None
+            is_newest = np.array_equal(track.segmentation_pose, track.belief.reported)
+            assert is_newest == (interval_s > 0.1)
 
 
 class Waiting(LiveFrames):
@@ -202,8 +229,8 @@ def test_a_live_frame_is_told_before_the_workers_get_busy_with_the_next() -> Non
     """Also if that one waits already."""
     refiner = Watched()
     follow = OnePerson(refiner, FOLLOWING, known(), start=STANDING).follow
-    for (tracked,) in follow(shown("standing").frames[:3], live=Waiting([LiveCamera("depth")], print)):
-        refiner.events.append(f"told {tracked.estimate.frame}")
+    for tracked in follow(shown("standing").frames[:3], live=Waiting([LiveCamera("depth")], print)):
+        refiner.events.append(f"told {tracked.people[0].estimate.frame}")
     order = [event for event in refiner.events if event[:4] in {"busy", "told"}]
     assert order == ["busy", "told 0", "busy", "told 1", "busy", "told 2"]
 
@@ -224,7 +251,7 @@ def test_a_live_frame_does_not_wait_for_a_search(monkeypatch: pytest.MonkeyPatch
     frames = [replace(posture.frames[k], number=n, time_s=n / 30) for n, k in enumerate(places)]
     follow = Tracker(DirectRefiner(), SETTINGS, people()).follow
     live = follow(frames, live=Waiting([LiveCamera("depth")], print))
-    (first, _), *others = [(tracked[0].estimate, len(requests)) for tracked in live]
+    (first, _), *others = [(tracked.people[0].estimate, len(requests)) for tracked in live]
     assert first.status == "searching"
     for (each, _), place in zip(others, places[1:], strict=True):
         assert each.status == "tracked"
@@ -239,17 +266,17 @@ def test_a_person_who_moves_during_a_live_search_is_tracked_soon_after(rates: di
     poses = [name_pose(human(1.82), raised(STANDING, min(n, 4), rates)) for n in numbers]
     images, joints = show(human(1.82), np.array(poses))
     frames = [replace(f, number=n, time_s=n / 30) for f, n in zip(images, numbers, strict=True)]
-    target = TargetTracker(DirectRefiner(), SETTINGS, known(), first_state(known(), None, 0))
-    pace, estimates = Pace(1 / 30, is_late=True), list[Estimate]()
+    target = TargetTracker(DirectRefiner(), SETTINGS, known(), first_state(known(), None, SETTINGS))
+    budget, estimates = FrameBudget(1 / 30, is_late=True), list[Estimate]()
     for frame in frames:
         target.begin_frame()
-        found = target.submit(frame, subject_of(frame, 2000), Planes(), Stopwatch(), pace)
-        assert all(iter(target.searching.advance, False))
-        if isinstance(found, Submitted):
-            estimates.append(report(target.update(found)).estimate)
+        submitted = target.submit(BodyView(frame, subject_of(frame, 2000), Planes()), Stopwatch(), budget)
+        target.search.finish()
+        if isinstance(submitted, Submitted):
+            estimates.append(report(target.update(submitted, {}), {}).estimate)
     off = [apart(each, joints[-1]).max() for each in estimates]
     assert off[-1] < 0.05
-    assert max(o for o, each in zip(off, estimates, strict=True) if each.status == "tracked") < 0.15
+    assert max(o for o, each in zip(off, estimates, strict=True) if each.status == "tracked") < 0.2
 
 
 def test_a_person_who_walks_during_a_live_search_is_tracked_whole() -> None:
@@ -258,25 +285,31 @@ def test_a_person_who_walks_during_a_live_search_is_tracked_whole() -> None:
     images, joints = show(human(1.82), np.array(poses))
     frames = [replace(in_a_room(f), number=n, time_s=n / 30) for f, n in zip(images, (0, 6, 7), strict=True)]
     follow = Tracker(DirectRefiner(), SETTINGS, people()).follow
-    _, (first,), _ = follow(frames, live=Idle([LiveCamera("depth")], print))
-    assert apart(first.estimate, joints[1]).mean() < 0.05
+    _, first, _ = follow(frames, live=Idle([LiveCamera("depth")], print))
+    assert apart(first.people[0].estimate, joints[1]).mean() < 0.05
 
 
 def test_a_live_search_that_fails_counts_as_in_a_recording() -> None:
-    """What is no person is given up after as many searches, also if frames meanwhile show nobody else."""
-    frame = frame_of(0, np.pad(np.full((40, 40), 2.5), ((100, 100), (150, 130))))
+    """What is no person is searched as often, also if a frame shows nobody else while a search runs."""
+    image = np.pad(np.full((40, 40), 2.5), ((100, 100), (150, 130)))
     recorded, live = (
-        TargetTracker(StillWorkers(), SETTINGS, people(), first_state(people(), None, 0)) for _ in range(2)
+        TargetTracker(StillWorkers(), SETTINGS, people(), first_state(people(), None, SETTINGS))
+        for _ in range(2)
     )
-    before, *later = subject_of(frame, 2000), None, subject_of(frame, 2000)
-    for _ in range(3):
-        for _ in range(4):
-            recorded.submit(frame, before, Planes(), Stopwatch())
-        live.submit(frame, before, Planes(), Stopwatch(), Pace(1 / 30, is_late=True))
-        assert all(iter(live.searching.advance, False))  # to its end
-        for subject in later:
-            live.submit(frame, subject, Planes(), Stopwatch(), Pace(1 / 30, is_late=True))
-        assert live.management == recorded.management
+    budget = FrameBudget(1 / 30, is_late=True)
+    for number in range(0, 12, 4):
+        for n in range(number, number + 4):
+            frame = frame_of(n, image)
+            view = BodyView(frame, subject_of(frame, 2000), Planes())
+            recorded.submit(view, Stopwatch())
+            if n == number:
+                live.submit(view, Stopwatch(), budget)
+            elif n == number + 1:
+                live.submit(replace(view, subject=None), Stopwatch(), budget)
+                live.search.finish()
+            elif n == number + 3:
+                live.submit(view, Stopwatch(), budget)  # it takes the result
+        assert live.track == recorded.track
 
 
 def test_a_search_that_ends_early_leaves_nothing_behind() -> None:
@@ -357,23 +390,21 @@ def test_nobody_is_there_until_somebody_comes() -> None:
 
 
 @pytest.mark.parametrize(
-    ("management", "weights", "away", "reported", "word"),
+    ("weights", "away", "reported", "rival"),
     [
-        (TrackManagement(), [1.0], [0.0], 0, "tracked"),
-        (TrackManagement(), [0.9, 0.1], [0.0, 0.3], 0, "tracked"),  # elsewhere, but no rival
-        (TrackManagement(), [0.9, 0.1], [0.0, 0.3], 1, "ambiguous"),  # the frame speaks for another one
-        (TrackManagement(), [0.5, 0.1, 0.4], [0.0, 0.3, 0.3], 0, "ambiguous"),
-        (TrackManagement(unexplained=1), [0.6, 0.4], [0.0, 0.3], 0, "lost"),
-        (TrackManagement(is_lost=True, unexplained=3), [1.0], [0.0], 0, "searching"),
+        ([1.0], [0.0], 0, False),
+        ([0.9, 0.1], [0.0, 0.3], 0, False),  # elsewhere, but unlikely
+        ([0.9, 0.1], [0.0, 0.3], 1, True),  # the reported pose is not the most likely one
+        ([0.5, 0.1, 0.4], [0.0, 0.3, 0.3], 0, True),
     ],
 )
-def test_one_word_says_how_sure_it_is(
-    management: TrackManagement, weights: list[float], away: list[float], reported: int, word: str
+def test_a_rival_is_about_as_likely_and_has_a_joint_elsewhere(
+    weights: list[float], away: list[float], reported: int, *, rival: bool
 ) -> None:
-    """Searching: it may be anywhere. Lost: its pose explains nothing. Ambiguous: a rival is elsewhere."""
+    """Only then the pose is ambiguous."""
     joints = np.zeros((len(weights), 2, 3))
     joints[:, 1, 0] = away
-    assert status_of(management, np.array(weights), joints, joints[reported], doubted=False) == word
+    assert has_rival(np.array(weights), joints, joints[reported]) == rival
 
 
 def test_points_are_picked_evenly() -> None:

@@ -34,6 +34,7 @@ def find_correspondences(
     metric of the noise. The initial guess is the result of the last search in this workspace.
     """
     search, leaves = workspace.search, fill_leaves(visible, surface, stretch, workspace)
+    fill_discs(visible, surface, stretch, workspace)
     guesses = search.last_visible[: search.last_count[0]]
     if len(guesses) > 0 and not same_vertices(guesses, visible):
         remap_closest(guesses, visible, search.remapped, search.closest)
@@ -79,6 +80,23 @@ def fill_leaves(visible: Numbers, surface: Surface, stretch: float, workspace: W
             leaves += 1
     starts[leaves] = len(visible)
     return leaves
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def fill_discs(visible: Numbers, surface: Surface, stretch: float, workspace: Workspace) -> None:
+    """Fill workspace.search.discs with the normals and radii of the visible vertices."""
+    discs, normals, radii = workspace.search.discs, surface.normals, surface.radii
+    transforms, link_dofs, links = workspace.transforms, surface.link_dofs, surface.skin_links
+    per_stretch = 1.0 / stretch
+    for m in range(len(visible)):
+        v = visible[m]
+        t = transforms[link_dofs[links[v, 0]]]
+        a, b, c = normals[v, 0], normals[v, 1], normals[v, 2]
+        x = t[0, 0] * a + t[0, 1] * b + t[0, 2] * c
+        y = t[1, 0] * a + t[1, 1] * b + t[1, 2] * c
+        z = per_stretch * (t[2, 0] * a + t[2, 1] * b + t[2, 2] * c)
+        scale = 1.0 / np.sqrt(x * x + y * y + z * z)
+        discs[m, 0], discs[m, 1], discs[m, 2], discs[m, 3] = scale * x, scale * y, scale * z, radii[v]
 
 
 @numba.njit(cache=True, nogil=True)

@@ -15,6 +15,7 @@ from gepf.common.compiling import numba
 from gepf.worker.kernel import terms
 from gepf.worker.kernel.correspondence import find_correspondences
 from gepf.worker.kernel.observation import PackedObservation, view_of
+from gepf.worker.kernel.terms import depth
 from gepf.worker.kernel.visibility import pose_body, visible_vertices
 from gepf.worker.kernel.workspace import CameraView, Problem, Search, Workspaces, workspace_of
 
@@ -51,12 +52,9 @@ def evaluate(pose: Array, mean: Array, problem: Problem, workspaces: Workspaces)
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def sum_distances(observed: PackedObservation, stretch: float, search: Search) -> float:
-    """Sum of the distances (m) of the observed points from their model points, without scaled depth.
-
-    If depth is scaled strongly, the difference of large numbers may be negative.
-    """
-    total, excess = 0.0, 1.0 / stretch**2 - 1.0
+    """Sum of the distances (m) of the observed points from the surface, without scaled depth."""
+    total, shrink = 0.0, 1.0 / stretch
     for i in range(observed.count):
-        along = np.float64(observed.points[2, i]) - search.model[search.closest[i], 2]
-        total += np.sqrt(max(0.0, search.squared[i] + excess * along * along))
+        dx, dy, dz = depth.offset_from_surface(i, observed.points, search)
+        total += np.sqrt(dx * dx + dy * dy + shrink * shrink * dz * dz)
     return total

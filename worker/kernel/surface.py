@@ -36,10 +36,12 @@ class Surface(NamedTuple):
 
     vertices: Array  # (V, 3)
     normals: Array  # (V, 3) of length 1
+    radii: Array  # (V,) metres, of the discs around the vertices, see `terms.depth`
     leaves: Indices  # (V,) ascending
     triangles: NDArray[np.uint32]  # (T, 3)
     skin_links: NDArray[np.uint32]  # (V, K)
     skin_weights: Array  # (V, K)
+    link_dofs: Indices  # (L,) as of the skeleton
     shape_vertices: Array  # (S, V, 3) change of the vertices per unit of each shape coefficient
 
 
@@ -74,10 +76,12 @@ def make_packed_model(model: BodyModel) -> tuple[Skeleton, Surface]:
     surface = Surface(
         model.vertices[order],
         vertex_normals(model.vertices, model.triangles)[order].astype(np.float64),
+        disc_radii(model)[order],
         leaves,
         triangles[np.argsort(triangles[:, 0], kind="stable")].astype(np.uint32),
         np.ascontiguousarray(model.skin_links[order][:, used], np.uint32),
         np.ascontiguousarray(model.skin_weights[order][:, used]),
+        model.link_dofs,
         np.ascontiguousarray(model.shape_vertices[:, order]),
     )
     return skeleton, surface
@@ -93,3 +97,11 @@ def order_vertices(model: BodyModel) -> tuple[Indices, Indices]:
         order.append(members[neighbourhoods(model.vertices[members], LEAF)])
         leaves.append(np.arange(len(members)) // LEAF + (leaves[-1][-1] + 1 if leaves else 0))
     return np.concatenate(order), np.concatenate(leaves)
+
+
+def disc_radii(model: BodyModel) -> Array:
+    """Radii (V,) in metres of discs around the vertices, each with a third of the area of its triangles."""
+    sides = np.diff(model.vertices[model.triangles], axis=1)
+    areas = 0.5 * np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+    shares = np.bincount(model.triangles.ravel(), np.repeat(areas / 3.0, 3), len(model.vertices))
+    return np.sqrt(shares / np.pi)

@@ -46,6 +46,7 @@ class Search(NamedTuple):
     """The visible vertices by leaf, and the closest of them to each observed point."""
 
     model: Points  # (V, 3) visible vertices, depth stretched
+    discs: Points  # (V, 4) normals of length 1 and radii of the discs around them, alike
     last_count: Indices  # (1,) number of vertices of the last search; 0 before the first
     last_visible: Numbers  # (V,) these vertices
     remapped: Numbers  # (V,) their indices among the visible ones now
@@ -161,6 +162,7 @@ def workspace_of(workspaces: Workspaces, views: PackedViews, v: int) -> Workspac
         shared.offsets,
         Search(
             search.model,
+            search.discs,
             workspaces.last_counts[v],
             workspaces.last_visible[v],
             search.remapped,
@@ -223,6 +225,7 @@ def make_search(vertices: int, leaves: int, points: int) -> Search:
     groups = -(-leaves // TILE)
     return Search(
         model=np.empty((vertices, 3), np.float32),
+        discs=np.empty((vertices, 4), np.float32),
         last_count=np.zeros(1, np.int64),
         last_visible=np.empty(vertices, np.uint32),
         remapped=np.empty(vertices, np.uint32),

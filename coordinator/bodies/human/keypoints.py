@@ -11,9 +11,9 @@ import numpy as np
 
 from gepf.common.arrays import Array, Indices
 from gepf.common.body import KEYPOINTS
+from gepf.coordinator.bodies.carried_points import carry
 
 MEASURED_STATURE = 1.75  # metres, of the person on whom they were measured
-CARRIERS = 12  # vertices of a link that carry a keypoint
 POINTS = {
     "nose": ("skull", 0.0, -0.693, -0.087),
     "eye": ("skull", 0.022, -0.719, -0.065),
@@ -42,18 +42,3 @@ def attach_keypoints(
         links.append(link_names.index(name if name in link_names else f"{side[0]}_{name}"))
         points.append(np.array(place) / MEASURED_STATURE * (-1.0 if side == "right" else 1.0, 1.0, 1.0))
     return np.array(links), *carry(np.array(points), np.array(links), vertices, skin_links)
-
-
-def carry(points: Array, links: Indices, vertices: Array, skin_links: Indices) -> tuple[Indices, Array]:
-    """Vertices (K, W) of links (K,), and the shares (K, W) by which they sum up to points (K, 3) at rest.
-
-    The shares are the smallest ones, so a point moves with the surface of its link if the shape changes.
-    """
-    carriers, shares = list[Indices](), list[Array]()
-    for point, link in zip(points, links, strict=True):
-        mine = np.flatnonzero(skin_links[:, 0] == link)
-        carriers.append(mine[np.linspace(0, len(mine) - 1, CARRIERS).round().astype(np.int64)])
-        corners = np.column_stack([vertices[carriers[-1]], np.ones(CARRIERS)])
-        share = np.linalg.lstsq(corners.T, np.append(point, 1.0), rcond=None)[0]
-        shares.append(share / share.sum())
-    return np.array(carriers), np.array(shares)

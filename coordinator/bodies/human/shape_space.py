@@ -10,12 +10,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from gepf.common.arrays import Array, Indices
 from gepf.common.body import BodyModel, find_balls, with_shape
-from gepf.coordinator.bodies.human.dofs import joint_range, rest_spread
+from gepf.coordinator.bodies.family import BodySize
+from gepf.coordinator.bodies.human.dofs import HUMAN, joint_range, rest_spread
 from gepf.coordinator.bodies.human.keypoints import attach_keypoints
 from gepf.coordinator.bodies.human.skeleton import build_skeleton
 
@@ -31,6 +33,18 @@ SHAPE_DOFS = ("shape_stature", "shape_infant", "shape_child", "shape_girth")
 proportions of an infant and of a child, instead of an adult's; stature times the excess of girth over 1."""
 
 REFERENCE_STATURE = 1.75  # metres, of the usual adult: a person of unknown stature
+
+
+class Size(NamedTuple):
+    """Stature in metres, girth as a factor, and how far a small person has the proportions of an adult.
+
+    `maturity` is 0 for the mean person of the stature and 1 for the proportions of an adult.
+    """
+
+    stature: float
+    girth: float
+    maturity: float = 0.0
+
 
 UNIT = 4e-5  # of stature: the coordinates in the file are whole numbers of it
 
@@ -143,19 +157,20 @@ class ShapeSpace:
             centres[:, self.named],
         )
 
-    def coefficients(self, stature_m: float, girth: float, maturity: float = 0.0) -> Array:
-        """Values (S,) of SHAPE_DOFS, metres, of the person of `person` with these measures."""
+    def coefficients(self, size: BodySize) -> Array:
+        """Values (S,) of SHAPE_DOFS, metres, of the person of `person` with this `Size`."""
+        stature_m, girth, maturity = Size(*size)
         younger = self._blend(self.age(stature_m, maturity))[:-1]
         values = [stature_m - REFERENCE_STATURE, *(stature_m * younger), stature_m * (girth - 1.0)]
         return np.array(values)
 
-    def measures_of(self, coefficients: Array) -> tuple[float, float, float]:
-        """Stature in metres, girth and maturity of the person with these coefficients (S,)."""
+    def size_of(self, coefficients: Array) -> Size:
+        """The size of the person with these coefficients (S,)."""
         stature = float(coefficients[0]) + REFERENCE_STATURE
         younger = np.clip(coefficients[1:-1] / stature, 0.0, 1.0)
         place = (len(younger) - np.arange(len(younger))) @ younger  # steps of age below the adult
         age = float(np.interp(len(younger) - place, np.arange(len(self.ages)), self.ages))
-        return stature, 1.0 + float(coefficients[-1]) / stature, self.maturity(stature, age)
+        return Size(stature, 1.0 + float(coefficients[-1]) / stature, self.maturity(stature, age))
 
     def _blend(self, age: float) -> Array:
         """Shares (K,) of the people in one of this age."""
@@ -185,7 +200,8 @@ def shape_space() -> ShapeSpace:
     people, skin_links = UNIT * data["people"], of_file[data["skin_links"]]
     keypoints = attach_keypoints(people[-1], skin_links, bones)
     model = BodyModel(
-        name="human",
+        name=HUMAN,
+        family=HUMAN,
         dof_names=names,
         kinds=kinds,
         parents=parents,

@@ -53,18 +53,18 @@ class Fit:
 
 
 FIT = Fit(
-    intercept=-2.228,
+    intercept=-3.647,
     weights={
-        "seen": -3.954,
-        "residual": 3.410,
-        "spread": 0.4965,
-        "speed": 0.2236,
-        "bend": 0.2640,
-        "folding": 5.004,
-        "crowding": 1.233,
-        "protrusion": 4.232,
+        "seen": -4.674,
+        "residual": 5.210,
+        "spread": 0.3435,
+        "speed": 0.3432,
+        "bend": 0.2535,
+        "folding": 2.254,
+        "crowding": 1.437,
+        "protrusion": 5.038,
     },
-    deviation=(-2.060, 0.2367, 0.7348),
+    deviation=(-1.715, 0.2806, 0.2102),
 )
 """Fitted by `python -m benchmarks.certainty --fit`."""
 

@@ -103,11 +103,47 @@ def observed_points(subject: SubjectFrame) -> Array:
     return points[subject.picked].astype(np.float32).astype(np.float64)
 
 
-def closest_points(points: Array, seen: Array, settings: RefineSettings) -> tuple[Indices, Array]:
-    """Step 4c: for each observed point (P, 3) the closest of (Q, 3); squared distance in its noise."""
+def closest_points(points: Array, seen: Array, settings: RefineSettings) -> Indices:
+    """For each observed point (P, 3) the closest of (Q, 3) in the metric of the noise."""
     metric = np.array([1.0, 1.0, settings.noise_lateral / settings.noise_depth])
-    distance, index = cKDTree(seen * metric).query(points * metric)
-    return index, distance**2
+    index: Indices = cKDTree(seen * metric).query(points * metric)[1]
+    return index
+
+
+def posed_normals(model: BodyModel, pose: Array) -> Array:
+    """Normals (V, 3) of length 1 of the vertices, turned with their first link."""
+    corners = model.vertices[model.triangles]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    around = np.zeros_like(model.vertices)
+    np.add.at(around, model.triangles.ravel(), np.repeat(across, 3, axis=0))
+    transforms = np.concatenate([dof_transforms(model, pose[None])[0], np.eye(4)[None, :3]])
+    turns = transforms[model.link_dofs[model.skin_links[:, 0]], :, :3]
+    return np.asarray(np.einsum("vij,vj->vi", turns, around / np.linalg.norm(around, axis=1)[:, None]))
+
+
+def disc_radii(model: BodyModel) -> Array:
+    """Radii (V,) of the discs around the vertices: a third of each triangle belongs to a corner."""
+    radii = np.zeros(len(model.vertices))
+    for a, b, c in model.triangles:
+        area = np.linalg.norm(
+            np.cross(model.vertices[b] - model.vertices[a], model.vertices[c] - model.vertices[a])
+        )
+        radii[[a, b, c]] += area / 6.0
+    return np.sqrt(radii / np.pi)
+
+
+def surface_offsets(
+    points: Array, vertices: Array, normals: Array, radii: Array, settings: RefineSettings
+) -> Array:
+    """Offsets (..., P, 3), in the metric of the noise, of points from discs around vertices (..., P, 3)."""
+    metric = np.array([1.0, 1.0, settings.noise_lateral / settings.noise_depth])
+    axes = normals / metric
+    axes /= np.linalg.norm(axes, axis=-1, keepdims=True)
+    offsets = (points - vertices) * metric
+    across = np.sum(offsets * axes, axis=-1, keepdims=True) * axes
+    aside = offsets - across
+    within = radii[:, None] / np.maximum(np.linalg.norm(aside, axis=-1, keepdims=True), 1e-9)
+    return np.asarray(offsets - np.minimum(within, 1.0) * aside)
 
 
 def robust_weight(squared: Array, settings: RefineSettings) -> Array:
@@ -124,15 +160,8 @@ def robust_cost(squared: Array, settings: RefineSettings) -> Array:
 
 def is_measurable(model: BodyModel, pose: Array, posed: Array) -> Mask:
     """Which posed (V, 3) are on surfaces that the camera sees at less than 78 degrees from their normal."""
-    corners = model.vertices[model.triangles]
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    around = np.zeros_like(posed)
-    np.add.at(around, model.triangles.ravel(), np.repeat(across, 3, axis=0))
-    transforms = np.concatenate([dof_transforms(model, pose[None])[0], np.eye(4)[None, :3]])
-    turns = transforms[model.link_dofs[model.skin_links[:, 0]], :, :3]
-    along = np.einsum("vij,vj,vi->v", turns, around, posed)
-    lengths = np.linalg.norm(around, axis=1) * np.linalg.norm(posed, axis=1)
-    facing: Mask = np.abs(along) > np.cos(np.radians(78.0)) * lengths
+    along = np.sum(posed_normals(model, pose) * posed, axis=1)
+    facing: Mask = np.abs(along) > np.cos(np.radians(78.0)) * np.linalg.norm(posed, axis=1)
     return facing
 
 
@@ -165,6 +194,15 @@ def project_onto_silhouette(
     return seen + shift - along[:, None] * (0.0, 0.0, 1.0), np.sum(shift**2, axis=1)
 
 
+def offsets_from_surface(
+    model: BodyModel, pose: Array, posed: Array, visible: Indices, points: Array, settings: RefineSettings
+) -> tuple[Indices, Array]:
+    """Step 4c: the closest visible vertex (P,) of each point (P, 3), and the offset (P, 3) from its disc."""
+    vertices = visible[closest_points(points, posed[visible], settings)]
+    normals, radii = posed_normals(model, pose)[vertices], disc_radii(model)[vertices]
+    return vertices, surface_offsets(points, posed[vertices], normals, radii, settings)
+
+
 def weigh_correspondences(
     model: BodyModel,
     pose: Array,
@@ -175,8 +213,9 @@ def weigh_correspondences(
 ) -> Factors:
     """All correspondences of the body in this pose, point by point."""
     points = observed_points(subject)
-    index, squared = closest_points(points, posed[visible], settings)
-    vertices, targets, weights = visible[index], points, robust_weight(squared, settings)
+    vertices, offsets = offsets_from_surface(model, pose, posed, visible, points, settings)
+    weights = robust_weight(np.sum(offsets**2, axis=1), settings)
+    targets = posed[vertices] + offsets / (1.0, 1.0, settings.noise_lateral / settings.noise_depth)
     if settings.sensor == "camera":
         outline, away = project_onto_silhouette(
             posed[visible], is_measurable(model, pose, posed)[visible], subject, settings
@@ -343,14 +382,15 @@ def evaluate(
     points = observed_points(subject)
     if len(visible) == 0:
         return -np.inf, np.inf
-    index, squared = closest_points(points, posed[visible], settings)
-    cost = robust_cost(squared, settings).mean()
+    offsets = offsets_from_surface(model, pose, posed, visible, points, settings)[1]
+    cost = robust_cost(np.sum(offsets**2, axis=1), settings).mean()
     measurable = is_measurable(model, pose, posed)[visible]
     _, away = project_onto_silhouette(posed[visible], measurable, subject, settings)
     if settings.sensor == "camera":
         cost += robust_cost(away, settings).mean()
     cost += prior_costs(model, pose[None], settings)[0]
-    residual = np.linalg.norm(points - posed[visible[index]], axis=1).mean()
+    metric = (1.0, 1.0, settings.noise_lateral / settings.noise_depth)
+    residual = np.linalg.norm(offsets / metric, axis=1).mean()
     return float(-0.5 * cost / settings.likelihood_scale**2), float(residual)
 
 

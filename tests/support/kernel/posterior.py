@@ -118,6 +118,7 @@ class Held:
     settings: RefineSettings
     points: Array  # (P, 3)
     closest: Indices  # (P,) vertices
+    normals: Array  # (V, 3) of the surface
     visible: Indices  # (Q,) vertices
     rays: Array  # (Q, 2) of the outline's nearest pixels, for each metre of depth
     free: Mask  # (Q,) whether each of them is in free space
@@ -135,12 +136,13 @@ def hold(
     """Visibility and correspondences at a pose (D,); soft ones with its depth image and surface."""
     posed, visible = plain_path.visible_vertices(model, pose)
     points, camera = plain_path.observed_points(subject), subject.frame.intrinsics
-    index, _ = plain_path.closest_points(points, posed[visible], settings)
+    index = plain_path.closest_points(points, posed[visible], settings)
     facing = plain_path.is_measurable(model, pose, posed)[visible]
     outline, free = plain_path.nearest_outline(posed[visible], facing, subject)
     rays = (outline - (camera.cx, camera.cy)) / (camera.fx, camera.fy)
     samples = None if drawn is None else take_samples(model, pose, points, settings, *drawn)
-    return Held(model, settings, points, visible[index], visible, rays, free, samples, subject)
+    normals = plain_path.posed_normals(model, pose)
+    return Held(model, settings, points, visible[index], normals, visible, rays, free, samples, subject)
 
 
 def take_samples(
@@ -195,9 +197,9 @@ def keypoint_cost(held: Held, poses: Array) -> Array:
 def point_cost(held: Held, posed: Array) -> Array:
     """Mean robust cost (N,) of the points, in the metric of the noise, for surfaces (N, V, 3)."""
     settings = held.settings
-    metric = np.array([1.0, 1.0, settings.noise_lateral / settings.noise_depth])
-    squared = np.sum(((posed[:, held.closest] - held.points) * metric) ** 2, axis=-1)
-    return np.asarray(plain_path.robust_cost(squared, settings).mean(axis=1))
+    radii, normals = plain_path.disc_radii(held.model)[held.closest], held.normals[held.closest]
+    offsets = plain_path.surface_offsets(held.points, posed[:, held.closest], normals, radii, settings)
+    return np.asarray(plain_path.robust_cost(np.sum(offsets**2, axis=-1), settings).mean(axis=1))
 
 
 def free_space_cost(held: Held, posed: Array) -> Array:

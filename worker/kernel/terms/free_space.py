@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gepf.common.arrays import Array, Numbers
+from gepf.common.arrays import Numbers, Points
 from gepf.common.compiling import numba
 from gepf.worker.kernel.observation import PackedObservation
 from gepf.worker.kernel.terms.robust import robust_cost, robust_weight
@@ -63,12 +63,10 @@ def vertices_in_free_space(view: CameraView) -> Numbers:
     a grazing angle.
     """
     visible, observed, workspace = view.visible, view.observed, view.workspace
-    skeleton, surface = view.problem.skeleton, view.problem.surface
     fx, fy, nearest = observed.lens[0], observed.lens[1], observed.nearest
     height, width = observed.empty.shape
     posed, offsets, free = workspace.posed, workspace.offsets, workspace.free
-    transforms, normals, links = workspace.transforms, surface.normals, surface.skin_links
-    count = 0
+    discs, stretch, count = workspace.search.discs, view.problem.parameters.stretch, 0
     for n in range(vertices_in_empty_pixels(visible, observed, workspace)):
         m, u, v = free[n], offsets[n, 0], offsets[n, 1]
         i = np.uint64(min(max(int(v + 0.5), 0), height - 1))
@@ -77,8 +75,7 @@ def vertices_in_free_space(view: CameraView) -> Numbers:
         if abs(du) > 1.0 or abs(dv) > 1.0:
             vertex = visible[m]
             x, y, z = posed[vertex, 0], posed[vertex, 1], posed[vertex, 2]
-            link_dof = skeleton.link_dofs[links[vertex, 0]]
-            if is_measurable(transforms, link_dof, normals, vertex, x, y, z):
+            if is_measurable(discs[m], stretch, x, y, z):
                 free[count], offsets[count, 0], offsets[count, 1] = m, du * z / fx, dv * z / fy
                 count += 1
     return free[:count]
@@ -112,14 +109,9 @@ def vertices_in_empty_pixels(visible: Numbers, observed: PackedObservation, work
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
-def is_measurable(
-    transforms: Array, t: int, normals: Array, vertex: int, x: float, y: float, z: float
-) -> bool:
-    """Whether the surface at a vertex at (x, y, z) is not seen at a grazing angle."""
-    along = 0.0
-    for a in range(3):
-        turned = transforms[t, a, 0] * normals[vertex, 0] + transforms[t, a, 1] * normals[vertex, 1]
-        turned += transforms[t, a, 2] * normals[vertex, 2]
-        along += turned * (x if a == 0 else y if a == 1 else z)
-    facing: bool = along * along > GRAZING * GRAZING * (x * x + y * y + z * z)
+def is_measurable(disc: Points, stretch: float, x: float, y: float, z: float) -> bool:
+    """Whether the surface at a vertex at (x, y, z), with this disc, is not seen at a grazing angle."""
+    a, b, c = disc[0], disc[1], stretch * disc[2]
+    along = a * x + b * y + c * z
+    facing: bool = along * along > GRAZING * GRAZING * (a * a + b * b + c * c) * (x * x + y * y + z * z)
     return facing

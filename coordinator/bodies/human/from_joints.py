@@ -1,7 +1,7 @@
 """Angles of a person from joint positions alone, as in many truths: elbows, knees, shoulders and hips.
 
-They have the names and definitions of `gepf.coordinator.bodies.angles`, except that trunk and pelvis have a
-common axis here, from the centre of the hips to that of the shoulders.
+They have the names and definitions of `gepf.coordinator.bodies.human.angles`, except that trunk and pelvis
+have a common axis here, from the centre of the hips to that of the shoulders.
 """
 
 from __future__ import annotations

@@ -1,0 +1,174 @@
+"""People as a family of bodies: the human template in any size, with the angles of MPEG-4."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from gepf.common.arrays import Array, Mask
+from gepf.common.body import BodyModel
+from gepf.common.errors import InputError
+from gepf.coordinator.bodies.angles import Angles
+from gepf.coordinator.bodies.family import Bodies, BodyFamily, BodySize, FittedBody, one_body
+from gepf.coordinator.bodies.human.angles import person_angles
+from gepf.coordinator.bodies.human.dofs import HUMAN, HUMAN_DOFS
+from gepf.coordinator.bodies.human.measures import DEVIATION, Measures
+from gepf.coordinator.bodies.human.shape_space import REFERENCE_STATURE, Size, shape_space
+from gepf.coordinator.bodies.human.template import DEFAULT_ACTIVE, human, human_of
+from gepf.coordinator.bodies.tracked import choose_active
+from gepf.coordinator.files import read_json
+
+PERSON_SUFFIX = ".json"
+
+SPINE = ("vl3_tilt", "vl3_roll", "vl3_torsion", "vc7_tilt")
+"""One joint of the lower back and one of the neck represent all others: people bend, and look down."""
+
+USUAL = {"paper": DEFAULT_ACTIVE, "default": DEFAULT_ACTIVE + SPINE}
+"""Preset -> default degrees of freedom."""
+
+STATURES_M = (0.82, 0.9, 0.98, 1.07, 1.16, 1.26, 1.38, 1.5, 1.62, 1.74, 1.86, 1.98)
+STATURE_STEPS = np.array([0.91, 0.955, 1.0, 1.045, 1.09])  # factors of the best stature so far
+MATURITIES = (0.0, 0.5, 1.0)  # of a small person: proportions of the mean child, halfway, of an adult
+GIRTHS = (0.9, 1.05, 1.2, 1.4)
+USUAL_GIRTH = GIRTHS[1]
+ADULT_M, ADULT_DEVIATION_M = 1.69, 0.10  # mean and deviation of the statures of adults
+ENDS = ("head", "left_ankle", "right_ankle")
+
+
+def limb_lines(side: str) -> tuple[tuple[str, str], ...]:
+    """Pairs of joints of an arm and a leg that pictures connect."""
+    shoulder, elbow, wrist, hip, knee, ankle = (
+        f"{side}_{joint}" for joint in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
+    )
+    arm = (("neck", shoulder), (shoulder, elbow), (elbow, wrist))
+    return (*arm, ("pelvis", hip), (hip, knee), (knee, ankle))
+
+
+def near_statures(size: BodySize) -> Sequence[BodySize]:
+    """Statures around this one, those of small people with several proportions."""
+    stature, girth, _ = Size(*size)
+    adult, statures = shape_space().statures[-1], stature * STATURE_STEPS
+    maturities = MATURITIES if stature <= adult else MATURITIES[:1]
+    return [
+        Size(tried, girth, maturity)
+        for maturity in maturities
+        for tried in statures
+        if maturity == 0.0 or tried < adult
+    ]
+
+
+def all_girths(size: BodySize) -> Sequence[BodySize]:
+    """The same stature with each girth."""
+    return [Size(*size)._replace(girth=girth) for girth in GIRTHS]
+
+
+class People(BodyFamily):
+    """People: detected in typical poses and any size, upright if nothing contradicts, and never flat."""
+
+    name = template = HUMAN
+    usual_size = Size(REFERENCE_STATURE, 1.0)
+    library_size = Size(REFERENCE_STATURE, USUAL_GIRTH)
+    sizes: ClassVar[Sequence[BodySize]] = [Size(stature, USUAL_GIRTH) for stature in STATURES_M]
+    size_stages = (near_statures, all_girths)
+    cell_m = 0.06
+    nearest_m = 1.2
+    axis = ("pelvis", "head")
+    sides = (("left_hip", "right_hip"), ("left_shoulder", "right_shoulder"))
+    lines = (("pelvis", "neck"), ("neck", "head"), *limb_lines("right"), *limb_lines("left"))
+    has_flat_sides = is_exact = False
+    has_keypoints = True
+    zero = "Zero is standing straight with arms hanging; signs mean the same on both sides."
+
+    def reads(self, path: Path) -> bool:
+        """Whether a file holds a person's measures."""
+        return path.suffix == PERSON_SUFFIX
+
+    def load(self, model: str) -> BodyModel:
+        """The person with the measures of a file, or the average person."""
+        return human() if model == HUMAN else human_of(read_person(Path(model)))
+
+    def bodies(self, model: str, active: tuple[str, ...] | None, preset: str) -> Bodies:
+        """People of any stature, or one with the measures of a file; by default with the preset's DOFs."""
+        if model != HUMAN:
+            return self.measured(read_person(Path(model)), active, preset)
+        usual, space = USUAL[preset], shape_space()
+        chosen = choose_active(active, usual, HUMAN_DOFS)
+        return Bodies(self, space.person, usual, chosen, HUMAN_DOFS, space=space)
+
+    def measured(self, measures: Measures, active: tuple[str, ...] | None, preset: str) -> Bodies:
+        """One person with known measures, with the surface of people of unknown size."""
+        usual = USUAL[preset]
+        maturity = shape_space().maturity(measures.stature, measures.age)
+        size = Size(measures.stature, measures.girth, maturity)
+        return one_body(self, human_of(measures), usual, choose_active(active, usual, HUMAN_DOFS), size)
+
+    def draw_poses(self, model: BodyModel, count: int, rng: np.random.Generator) -> Array:
+        """Typical poses (N, D)."""
+        from gepf.coordinator.bodies.human.typical_poses import draw_people  # loads the compiler
+
+        return draw_people(model, count, rng)
+
+    def angles(self, model: BodyModel, held: Mapping[str, float], up: Array | None) -> Angles:
+        """The anatomical angles of the joints that move."""
+        return person_angles(model.dof_names, held, up)
+
+    def length(self, size: BodySize) -> float:
+        """The stature, metres."""
+        return Size(*size).stature
+
+    def mean_size(self, sizes: Array, weights: Array, best: int) -> BodySize:
+        """The weighted mean of the sizes (N, 3) with the maturity of the best."""
+        weights = weights * (sizes[:, 2] == sizes[best, 2])
+        return Size(*(weights @ sizes / weights.sum()).round(2).tolist())
+
+    def log_prior(self, names: tuple[str, ...], sizes: Array, in_view: Mask) -> Array:
+        """Log density (N,) of the statures of adults, where not both ends of the body are in view.
+
+        A part of a body fits a range of sizes. Children are as likely as the mean adult.
+        """
+        above = np.maximum(0.0, (sizes[:, 0] - ADULT_M) / ADULT_DEVIATION_M)
+        ends = in_view[:, [names.index(end) for end in ENDS]]
+        return np.where(ends[:, 0] & ends[:, 1:].any(axis=1), 0.0, -0.5 * above**2)
+
+    def size_of(self, coefficients: Array) -> BodySize:
+        """The size of the person with these shape coefficients (S,)."""
+        return shape_space().size_of(coefficients)
+
+    def implausible(self, body: FittedBody) -> str:
+        """Why a fitted body is not a person; empty if it may be."""
+        from gepf.coordinator.bodies.human.plausibility import reject  # loads the compiler
+
+        return reject(body, self.length(body.size))
+
+    def describe_size(self, size: BodySize, deviation_m: float) -> dict[str, float | None]:
+        """Stature, its standard deviation, girth and age by proportions; None if nobody was detected."""
+        names = ("stature_m", "stature_deviation_m", "girth", "age")
+        values = self.size_file(size, deviation_m).values() if size else (None,) * len(names)
+        return dict(zip(names, values, strict=True))
+
+    def size_file(self, size: BodySize, deviation_m: float) -> dict[str, float]:
+        """Stature, its standard deviation, girth and age, as `read_person` reads them."""
+        stature, girth, maturity = Size(*size)
+        age = shape_space().age(stature, maturity)
+        return {"stature": stature, DEVIATION: deviation_m, "girth": girth, "age": age}
+
+
+def read_person(path: Path) -> Measures:
+    """Measures in metres, and age in years, from a JSON file; missing ones follow from stature.
+
+    InputError for implausible measures and unknown entries.
+    """
+    values = read_json(path, dict[str, float], "write {measure: metres}")
+    values.pop(DEVIATION, None)
+    if "stature" not in values:
+        raise InputError(f"{path} has no stature; add it, in metres")
+    try:
+        return Measures.of(values.pop("stature"), **values)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+PEOPLE = People()

@@ -1,0 +1,113 @@
+"""Which pixels of a segmented frame are whose: those around a pose, or a candidate."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from gepf.common.arrays import Array
+from gepf.common.frame import SubjectFrame
+from gepf.coordinator.tracking.observation import middle_of
+from gepf.coordinator.tracking.segmenter import BodyView, SegmentedFrame, Segmenter
+from gepf.coordinator.tracking.target import TargetTracker
+from gepf.coordinator.tracking.track_state import Body, Found, Searching
+
+MAX_MOTION_M = 0.8  # of a body between two frames
+GONE_SHARE = 0.35  # of the body's pixels in the last good frame; with fewer it may have left
+WHOLE_SHARE = 0.85  # of the pixels in which the body was detected; with fewer, a part of it is missing
+
+
+class Assignment:
+    """Assigns the pixels of one segmented frame to people, in their order; each candidate only once."""
+
+    def __init__(
+        self, targets: Sequence[TargetTracker], segmenter: Segmenter, segmented: SegmentedFrame
+    ) -> None:
+        self._targets, self._segmenter, self._segmented = targets, segmenter, segmented
+        # a person who has just been detected may still be among the candidates
+        detected = any(
+            isinstance(target.track, Found) and target.track.place is not None for target in targets
+        )
+        self._free = [] if detected else list(segmented.candidates)
+
+    def view_of(self, place: int) -> BodyView:
+        """What shows a person: a free candidate if the person is undetected or lost."""
+        segmented, target, is_elsewhere = self._segmented, self._targets[place], False
+        subject = segmented.subjects[place]
+        if not isinstance(target.track, Body):
+            subject = self._for_search(place)
+        elif target.needs_candidates:
+            subject = nearest(self._free, target.last_seen)
+        elif self._misses(place):
+            candidate = self._elsewhere(place)
+            if candidate is not None:
+                subject, is_elsewhere = candidate, not isinstance(target.track, Found)
+        if subject in self._free:
+            self._free.remove(subject)
+        planes, excluded = segmented.planes(subject), segmented.excluded[place]
+        return BodyView(segmented.frame, subject, planes, excluded, is_elsewhere)
+
+    def _for_search(self, place: int) -> SubjectFrame | None:
+        """The candidate in which a person is searched for: the one under way, or each in turn.
+
+        People are detected in their order. In the first round all cameras of a candidate are used, in each
+        further round one of them: cameras with wrong poses show no person together.
+        """
+        target, count = self._targets[place], len(self._free)
+        if not count or not all(isinstance(before.track, Body) for before in self._targets[:place]):
+            return None
+        search = 0
+        if isinstance(target.track, Searching):
+            search = target.track.searches - (not target.track.is_due(self._segmented.frame.time_s))
+        rounds, turn = divmod(search, count)
+        chosen = self._free[turn]
+        if target.search.subject is not None:
+            chosen = nearest(self._free, middle_of(target.search.subject)) or chosen
+        self._free.remove(chosen)
+        single_views = [replace(view, others=(), wider=()) for view in chosen.views]
+        options = [chosen, *single_views] if chosen.others else [chosen]
+        return options[rounds % len(options)]
+
+    def _misses(self, place: int) -> bool:
+        """Whether so few pixels of the body are visible that it is looked for elsewhere."""
+        target, pixels = self._targets[place], self._segmented.pixels(place)
+        if isinstance(target.track, Found):
+            whole = WHOLE_SHARE * target.track.detected_pixels
+        else:
+            assert isinstance(target.track, Body)
+            whole = max(target.policy.min_points, GONE_SHARE * target.track.pixels)
+        return pixels < whole and target.policy.recovers
+
+    def _elsewhere(self, place: int) -> SubjectFrame | None:
+        """A candidate nearby with more pixels than the present subject, who is probably the same person."""
+        target, pixels = self._targets[place], self._segmented.pixels(place)
+        surfaces = [other.segmentation_surface for n, other in enumerate(self._targets) if n != place]
+        candidates = self._segmenter.find_candidates(
+            self._segmented, [surface for surface in surfaces if surface is not None]
+        )
+        if isinstance(target.track, Found) and target.track.place is not None:
+            candidate, near = nearest(candidates, target.track.place), True
+        else:
+            candidate = next(iter(candidates), None)
+            near = candidate is not None and distance(candidate, target.last_seen) < MAX_MOTION_M
+        if candidate is None or candidate.pixels <= pixels:
+            return None
+        return candidate if near or pixels < target.policy.min_points else None
+
+    def people_beside(self, place: int, searched: SubjectFrame) -> list[SubjectFrame]:
+        """All people in the frame except the one at this place, who was searched for in `searched`."""
+        candidates = [candidate for candidate in self._segmented.candidates if candidate is not searched]
+        subjects = [subject for n, subject in enumerate(self._segmented.subjects) if subject and n != place]
+        return candidates + subjects
+
+
+def nearest(candidates: Sequence[SubjectFrame], place: Array) -> SubjectFrame | None:
+    """The candidate that is nearest to a place (3,), metres; None without candidates."""
+    return min(candidates, key=lambda candidate: distance(candidate, place), default=None)
+
+
+def distance(subject: SubjectFrame, place: Array) -> float:
+    """Distance in metres from the median of a person's observed points to a place (3,)."""
+    return float(np.linalg.norm(middle_of(subject) - place))

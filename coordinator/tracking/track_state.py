@@ -1,0 +1,340 @@
+"""The state of a track, and how events change it: a state machine without clock, images and workers.
+
+`step` returns the state after an event, and instructions. `coordinator/tracking/target.py` executes them, in
+their order, and makes the events. The table of transitions is in docs/states.md.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import ClassVar, Literal, NamedTuple, TypeAlias
+
+import msgspec
+from msgspec.structs import replace
+
+from gepf.common.arrays import Array
+from gepf.coordinator.filters.belief import USUAL_INTERVAL, Belief
+from gepf.coordinator.tracking.cameras import Agreement
+from gepf.coordinator.tracking.gating import Gate
+
+LOST_RESIDUAL = 1.3  # normalised; above it a frame is badly explained. Usual frames are below 1.2
+PATIENCE_S = 0.1  # a body that explains no frame for so long is lost
+SEARCH_INTERVAL_S = 4 / 30  # between searches for an unknown body, and from detection to the first check
+CHECK_INTERVAL_S = 1 / 3  # between checks while the pose is doubtful
+ROUNDING_S = 1e-3  # of times in files
+FACING_DOUBT = "front and back look alike: it may face the other way"
+
+Instruction = Literal["search", "stop searching", "learn the room", "refine", "report"]
+"""search: begin a search in this frame; its end is an event. learn the room: what was searched, except the
+person. refine: the particles of this frame; the result is an event. report: the frame is done."""
+
+Instructions = tuple[Instruction, ...]
+
+Sight = Literal["body", "something", "nothing"]
+"""What a frame shows at the place of a body."""
+
+
+class Absent(msgspec.Struct, frozen=True, tag="absent"):
+    """The body is unknown, and nothing that may be one is seen."""
+
+
+class Searching(msgspec.Struct, frozen=True, tag="searching"):
+    """The body is unknown, and something that may be one is seen."""
+
+    searches: int = 1  # that have begun
+    searched_s: float = 0.0  # time of the frame in which the last one began
+    why: str = ""  # the last one detected nothing
+    is_running: bool = False  # a search
+    sight: Sight = "something"
+
+    def is_due(self, time_s: float) -> bool:
+        """Whether the next search may begin."""
+        return not self.is_running and time_s >= self.searched_s + SEARCH_INTERVAL_S - ROUNDING_S
+
+
+class Body(msgspec.Struct, frozen=True, kw_only=True):
+    """A body with a pose: the fields that found, tracked and lost bodies share."""
+
+    belief: Belief
+    time_s: float | None = None  # of the last frame that showed the body
+    segmentation_pose: Array | None  # (D,) around which the next frame is segmented; None: it may be anywhere
+    excluded: tuple[str, ...] = ()  # cameras that are not used for it when the next frame is segmented
+    agreement: Agreement = msgspec.field(default_factory=Agreement)  # of the cameras, by the last pose
+    is_searched: bool = False  # a search for it is running
+
+
+class Found(Body, frozen=True, kw_only=True, tag="found"):
+    """A body that was detected, or whose start is given, before it is tracked in a first frame.
+
+    A detected body has a place (3,), the median of its observed points in the frame of the search, metres,
+    and a number of pixels there.
+    """
+
+    place: Array | None = None
+    detected_pixels: int = 0
+    is_lost: bool = False  # a frame showed nothing at a given start
+
+
+class Followed(Body, frozen=True, kw_only=True):
+    """The fields that tracked and lost bodies share."""
+
+    age_s: float = 0.0  # since the last detection, in frames that show the body; less to be checked sooner
+    unexplained_s: float = 0.0  # for which no frame was explained
+    residual: float = 0.0  # normalised, of the last frame that showed the body
+    why: str = ""  # to doubt that frame
+    pixels: int = 0  # of the body in the last explained frame
+    ambiguous_facing: bool = False  # in the last search, front and back explained the frame equally well
+    faulty: tuple[str, ...] = ()  # cameras at fault in the last frame that showed the body
+    sight: Sight = "body"  # in the last frame
+
+    @property
+    def is_new(self) -> bool:
+        """Whether the body was detected, or a camera came back, shortly before."""
+        return self.age_s < CHECK_INTERVAL_S - ROUNDING_S
+
+    @property
+    def doubt(self) -> str:
+        """Why the pose is doubtful, as text."""
+        return self.why or (FACING_DOUBT if self.ambiguous_facing else "")
+
+
+class Tracked(Followed, frozen=True, kw_only=True, tag="tracked"):
+    """The body is at its pose, except that the last few frames may be unexplained."""
+
+    is_lost: ClassVar[bool] = False
+
+
+class Lost(Followed, frozen=True, kw_only=True, tag="lost"):
+    """The body may be anywhere."""
+
+    is_lost: ClassVar[bool] = True
+
+
+TrackState: TypeAlias = Absent | Searching | Found | Tracked | Lost
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Segmented:
+    """A frame is segmented: the number of pixels that show the body, and of the points picked of them.
+
+    Both are 0 if nothing shows it. `has_depth`: the frame shows anything. `is_elsewhere`: these pixels are
+    not where the body was expected. `moved`: the belief in a detected body, moved to where it is now.
+    """
+
+    time_s: float
+    pixels: int = 0
+    points: int = 0
+    has_depth: bool = True
+    is_elsewhere: bool = False
+    moved: Belief | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SearchEnded:
+    """A search has ended, or is given up.
+
+    The first search for a body gives the `found` one, or the reason `why` nothing was detected; none if it is
+    given up.
+    """
+
+    found: Found | None = None
+    why: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Refined:
+    """The particles of a frame are refined, and the pose is gated.
+
+    `redetected`: the pose is that of a search, and not where the body was tracked. `ambiguous_facing`: front
+    and back look alike in that search; None without one. `faulty` cameras are left out; the others have
+    residuals in metres, as `Agreement.after` takes them. `is_slow`: the next frame is not segmented yet.
+    """
+
+    belief: Belief
+    gate: Gate
+    pixels: int
+    time_s: float
+    redetected: bool = False
+    ambiguous_facing: bool | None = None
+    faulty: tuple[str, ...] = ()
+    residuals: Mapping[str, float] = field(default_factory=dict)
+    noise_depth: float = 0.0
+    interval_s: float = 0.0
+    is_slow: bool = False
+
+
+Event: TypeAlias = Segmented | SearchEnded | Refined
+
+
+class Policy(NamedTuple):
+    """What does not change while a body is tracked."""
+
+    min_points: int  # that can show a body
+    recovers: bool = True  # a lost body is searched for
+
+
+def step(state: TrackState, event: Event, policy: Policy) -> tuple[TrackState, Instructions]:
+    """The state after an event, and what to do now."""
+    match event:
+        case Segmented():
+            return _segmented(state, event, policy)
+        case SearchEnded():
+            return _search_ended(state, event)
+        case Refined():
+            assert isinstance(state, Found | Tracked | Lost)  # only a body is refined
+            return _refined(state, event, policy)
+
+
+def _segmented(state: TrackState, event: Segmented, policy: Policy) -> tuple[TrackState, Instructions]:
+    if not isinstance(state, Body):
+        return _look_for_anybody(state, event, policy)
+    if event.is_elsewhere and isinstance(state, Followed):
+        state = _lose(state)
+    if not event.pixels:
+        return _miss(state, event, policy), ("report",)
+    return _follow(state, event, policy)
+
+
+def _look_for_anybody(
+    state: Absent | Searching, event: Segmented, policy: Policy
+) -> tuple[TrackState, Instructions]:
+    """An unknown body: search for it at intervals while there is something to search in."""
+    if isinstance(state, Searching) and state.is_running:
+        if event.pixels or event.has_depth:
+            return replace(state, sight="something"), ("report",)
+        return replace(state, searches=1, why="", sight="nothing"), ("report",)
+    if event.points < policy.min_points:
+        return Absent(), ("report",)
+    if isinstance(state, Absent):
+        return Searching(searched_s=event.time_s, is_running=True), ("search", "report")
+    state = replace(state, sight="something")
+    if not state.is_due(event.time_s):
+        return state, ("report",)
+    state = replace(state, searches=state.searches + 1, searched_s=event.time_s, is_running=True)
+    return state, ("search", "report")
+
+
+def _miss(state: Found | Tracked | Lost, event: Segmented, policy: Policy) -> TrackState:
+    """A body that is not seen: its hypotheses stay where they are, without velocity."""
+    shows = state.segmentation_pose is not None and event.has_depth
+    excluded = state.agreement.contradicting
+    if isinstance(state, Found) and state.place is None:
+        is_lost = state.is_lost or not shows
+        return replace(state, segmentation_pose=None, excluded=excluded, is_lost=is_lost)
+    return replace(
+        _lose(state),
+        belief=state.belief.unseen(),
+        segmentation_pose=_segmentation_pose(state, policy),
+        excluded=excluded,
+        sight="something" if shows else "nothing",
+    )
+
+
+def _follow(
+    state: Found | Tracked | Lost, event: Segmented, policy: Policy
+) -> tuple[TrackState, Instructions]:
+    """A body that is seen: refine it, and search for it as well if it is new, lost or in doubt."""
+    state = replace(state, belief=event.moved or state.belief, excluded=state.agreement.contradicting)
+    state = replace(state, segmentation_pose=_segmentation_pose(state, policy))
+    if isinstance(state, Found):
+        return state, ("refine",)
+    if state.is_searched or not (policy.recovers and _check_due(state, event.time_s)):
+        return replace(state, sight="body"), ("refine",)
+    return replace(state, sight="body", is_searched=True), ("search", "refine")
+
+
+def _check_due(state: Tracked | Lost, time_s: float) -> bool:
+    """Whether to search for a body again: lost, new, or in doubt.
+
+    A check is due in the frame in which the age of the track reaches an interval, or a multiple of it.
+    """
+    before = state.age_s + ROUNDING_S
+    after = before + _interval(state, time_s)
+    new = before < SEARCH_INTERVAL_S <= after
+    due = after // CHECK_INTERVAL_S > before // CHECK_INTERVAL_S
+    return state.is_lost or new or (due and (state.residual > 1.0 or state.ambiguous_facing))
+
+
+def _interval(state: Found | Tracked | Lost, time_s: float) -> float:
+    """Seconds since the last frame that showed the body; the usual ones if it was not tracked in it."""
+    since = 0.0 if isinstance(state, Found) or state.time_s is None else time_s - state.time_s
+    return since if since > 0.0 else USUAL_INTERVAL
+
+
+def _segmentation_pose(state: Found | Tracked | Lost, policy: Policy) -> Array | None:
+    """The pose (D,) around which the next frame is segmented; None if the body may be anywhere."""
+    return None if state.is_lost and policy.recovers else state.belief.reported
+
+
+def _search_ended(state: TrackState, event: SearchEnded) -> tuple[TrackState, Instructions]:
+    """A first search has detected a body or nothing; the result of a later one comes with `Refined`."""
+    if isinstance(state, Body):
+        return replace(state, is_searched=False), ()
+    if event.found is not None:
+        return event.found, ("learn the room",)
+    if isinstance(state, Absent) or not state.is_running:
+        return state, ()
+    if event.why:
+        return replace(state, why=event.why, is_running=False), ()
+    if state.searches == 1:
+        return Absent(), ()
+    # a search that is given up does not count
+    return replace(state, searches=state.searches - 1, searched_s=-math.inf, is_running=False), ()
+
+
+def _refined(
+    state: Found | Tracked | Lost, event: Refined, policy: Policy
+) -> tuple[TrackState, Instructions]:
+    """A body is tracked if it explains the frame, and lost if it has not for some frames."""
+    before, interval, agreement = _followed(state), _interval(state, event.time_s), state.agreement
+    if state.is_lost and not agreement.contradicting:
+        agreement = Agreement()
+    is_explained = event.gate.residual <= (1.0 if state.is_lost else LOST_RESIDUAL)
+    unexplained_s = 0.0 if is_explained else before.unexplained_s + interval
+    is_lost = not is_explained and (state.is_lost or unexplained_s > PATIENCE_S - ROUNDING_S)
+    after = _become(
+        Lost if is_lost else Tracked,
+        before,
+        belief=event.belief,
+        time_s=event.time_s,
+        agreement=agreement.after(event.residuals, event.noise_depth, event.interval_s),
+        age_s=0.0 if is_explained and event.redetected else before.age_s + interval,
+        unexplained_s=unexplained_s,
+        residual=event.gate.residual,
+        why=event.gate.why,
+        pixels=event.pixels if is_explained else before.pixels,
+        ambiguous_facing=(
+            before.ambiguous_facing if event.ambiguous_facing is None else event.ambiguous_facing
+        ),
+        faulty=event.faulty,
+    )
+    if event.is_slow:
+        pose = _segmentation_pose(after, policy)
+        after = replace(after, segmentation_pose=pose, excluded=after.agreement.contradicting)
+    if set(before.faulty) - set(event.faulty) and policy.recovers:  # a camera is back
+        # a running search began without it; check the body in the next frame
+        after = replace(after, age_s=SEARCH_INTERVAL_S - USUAL_INTERVAL, is_searched=False)
+        return after, ("stop searching", "report")
+    return after, ("report",)
+
+
+def _followed(state: Found | Tracked | Lost) -> Tracked | Lost:
+    """A found body as a tracked one; a given start is checked only while in doubt."""
+    if not isinstance(state, Found):
+        return state
+    return _become(Tracked, state, age_s=CHECK_INTERVAL_S if state.place is None else 0.0)
+
+
+def _lose(state: Found | Tracked | Lost) -> Tracked | Lost:
+    """The body may be anywhere."""
+    return _become(Lost, _followed(state), why="", ambiguous_facing=False)
+
+
+def _become(kind: type[Tracked] | type[Lost], state: Body, **changes: object) -> Tracked | Lost:
+    """A tracked or lost body, with the fields that its state before has as well."""
+    shared = {
+        name: getattr(state, name) for name in kind.__struct_fields__ if name in state.__struct_fields__
+    }
+    return kind(**(shared | changes))

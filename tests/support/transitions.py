@@ -1,0 +1,506 @@
+"""The table of transitions of a track: the cases that are tested, and the table of docs/states.md.
+
+`python -m tests.support.transitions` writes the table into the page.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace as with_fields
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from msgspec.structs import replace
+
+from gepf.coordinator.filters.belief import USUAL_INTERVAL, Belief
+from gepf.coordinator.tracking.gating import Gate
+from gepf.coordinator.tracking.reporting import status_of
+from gepf.coordinator.tracking.track_state import (
+    CHECK_INTERVAL_S,
+    SEARCH_INTERVAL_S,
+    Absent,
+    Event,
+    Found,
+    Instructions,
+    Lost,
+    Policy,
+    Refined,
+    SearchEnded,
+    Searching,
+    Segmented,
+    Tracked,
+    TrackState,
+    step,
+)
+
+PAGE = Path(__file__).parents[2] / "docs" / "states.md"
+START, END = "<!-- transitions: make with tests.support.transitions -->\n", "<!-- end -->\n"
+
+POLICY = Policy(min_points=100)
+NEVER_RECOVERS = POLICY._replace(recovers=False)
+
+BELIEF = with_fields(Belief.at(np.array([0.5])), residual=np.array([0.01]), velocities=np.array([[1.0]]))
+AFTER = with_fields(Belief.at(np.array([0.6])), residual=np.array([0.01]))
+MOVED = Belief.at(np.array([0.7]))
+
+GIVEN = Found(belief=BELIEF, segmentation_pose=BELIEF.reported)
+DETECTED = Found(
+    belief=BELIEF, time_s=1.0, segmentation_pose=BELIEF.reported, place=np.zeros(3), detected_pixels=900
+)
+RUNNING = Searching(searched_s=1.0, is_running=True)
+TRACKED = Tracked(belief=BELIEF, time_s=1.0, segmentation_pose=BELIEF.reported, age_s=0.5, pixels=900)
+DUE = replace(TRACKED, age_s=CHECK_INTERVAL_S - 0.01)
+LOST = Lost(belief=BELIEF, time_s=1.0, segmentation_pose=None, age_s=0.5, pixels=900)
+
+INTERVAL_S = 1 / 32
+NEXT_S, LATER_S = 1.0 + INTERVAL_S, 2.0
+CANDIDATE = Segmented(NEXT_S, pixels=900, points=500)
+NOTHING, DARK = Segmented(NEXT_S), Segmented(NEXT_S, has_depth=False)
+FITS = Refined(AFTER, Gate(0.8), pixels=800, time_s=NEXT_S)
+DOUBTFUL = with_fields(FITS, gate=Gate(1.2, "doubt"))  # above the limit, but explained
+WRONG = with_fields(FITS, gate=Gate(2.0, "wrong"))
+ENDED = SearchEnded()
+
+
+class Transition(NamedTuple):
+    """One row: before, the event, the kind of state after it and the fields that change, instructions."""
+
+    before: TrackState
+    condition: str  # of the state before
+    event: Event
+    what: str  # the event in words
+    kind: type[TrackState]
+    changes: Mapping[str, object]
+    instructions: Instructions
+    policy: Policy = POLICY
+
+
+TRANSITIONS = [
+    Transition(Absent(), "", NOTHING, "nothing is seen", Absent, {}, ("report",)),
+    Transition(Absent(), "", Segmented(NEXT_S, 50, 50), "too few points are seen", Absent, {}, ("report",)),
+    Transition(
+        Absent(), "", CANDIDATE, "a candidate is seen", Searching, {"searched_s": NEXT_S, "is_running": True},
+        ("search", "report")
+    ),
+    Transition(Absent(), "", ENDED, "the search is given up", Absent, {}, ()),
+    Transition(RUNNING, "a search runs", CANDIDATE, "a candidate is seen", Searching, {}, ("report",)),
+    Transition(
+        RUNNING, "a search runs", NOTHING, "no candidate, but something is seen", Searching, {}, ("report",)
+    ),
+    Transition(
+        replace(RUNNING, searches=4, why="wrong"),
+        "a search runs",
+        DARK,
+        "nothing is seen",
+        Searching,
+        {"searches": 1, "why": "", "sight": "nothing"},
+        ("report",),
+    ),
+    Transition(
+        RUNNING,
+        "a search runs",
+        SearchEnded(why="wrong"),
+        "the search detects nothing",
+        Searching,
+        {"why": "wrong", "is_running": False},
+        (),
+    ),
+    Transition(
+        RUNNING,
+        "a search runs",
+        SearchEnded(DETECTED),
+        "the search detects a body",
+        Found,
+        {name: getattr(DETECTED, name) for name in DETECTED.__struct_fields__},
+        ("learn the room",),
+    ),
+    Transition(RUNNING, "the first search runs", ENDED, "the search is given up", Absent, {}, ()),
+    Transition(
+        replace(RUNNING, searches=4),
+        "a later search runs",
+        ENDED,
+        "the search is given up",
+        Searching,
+        {"searches": 3, "searched_s": -np.inf, "is_running": False},
+        (),
+    ),
+    Transition(
+        Searching(searched_s=1.0, why="wrong"),
+        "no search is due",
+        CANDIDATE,
+        "a candidate is seen",
+        Searching,
+        {},
+        ("report",),
+    ),
+    Transition(
+        Searching(searched_s=1.0, why="wrong"),
+        "a search is due",
+        with_fields(CANDIDATE, time_s=LATER_S),
+        "a candidate is seen",
+        Searching,
+        {"searches": 2, "searched_s": LATER_S, "is_running": True},
+        ("search", "report"),
+    ),
+    Transition(
+        Searching(searched_s=1.0, why="wrong"), "no search runs", NOTHING, "no candidate is seen", Absent, {},
+        ("report",),
+    ),
+    Transition(GIVEN, "its start is given", CANDIDATE, "it is seen", Found, {}, ("refine",)),
+    Transition(
+        GIVEN,
+        "its start is given",
+        NOTHING,
+        "it is not seen, but something is",
+        Found,
+        {"segmentation_pose": None},
+        ("report",),
+    ),
+    Transition(
+        GIVEN,
+        "its start is given",
+        DARK,
+        "nothing is seen",
+        Found,
+        {"segmentation_pose": None, "is_lost": True},
+        ("report",),
+    ),
+    Transition(
+        DETECTED,
+        "it was detected",
+        with_fields(CANDIDATE, moved=MOVED),
+        "it is seen, moved since the detection",
+        Found,
+        {"belief": MOVED, "segmentation_pose": MOVED.reported},
+        ("refine",),
+    ),
+    Transition(
+        DETECTED,
+        "it was detected",
+        NOTHING,
+        "it is not seen, but something is",
+        Lost,
+        {"sight": "something"},
+        ("report",),
+    ),
+    Transition(
+        DETECTED,
+        "",
+        FITS,
+        "its pose is refined and explains the frame",
+        Tracked,
+        {"belief": AFTER, "time_s": NEXT_S, "age_s": USUAL_INTERVAL, "residual": 0.8, "pixels": 800},
+        ("report",),
+    ),
+    Transition(
+        GIVEN,
+        "",
+        WRONG,
+        "its pose is refined and does not explain the frame",
+        Tracked,
+        {
+            "belief": AFTER,
+            "time_s": NEXT_S,
+            "age_s": CHECK_INTERVAL_S + USUAL_INTERVAL,
+            "residual": 2.0,
+            "why": "wrong",
+            "unexplained_s": USUAL_INTERVAL,
+        },
+        ("report",),
+    ),
+    Transition(
+        replace(GIVEN, is_lost=True, segmentation_pose=None),
+        "nothing was seen at its start",
+        DOUBTFUL,
+        "its pose is refined and doubtful",
+        Lost,
+        {
+            "belief": AFTER,
+            "time_s": NEXT_S,
+            "age_s": CHECK_INTERVAL_S + USUAL_INTERVAL,
+            "residual": 1.2,
+            "why": "doubt",
+            "unexplained_s": USUAL_INTERVAL,
+        },
+        ("report",),
+    ),
+    Transition(TRACKED, "", CANDIDATE, "it is seen", Tracked, {}, ("refine",)),
+    Transition(
+        replace(TRACKED, age_s=SEARCH_INTERVAL_S - 0.01),
+        "detected 0.13 s before",
+        CANDIDATE,
+        "it is seen",
+        Tracked,
+        {"is_searched": True},
+        ("search", "refine"),
+    ),
+    Transition(
+        replace(DUE, residual=1.1),
+        "a check is due, and the last pose was doubtful",
+        CANDIDATE,
+        "it is seen",
+        Tracked,
+        {"is_searched": True},
+        ("search", "refine"),
+    ),
+    Transition(
+        replace(DUE, ambiguous_facing=True),
+        "a check is due, and it may face the other way",
+        CANDIDATE,
+        "it is seen",
+        Tracked,
+        {"is_searched": True},
+        ("search", "refine"),
+    ),
+    Transition(DUE, "a check is due, without a doubt", CANDIDATE, "it is seen", Tracked, {}, ("refine",)),
+    Transition(
+        replace(DUE, residual=1.1, is_searched=True),
+        "a check is due, and a search runs",
+        CANDIDATE,
+        "it is seen",
+        Tracked,
+        {},
+        ("refine",),
+    ),
+    Transition(
+        replace(DUE, residual=1.1),
+        "a check is due, but lost bodies are not searched for",
+        CANDIDATE,
+        "it is seen",
+        Tracked,
+        {},
+        ("refine",),
+        NEVER_RECOVERS,
+    ),
+    Transition(
+        TRACKED,
+        "",
+        with_fields(CANDIDATE, is_elsewhere=True),
+        "a candidate elsewhere is taken for it",
+        Lost,
+        {"segmentation_pose": None, "is_searched": True},
+        ("search", "refine"),
+    ),
+    Transition(
+        replace(TRACKED, why="doubt", ambiguous_facing=True),
+        "",
+        NOTHING,
+        "it is not seen, but something is",
+        Lost,
+        {"sight": "something", "why": "", "ambiguous_facing": False},
+        ("report",),
+    ),
+    Transition(TRACKED, "", DARK, "nothing is seen", Lost, {"sight": "nothing"}, ("report",)),
+    Transition(
+        replace(TRACKED, unexplained_s=INTERVAL_S, why="wrong"),
+        "",
+        FITS,
+        "its pose is refined and explains the frame",
+        Tracked,
+        {
+            "belief": AFTER,
+            "time_s": NEXT_S,
+            "age_s": 0.5 + INTERVAL_S,
+            "residual": 0.8,
+            "why": "",
+            "unexplained_s": 0.0,
+            "pixels": 800,
+        },
+        ("report",),
+    ),
+    Transition(
+        TRACKED,
+        "",
+        with_fields(FITS, is_slow=True),
+        "its pose is refined and explains the frame, long after the frame before",
+        Tracked,
+        {
+            "belief": AFTER,
+            "time_s": NEXT_S,
+            "age_s": 0.5 + INTERVAL_S,
+            "residual": 0.8,
+            "pixels": 800,
+            "segmentation_pose": AFTER.reported,
+        },
+        ("report",),
+    ),
+    Transition(
+        TRACKED,
+        "",
+        WRONG,
+        "its pose is refined and does not explain the frame",
+        Tracked,
+        {
+            "belief": AFTER,
+            "time_s": NEXT_S,
+            "age_s": 0.5 + INTERVAL_S,
+            "residual": 2.0,
+            "why": "wrong",
+            "unexplained_s": INTERVAL_S,
+        },
+        ("report",),
+    ),
+    Transition(
+        replace(TRACKED, unexplained_s=0.09375),
+        "the last frames are not explained",
+        WRONG,
+        "its pose is refined and does not explain the frame",
+        Lost,
+        {
+            "belief": AFTER,
+            "time_s": NEXT_S,
+            "age_s": 0.5 + INTERVAL_S,
+            "residual": 2.0,
+            "why": "wrong",
+            "unexplained_s": 0.125,
+        },
+        ("report",),
+    ),
+    Transition(
+        TRACKED,
+        "",
+        with_fields(FITS, redetected=True, ambiguous_facing=True),
+        "a search explains the frame better, elsewhere",
+        Tracked,
+        {
+            "belief": AFTER,
+            "time_s": NEXT_S,
+            "age_s": 0.0,
+            "residual": 0.8,
+            "pixels": 800,
+            "ambiguous_facing": True,
+        },
+        ("report",),
+    ),
+    Transition(
+        replace(TRACKED, faulty=("side",), is_searched=True),
+        "a camera had a fault",
+        FITS,
+        "its pose is refined, and the camera is back",
+        Tracked,
+        {
+            "belief": AFTER,
+            "time_s": NEXT_S,
+            "age_s": SEARCH_INTERVAL_S - USUAL_INTERVAL,
+            "residual": 0.8,
+            "pixels": 800,
+            "faulty": (),
+            "is_searched": False,
+        },
+        ("stop searching", "report"),
+    ),
+    Transition(
+        replace(TRACKED, is_searched=True),
+        "a search runs",
+        ENDED,
+        "the search ends",
+        Tracked,
+        {"is_searched": False},
+        (),
+    ),
+    Transition(
+        replace(LOST, segmentation_pose=BELIEF.reported),
+        "",
+        CANDIDATE,
+        "a candidate is seen",
+        Lost,
+        {"segmentation_pose": None, "is_searched": True},
+        ("search", "refine"),
+    ),
+    Transition(
+        replace(LOST, is_searched=True),
+        "a search runs",
+        CANDIDATE,
+        "a candidate is seen",
+        Lost,
+        {},
+        ("refine",),
+    ),
+    Transition(
+        LOST,
+        "lost bodies are not searched for",
+        CANDIDATE,
+        "it is seen",
+        Lost,
+        {"segmentation_pose": BELIEF.reported},
+        ("refine",),
+        NEVER_RECOVERS,
+    ),
+    Transition(LOST, "", NOTHING, "no candidate is seen", Lost, {"sight": "nothing"}, ("report",)),
+    Transition(
+        replace(LOST, unexplained_s=INTERVAL_S),
+        "",
+        DOUBTFUL,
+        "its pose is refined and doubtful",
+        Lost,
+        {
+            "belief": AFTER,
+            "time_s": NEXT_S,
+            "age_s": 0.5 + INTERVAL_S,
+            "residual": 1.2,
+            "why": "doubt",
+            "unexplained_s": 2 * INTERVAL_S,
+        },
+        ("report",),
+    ),
+    Transition(
+        replace(LOST, unexplained_s=4 * INTERVAL_S),
+        "",
+        FITS,
+        "its pose is refined and explains the frame",
+        Tracked,
+        {
+            "belief": AFTER,
+            "time_s": NEXT_S,
+            "age_s": 0.5 + INTERVAL_S,
+            "residual": 0.8,
+            "pixels": 800,
+            "unexplained_s": 0.0,
+        },
+        ("report",),
+    ),
+    Transition(
+        replace(LOST, is_searched=True),
+        "a search runs",
+        ENDED,
+        "the search ends",
+        Lost,
+        {"is_searched": False},
+        (),
+    ),
+]  # fmt: skip
+
+
+def table() -> str:
+    """The transitions as a table in Markdown, with the status of a frame that ends with the row."""
+    lines = ["| state | event | state after it | instructions | status |", "| --- | --- | --- | --- | --- |"]
+    for row in TRANSITIONS:
+        before = name_of(type(row.before)) + (f": {row.condition}" if row.condition else "")
+        after = name_of(row.kind)
+        done = ", ".join(row.instructions)
+        status = status_after(row) if "report" in row.instructions else ""
+        lines.append(f"| {before} | {row.what} | {after} | {done} | {status} |")
+    return "\n".join(lines) + "\n"
+
+
+def name_of(kind: type[TrackState]) -> str:
+    """The name of a state, as users read it."""
+    return kind.__name__.lower()
+
+
+def status_after(row: Transition) -> str:
+    """The status that the row is reported with, of a pose without doubt."""
+    after, _ = step(row.before, row.event, row.policy)
+    return status_of(after, is_ambiguous=False)
+
+
+def with_table(page: str) -> str:
+    """The page with the present table."""
+    before, rest = page.split(START)
+    _, after = rest.split(END)
+    return before + START + "\n" + table() + "\n" + END + after
+
+
+if __name__ == "__main__":
+    PAGE.write_text(with_table(PAGE.read_text()))
