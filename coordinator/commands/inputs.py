@@ -101,10 +101,8 @@ class Input:
     @property
     def uses_colour(self) -> bool:
         """Whether keypoints of people would be used; the paper has depth alone."""
-        job = self.job
-        return (
-            self.bodies.family.has_keypoints and not job.no_color and job.settings.refine.sensor == "camera"
-        )
+        possible = self.bodies.family.has_keypoints and self.job.settings.refine.sensor == "camera"
+        return possible and not self.job.no_color
 
     def describe(self, tracked: TrackedFrame, rate: FrameRate) -> str:
         """A tracked frame in a short line; for live input, also what was left out and why."""

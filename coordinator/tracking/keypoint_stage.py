@@ -22,7 +22,7 @@ MAX_MOTION_M = 0.8  # of a body between two frames
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Looked:
-    """For each person: keypoints, poses (F, D) that they suggest, and the surface (V, 3) to segment around."""
+    """For each person: keypoints, poses (F, D) that they suggest, the surface (V, 3) to segment around."""
 
     keypoints: Sequence[Keypoints]
     suggested: Sequence[Array]

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gepf.common.arrays import Array
+from gepf.common.arrays import Array, Mask
 from gepf.common.camera import Intrinsics, project
 from gepf.common.errors import InputError
 from gepf.common.kinematics import joint_positions, pose_vertices
@@ -47,7 +47,7 @@ def person(turned: bool = False) -> tuple[Colours, Array, Array]:
     return image, surface.vertices, joint_positions(model, pose)[0]
 
 
-def everything(image: Colours) -> Array:
+def everything(image: Colours) -> Mask:
     """All pixels have depth."""
     return np.ones(image.shape[:2], np.bool_)
 

@@ -97,6 +97,7 @@ def test_keypoints_are_used_recorded_and_the_same_after_a_restart(tmp_path: Path
             recorded = read_log(Path(file.name))
             assert recorded is not None
             following = looking(state=recorded.state)
+    assert recorded is not None
     track = assemble(following.model, recorded.people[0].estimates)
     assert track.keypoint is not None
     assert track.keypoint.shape == (FRAMES, 1, 17, 3)
