@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
 
 from gepf.common.arrays import Array
 from gepf.coordinator.tracking.certainty.certainty import Certainty
@@ -47,4 +51,4 @@ class Estimate:
     why: str = ""
     seen_by: dict[str, Array] = field(default_factory=dict)
     faults: dict[str, tuple[Fault, float]] = field(default_factory=dict)
-    keypoints: dict[str, Array] = field(default_factory=dict)
+    keypoints: Mapping[str, NDArray[np.floating]] = field(default_factory=dict)

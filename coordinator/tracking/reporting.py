@@ -124,7 +124,7 @@ def report(updated: Updated, cameras: CameraStates) -> TrackedPerson:
         stage_seconds=updated.clock.seconds,
         seen_by=seen,
         faults=faults_of(cameras, updated.frame.time_s),
-        keypoints={} if context is None else dict(in_image(context.subject)),
+        keypoints={} if context is None else in_image(context.subject),
         certainty=unknown_certainty(len(joints[0])) if status in POSE_UNKNOWN else certainty,
     )
     return TrackedPerson(estimate, updated.state, None if context is None else context.subject)

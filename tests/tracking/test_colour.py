@@ -116,13 +116,13 @@ def test_workers_weigh_what_the_coordinator_says() -> None:
     np.testing.assert_allclose(in_image(seen)[""], found[""], atol=1e-4)
     still = msgspec.structs.replace(SETTINGS.refine, icp_iterations=0)
     poses = whole[1] + 0.1 * np.random.default_rng(0).normal(size=(5, len(whole[1])))
-    likelihood = [
-        DirectRefiner().refine(each, whole[0], Particles(poses, still)).log_likelihood
+    without, weighed = (
+        DirectRefiner().refine(each, whole[0], Particles(poses, still))
         for each in (subject, decode_frame(encode_frame(seen)))
-    ]
-    costs = [keypoint_cost(whole[0], pose, seen) for pose in poses]
+    )
+    costs = [keypoint_cost(whole[0], pose, seen) for pose in weighed.poses]  # within the joints' limits
     assert min(costs) > 1.0
-    np.testing.assert_allclose(likelihood[0] - likelihood[1], costs, rtol=1e-6)
+    np.testing.assert_allclose(without.log_likelihood - weighed.log_likelihood, costs, rtol=1e-6)
 
 
 def test_nobody_is_looked_for_outside_the_image() -> None:
