@@ -188,10 +188,16 @@ def keypoint_cost(held: Held, poses: Array) -> Array:
     """Half the robust squared distances (N,) of the keypoints, in deviations."""
     if held.subject.keypoints is None:
         return np.zeros(len(poses))
-    seen = held.subject.keypoints.astype(np.float64)
-    off = project(keypoint_positions(held.model, poses), held.subject.frame.intrinsics) - seen[:, :2]
-    squared = seen[:, 2] * np.sum(off**2, axis=-1)
+    offsets = keypoint_offsets(held.model, poses, held.subject)
+    squared = held.subject.keypoints[:, 2] * np.sum(offsets**2, axis=-1)
     return np.asarray(0.5 * np.sum(KEYPOINT_OUTLIER**2 * squared / (KEYPOINT_OUTLIER**2 + squared), axis=1))
+
+
+def keypoint_offsets(model: BodyModel, poses: Array, subject: SubjectFrame) -> Array:
+    """From where keypoints were seen to where the body has them (N, K, 2), pixels."""
+    assert subject.keypoints is not None
+    pixels = project(keypoint_positions(model, poses), subject.frame.intrinsics)
+    return np.asarray(pixels - subject.keypoints[:, :2])
 
 
 def point_cost(held: Held, posed: Array) -> Array:
