@@ -208,7 +208,15 @@ class RecordedInput(Input):
             self.finder, why = open_finder()
             if why:
                 logger.warning(why)
-        return self.source if self.finder is None else coloured
+        if self.finder is None:
+            return self.source
+        first = self.numbers[0]
+        if all(view.colours is None or view.colours(first) is None for view in coloured.views):
+            logger.warning(
+                "frame %d has no colour image of the depth's shape; such frames are tracked by depth alone",
+                first,
+            )
+        return coloured
 
     def announce(self, done: int) -> str:
         """A message on the frames and how they are tracked, or where a resumed run continues."""
