@@ -54,11 +54,6 @@ class Crop:
         off = (places - 0.5 * SIDE_PX) * (self.side / SIDE_PX)
         return np.asarray(off @ self._turned.T + (self.column, self.row))
 
-    def to_crop(self, pixels: Array) -> Array:
-        """Places (..., 2) in the crop of pixels (..., 2) of the image."""
-        off = (pixels - (self.column, self.row)) @ self._turned
-        return np.asarray(off * (SIDE_PX / self.side) + 0.5 * SIDE_PX)
-
     def take(self, colours: Colours, measured: Mask) -> Colours:
         """The pixels (SIDE_PX, SIDE_PX, 3) of an image (h, w, 3), black outside of it.
 
@@ -85,11 +80,6 @@ class Crop:
         away = max(-self.column, self.column - shape[1], -self.row, self.row - shape[0])
         return away < 0.5 * self.side
 
-    def spread(self, mask: Mask, shape: tuple[int, int]) -> Mask:
-        """The pixels (H, W) of an image of this shape that a mask (SIDE_PX, SIDE_PX) of the crop shows."""
-        corners = self.to_crop(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]) - 0.5)
-        return warp(Image.fromarray(mask), corners, Image.Resampling.NEAREST, shape) > 0
-
     @property
     def _turned(self) -> Array:
         """The rotation (2, 2) from the crop to the image."""
@@ -97,10 +87,8 @@ class Crop:
         return np.array([[c, -s], [s, c]])
 
 
-def warp(
-    image: Image.Image, corners: Array, how: Image.Resampling, shape: tuple[int, int] = (SIDE_PX, SIDE_PX)
-) -> NDArray[np.uint8]:
-    """Resample an image to a shape (H, W).
+def warp(image: Image.Image, corners: Array, how: Image.Resampling) -> NDArray[np.uint8]:
+    """Resample an image to that of a crop.
 
     `corners` (3, 2): the places in the image of the upper left edge of the result, and one pixel to the right
     and down from there.
@@ -109,7 +97,7 @@ def warp(
     rows = (right[0], down[0], corners[0, 0], right[1], down[1], corners[0, 1])
     if image.mode == "1":
         image = image.convert("L")
-    return np.array(image.transform(shape[::-1], Image.Transform.AFFINE, rows, how))
+    return np.array(image.transform((SIDE_PX, SIDE_PX), Image.Transform.AFFINE, rows, how))
 
 
 def close_gaps(colours: Colours, measured: Mask, widest: float) -> Colours:

@@ -63,19 +63,17 @@ class KeypointFinder:
         if view.colours is None or len(points) < LEAST_POINTS:
             return {}
         crop = crop_of_points(points, up, view.intrinsics)
-        person = find_keypoints(self._network, view.colours, view.depth > 0, crop)
-        if person is None or not is_on(subject, person.keypoints):
-            return {}
-        return {view.camera: person.keypoints}
+        keypoints = find_keypoints(self._network, view.colours, view.depth > 0, crop)
+        return {view.camera: keypoints} if keypoints is not None and is_on(subject, keypoints) else {}
 
     def _look(self, frame: DepthFrame, body: ExpectedBody | None) -> Keypoints:
         found = dict[str, NDArray[np.float32]]()
         for view in frame.views if body is not None else ():
             crop = None if view.colours is None else crop_of(body, view)
             if crop is not None and view.colours is not None:
-                person = find_keypoints(self._network, view.colours, view.depth > 0, crop)
-                if person is not None:
-                    found[view.camera] = person.keypoints
+                keypoints = find_keypoints(self._network, view.colours, view.depth > 0, crop)
+                if keypoints is not None:
+                    found[view.camera] = keypoints
         return found
 
 

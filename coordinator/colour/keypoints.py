@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,18 +23,12 @@ DEVIATIONS = (0.012, 0.035)
 crop. From rendered people (`python -m benchmarks.keypoints`)."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SeenPerson:
-    """A person in a colour image. crop: where the network would look in the next image."""
+def find_keypoints(
+    network: PoseNetwork, colours: Colours, measured: Mask, crop: Crop
+) -> NDArray[np.float32] | None:
+    """Keypoints (17, 3) of the person in a crop of an image: column, row, inverse variance (pixels^-2).
 
-    keypoints: NDArray[np.float32]  # (17, 3) column, row, inverse variance in 1 / pixels^2
-    presence: float  # probability that there is a person
-    mask: Mask  # (H, W) pixels that show the person
-    crop: Crop
-
-
-def find_keypoints(network: PoseNetwork, colours: Colours, measured: Mask, crop: Crop) -> SeenPerson | None:
-    """The person in a crop of an image; None if the network sees nobody there.
+    None if the network sees nobody there.
 
     The image (h, w, 3) covers the depth image, of which the pixels (H, W) with depth are `measured`. If the
     person fills the crop badly, the network looks again, where the person is.
@@ -53,6 +45,4 @@ def find_keypoints(network: PoseNetwork, colours: Colours, measured: Mask, crop:
     hidden = 1.0 - found.visibility[chosen]
     deviation = (DEVIATIONS[0] + DEVIATIONS[1] * hidden) * seen_in.side
     pixels = seen_in.to_image(found.places[chosen])
-    keypoints = np.column_stack([pixels, deviation**-2.0]).astype(np.float32)
-    mask = seen_in.spread(found.mask, (measured.shape[0], measured.shape[1]))
-    return SeenPerson(keypoints, found.presence, mask, crop)
+    return np.column_stack([pixels, deviation**-2.0]).astype(np.float32)

@@ -2,8 +2,8 @@
 
 `pose_landmark_lite.tflite` stands beside this file, with its licence; `build` takes it from its package. The
 input is 256 x 256 RGB from 0 to 1. The outputs are 39 landmarks with the logits of their visibility and
-presence, of which the last six are auxiliary, a heatmap of each, the probability of a person, and logits of
-the pixels that show the person. As in MediaPipe, landmarks are moved to the nearest peak of their heatmaps.
+presence, of which the last six are auxiliary, a heatmap of each, the probability of a person, and a mask
+that is not used here. As in MediaPipe, landmarks are moved to the nearest peak of their heatmaps.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
-from gepf.common.arrays import Array, Mask
+from gepf.common.arrays import Array
 from gepf.common.packages import needs
 from gepf.coordinator.colour.crop import SIDE_PX, Colours
 
@@ -29,7 +29,6 @@ LEAST_PEAK = 0.5  # probability
 OUTPUTS = {
     (1, LANDMARKS * VALUES): "landmarks",
     (1, 1): "presence",
-    (1, SIDE_PX, SIDE_PX, 1): "mask",
     (1, SIDE_PX // CELL_PX, SIDE_PX // CELL_PX, LANDMARKS): "heatmaps",
 }
 """Shape -> output; names of outputs say nothing."""
@@ -44,7 +43,6 @@ class Landmarks:
     places: Array  # (39, 2) in the crop
     visibility: Array  # (39,) probability that a landmark is in the crop and not hidden
     presence: float
-    mask: Mask  # (SIDE_PX, SIDE_PX) pixels that show the person
 
 
 class PoseNetwork:
@@ -73,7 +71,7 @@ class PoseNetwork:
         values = out["landmarks"].reshape(LANDMARKS, VALUES).astype(np.float64)
         places = to_peaks(values[:, :2], out["heatmaps"])
         visibility = expit(values[:, 3]) * expit(values[:, 4])
-        return Landmarks(places, visibility, float(out["presence"][0]), out["mask"][:, :, 0] > 0.0)
+        return Landmarks(places, visibility, float(out["presence"][0]))
 
 
 def to_peaks(places: Array, heatmaps: Floats) -> Array:
