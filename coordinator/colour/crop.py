@@ -19,7 +19,6 @@ from gepf.common.camera import Intrinsics, project
 
 SIDE_PX = 256  # of what the network sees
 MARGIN = 1.25  # side of the crop / diameter of the person, with which the network was trained
-LEAST_RADIUS_M = 0.9  # of a person of whom depth may show a part only
 NEAREST_M = 0.2  # depth of a point that is projected
 BLACK = 16  # brightest channel of a pixel without colour, after compression
 GAP_PX = 12  # widest gap that is closed
@@ -123,16 +122,3 @@ def crop_of_body(vertices: Array, hips: Array, neck: Array, camera: Intrinsics) 
     middle, head = project(np.stack([hips, neck]), camera)
     radius = np.linalg.norm(project(vertices[ahead], camera) - middle, axis=1).max()
     return Crop.around(middle, float(radius), head - middle)
-
-
-def crop_of_points(points: Array, up: Array, camera: Intrinsics) -> Crop:
-    """The crop around what may be a person: points (P, 3) with z > 0 and the upward direction (3,).
-
-    The points may be those of a part of the person, whose size follows from their depth.
-    """
-    low, high = np.percentile(points, [1.0, 99.0], axis=0)
-    middle = 0.5 * (low + high)
-    at, head = project(np.stack([middle, middle + 0.1 * up]), camera)
-    radius = np.linalg.norm(project(points, camera) - at, axis=1)
-    least = LEAST_RADIUS_M * camera.fx / float(np.median(points[:, 2]))
-    return Crop.around(at, max(least, float(np.percentile(radius, 99.0))), head - at)

@@ -5,28 +5,23 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gepf.common.arrays import Array
-from gepf.common.body import KEYPOINTS, ROOT_DOFS, BodyModel
-from gepf.common.camera import points_of, project
+from gepf.common.body import BodyModel
+from gepf.common.camera import project
 from gepf.common.frame import DepthFrame, SubjectFrame
 from gepf.common.kinematics import joint_positions, keypoint_positions, pose_vertices
 from gepf.common.refinement import KEYPOINT_OUTLIER
-from gepf.coordinator.colour.crop import Crop, crop_of_body, crop_of_points
-from gepf.coordinator.colour.inverse_kinematics import fit_keypoints
+from gepf.coordinator.colour.crop import Crop, crop_of_body
 from gepf.coordinator.colour.keypoints import find_keypoints
 from gepf.coordinator.colour.network import PoseNetwork
 
-LEAST_POINTS = 100  # of a candidate
-OTHER_SIDE = {"left": "right", "right": "left"}
-MIRRORED = [
-    KEYPOINTS.index("_".join(OTHER_SIDE.get(part, part) for part in name.split("_"))) for name in KEYPOINTS
-]
-"""The keypoint on the other side, for each."""
+SAME_PERSON = 3.0  # median distance of keypoints, in deviations
 
 Keypoints = Mapping[str, NDArray[np.float32]]
 """Keypoints (17, 3) of a person in the image of each camera: column, row, inverse variance (1 / pixels^2)."""
@@ -51,20 +46,11 @@ class KeypointFinder:
 
     def submit(self, frame: DepthFrame, bodies: Sequence[ExpectedBody | None]) -> Future[list[Keypoints]]:
         """Begin to look for people, each around an expected body; without one, or without colour: nothing."""
-        return self._thread.submit(lambda: [self._look(frame, each) for each in bodies])
 
-    def look_at(self, subject: SubjectFrame, frame: DepthFrame, up: Array) -> Keypoints:
-        """The keypoints of a candidate in a frame, if the network sees a person there, and on its pixels.
+        def look() -> list[Keypoints]:
+            return keep_nearest(bodies, [self._look(frame, body) for body in bodies], frame)
 
-        `up` (3,) is the upward direction in the frame of the candidate's main camera. No other camera looks.
-        """
-        view = next(each for each in frame.views if each.camera == subject.frame.camera)
-        points = points_of(subject.frame.metres(), subject.frame.intrinsics, subject.frame.depth > 0)
-        if view.colours is None or len(points) < LEAST_POINTS:
-            return {}
-        crop = crop_of_points(points, up, view.intrinsics)
-        keypoints = find_keypoints(self._network, view.colours, view.depth > 0, crop)
-        return {view.camera: keypoints} if keypoints is not None and is_on(subject, keypoints) else {}
+        return self._thread.submit(look)
 
     def _look(self, frame: DepthFrame, body: ExpectedBody | None) -> Keypoints:
         found = dict[str, NDArray[np.float32]]()
@@ -77,6 +63,40 @@ class KeypointFinder:
         return found
 
 
+def keep_nearest(
+    bodies: Sequence[ExpectedBody | None], seen: Sequence[Keypoints], frame: DepthFrame
+) -> list[Keypoints]:
+    """Keypoints of bodies; of bodies with the same ones, only the nearest keeps them.
+
+    Around a body that is hidden or wrong, the network may see another person.
+    """
+    kept = [dict(keypoints) for keypoints in seen]
+    for view in frame.views:
+        away = [
+            np.inf if body is None else distance_of(in_view(body, view), keypoints.get(view.camera))
+            for body, keypoints in zip(bodies, seen, strict=True)
+        ]
+        for a, b in combinations(np.argsort(away, kind="stable"), 2):
+            mine, other = kept[a].get(view.camera), kept[b].get(view.camera)
+            if mine is not None and other is not None and distance_of(mine[:, :2], other) < SAME_PERSON:
+                del kept[b][view.camera]
+    return kept
+
+
+def in_view(body: ExpectedBody, view: DepthFrame) -> Array:
+    """Where the keypoints (17, 2) of a body are in an image, if it is before the camera."""
+    places = view.to_camera(keypoint_positions(body.model, body.pose[None])[0])
+    return project(places, view.intrinsics)
+
+
+def distance_of(pixels: Array, keypoints: NDArray[np.float32] | None) -> float:
+    """The median distance of pixels (17, 2) from keypoints, in their deviations; infinite without them."""
+    if keypoints is None:
+        return np.inf
+    off = np.linalg.norm(pixels - keypoints[:, :2], axis=1)
+    return float(np.median(off * np.sqrt(keypoints[:, 2])))
+
+
 def crop_of(body: ExpectedBody | None, view: DepthFrame) -> Crop | None:
     """The crop around a person in an image; None if the person is not expected in it."""
     if body is None:
@@ -87,35 +107,6 @@ def crop_of(body: ExpectedBody | None, view: DepthFrame) -> Crop | None:
     vertices = view.to_camera(pose_vertices(model, pose)[0])
     crop = crop_of_body(vertices, hips, joints["neck"], view.intrinsics)
     return crop if crop is not None and crop.overlaps(view.depth.shape) else None
-
-
-def is_on(subject: SubjectFrame, keypoints: NDArray[np.float32]) -> bool:
-    """Whether at least half of the more precise keypoints (17, 3) of an image are on a subject's pixels."""
-    mine, (height, width) = in_crop(subject, keypoints), subject.frame.depth.shape
-    precise = mine[mine[:, 2] >= np.median(mine[:, 2])]
-    column, row = np.rint(precise[:, :2]).astype(int).T
-    inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
-    on = subject.frame.depth[row[inside], column[inside]] > 0
-    return bool(2 * np.count_nonzero(on) >= len(precise))
-
-
-def fitted_poses(body: ExpectedBody | None, found: Keypoints, frame: DepthFrame) -> Array:
-    """Poses (F, D) that keypoints suggest: near the expected one, from rest, and of the other side.
-
-    The keypoints are those of the camera that sees most. None (0, D) without keypoints.
-    """
-    if body is None or not found:
-        return np.empty((0, 0 if body is None else len(body.pose)))
-    view = max(
-        (each for each in frame.views if each.camera in found),
-        key=lambda each: float(np.sum(found[each.camera][:, 2])),
-    )
-    seen = found[view.camera].astype(np.float64)
-    near = fit_keypoints(body.model, body.pose, seen, view)
-    rest = np.where(np.isin(body.model.dof_names, ROOT_DOFS) | ~body.model.moves, near, 0.0)
-    starts = ((rest, seen), (near, seen[MIRRORED]))
-    others = [fit_keypoints(body.model, start, places, view) for start, places in starts]
-    return np.stack([near, *others])
 
 
 def with_keypoints(subject: SubjectFrame | None, found: Keypoints) -> SubjectFrame | None:

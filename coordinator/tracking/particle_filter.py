@@ -143,25 +143,6 @@ class ParticleFilter:
                 pending = self.send(model, submitted.context.subject, proposal, submitted.settings)
 
 
-def suggest(proposal: Proposal, fitted: Array, shapes: int) -> Proposal:
-    """The particles, the last ones replaced by poses (F, D) in the reported shape; at least half stay."""
-    count = min(len(fitted), len(proposal.poses) // 2)
-    if not count:
-        return proposal
-    last, ancestors, poses = (
-        slice(len(proposal.poses) - count, None),
-        proposal.ancestors.copy(),
-        proposal.poses.copy(),
-    )
-    poses[last] = fitted[:count]
-    poses[last, :shapes] = proposal.past.reported[:shapes]
-    ancestors[last], expected = ancestors[0], proposal.expected
-    if expected is not None:
-        expected = expected.copy()
-        expected[last] = expected[0]
-    return replace(proposal, poses=poses, ancestors=ancestors, expected=expected)
-
-
 def encoder_step(
     encoders: Encoders, model: BodyModel, pose: Array, since_s: float | None, until_s: float
 ) -> Array | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import reduce
 
 import numpy as np
@@ -85,7 +85,6 @@ class BodyView:
 
     excluded: what the cameras show that are not used for it. is_elsewhere: not where the body was expected.
     is_slow: it is long since the frame before, so the next one is segmented when this one is refined.
-    suggested: poses (F, D) of the body that keypoints suggest.
     """
 
     frame: DepthFrame
@@ -94,7 +93,6 @@ class BodyView:
     excluded: SubjectFrame | None = None
     is_elsewhere: bool = False
     is_slow: bool = False
-    suggested: Array = field(default_factory=lambda: np.empty((0, 0)))
 
 
 class Segmenter:

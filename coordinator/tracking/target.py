@@ -27,13 +27,7 @@ from gepf.coordinator.tracking.certainty.features import FrameContext
 from gepf.coordinator.tracking.detector import Detector, move_root
 from gepf.coordinator.tracking.gating import LEAST_PIXELS, gate_pose
 from gepf.coordinator.tracking.observation import POINTS, camera_points, middle_of
-from gepf.coordinator.tracking.particle_filter import (
-    Encoders,
-    FrameBudget,
-    ParticleFilter,
-    Submitted,
-    suggest,
-)
+from gepf.coordinator.tracking.particle_filter import Encoders, FrameBudget, ParticleFilter, Submitted
 from gepf.coordinator.tracking.pose_candidates import SURER_LOG_LIKELIHOOD, Detection
 from gepf.coordinator.tracking.refiner import Refiner
 from gepf.coordinator.tracking.reporting import Updated
@@ -223,8 +217,6 @@ class TargetTracker:
             budget = replace(budget, is_late=False)
         with clock.stage("draw"):
             proposal = self._filter.propose(self.model, belief, subject, self.track.time_s, budget)
-            if not first:
-                proposal = suggest(proposal, view.suggested, self.model.shape_count)
         with clock.stage("refine"):
             settings = self._filter.scale_iterations(self._refine_settings, proposal.interval, budget)
             context = FrameContext(subject, belief.reported, proposal.interval, settings.stretch, first)

@@ -9,13 +9,12 @@ from typing import NamedTuple
 from gepf.common.frame import DepthFrame
 from gepf.common.settings import Settings
 from gepf.coordinator.bodies.family import Bodies
-from gepf.coordinator.colour.finder import KeypointFinder
+from gepf.coordinator.colour.finder import KeypointFinder, with_keypoints
 from gepf.coordinator.scene.scope import Scope
 from gepf.coordinator.sources.live import LiveFrames
 from gepf.coordinator.stopwatch import Stopwatch
 from gepf.coordinator.tracking.assignment import Assignment
 from gepf.coordinator.tracking.cameras import CameraStates, watch
-from gepf.coordinator.tracking.keypoint_stage import Looked, attach, look
 from gepf.coordinator.tracking.pacing import Live, Lookahead, Recorded, advance_search
 from gepf.coordinator.tracking.particle_filter import Encoders, FrameBudget, Submitted
 from gepf.coordinator.tracking.preparation import warm_up
@@ -39,7 +38,6 @@ class Ready:
 
     segmented: SegmentedFrame
     cameras: CameraStates
-    looked: Looked
     is_slow: bool
     clocks: Sequence[Stopwatch]
 
@@ -152,19 +150,20 @@ class Tracker:
             self._cameras, frame = watch(self._cameras, frame, set().union(*excluded))
             is_slow = self._time_s is not None and frame.time_s - self._time_s > MAX_LOOKAHEAD_S + ROUNDING_S
             self._time_s = frame.time_s
-        with clocks[0].stage("keypoints"):
-            looked = look(self._colour, self._targets, frame)
-        with clocks[0].stage("segment"):
+            bodies = [target.expected_body for target in self._targets]
+            looking = None if self._colour is None else self._colour.submit(frame, bodies)
             segmented = self._segmenter.segment(
                 frame,
-                looked.surfaces,
+                [target.segmentation_surface for target in self._targets],
                 excluded=excluded,
                 rejected=any(isinstance(t, Searching) and t.searches > MAX_SEARCHES for t in tracks),
                 find=any(target.needs_candidates for target in self._targets),
             )
-        with clocks[0].stage("keypoints"):
-            segmented = attach(self._colour, segmented, looked)
-        return Ready(segmented, self._cameras, looked, is_slow, clocks)
+        if looking is not None:
+            with clocks[0].stage("keypoints"):
+                subjects = map(with_keypoints, segmented.subjects, looking.result())
+                segmented = replace(segmented, subjects=tuple(subjects))
+        return Ready(segmented, self._cameras, is_slow, clocks)
 
     def _submit(self, ready: Ready, budget: FrameBudget | None) -> SubmittedFrame:
         """Predict the particles of each person, and send them to the workers."""
@@ -173,8 +172,6 @@ class Tracker:
         submitted = list[Submitted | Updated]()
         for place, (target, clock) in enumerate(zip(self._targets, ready.clocks, strict=True)):
             view = replace(assignment.view_of(place), is_slow=ready.is_slow)
-            if view.subject is segmented.subjects[place]:
-                view = replace(view, suggested=ready.looked.suggested[place])
             submitted.append(target.submit(view, clock, budget))
             if (detected := target.take_detected()) is not None:
                 beside = assignment.people_beside(place, detected.searched)

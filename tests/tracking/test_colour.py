@@ -133,3 +133,18 @@ def test_nobody_is_looked_for_outside_the_image() -> None:
         away = pose.copy()
         away[model.dof(name)] = value
         assert crop_of(ExpectedBody(model, away), coloured()[0]) is None
+
+
+def test_a_person_in_the_image_is_one_body() -> None:
+    """Of two bodies around whom the network sees the same person, the nearer one keeps the keypoints."""
+    model, pose = known().tracked(known().usual_size, STANDING)
+    beside = pose.copy()
+    beside[model.dof("root_tx")] += 0.3
+    bodies, frame = [ExpectedBody(model, each) for each in (pose, beside)], coloured()[0]
+    finder = KeypointFinder()
+    for body in bodies:
+        (alone,) = finder.submit(frame, [body]).result()
+        assert alone
+    for pair, holder in ((bodies, 0), (bodies[::-1], 1)):
+        found = finder.submit(frame, pair).result()
+        assert [bool(keypoints) for keypoints in found] == [place == holder for place in range(2)]
