@@ -18,7 +18,6 @@ import numpy as np
 from gepf.common.camera import Intrinsics
 from gepf.common.errors import InputError
 from gepf.common.frame import DepthFrame
-from gepf.common.packages import MissingPackage
 from gepf.common.protocol.keys import check_stream
 from gepf.common.transport.channels import Publisher
 from gepf.coordinator.bodies.choice import choose_bodies
@@ -87,6 +86,10 @@ class Input:
             up = first.T_rig_camera[:3, :3] @ np.array([-np.sin(turn), -np.cos(turn), 0.0])
         elif source is not None and source.gravity is not None:
             up = -source.gravity
+        if job.keypoints:
+            if not self.bodies.family.has_keypoints or job.settings.refine.sensor != "camera":
+                raise InputError("--keypoints is for people, and not for preset paper; leave it out")
+            self.finder = KeypointFinder()
         background = None if job.background is None else read_background(job.background, source)
         self.scope = replace(job.scope, background=background, up=up, camera=first.camera)
 
@@ -97,12 +100,6 @@ class Input:
         particles = counted(job.settings.filter.particles, "particle")
         into = "" if job.out is None else f" into {job.out}"
         return f"tracking {job.sequence}{into}: {job.settings.method}, {particles}{people}"
-
-    @property
-    def uses_colour(self) -> bool:
-        """Whether keypoints of people would be used; the paper has depth alone."""
-        possible = self.bodies.family.has_keypoints and self.job.settings.refine.sensor == "camera"
-        return possible and not self.job.no_color
 
     def describe(self, tracked: TrackedFrame, rate: FrameRate) -> str:
         """A tracked frame in a short line; for live input, also what was left out and why."""
@@ -135,14 +132,6 @@ class Input:
         return plain
 
 
-def open_finder() -> tuple[KeypointFinder | None, str]:
-    """What finds keypoints in colour images; None, and why, if its package is not installed."""
-    try:
-        return KeypointFinder(), ""
-    except MissingPackage as error:
-        return None, f"colour is not used: {error}, or add --no-color"
-
-
 def check_pixels(scope: Scope, camera: Intrinsics) -> None:
     """InputError if pixels that the user gave are not in the images."""
     size, region, person = f"{camera.width}x{camera.height}", scope.region, scope.person
@@ -168,7 +157,7 @@ class RecordedInput(Input):
         self.total = len(numbers)
         check_pixels(job.scope, source.intrinsics)
         super().__init__(job, source, source)
-        if self.uses_colour:
+        if self.finder is not None:
             self.source = source = self._with_colours()
         if isinstance(job.joint_states, JointStates):
             job.joint_states.check_names(self.bodies.dof_names)
@@ -202,19 +191,15 @@ class RecordedInput(Input):
         self.configuration = self.configure(recording)
 
     def _with_colours(self) -> Source:
-        """The recording with its colour images, if there are any and keypoints can be found in them."""
-        coloured = with_colours(self.source, self.job.color)
-        if any(view.colours for view in coloured.views):
-            self.finder, why = open_finder()
-            if why:
-                logger.warning(why)
-        if self.finder is None:
-            return self.source
-        first = self.numbers[0]
+        """The recording with its colour images; InputError if there are none."""
+        coloured, first = with_colours(self.source, self.job.color), self.numbers[0]
+        if not any(view.colours for view in coloured.views):
+            raise InputError(
+                "--keypoints finds no color/ beside the depth; give --color DIR, or leave it out"
+            )
         if all(view.colours is None or view.colours(first) is None for view in coloured.views):
             logger.warning(
-                "frame %d has no colour image of the depth's shape; such frames are tracked by depth alone",
-                first,
+                "frame %d has no colour image that fits; such frames are tracked by depth alone", first
             )
         return coloured
 
@@ -264,9 +249,6 @@ class LiveInput(Input):
         if job.record is not None:
             with_parent(job.record)
         super().__init__(job, None, cameras[0])
-        self._without_colour = ""  # why colour is not used, until that is said
-        if self.uses_colour:
-            self.finder, self._without_colour = open_finder()
         self.live: LiveFrames = LiveFrames(cameras, show.say, idle=job.idle_timeout)
         rig = {c.camera: [c.key, c.T_rig_camera.tolist(), c.offset_s] for c in cameras if c.camera}
         self.configuration = self.configure({"sequence": str(job.sequence), **({"rig": rig} if rig else {})})
@@ -291,7 +273,7 @@ class LiveInput(Input):
                     self.job.joint_states.listen(node, self.bodies.dof_names, self._show.say)
             else:
                 for place, camera in enumerate(self.live.cameras):
-                    if self._recorder is not None or self.uses_colour:
+                    if self._recorder is not None or self.finder is not None:
                         put = partial(self._put_colour, place, camera.camera)
                         workers.listen(colour_key(camera.key), put)
                     workers.listen(camera.key, partial(self.live.receive, place=place))
@@ -335,9 +317,6 @@ class LiveInput(Input):
             self._recorder.put_colour(camera, payload)
         if self.finder is not None:
             self.live.receive_colour(payload, place=place)
-        elif self._without_colour:
-            self._show.say(self._without_colour)
-            self._without_colour = ""
 
     def _take(self, frame: DepthFrame) -> DepthFrame:
         """The frame, which is recorded; InputError if the room without people has another size."""
