@@ -80,7 +80,7 @@ def keep_nearest(
             mine, other = kept[a].get(view.camera), kept[b].get(view.camera)
             if mine is not None and other is not None and distance_of(mine[:, :2], other) < SAME_PERSON:
                 del kept[b][view.camera]
-    return kept
+    return list[Keypoints](kept)
 
 
 def in_view(body: ExpectedBody, view: DepthFrame) -> Array:

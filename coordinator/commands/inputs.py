@@ -86,10 +86,9 @@ class Input:
             up = first.T_rig_camera[:3, :3] @ np.array([-np.sin(turn), -np.cos(turn), 0.0])
         elif source is not None and source.gravity is not None:
             up = -source.gravity
-        if job.keypoints:
-            if not self.bodies.family.has_keypoints or job.settings.refine.sensor != "camera":
-                raise InputError("--keypoints is for people, and not for preset paper; leave it out")
-            self.finder = KeypointFinder()
+        is_possible = self.bodies.family.has_keypoints and job.settings.refine.sensor == "camera"
+        if job.keypoints and not is_possible:
+            raise InputError("--keypoints is for people, and not for preset paper; leave it out")
         background = None if job.background is None else read_background(job.background, source)
         self.scope = replace(job.scope, background=background, up=up, camera=first.camera)
 
@@ -157,8 +156,9 @@ class RecordedInput(Input):
         self.total = len(numbers)
         check_pixels(job.scope, source.intrinsics)
         super().__init__(job, source, source)
-        if self.finder is not None:
+        if job.keypoints:
             self.source = source = self._with_colours()
+            self.finder = KeypointFinder()
         if isinstance(job.joint_states, JointStates):
             job.joint_states.check_names(self.bodies.dof_names)
         # with several people, the sequence's truth does not say whose it is
@@ -249,6 +249,8 @@ class LiveInput(Input):
         if job.record is not None:
             with_parent(job.record)
         super().__init__(job, None, cameras[0])
+        if job.keypoints:
+            self.finder = KeypointFinder()
         self.live: LiveFrames = LiveFrames(cameras, show.say, idle=job.idle_timeout)
         rig = {c.camera: [c.key, c.T_rig_camera.tolist(), c.offset_s] for c in cameras if c.camera}
         self.configuration = self.configure({"sequence": str(job.sequence), **({"rig": rig} if rig else {})})
