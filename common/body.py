@@ -33,6 +33,16 @@ REST_FROM_URDF = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
 """URDF and ROS: x forward, y left, z up. Rest: x to the body's left, y down, z to its back."""
 
 
+KEYPOINTS = (
+    "nose", "left_eye", "right_eye", "left_ear", "right_ear",
+    "left_shoulder", "right_shoulder", "left_elbow", "right_elbow", "left_wrist", "right_wrist",
+    "left_hip", "right_hip", "left_knee", "right_knee", "left_ankle", "right_ankle",
+)  # fmt: skip
+"""What networks find of a person in an image, in the order of the data set COCO."""
+
+NO_KEYPOINTS = np.empty((0, 1), np.int64)
+"""Of a body that is no person."""
+
 NO_DIRECTIONS = np.empty((0, 0, 3))
 """Of a body whose shape cannot change."""
 
@@ -47,6 +57,9 @@ class BodyModel:
     setting `pose_deviation`; they are equal for the three angles of a spherical joint. Those of shape
     coefficients, in metres, are around the detected shape. `skin_weights` blend the links' transforms for
     each vertex (rows sum to 1, the dominant link is first).
+
+    The keypoints (K) are KEYPOINTS or none. Each is a point of a link: the sum of vertices at rest, times
+    shares that add up to 1.
 
     Shape coefficients (S) are the first degrees of freedom. The rest pose of a body with coefficients b is
     `vertices` + b . `shape_vertices`; `points` and `joint_points` change alike.
@@ -72,6 +85,9 @@ class BodyModel:
     joint_names: tuple[str, ...]  #: (J,)
     joint_links: Indices  #: (J,)
     joint_points: Array  #: (J, 3)
+    keypoint_links: Indices = field(default_factory=lambda: NO_KEYPOINTS[:, 0])  #: (K,)
+    keypoint_vertices: Indices = field(default_factory=lambda: NO_KEYPOINTS)  #: (K, W)
+    keypoint_shares: Array = field(default_factory=lambda: NO_KEYPOINTS.astype(np.float64))  #: (K, W)
     shape_vertices: Array = field(
         default_factory=lambda: NO_DIRECTIONS
     )  # (S, V, 3) per unit of the shape coefficient
@@ -109,6 +125,13 @@ class BodyModel:
     def shape_count(self) -> int:
         """The number S of shape coefficients."""
         return len(self.shape_vertices)
+
+    @property
+    def keypoint_points(self) -> Array:
+        """The keypoints (K, 3) at rest, with all shape coefficients zero."""
+        return np.asarray(
+            np.einsum("kw,kwa->ka", self.keypoint_shares, self.vertices[self.keypoint_vertices])
+        )
 
     @cached_property
     def moves(self) -> Mask:
@@ -217,6 +240,7 @@ def check(model: BodyModel) -> None:
     count = len(model.dof_names)
     order = np.arange(count)
     check_shape(model)
+    check_keypoints(model)
     if not (np.all(model.parents < order) and np.all(model.parents >= -1)):
         raise ValueError("a degree of freedom's parent must come before it")
     for name in ("kinds", "parents", "axes", "points", "limits", "rest_spreads"):
@@ -233,6 +257,17 @@ def check(model: BodyModel) -> None:
         raise ValueError("axes must be unit vectors")
     if not np.allclose(model.skin_weights.sum(axis=1), 1.0):
         raise ValueError("skin weights of a vertex must sum to 1")
+
+
+def check_keypoints(model: BodyModel) -> None:
+    """Raise ValueError if the keypoints of a model are inconsistent."""
+    count = len(model.keypoint_links)
+    if count not in (0, len(KEYPOINTS)):
+        raise ValueError(f"a body has {len(KEYPOINTS)} keypoints or none, not {count}")
+    if model.keypoint_vertices.shape != model.keypoint_shares.shape or len(model.keypoint_shares) != count:
+        raise ValueError("keypoint_vertices and keypoint_shares must have a row for each keypoint")
+    if not np.allclose(model.keypoint_shares.sum(axis=1), 1.0):
+        raise ValueError("the shares of a keypoint must sum to 1")
 
 
 def check_shape(model: BodyModel) -> None:

@@ -29,6 +29,7 @@ class DepthFrame:
         others: The images of other cameras that are nearest in time, each with its own time; a camera may be
             missing.
         gravity: Direction (3,), unit vector in the camera's frame, if a live camera measures it.
+        colours: The colour image (h, w, 3), RGB, registered to depth, at any scale. Workers do not get it.
     """
 
     number: int
@@ -40,6 +41,7 @@ class DepthFrame:
     T_rig_camera: Array = field(default_factory=NOT_MOVED.copy)
     others: tuple[DepthFrame, ...] = ()
     gravity: Array | None = None
+    colours: NDArray[np.uint8] | None = None
 
     @property
     def views(self) -> tuple[DepthFrame, ...]:
@@ -80,7 +82,8 @@ class SubjectFrame:
     None if all pixels but the subject's are empty. delay_s: from the time of the frame until the time of this
     image, seconds. others: the crops of the rig's other cameras; this one is that of the camera with the
     largest part of the subject. wider: of a person who is not tracked yet, the same frame with more and more
-    of what may be the person's.
+    of what may be the person's. keypoints: KEYPOINTS of `body` in the camera's colour image: column and row
+    in the crop, and inverse variance (1 / pixels^2), 0 for a keypoint that was not seen.
     """
 
     frame: DepthFrame
@@ -90,6 +93,7 @@ class SubjectFrame:
     delay_s: float = 0.0
     others: tuple[SubjectFrame, ...] = ()
     wider: tuple[SubjectFrame, ...] = ()
+    keypoints: NDArray[np.float32] | None = None  # (K, 3)
 
     @property
     def views(self) -> tuple[SubjectFrame, ...]:

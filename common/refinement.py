@@ -13,6 +13,9 @@ from gepf.common.settings import RefineSettings
 WEAK_TURN, WEAK_SLIDE, WEAK_SHAPE = float(np.radians(30.0)), 0.05, 1.0
 """Standard deviations, radians and metres, of the weak prior in every covariance of a pose."""
 
+KEYPOINT_OUTLIER = 3.0
+"""Scale of the robust kernel of keypoints, in their standard deviations."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PosePrior:

@@ -45,6 +45,7 @@ docs/reference
 docs/architecture
 docs/filter
 docs/posterior
+docs/colour
 docs/states
 docs/detection
 docs/scene

@@ -12,12 +12,14 @@ from gepf.common.kinematics.chain import (
     pose_vertices,
     shaped,
 )
+from gepf.common.kinematics.keypoints import keypoint_positions
 from gepf.common.kinematics.manifold import difference, natural_angles, retract, within_limits
 
 __all__ = [
     "difference",
     "dof_transforms",
     "joint_positions",
+    "keypoint_positions",
     "link_transforms",
     "natural_angles",
     "pose_vertices",

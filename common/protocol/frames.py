@@ -9,6 +9,7 @@ from typing import Annotated, ClassVar
 import msgspec
 import numpy as np
 
+from gepf.common.body import KEYPOINTS
 from gepf.common.bounds import LARGEST, MAX_CAMERAS, MAX_PIXELS, SMALLEST
 from gepf.common.camera import ROUNDED, Intrinsics, is_rigid
 from gepf.common.errors import ProtocolError
@@ -29,6 +30,7 @@ class ViewMessage(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     kinds: Array | None
     T_rig_camera: Array
     delay_s: float
+    keypoints: Array | None
 
 
 class FrameMessage(Message, frozen=True, tag="frame"):
@@ -95,6 +97,7 @@ def view_message(subject: SubjectFrame) -> ViewMessage:
         kinds=None if subject.kinds is None else pack(subject.kinds),
         T_rig_camera=pack(frame.T_rig_camera),
         delay_s=subject.delay_s,
+        keypoints=None if subject.keypoints is None else pack(subject.keypoints),
     )
 
 
@@ -125,8 +128,11 @@ def decode_view(frame_message: FrameMessage, message: ViewMessage) -> SubjectFra
         kinds = unpack("kinds", message.kinds, "|u1", frame.depth.shape, 0, UNMEASURED)
         if not np.array_equal(kinds == SUBJECT, frame.depth > 0):
             raise ProtocolError("kinds and depth disagree about the subject's pixels")
-    frame = replace(frame, T_rig_camera=placed)
-    return SubjectFrame(frame, picked, message.view, kinds, message.delay_s)
+    frame, keypoints = replace(frame, T_rig_camera=placed), None
+    if message.keypoints is not None:
+        keypoints = unpack("keypoints", message.keypoints, "<f4", (len(KEYPOINTS), 3), -LARGEST, LARGEST)
+        check("the precisions of keypoints", keypoints[:, 2], 0.0, LARGEST)
+    return SubjectFrame(frame, picked, message.view, kinds, message.delay_s, keypoints=keypoints)
 
 
 def number_of(payload: bytes) -> int:

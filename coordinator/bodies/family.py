@@ -72,6 +72,9 @@ class BodyFamily(ABC):
     nearest_m: ClassVar[float] = 0.0
     """Median depth around a body below which the unit of depth is in doubt."""
 
+    has_keypoints: ClassVar[bool] = False
+    """Whether a network finds keypoints of its bodies in colour images."""
+
     axis: ClassVar[tuple[str, str] | None] = None
     """Joints at the middle and at the upper end of an upright body; None: any orientation is as likely.
 

@@ -11,6 +11,7 @@ import numpy as np
 from gepf.common.arrays import Array
 from gepf.common.body import ROOT_DOFS, BodyModel, unknown_dof
 from gepf.common.errors import InputError
+from gepf.coordinator.bodies.carried_points import carry
 
 JOINTS = "joints"
 """Stands for all default degrees of freedom except the root, for a body with a fixed base."""
@@ -35,8 +36,14 @@ def coarsen(model: BodyModel, cell_m: float) -> BodyModel:
     kept = order[np.cumsum(count) - count]  # (cells,) the vertex of each cell
     triangles = cell[model.triangles]
     apart = np.all(triangles != np.roll(triangles, 1, axis=1), axis=1)
+    carriers, shares = model.keypoint_vertices, model.keypoint_shares
+    if len(carriers):
+        links = model.keypoint_links
+        carriers, shares = carry(model.keypoint_points, links, model.vertices[kept], model.skin_links[kept])
     return replace(
         model,
+        keypoint_vertices=carriers,
+        keypoint_shares=shares,
         vertices=model.vertices[kept],
         shape_vertices=model.shape_vertices[:, kept],
         triangles=triangles[apart],

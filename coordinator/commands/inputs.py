@@ -15,12 +15,15 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from gepf.common.camera import Intrinsics
 from gepf.common.errors import InputError
 from gepf.common.frame import DepthFrame
 from gepf.common.protocol.keys import check_stream, of_live
 from gepf.common.transport.channels import Publisher
 from gepf.common.transport.session import holder_name
 from gepf.coordinator.bodies.choice import choose_bodies
+from gepf.coordinator.colour.finder import KeypointFinder
+from gepf.coordinator.colour.network import NETWORK
 from gepf.coordinator.commands.job import Job
 from gepf.coordinator.commands.progress import FrameRate, Show, counted, describe_frame
 from gepf.coordinator.commands.publish import play
@@ -38,10 +41,11 @@ from gepf.coordinator.results.configuration import (
 )
 from gepf.coordinator.results.evaluation import Truth, read_truth
 from gepf.coordinator.results.live_results import results_key
+from gepf.coordinator.scene.scope import Scope
 from gepf.coordinator.sources import Source, open_source
 from gepf.coordinator.sources.background import check_size, read_background
 from gepf.coordinator.sources.camera import AS_RECORDED
-from gepf.coordinator.sources.colour_folder import ColourFolder
+from gepf.coordinator.sources.colour_folder import ColourFolder, with_colours
 from gepf.coordinator.sources.devices.device import AttachedCamera, vendor_of
 from gepf.coordinator.sources.doubts import find_doubts
 from gepf.coordinator.sources.frame_recorder import FrameRecorder
@@ -70,7 +74,8 @@ class Input:
     total: int | None = None  # frames
     live: LiveFrames | None = None
     truth: Truth | None = None
-    colours: ColourFolder | None = None
+    colours: ColourFolder | None = None  # for pictures
+    finder: KeypointFinder | None = None  # of keypoints in colour images
 
     def __init__(self, job: Job, source: Source | None, first: Source | LiveCamera) -> None:
         self.job = job
@@ -82,6 +87,9 @@ class Input:
             up = first.T_rig_camera[:3, :3] @ np.array([-np.sin(turn), -np.cos(turn), 0.0])
         elif source is not None and source.gravity is not None:
             up = -source.gravity
+        is_possible = self.bodies.family.has_keypoints and job.settings.refine.sensor == "camera"
+        if job.keypoints and not is_possible:
+            raise InputError("--keypoints is for people, and not for preset paper; leave it out")
         background = None if job.background is None else read_background(job.background, source)
         self.scope = replace(job.scope, background=background, up=up, camera=first.camera)
 
@@ -116,12 +124,26 @@ class Input:
             "settings": msgspec.to_builtins(job.settings),
             "scene": self.scope.describe(),
             "worker_kind": job.pool.kind,
+            "keypoints": None if self.finder is None else NETWORK,
             "versions": {"gepf": versions().get("gepf")},
         }
         if job.people > 1:
             configuration[PEOPLE] = job.people
         plain: RunConfiguration = msgspec.json.decode(msgspec.json.encode(configuration))
         return plain
+
+
+def check_pixels(scope: Scope, camera: Intrinsics) -> None:
+    """InputError if pixels that the user gave are not in the images."""
+    size, region, person = f"{camera.width}x{camera.height}", scope.region, scope.person
+    if region is not None and (
+        region[0] >= camera.width or region[1] >= camera.height or min(region[2:]) <= 0
+    ):
+        raise InputError(f"--roi has no pixel of the {size} images; give another")
+    if not isinstance(person, str):
+        column, row = person
+        if not (0 <= column < camera.width and 0 <= row < camera.height):
+            raise InputError(f"--person {column},{row} is outside the {size} images; give a pixel inside")
 
 
 class RecordedInput(Input):
@@ -134,16 +156,11 @@ class RecordedInput(Input):
         self.source = source = open_source(job.sequence, job.given)
         self.numbers = numbers = select_frames(source.numbers, job.frames)
         self.total = len(numbers)
-        width, height = source.intrinsics.width, source.intrinsics.height
-        region, person = job.scope.region, job.scope.person
-        if region is not None and (region[0] >= width or region[1] >= height or min(region[2:]) <= 0):
-            raise InputError(f"--roi has no pixel of the {width}x{height} images; give another")
-        if not isinstance(person, str):
-            column, row = person
-            if not (0 <= column < width and 0 <= row < height):
-                outside = f"--person {column},{row} is outside the {width}x{height} images"
-                raise InputError(f"{outside}; give a pixel inside")
+        check_pixels(job.scope, source.intrinsics)
         super().__init__(job, source, source)
+        if job.keypoints:
+            self.source = source = self._with_colours()
+            self.finder = KeypointFinder()
         if isinstance(job.joint_states, JointStates):
             job.joint_states.check_names(self.bodies.dof_names)
         # with several people, the sequence's truth does not say whose it is
@@ -175,6 +192,19 @@ class RecordedInput(Input):
             }
         self.configuration = self.configure(recording)
 
+    def _with_colours(self) -> Source:
+        """The recording with its colour images; InputError if there are none."""
+        coloured, first = with_colours(self.source, self.job.color), self.numbers[0]
+        if not any(view.colours for view in coloured.views):
+            raise InputError(
+                "--keypoints finds no color/ beside the depth; give --color DIR, or leave it out"
+            )
+        if all(view.colours is None or view.colours(first) is None for view in coloured.views):
+            logger.warning(
+                "frame %d has no colour image that fits; such frames are tracked by depth alone", first
+            )
+        return coloured
+
     def announce(self, done: int) -> str:
         """A message on the frames and how they are tracked, or where a resumed run continues."""
         job, total, camera = self.job, self.total, self.source.intrinsics
@@ -195,21 +225,26 @@ class RecordedInput(Input):
         return {"color": None if self.job.color is None else str(self.job.color)}
 
 
+def refuse_options_of_recordings(job: Job) -> None:
+    """InputError if options of recorded sequences are given with live input."""
+    if job.resume:
+        raise InputError("--resume is for recorded sequences; gepf report finishes a killed live run")
+    for option, value in (
+        ("--frames", job.frames),
+        ("--color", job.color),
+        ("--intrinsics", job.given.intrinsics),
+        ("--depth-scale", job.given.depth_scale),
+        ("--mirrored", job.given.mirrored),
+    ):
+        if value:
+            raise InputError(f"{option} is for recorded sequences; leave it out with live input")
+
+
 class LiveInput(Input):
     """Published frames, of which the newest is tracked. InputError for options of recordings."""
 
     def __init__(self, job: Job, cameras: Sequence[LiveCamera], show: Show) -> None:
-        if job.resume:
-            raise InputError("--resume is for recorded sequences; gepf report finishes a killed live run")
-        for option, given in (
-            ("--frames", job.frames),
-            ("--color", job.color),
-            ("--intrinsics", job.given.intrinsics),
-            ("--depth-scale", job.given.depth_scale),
-            ("--mirrored", job.given.mirrored),
-        ):
-            if given:
-                raise InputError(f"{option} is for recorded sequences; leave it out with live input")
+        refuse_options_of_recordings(job)
         if not vendor_of(job.sequence) and job.pool.listen is None and job.pool.connect is None:
             raise InputError("no publisher could connect; add --listen or --connect with an endpoint")
         holder = holder_name(job.pool.security)
@@ -224,10 +259,14 @@ class LiveInput(Input):
         if job.record is not None:
             with_parent(job.record)
         super().__init__(job, None, cameras[0])
+        if job.keypoints:
+            self.finder = KeypointFinder()
         self.live: LiveFrames = LiveFrames(cameras, show.say, idle=job.idle_timeout)
         rig = {c.camera: [c.key, c.T_rig_camera.tolist(), c.offset_s] for c in cameras if c.camera}
         self.configuration = self.configure({"sequence": str(job.sequence), **({"rig": rig} if rig else {})})
-        self._attached = AttachedCamera(job.sequence, show.say) if vendor_of(job.sequence) else None
+        self._attached = None
+        if vendor_of(job.sequence):
+            self._attached = AttachedCamera(job.sequence, show.say, colour=self.finder is not None)
         self._failure: Exception | None = None  # of the attached camera
         self._recorder = None if job.record is None else FrameRecorder(job.record, cameras, show.say)
 
@@ -246,8 +285,8 @@ class LiveInput(Input):
                     self.job.joint_states.listen(node, self.bodies.dof_names, self._show.say)
             else:
                 for place, camera in enumerate(self.live.cameras):
-                    if self._recorder is not None:
-                        put = partial(self._recorder.put_colour, camera.camera)
+                    if self._recorder is not None or self.finder is not None:
+                        put = partial(self._put_colour, place, camera.camera)
                         workers.listen(colour_key(camera.key), put)
                     workers.listen(camera.key, partial(self.live.receive, place=place))
             for _, frames in groupby(self.live, lambda _: self.live.stream):
@@ -275,7 +314,7 @@ class LiveInput(Input):
 
         def receive() -> None:
             try:
-                play(camera, put, put)
+                play(camera, put, put, partial(self._put_colour, 0, ""))
             except Exception as error:  # noqa: BLE001 the main thread raises it
                 self._failure = error
 
@@ -283,6 +322,13 @@ class LiveInput(Input):
         thread.start()
         stack.callback(thread.join)
         stack.callback(camera.close)
+
+    def _put_colour(self, place: int, camera: str, payload: bytes) -> None:
+        """Keep a colour image for its frame, and for the recording."""
+        if self._recorder is not None:
+            self._recorder.put_colour(camera, payload)
+        if self.finder is not None:
+            self.live.receive_colour(payload, place=place)
 
     def _take(self, frame: DepthFrame) -> DepthFrame:
         """The frame, which is recorded; InputError if the room without people has another size."""

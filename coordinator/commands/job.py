@@ -44,7 +44,8 @@ class Job:
     init: str | None = None  # a file, AUTOMATIC, or None for the sequence's own file, if there is one
     frames: str | None = None
     resume: bool = False
-    color: Path | None = None  # colour frames for pictures
+    color: Path | None = None  # colour frames for pictures, and for keypoints if they are not beside depth
+    keypoints: bool = False  # of people in colour images are used
     given: GivenCamera = AS_RECORDED
     results: str | None = None  # key or topic on which they are published
     results_json: bool = False

@@ -141,6 +141,7 @@ def track_frames(
             scope=given.scope,
             start=given.start,
             motion=job.joint_states,
+            colour=given.finder,
             state=recorder.state,
         )
         if given.live is not None:

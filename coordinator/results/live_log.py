@@ -144,6 +144,7 @@ def as_estimate(values: dict[str, Any]) -> Estimate:
         "residual": np.nan if values["residual"] is None else values["residual"],
         "certainty": Certainty(**certainty),
         "seen_by": {name: np.array(each, np.float64) for name, each in values["seen_by"].items()},
+        "keypoints": {name: np.array(each, np.float64) for name, each in values.get("keypoints", {}).items()},
         "faults": {name: (kind, since_s) for name, (kind, since_s) in values["faults"].items()},
     }
     return Estimate(**{**values, **arrays, **changed})

@@ -224,6 +224,7 @@ def assemble(
         camera_names=(cameras := tally.cameras) or None,
         joint_seen_by=new((frames, len(cameras), joints), np.float64) if cameras else None,
         camera_fault=new((frames, len(cameras)), np.dtype(f"<U{longest}")) if cameras else None,
+        keypoint=new((frames, max(1, len(cameras)), 17, 3), np.float64) if tally.keypoints else None,
     )
     for f, estimate in enumerate(estimates):
         enter(track, f, estimate)
@@ -240,6 +241,9 @@ def enter(track: Track, f: int, estimate: Estimate) -> None:
     track.hypothesis_weight[f, :count] = estimate.hypothesis_weight
     track.hypothesis_pose[f, :count] = estimate.hypothesis_pose
     track.hypothesis_weight[f, count:] = track.hypothesis_pose[f, count:] = np.nan
+    if track.keypoint is not None:
+        for c, name in enumerate(track.camera_names or ("",)):
+            track.keypoint[f, c] = estimate.keypoints.get(name, np.nan)
     if track.camera_names and track.joint_seen_by is not None and track.camera_fault is not None:
         for c, name in enumerate(track.camera_names):
             track.joint_seen_by[f, c] = estimate.seen_by.get(name, 0.0)

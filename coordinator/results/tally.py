@@ -55,6 +55,7 @@ class Tally:
     faults: dict[str, dict[tuple[str, float], float]] = field(default_factory=dict)
     first_tracked: int | None = None  # number of the first frame that is neither absent nor searching
     hypotheses: int = 0
+    keypoints: bool = False  # whether any frame has keypoints
 
     @classmethod
     def of(cls, estimates: Iterable[Estimate]) -> Self:
@@ -77,6 +78,7 @@ class Tally:
             self.faults.setdefault(name, {})[kind, since_s] = estimate.time_s
         if self.first_tracked is None and estimate.status not in ("absent", "searching"):
             self.first_tracked = estimate.frame
+        self.keypoints |= bool(estimate.keypoints)
         self.hypotheses = max(self.hypotheses, len(estimate.hypothesis_weight))
 
     @property

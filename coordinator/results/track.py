@@ -54,6 +54,9 @@ class Track:
     camera_names: Annotated[tuple[str, ...] | None, "?names (C)"] = None
     joint_seen_by: Annotated[Array | None, "?numbers (F, C, J)"] = None  # joint_seen for each camera
     camera_fault: Annotated[NDArray[np.str_] | None, "?texts (F, C)"] = None  # empty if there is none
+    keypoint: Annotated[Array | None, "?numbers (F, V, 17, 3)"] = None
+    """In the colour image of each camera (V; one without a rig): column, row, inverse variance (pixels^-2).
+    NaN where there are none; None if no frame has any."""
 
     @property
     def unknown(self) -> Mask:

@@ -6,11 +6,17 @@ import math
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
+from io import BytesIO
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
 
 from gepf.common.errors import ProtocolError
 from gepf.common.frame import DepthFrame
-from gepf.common.protocol.frames import decode_live
+from gepf.common.protocol.frames import decode_colour, decode_live
 from gepf.common.recent import FRAMES_KEPT, put_recent
 from gepf.coordinator.sources.live_stream import ORDER, LiveCamera, LiveStream
 from gepf.coordinator.stopwatch import NOTICE_S
@@ -18,6 +24,9 @@ from gepf.coordinator.stopwatch import NOTICE_S
 COUNTED = ("received", "skipped", "rejected", "malformed")
 """Received frames are tracked, skipped because a newer one came, or rejected if they do not fit the stream.
 Malformed messages are not frames."""
+
+
+COLOURS_KEPT = 4  # until their frames are taken
 
 
 class LiveRig:
@@ -31,6 +40,7 @@ class LiveRig:
     """
 
     def __init__(self, cameras: Sequence[LiveCamera]) -> None:
+        self.colours: dict[tuple[int, int], NDArray[np.uint8]] = {}  # by place and number, the last ones
         self.streams = tuple(map(LiveStream, cameras))
         self.counts = dict.fromkeys(COUNTED, 0)
         self.begun = 0
@@ -94,14 +104,20 @@ class LiveRig:
         lead = self.next(now)
         if lead is None:
             return None
-        frame, others = lead.take(), list[DepthFrame]()
+        frame, others = self._coloured(lead), list[DepthFrame]()
         for each in self.streams:
             near = min(lead.period_s, each.period_s)
             if each.waiting is not None and abs(each.waiting.time_s - frame.time_s) <= near < math.inf:
-                others.append(each.take())
+                others.append(self._coloured(each))
         number = frame.number if self._last is None else max(frame.number, self._last.number + 1)
         self.lead, self._last = lead, replace(frame, number=number, others=tuple(others))
         return self._last
+
+    def _coloured(self, stream: LiveStream) -> DepthFrame:
+        """The waiting frame of a camera with its colour image, if that has come."""
+        frame = stream.take()
+        colours = self.colours.pop((self.streams.index(stream), frame.number), None)
+        return frame if colours is None else replace(frame, colours=colours)
 
 
 class LiveFrames:
@@ -186,6 +202,15 @@ class LiveFrames:
             self._changed.notify_all()
         if said is not None:
             self._report(said)
+
+    def receive_colour(self, payload: bytes, *, place: int = 0) -> None:
+        """Receive the colour image of a frame; no frame waits for it. Damaged ones are ignored."""
+        with suppress(ProtocolError, OSError):
+            number, jpeg = decode_colour(payload)
+            with Image.open(BytesIO(jpeg), formats=("JPEG",)) as image:
+                colours = np.array(image.convert("RGB"))
+            with self._changed:
+                put_recent(self._rig.colours, (place, number), colours, COLOURS_KEPT)
 
     def say(self, message: str) -> None:
         """Report a message of the source for the user."""

@@ -47,6 +47,8 @@ class Source:
         T_rig_camera: (4, 4), metres.
         offset_s: Added to the camera's time it gives the rig's.
         others: The other cameras of the rig. There is a frame for each frame of this one.
+        colours: Returns the colour image (h, w, 3), RGB, of the frame with a number, registered to depth, at
+            any scale; None if it is missing. None without colour.
         mirrored: Whether the recorder mirrored the images, so that they were mirrored back; None if unknown.
         of_points: Whether images are made of points, which leave gaps wherever they are.
     """
@@ -66,6 +68,7 @@ class Source:
     others: tuple[Source, ...] = ()
     mirrored: bool | None = None
     of_points: bool = False
+    colours: Callable[[int], NDArray[np.uint8] | None] | None = None
 
     @property
     def views(self) -> tuple[Source, ...]:
@@ -139,7 +142,16 @@ class Source:
             depth = close_gaps(depth)
         number = self.numbers[place]
         time_s = (number / self.fps if self.times is None else self.times[place]) + self.offset_s
-        return DepthFrame(number, time_s, depth, scale, self.intrinsics, self.camera, self.T_rig_camera)
+        return DepthFrame(
+            number,
+            time_s,
+            depth,
+            scale,
+            self.intrinsics,
+            self.camera,
+            self.T_rig_camera,
+            colours=None if self.colours is None else self.colours(number),
+        )
 
     @cached_property
     def is_sparse(self) -> bool:

@@ -8,11 +8,13 @@ Mesa). The segmentation pass renders one sample per pixel, at the centre.
 from __future__ import annotations
 
 import os
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gepf.common.arrays import Array
+from gepf.common.arrays import Array, Indices
+from gepf.common.body import vertex_normals
 from gepf.common.camera import Intrinsics
 from gepf.common.closing import Closing
 from gepf.common.errors import GepfError
@@ -20,6 +22,18 @@ from gepf.common.packages import MissingPackage, needs
 
 NEAR_M, FAR_M = 0.2, 20.0  # with a 24-bit buffer: 1.5 um at 2 m, 40 um at 10 m
 OPENGL_FROM_CAMERA = np.array([1.0, -1.0, -1.0])  # OpenGL looks along -z, with y up
+
+
+AMBIENT, BRIGHTNESS = 0.35, 3.0  # of the light on coloured surfaces
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ColouredSurface:
+    """A surface in the camera frame, metres, with the colours of its vertices."""
+
+    vertices: Array  # (V, 3)
+    triangles: Indices  # (T, 3) counter-clockwise from outside
+    colours: Array  # (V, 3) from 0 to 1
 
 
 class DepthRenderer(Closing):
@@ -57,6 +71,31 @@ class DepthRenderer(Closing):
         scene.add(pyrender.IntrinsicsCamera(at.fx, at.fy, at.cx + 0.5, at.cy + 0.5, znear=NEAR_M, zfar=FAR_M))
         _, depth = self._renderer.render(scene, pyrender.RenderFlags.SEG, {node: (255, 255, 255)})
         return np.ascontiguousarray(depth, dtype=np.float32)
+
+    def colours(self, surface: ColouredSurface, background: Array, light: Array) -> NDArray[np.uint8]:
+        """The image (H, W, 3), RGB, of a surface in the light from a direction (3,), camera frame.
+
+        The `background` (3,), from 0 to 1, is elsewhere.
+        """
+        pyrender, at = self._pyrender, self.camera
+        primitive = pyrender.Primitive(
+            positions=(surface.vertices * OPENGL_FROM_CAMERA).astype(np.float32),
+            normals=(vertex_normals(surface.vertices, surface.triangles) * OPENGL_FROM_CAMERA),
+            indices=surface.triangles.astype(np.uint32),
+            color_0=np.column_stack([surface.colours, np.ones(len(surface.colours))]).astype(np.float32),
+            material=pyrender.MetallicRoughnessMaterial(metallicFactor=0.0, roughnessFactor=0.9),
+        )
+        scene = pyrender.Scene(ambient_light=[AMBIENT] * 3, bg_color=background)
+        scene.add(pyrender.Mesh([primitive]))
+        scene.add(pyrender.IntrinsicsCamera(at.fx, at.fy, at.cx + 0.5, at.cy + 0.5, znear=NEAR_M, zfar=FAR_M))
+        towards = np.eye(4)
+        back = light * OPENGL_FROM_CAMERA / np.linalg.norm(light)
+        side = np.cross([0.0, 1.0, 0.0], back)
+        side /= np.linalg.norm(side)
+        towards[:3, :3] = np.column_stack([side, np.cross(back, side), back])
+        scene.add(pyrender.DirectionalLight(intensity=BRIGHTNESS), pose=towards)
+        image, _ = self._renderer.render(scene)
+        return np.ascontiguousarray(image, dtype=np.uint8)
 
     def close(self) -> None:
         """Release the OpenGL context."""

@@ -21,6 +21,7 @@ from gepf.common.refinement import Particles
 from gepf.common.settings import RefineSettings
 from gepf.coordinator.bodies.family import Bodies, BodyFamily, BodySize
 from gepf.coordinator.bodies.tracked import coarsen
+from gepf.coordinator.colour.finder import keypoint_cost
 from gepf.coordinator.filters.exploration import layout_of
 from gepf.coordinator.filters.pose_prior import pose_prior
 from gepf.coordinator.tracking.field_of_view import TOP, cut_sides, in_view, out_of_reach
@@ -192,7 +193,8 @@ class CandidateStages:
         last = iterations(settings, ITERATIONS // 2)
         groups, precision = map(of_one, (taken[::2], taken[1::2])), None if known is None else known.precision
         found = yield from self._refine(subject, [model], groups, last, precision)
-        return found, gate_pose(found.log_likelihood[0], found.residual[0], settings)
+        by_depth = found.log_likelihood[0] + keypoint_cost(model, found.poses[0], subject)
+        return found, gate_pose(by_depth, found.residual[0], settings)
 
     def _choose_size(
         self, query: Query, present: BodySize, tried: Sequence[BodySize], pose: Array

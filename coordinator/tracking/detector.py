@@ -24,6 +24,7 @@ from gepf.common.refinement import Particles
 from gepf.common.settings import RefineSettings, Settings, preset
 from gepf.coordinator.bodies.family import Bodies, FittedBody
 from gepf.coordinator.bodies.tracked import pose_by_name
+from gepf.coordinator.colour.finder import keypoint_cost
 from gepf.coordinator.filters.exploration import layout_of
 from gepf.coordinator.filters.pose_prior import pose_prior
 from gepf.coordinator.scene.planes import Planes
@@ -189,7 +190,8 @@ class Detector:
         candidates = ordered([candidates_of(model, pending.result(), 0)])
         if not candidates.is_visible:
             return detection
-        gate = gate_pose(candidates.log_likelihood[0], candidates.residual[0], rules)
+        by_depth = candidates.log_likelihood[0] + keypoint_cost(model, candidates.poses[0], now)
+        gate = gate_pose(by_depth, candidates.residual[0], rules)
         return Detection(now, replace(detection.start, pose=candidates.poses[0]), candidates, gate)
 
     def _match(self, query: Query, rolls: Sequence[float], last: Array | None = None) -> Iterator[Group]:

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
 
 from gepf.common.arrays import Array
 from gepf.coordinator.tracking.certainty.certainty import Certainty
@@ -30,7 +34,7 @@ class Estimate:
     number of refined particles. `why` is the reason to doubt the pose, as text; empty if there is none.
     `certainty` is that of each joint. `seen_by` is the visible share (J,) of the surface around each joint
     for each camera that shows the body. `faults` are those of cameras of a rig, each with its start in
-    seconds.
+    seconds. `keypoints` (17, 3) are those in the colour image of each camera: column, row, inverse variance.
     """
 
     frame: int
@@ -47,3 +51,4 @@ class Estimate:
     why: str = ""
     seen_by: dict[str, Array] = field(default_factory=dict)
     faults: dict[str, tuple[Fault, float]] = field(default_factory=dict)
+    keypoints: Mapping[str, NDArray[np.floating]] = field(default_factory=dict)

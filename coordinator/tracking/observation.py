@@ -75,6 +75,7 @@ def crop(frame: DepthFrame, cut: Cut, depth: NDArray[np.uint16], most: int) -> S
             depth=depth,
             intrinsics=camera.crop(left, top, right - left, bottom - top),
             others=(),
+            colours=None,
         ),
         picked=measured[np.arange(picked) * len(measured) // max(1, picked)],
         view=(-left, -top, camera.width - left, camera.height - top),

@@ -11,6 +11,7 @@ from gepf.common.arrays import Array, Mask
 from gepf.common.body import BodyModel
 from gepf.common.frame import DepthFrame, SubjectFrame
 from gepf.common.kinematics import joint_positions, retract
+from gepf.coordinator.colour.finder import in_image
 from gepf.coordinator.filters.belief import Belief
 from gepf.coordinator.filters.motion import precisions
 from gepf.coordinator.stopwatch import Stopwatch
@@ -123,6 +124,7 @@ def report(updated: Updated, cameras: CameraStates) -> TrackedPerson:
         stage_seconds=updated.clock.seconds,
         seen_by=seen,
         faults=faults_of(cameras, updated.frame.time_s),
+        keypoints={} if context is None else in_image(context.subject),
         certainty=unknown_certainty(len(joints[0])) if status in POSE_UNKNOWN else certainty,
     )
     return TrackedPerson(estimate, updated.state, None if context is None else context.subject)

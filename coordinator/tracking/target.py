@@ -18,6 +18,7 @@ from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions, pose_vertices
 from gepf.common.settings import RefineSettings, Settings
 from gepf.coordinator.bodies.family import Bodies
+from gepf.coordinator.colour.finder import ExpectedBody, keypoint_cost
 from gepf.coordinator.filters.belief import USUAL_INTERVAL, Belief
 from gepf.coordinator.filters.methods import apply_method
 from gepf.coordinator.stopwatch import Stopwatch
@@ -109,6 +110,12 @@ class TargetTracker:
         if not isinstance(self.track, Body) or self.track.segmentation_pose is None:
             return None
         return np.asarray(pose_vertices(self.model, self.track.segmentation_pose[None])[0])
+
+    @property
+    def expected_body(self) -> ExpectedBody | None:
+        """The person around whom the next frame is segmented; None if there is none, or it is no person."""
+        pose = self.track.segmentation_pose if isinstance(self.track, Body) else None
+        return None if pose is None or not len(self.model.keypoint_links) else ExpectedBody(self.model, pose)
 
     @property
     def last_seen(self) -> Array:
@@ -297,7 +304,8 @@ class TargetTracker:
         """Gate the tracked hypotheses, or those of a detection that explains the frame better."""
         assert isinstance(self.track, Body)  # it was refined
         context, detection = submitted.context, submitted.detection
-        gate = gate_pose(belief.log_weights[0], belief.residual[0], submitted.settings)
+        by_depth = belief.log_weights[0] + keypoint_cost(self.model, belief.poses[0], context.subject)
+        gate = gate_pose(by_depth, belief.residual[0], submitted.settings)
         redetected, ambiguous_facing = False, None
         if detection is not None:
             if detection.candidates.log_likelihood[0] > belief.log_weights[0] + SURER_LOG_LIKELIHOOD:

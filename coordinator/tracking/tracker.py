@@ -9,6 +9,7 @@ from typing import NamedTuple
 from gepf.common.frame import DepthFrame
 from gepf.common.settings import Settings
 from gepf.coordinator.bodies.family import Bodies
+from gepf.coordinator.colour.finder import KeypointFinder, with_keypoints
 from gepf.coordinator.scene.scope import Scope
 from gepf.coordinator.sources.live import LiveFrames
 from gepf.coordinator.stopwatch import Stopwatch
@@ -66,10 +67,11 @@ class Tracker:
         scope: Which part of the scene counts, and which person is meant.
         start: Values of degrees of freedom in the first frame, metres and radians; None to detect the body.
         motion: Joint motion as encoders report it.
+        colour: Finds keypoints of people in colour images; None: depth alone.
         state: State to resume from, of a tracker with the same settings.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 one parameter an input
         self,
         refiner: Refiner,
         settings: Settings,
@@ -79,11 +81,12 @@ class Tracker:
         scope: Scope | None = None,
         start: Mapping[str, float] | None = None,
         motion: Encoders | None = None,
+        colour: KeypointFinder | None = None,
         state: TrackerState | None = None,
     ) -> None:
         state = state or TrackerState([first_state(bodies, start, settings)] * people)
         self._refiner, self._settings, self._bodies = refiner, settings, bodies
-        self._segmenter = Segmenter(settings.points, scope)
+        self._colour, self._segmenter = colour, Segmenter(settings.points, scope)
         self._segmenter.recall(state.frame.scenes)
         self._frame = state.frame
         self._cameras, self._time_s = state.frame.cameras, state.frame.time_s  # of the last segmented frame
@@ -147,6 +150,8 @@ class Tracker:
             self._cameras, frame = watch(self._cameras, frame, set().union(*excluded))
             is_slow = self._time_s is not None and frame.time_s - self._time_s > MAX_LOOKAHEAD_S + ROUNDING_S
             self._time_s = frame.time_s
+            bodies = [target.expected_body for target in self._targets]
+            looking = None if self._colour is None else self._colour.submit(frame, bodies)
             segmented = self._segmenter.segment(
                 frame,
                 [target.segmentation_surface for target in self._targets],
@@ -154,6 +159,10 @@ class Tracker:
                 rejected=any(isinstance(t, Searching) and t.searches > MAX_SEARCHES for t in tracks),
                 find=any(target.needs_candidates for target in self._targets),
             )
+        if looking is not None:
+            with clocks[0].stage("keypoints"):
+                subjects = map(with_keypoints, segmented.subjects, looking.result())
+                segmented = replace(segmented, subjects=tuple(subjects))
         return Ready(segmented, self._cameras, is_slow, clocks)
 
     def _submit(self, ready: Ready, budget: FrameBudget | None) -> SubmittedFrame:

@@ -94,6 +94,7 @@ def same(one: object, other: object) -> bool:
 
 FRAME = tiny_frame()
 COVARIANCES = replace(tiny_request().particles, covariance=True)
+KEYPOINTS_SEEN = np.random.default_rng(0).uniform(0.0, 9.0, (17, 3)).astype(np.float32)
 KINDS_OF_PIXELS = np.where(FRAME.frame.depth > 0, SUBJECT, EMPTY).astype(np.uint8)
 BESIDE_ALL = SubjectFrame(  # a crop that lies outside of the image and has no picked pixel
     replace(
@@ -112,6 +113,7 @@ BESIDE_ALL = SubjectFrame(  # a crop that lies outside of the image and has no p
         (FRAME, encode_frame, decode_frame),
         (replace(FRAME, kinds=KINDS_OF_PIXELS), encode_frame, decode_frame),
         (BESIDE_ALL, encode_frame, decode_frame),
+        (replace(FRAME, keypoints=KEYPOINTS_SEEN), encode_frame, decode_frame),
         (replace(FRAME, others=(replace(BESIDE_ALL, delay_s=-0.01),)), encode_frame, decode_frame),
         (tiny_model(), encode_model, decode_model),
         (tiny_request(), messages.encode_request, messages.decode_request),

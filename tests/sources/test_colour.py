@@ -1,15 +1,19 @@
-"""Results drawn over colour frames that go with the depth."""
+"""Colour frames that go with the depth: of folders, and of live cameras in `test_live_frames`."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PIL import Image
 
 from gepf.common.camera import Intrinsics
 from gepf.common.errors import InputError
-from gepf.coordinator.sources.colour_folder import ColourFolder
+from gepf.coordinator.sources import open_source
+from gepf.coordinator.sources.camera import AS_RECORDED, GivenCamera
+from gepf.coordinator.sources.colour_folder import ColourFolder, with_colours
+from tests.support.recordings import write_open3d
 
 CAMERA = Intrinsics(64, 48, 50.0, 50.0, 31.5, 23.5)
 GREEN, RED = (0, 200, 0), (200, 0, 0)
@@ -59,3 +63,32 @@ def test_damage_is_reported(tmp_path: Path, content: bytes) -> None:
         ColourFolder(tmp_path, CAMERA, range(1))
     with pytest.raises(InputError, match="no such folder"):
         ColourFolder(tmp_path / "x", CAMERA, range(1))
+
+
+def test_frames_of_a_recording_carry_colour_where_there_is_any(tmp_path: Path) -> None:
+    """From `color/` beside the depth, which is the same without. Missing and damaged images are left out."""
+    depth = np.full((5, CAMERA.height, CAMERA.width), 2000, np.uint16)
+    folder = write_open3d(tmp_path / "recording", depth, CAMERA)
+    save(folder / "color", "000000.jpg")
+    save(folder / "color", "000001.png", (128, 96))
+    (folder / "color" / "000002.png").write_bytes(b"no picture")
+    save(folder / "color", "000003.png", (64, 64))
+    plain = open_source(folder)
+    coloured = with_colours(plain)
+    shapes = [None if each.colours is None else each.colours.shape for each in coloured]
+    assert shapes == [(48, 64, 3), (96, 128, 3), None, None, None]
+    assert all(each.colours is None for each in plain)
+    assert all(np.array_equal(a.depth, b.depth) for a, b in zip(plain, coloured, strict=True))
+
+
+def test_colour_of_another_folder_is_mirrored_like_depth(tmp_path: Path) -> None:
+    """Red is at the right in a recording that was mirrored; a folder that is not there is named."""
+    depth = np.full((1, CAMERA.height, CAMERA.width), 2000, np.uint16)
+    folder = write_open3d(tmp_path / "recording", depth, CAMERA)
+    save(tmp_path / "elsewhere", "0.png")
+    for given, at_left in ((AS_RECORDED, RED), (GivenCamera(mirrored=True), GREEN)):
+        colours = with_colours(open_source(folder, given), tmp_path / "elsewhere").frame(0).colours
+        assert colours is not None
+        assert tuple(colours[0, 0]) == at_left
+    with pytest.raises(InputError, match="no such folder of colour frames"):
+        with_colours(open_source(folder), tmp_path / "nowhere")

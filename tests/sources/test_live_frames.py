@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import threading
+from io import BytesIO
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from PIL import Image
 
 from gepf.common.camera import Intrinsics
 from gepf.common.errors import InputError
 from gepf.common.frame import DepthFrame
-from gepf.common.protocol.frames import LIVE_END, encode_live
+from gepf.common.protocol.frames import LIVE_END, encode_colour, encode_live
 from gepf.coordinator.sources.live import COUNTED, LiveFrames, from_first_seen
 from gepf.coordinator.sources.live_stream import LiveCamera, live_key
 from tests.support.walls import CAMERA, LONG, WIDE, image
@@ -46,6 +49,25 @@ def test_the_newest_frame_wins_and_the_others_are_counted() -> None:
     assert [frame.number for frame in numbers] == [4]
     assert frames.counts == counted(received=5, skipped=2)
     assert reports == []
+
+
+def test_colour_joins_its_frame_if_it_has_come() -> None:
+    """By number; late, missing and damaged colour leaves the frame as it is, and delays none."""
+    frames, reports = opened()
+    numbers, red = iter(frames), BytesIO()
+    Image.new("RGB", (CAMERA.width, CAMERA.height), (200, 0, 0)).save(red, "JPEG")
+    for number, before in ((0, red.getvalue()), (1, None), (2, b"\xff\xd8 damaged"), (4, red.getvalue())):
+        if before is not None:
+            frames.receive_colour(encode_colour(number, before))
+        frames.receive(encode_live(image(number)))
+        taken = next(numbers)
+        assert np.array_equal(taken.depth, image(number).depth)
+        assert (taken.colours is not None) == (number in (0, 4))
+        frames.receive_colour(encode_colour(number, red.getvalue()))  # too late
+    assert taken.colours is not None
+    assert taken.colours.shape == (CAMERA.height, CAMERA.width, 3)
+    frames.receive_colour(b"nonsense")
+    assert not reports
 
 
 def test_malformed_messages_are_counted_and_reported_once() -> None:

@@ -166,8 +166,9 @@ def complete(search: Search[Detection]) -> Detection:
 
 def as_bytes(estimate: Estimate) -> list[bytes]:
     """All values of an estimate except times."""
-    apart = ("stage_seconds", "certainty", "seen_by", "faults")
+    apart = ("stage_seconds", "certainty", "seen_by", "faults", "keypoints")
     names = [field.name for field in fields(Estimate) if field.name not in apart]
     sure = [getattr(estimate.certainty, field.name) for field in fields(Certainty)]
     own = (getattr(estimate, name) for name in names)
-    return [np.asarray(value).tobytes() for value in (*own, *sure, *estimate.seen_by.values())]
+    by_camera = (*estimate.seen_by.values(), *estimate.keypoints.values())
+    return [np.asarray(value).tobytes() for value in (*own, *sure, *by_camera)]

@@ -11,7 +11,7 @@ import pytest
 
 from gepf.common.arrays import Array
 from gepf.common.body import ROTATION, BodyModel
-from gepf.common.refinement import Particles, lower_triangular, triangle_size
+from gepf.common.refinement import KEYPOINT_OUTLIER, Particles, lower_triangular, triangle_size
 from gepf.common.settings import RefineSettings
 from gepf.coordinator.filters.pose_prior import pose_prior
 from gepf.worker.kernel.gauss_newton import fill_covariance_root, solve
@@ -33,6 +33,7 @@ from tests.support.kernel.posterior import (
     PosteriorCase,
     Samples,
     hold,
+    keypoint_offsets,
     log_density,
     posterior_case,
     random_poses,
@@ -55,7 +56,7 @@ def kernel_covariance(of: PosteriorCase, pose: Array) -> tuple[Array, Array]:
             of, pose, (draw(problem.surface.triangles, True, kernel.view.workspace), problem.surface)
         )
     else:
-        exact = hard_information(of, pose)
+        exact = hard_information(of, pose) + keypoint_information(of, pose)
     kernel.linearise()
     solve(pose.copy(), problem.parameters.icp.damping, problem, equations)
     triangle = np.empty(triangle_size(len(pose)), np.float32)
@@ -75,6 +76,18 @@ def hard_information(of: PosteriorCase, pose: Array) -> Array:
     )
     gram, _ = plain_path.add_limit_prior(model, pose, LIMIT_WEIGHT_M2 * count, gram, gradient)
     return gram / count / settings.likelihood_scale**2
+
+
+def keypoint_information(of: PosteriorCase, pose: Array) -> Array:
+    """J^T W J (D, D) of the keypoints, of which W has the robust weights at the pose."""
+    if of.subject.keypoints is None:
+        return np.zeros((len(pose), len(pose)))
+    slopes = tangents(of.model, pose, lambda at: keypoint_offsets(of.model, at[None], of.subject)[0])
+    squared = of.subject.keypoints[:, 2] * np.sum(
+        keypoint_offsets(of.model, pose[None], of.subject)[0] ** 2, axis=1
+    )
+    weights = of.subject.keypoints[:, 2] * (KEYPOINT_OUTLIER**2 / (KEYPOINT_OUTLIER**2 + squared)) ** 2
+    return np.asarray(np.einsum("kad,k,kae->de", slopes, weights, slopes))
 
 
 def soft_information(of: PosteriorCase, pose: Array, drawn: tuple[DepthImage, Surface]) -> Array:

@@ -18,11 +18,13 @@ from tests.support.kernel import plain_path
 from tests.support.kernel.equations import KernelAt
 from tests.support.kernel.posterior import (
     BODIES,
+    COLOUR,
     SETTINGS,
     Held,
     PosteriorCase,
     finite_differences,
     free_space_cost,
+    keypoint_cost,
     log_density,
     point_cost,
     posterior_case,
@@ -50,6 +52,11 @@ def soft(held: Held, _: PosePrior, poses: Array) -> Array:
     return np.asarray(-held.settings.independent_points * density)
 
 
+def keypoints(held: Held, _: PosePrior, poses: Array) -> Array:
+    """Half the robust squared distances in the image, in deviations."""
+    return keypoint_cost(held, poses)
+
+
 def limits(held: Held, _: PosePrior, poses: Array) -> Array:
     """Balls beyond their limits."""
     rules = msgspec.structs.replace(held.settings, pose_deviation=0.0)
@@ -67,6 +74,7 @@ TERMS: dict[str, dict[str, Cost]] = {
     name: ({"soft": soft} if settings.is_soft else HARD) | {"limits": limits, "prior": prior}
     for name, settings in SETTINGS.items()
 }
+TERMS[COLOUR]["keypoints"] = keypoints
 CASES = [(body, name, term) for body in BODIES for name, its in TERMS.items() for term in its]
 POSES = 3
 

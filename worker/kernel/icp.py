@@ -34,7 +34,14 @@ from gepf.worker.kernel.parameters import pack_parameters
 from gepf.worker.kernel.surface import pack_model
 from gepf.worker.kernel.terms import linearise_points
 from gepf.worker.kernel.visibility import pose_body, pose_some, visible_vertices
-from gepf.worker.kernel.workspace import CameraView, Problem, Workspaces, make_workspaces, workspace_of
+from gepf.worker.kernel.workspace import (
+    CameraView,
+    Keypoints,
+    Problem,
+    Workspaces,
+    make_workspaces,
+    workspace_of,
+)
 
 
 class Batch(NamedTuple):
@@ -67,9 +74,10 @@ def pack_batch(model: BodyModel, observation: Observation, particles: Particles)
     count, dofs = poses.shape
     skeleton, surface = pack_model(model)
     views, parameters = pack_views(observation, settings), pack_parameters(settings, observation.total)
+    keypoints = Keypoints(model.keypoint_links, model.keypoint_points)
     mean = np.zeros(dofs) if particles.prior is None else particles.prior.mean
     return Batch(
-        Problem(skeleton, surface, views, parameters, *pack_prior(model, particles.prior)),
+        Problem(skeleton, surface, views, parameters, keypoints, *pack_prior(model, particles.prior)),
         np.zeros(dofs) if velocity is None else np.array(velocity, dtype=np.float64),
         np.array(np.broadcast_to(mean, poses.shape), dtype=np.float64, order="C"),
         np.array(poses, dtype=np.float64, order="C"),  # kernels are compiled for one layout

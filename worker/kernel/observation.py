@@ -5,7 +5,7 @@ They are computed once per frame and shared by all its particles.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -41,6 +41,7 @@ class Observation:
     view: Indices  # (4,) left, top, right, bottom of the whole image
     T_camera_rig: Array  # (3, 4)
     delay_s: float  # after the time of the frame
+    keypoints: Array = field(default_factory=lambda: np.empty((0, 3)))  # (K, 3) of the SubjectFrame, if any
     others: tuple[Observation, ...] = ()  # of other cameras
 
     @property
@@ -64,6 +65,7 @@ class PackedObservation(NamedTuple):
     nearest: NDArray[np.int32]  # (2, H, W)
     seen: Indices  # (4,) the observation's view
     lens: Array  # (5,) fx, fy, cx, cy, delay
+    keypoints: Array  # (K, 3) column, row, inverse variance
 
 
 class PackedViews(NamedTuple):
@@ -77,6 +79,7 @@ class PackedViews(NamedTuple):
     seen: Indices  # (C, 4)
     lenses: Array  # (C, 5) fx, fy, cx, cy, delay
     T_camera_rig: Array  # (C, 3, 4)
+    keypoints: Array  # (C, K, 3), of the precision 0 where a camera has none; K is 0 if no camera has any
     total: int  # points of all cameras that are not padding
 
 
@@ -112,6 +115,7 @@ def observe_view(subject: SubjectFrame) -> Observation:
         view=np.array(subject.view, dtype=np.int64),
         T_camera_rig=subject.frame.T_camera_rig[:3],
         delay_s=subject.delay_s,
+        keypoints=np.empty((0, 3)) if subject.keypoints is None else subject.keypoints.astype(np.float64),
     )
 
 
@@ -137,6 +141,7 @@ def join_views(observation: Observation, stretch: float) -> PackedViews:
         (starts[0][v], padded[v], each.count, starts[1][v], *each.empty.shape) for v, each in enumerate(views)
     ]
     lenses = [(*each.camera.pinhole, each.delay_s) for each in views]
+    most = max(len(each.keypoints) for each in views)
     return PackedViews(
         points=np.concatenate([each.ravel() for each in points]),
         tiles=np.concatenate([side(each, axis=0) for each in columns for side in (np.min, np.max)]),
@@ -146,6 +151,9 @@ def join_views(observation: Observation, stretch: float) -> PackedViews:
         seen=np.stack([each.view for each in views]),
         lenses=np.array(lenses),
         T_camera_rig=np.stack([each.T_camera_rig for each in views]),
+        keypoints=np.stack(
+            [each.keypoints if len(each.keypoints) else np.zeros((most, 3)) for each in views]
+        ),
         total=observation.total,
     )
 
@@ -166,6 +174,7 @@ def view_of(views: PackedViews, v: int) -> PackedObservation:
         views.nearest[2 * pixel : 2 * (pixel + area)].reshape(2, rows, columns),
         views.seen[v],
         views.lenses[v],
+        views.keypoints[v],
     )
 
 

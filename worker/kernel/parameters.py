@@ -34,6 +34,7 @@ class Weights(NamedTuple):
     depth: float  # of half a squared metre, per observed point
     free_space: float  # alike
     soft: float  # of the log density of a point
+    keypoints: float  # of half a squared deviation of a keypoint
 
 
 class Solver(NamedTuple):
@@ -72,7 +73,7 @@ def pack_parameters(settings: RefineSettings, points: int) -> KernelParameters:
     count = max(1, points)
     of_point = of_mean / count
     damping = (settings.damping + steps.damping_share * points) * of_point
-    closest = Weights(of_point, of_point if camera else 0.0, 0.0)
+    closest = Weights(of_point, of_point if camera else 0.0, 0.0, 1.0)
     return KernelParameters(
         settings.icp_iterations,
         settings.icp_iterations if soft else 0,
@@ -80,7 +81,7 @@ def pack_parameters(settings: RefineSettings, points: int) -> KernelParameters:
         Solver(steps.gauss_newton_iterations, damping, math.inf),
         Solver(1, independent / count / LONGEST_STEP**2, LONGEST_STEP),
         closest,
-        Weights(0.0, 0.0, independent / count) if soft else closest,
+        Weights(0.0, 0.0, independent / count, 1.0) if soft else closest,
         LIMIT_WEIGHT_M2 * of_mean,
         settings.stretch,
         OUTLIER_DISTANCE_M**2 if camera else 0.0,

@@ -23,6 +23,13 @@ from gepf.worker.kernel.surface import Skeleton, Surface
 LARGEST_SIDE_PX = 512  # of a depth image
 
 
+class Keypoints(NamedTuple):
+    """The keypoints of a body at rest."""
+
+    links: Indices  # (K,)
+    points: Array  # (K, 3)
+
+
 class Problem(NamedTuple):
     """What all particles of a request share: the body, the frame, and how they are refined."""
 
@@ -30,6 +37,7 @@ class Problem(NamedTuple):
     surface: Surface
     views: PackedViews
     parameters: KernelParameters
+    keypoints: Keypoints
     precision: Array  # (D, D) of the prior of the pose, nats per squared radian or metre; (0, 0) without
     elimination: Indices  # (D,) parents in the elimination tree of the normal equations
 

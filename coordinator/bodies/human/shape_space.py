@@ -18,6 +18,7 @@ from gepf.common.arrays import Array, Indices
 from gepf.common.body import BodyModel, find_balls, with_shape
 from gepf.coordinator.bodies.family import BodySize
 from gepf.coordinator.bodies.human.dofs import HUMAN, joint_range, rest_spread
+from gepf.coordinator.bodies.human.keypoints import attach_keypoints
 from gepf.coordinator.bodies.human.skeleton import build_skeleton
 
 FILE = Path(__file__).with_name("person.npz")
@@ -196,7 +197,8 @@ def shape_space() -> ShapeSpace:
     link_dofs = np.array([names.index(last) for last in skeleton.links.values()], dtype=np.int64)
     of_file = np.array([bones.index(link) for link in links], dtype=np.int64)
     weights = data["skin_weights"].astype(np.float64)
-    people = UNIT * data["people"]
+    people, skin_links = UNIT * data["people"], of_file[data["skin_links"]]
+    keypoints = attach_keypoints(people[-1], skin_links, bones)
     model = BodyModel(
         name=HUMAN,
         family=HUMAN,
@@ -212,11 +214,14 @@ def shape_space() -> ShapeSpace:
         link_dofs=link_dofs,
         vertices=people[-1],
         triangles=data["triangles"].astype(np.int64),
-        skin_links=of_file[data["skin_links"]],
+        skin_links=skin_links,
         skin_weights=weights / weights.sum(axis=1, keepdims=True),
         joint_names=tuple(NAMED_JOINTS),
         joint_links=np.array([bones.index(link) for link, _ in NAMED_JOINTS.values()], dtype=np.int64),
         joint_points=points[named],
+        keypoint_links=keypoints[0],
+        keypoint_vertices=keypoints[1],
+        keypoint_shares=keypoints[2],
     )
     return ShapeSpace(
         model,

@@ -8,13 +8,15 @@ from functools import cache
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from gepf.common.activation import activate
 from gepf.common.arrays import Array, Indices, Mask
 from gepf.common.body import ROTATION, BodyModel
-from gepf.common.camera import Intrinsics
+from gepf.common.camera import Intrinsics, project
 from gepf.common.frame import EMPTY, HIDDEN, SUBJECT, UNMEASURED, SubjectFrame
-from gepf.common.kinematics import link_transforms, pose_vertices, retract, within_limits
+from gepf.common.kinematics import keypoint_positions, link_transforms, pose_vertices, retract, within_limits
+from gepf.common.refinement import KEYPOINT_OUTLIER
 from gepf.common.settings import RefineSettings
 from gepf.coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from gepf.coordinator.bodies.tracked import name_pose
@@ -33,10 +35,11 @@ POINTS = 800
 FAR, NEAR = 0.3, 0.03  # radians and metres: how far the random poses are off
 STANDING = {"root_tz": 2.9, "r_shoulder_flexion": 0.9, "r_shoulder_abduct": 0.7, "r_elbow_flexion": 1.1}
 CLEAN, HEAVY = SensorNoise(0.004, 0.004), SensorNoise(0.15, 0.01)
-ROOM = "in a room"
+ROOM, COLOUR = "in a room", "with keypoints"
 SETTINGS = {
     "default": DEFAULT,
     ROOM: DEFAULT,
+    COLOUR: DEFAULT,
     "other noise along than across": msgspec.structs.replace(DEFAULT, noise_depth=0.015, noise_lateral=0.008),
     "paper": PAPER,
     "soft": msgspec.structs.replace(DEFAULT, noise_depth=HEAVY.depth, noise_lateral=HEAVY.lateral),
@@ -63,7 +66,20 @@ def posterior_case(body: str, name: str) -> PosteriorCase:
     noise = HEAVY if settings.is_soft else CLEAN
     noisy = add_noise(rendered(model, truth[None], CAMERA)[0], CAMERA, noise, np.random.default_rng(0))
     subject = subject_of(frame_of(0, noisy, CAMERA, 1e4), POINTS)
+    if name == COLOUR:
+        subject = replace(subject, keypoints=seen_keypoints(model, truth, subject.frame.intrinsics))
     return PosteriorCase(model, truth, in_a_room(subject) if name == ROOM else subject, settings)
+
+
+def seen_keypoints(model: BodyModel, pose: Array, camera: Intrinsics) -> NDArray[np.float32]:
+    """Keypoints (K, 3) of a pose (D,) with errors, two of them exchanged, and one that was not seen."""
+    rng, pixels = np.random.default_rng(4), project(keypoint_positions(model, pose[None])[0], camera)
+    deviations = rng.uniform(1.0, 6.0, len(pixels))
+    pixels += deviations[:, None] * rng.normal(size=pixels.shape)
+    pixels[[7, 8]] = pixels[[8, 7]]
+    precisions = deviations**-2.0
+    precisions[9] = 0.0
+    return np.column_stack([pixels, precisions]).astype(np.float32)
 
 
 def in_a_room(subject: SubjectFrame) -> SubjectFrame:
@@ -107,6 +123,7 @@ class Held:
     rays: Array  # (Q, 2) of the outline's nearest pixels, for each metre of depth
     free: Mask  # (Q,) whether each of them is in free space
     samples: Samples | None  # of soft correspondences
+    subject: SubjectFrame
 
 
 def hold(
@@ -125,7 +142,7 @@ def hold(
     rays = (outline - (camera.cx, camera.cy)) / (camera.fx, camera.fy)
     samples = None if drawn is None else take_samples(model, pose, points, settings, *drawn)
     normals = plain_path.posed_normals(model, pose)
-    return Held(model, settings, points, visible[index], normals, visible, rays, free, samples)
+    return Held(model, settings, points, visible[index], normals, visible, rays, free, samples, subject)
 
 
 def take_samples(
@@ -164,7 +181,23 @@ def log_posterior(held: Held, poses: Array) -> Array:
         return np.asarray(settings.independent_points * (density - 0.5 * prior / settings.noise_lateral**2))
     posed = pose_vertices(held.model, poses)
     cost = point_cost(held, posed) + free_space_cost(held, posed) + prior
-    return np.asarray(-0.5 * cost / settings.likelihood_scale**2)
+    return np.asarray(-0.5 * cost / settings.likelihood_scale**2 - keypoint_cost(held, poses))
+
+
+def keypoint_cost(held: Held, poses: Array) -> Array:
+    """Half the robust squared distances (N,) of the keypoints, in deviations."""
+    if held.subject.keypoints is None:
+        return np.zeros(len(poses))
+    offsets = keypoint_offsets(held.model, poses, held.subject)
+    squared = held.subject.keypoints[:, 2] * np.sum(offsets**2, axis=-1)
+    return np.asarray(0.5 * np.sum(KEYPOINT_OUTLIER**2 * squared / (KEYPOINT_OUTLIER**2 + squared), axis=1))
+
+
+def keypoint_offsets(model: BodyModel, poses: Array, subject: SubjectFrame) -> Array:
+    """From where keypoints were seen to where the body has them (N, K, 2), pixels."""
+    assert subject.keypoints is not None
+    pixels = project(keypoint_positions(model, poses), subject.frame.intrinsics)
+    return np.asarray(pixels - subject.keypoints[:, :2])
 
 
 def point_cost(held: Held, posed: Array) -> Array:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from gepf.common.arrays import Array
 from gepf.common.compiling import numba
-from gepf.worker.kernel.terms import depth, free_space, limits, prior, soft
+from gepf.worker.kernel.terms import depth, free_space, keypoints, limits, prior, soft
 from gepf.worker.kernel.workspace import CameraView, Equations, Problem
 
 
@@ -21,6 +21,7 @@ from gepf.worker.kernel.workspace import CameraView, Equations, Problem
 def cost_of_points(view: CameraView) -> float:
     """Sum of the costs of what a camera observed."""
     total: float = depth.cost(view) + free_space.cost(view) + soft.cost(view)
+    total += keypoints.cost(view)
     return total
 
 
@@ -30,6 +31,7 @@ def linearise_points(view: CameraView) -> None:
     depth.linearise(view)
     free_space.linearise(view)
     soft.linearise(view)
+    keypoints.linearise(view)
 
 
 @numba.njit(cache=True, nogil=True)

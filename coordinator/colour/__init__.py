@@ -1,0 +1,1 @@
+"""Colour images: keypoints of people in them, by a network."""

@@ -1,0 +1,124 @@
+"""The part of a colour image that the network sees: a square around a person, turned so that it is upright.
+
+Pixels are those of the depth image, with integers at their centres. Places in the crop are counted from its
+upper left edge.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+from scipy.ndimage import distance_transform_edt
+
+from gepf.common.arrays import Array, Mask
+from gepf.common.camera import Intrinsics, project
+
+SIDE_PX = 256  # of what the network sees
+MARGIN = 1.25  # side of the crop / diameter of the person, with which the network was trained
+NEAREST_M = 0.2  # depth of a point that is projected
+BLACK = 16  # brightest channel of a pixel without colour, after compression
+GAP_PX = 12  # widest gap that is closed
+TINY_PX = 8.0  # smallest side of a crop
+LARGEST_SHIFT, LARGEST_GROWTH, LARGEST_TURN = 0.15, np.log(1.5), np.radians(30.0)
+"""Of crops that show much the same: share of the side, logarithm of the ratio of sides, angle."""
+
+Colours = NDArray[np.uint8]
+"""Pixels (H, W, 3), RGB."""
+
+
+@dataclass(frozen=True, slots=True)
+class Crop:
+    """A square with its middle at `column`, `row` and sides of `side` pixels, turned clockwise by radians."""
+
+    column: float
+    row: float
+    side: float
+    turn: float = 0.0
+
+    @classmethod
+    def around(cls, middle: Array, radius: float, upward: Array) -> Self:
+        """The square for a person within a `radius` of the middle (2,), pixels.
+
+        `upward` (2,) is the direction in the image from the middle to the head.
+        """
+        turn = float(np.arctan2(upward[0], -upward[1])) if upward.any() else 0.0
+        return cls(float(middle[0]), float(middle[1]), max(TINY_PX, 2.0 * MARGIN * radius), turn)
+
+    def to_image(self, places: Array) -> Array:
+        """Pixels (..., 2) of the image at places (..., 2) in the crop."""
+        off = (places - 0.5 * SIDE_PX) * (self.side / SIDE_PX)
+        return np.asarray(off @ self._turned.T + (self.column, self.row))
+
+    def take(self, colours: Colours, measured: Mask) -> Colours:
+        """The pixels (SIDE_PX, SIDE_PX, 3) of an image (h, w, 3), black outside of it.
+
+        The image covers the depth image, of which the pixels (H, W) with depth are `measured`, at any scale.
+        Registered colour has gaps where there is no depth; narrow ones are closed.
+        """
+        corners = self.to_image(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])) + 0.5
+        scale = np.array(colours.shape[1::-1]) / measured.shape[::-1]
+        shrink = max(1, int(self.side * scale.max() / SIDE_PX))
+        image = Image.fromarray(colours)
+        seen = warp(image.reduce(shrink), corners * scale / shrink, Image.Resampling.BILINEAR)
+        holds = warp(Image.fromarray(measured), corners, Image.Resampling.NEAREST)
+        return close_gaps(seen, holds > 0, GAP_PX * SIDE_PX / self.side)
+
+    def fits(self, other: Crop) -> bool:
+        """Whether both show much the same: their middles are near, and their sides and turns similar."""
+        apart = max(abs(self.column - other.column), abs(self.row - other.row))
+        turned = abs((self.turn - other.turn + np.pi) % (2.0 * np.pi) - np.pi)
+        ratio = abs(np.log(self.side / other.side))
+        return bool(apart < LARGEST_SHIFT * other.side and ratio < LARGEST_GROWTH and turned < LARGEST_TURN)
+
+    def overlaps(self, shape: tuple[int, ...]) -> bool:
+        """Whether the middle of the crop is near an image (H, W), at most half of its side away."""
+        away = max(-self.column, self.column - shape[1], -self.row, self.row - shape[0])
+        return away < 0.5 * self.side
+
+    @property
+    def _turned(self) -> Array:
+        """The rotation (2, 2) from the crop to the image."""
+        c, s = np.cos(self.turn), np.sin(self.turn)
+        return np.array([[c, -s], [s, c]])
+
+
+def warp(image: Image.Image, corners: Array, how: Image.Resampling) -> NDArray[np.uint8]:
+    """Resample an image to that of a crop.
+
+    `corners` (3, 2): the places in the image of the upper left edge of the result, and one pixel to the right
+    and down from there.
+    """
+    right, down = corners[1] - corners[0], corners[2] - corners[0]
+    rows = (right[0], down[0], corners[0, 0], right[1], down[1], corners[0, 1])
+    if image.mode == "1":
+        image = image.convert("L")
+    return np.array(image.transform((SIDE_PX, SIDE_PX), Image.Transform.AFFINE, rows, how))
+
+
+def close_gaps(colours: Colours, measured: Mask, widest: float) -> Colours:
+    """Colours (H, W, 3) with the nearest ones in narrow black gaps where nothing was `measured` (H, W)."""
+    gap = ~measured & (colours.max(axis=2) <= BLACK)
+    if not gap.any() or gap.all():
+        return colours
+    away, nearest = distance_transform_edt(gap, return_indices=True)
+    close = gap & (away <= 0.5 * widest)
+    closed = colours.copy()
+    closed[close] = colours[tuple(nearest[:, close])]
+    return closed
+
+
+def crop_of_body(vertices: Array, hips: Array, neck: Array, camera: Intrinsics) -> Crop | None:
+    """The crop around a body with vertices (V, 3), middle of the hips (3,) and neck (3,), camera's frame.
+
+    None if it is not before the camera.
+    """
+    ahead = vertices[:, 2] > NEAREST_M
+    if not ahead.any() or min(hips[2], neck[2]) <= NEAREST_M:
+        return None
+    middle, head = project(np.stack([hips, neck]), camera)
+    radius = np.linalg.norm(project(vertices[ahead], camera) - middle, axis=1).max()
+    return Crop.around(middle, float(radius), head - middle)

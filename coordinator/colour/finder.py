@@ -1,0 +1,156 @@
+"""Finds the keypoints of tracked people in the colour images of a frame, on a thread of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gepf.common.arrays import Array
+from gepf.common.body import BodyModel
+from gepf.common.camera import project
+from gepf.common.frame import DepthFrame, SubjectFrame
+from gepf.common.kinematics import joint_positions, keypoint_positions, pose_vertices
+from gepf.common.refinement import KEYPOINT_OUTLIER
+from gepf.coordinator.colour.crop import Crop, crop_of_body
+from gepf.coordinator.colour.keypoints import find_keypoints
+from gepf.coordinator.colour.network import PoseNetwork
+
+SAME_PERSON = 3.0  # median distance of keypoints, in deviations
+
+Keypoints = Mapping[str, NDArray[np.float32]]
+"""Keypoints (17, 3) of a person in the image of each camera: column, row, inverse variance (1 / pixels^2)."""
+
+
+class ExpectedBody(NamedTuple):
+    """Where a person is expected in a frame."""
+
+    model: BodyModel
+    pose: Array  # (D,)
+
+
+class KeypointFinder:
+    """Looks at each person once in each image, one after another.
+
+    Raises MissingPackage if the extra `color` is not installed.
+    """
+
+    def __init__(self) -> None:
+        self._network = PoseNetwork()
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="keypoints")
+
+    def submit(self, frame: DepthFrame, bodies: Sequence[ExpectedBody | None]) -> Future[list[Keypoints]]:
+        """Begin to look for people, each around an expected body; without one, or without colour: nothing."""
+
+        def look() -> list[Keypoints]:
+            return keep_nearest(bodies, [self._look(frame, body) for body in bodies], frame)
+
+        return self._thread.submit(look)
+
+    def _look(self, frame: DepthFrame, body: ExpectedBody | None) -> Keypoints:
+        found = dict[str, NDArray[np.float32]]()
+        for view in frame.views if body is not None else ():
+            crop = None if view.colours is None else crop_of(body, view)
+            if crop is not None and view.colours is not None:
+                keypoints = find_keypoints(self._network, view.colours, view.depth > 0, crop)
+                if keypoints is not None:
+                    found[view.camera] = keypoints
+        return found
+
+
+def keep_nearest(
+    bodies: Sequence[ExpectedBody | None], seen: Sequence[Keypoints], frame: DepthFrame
+) -> list[Keypoints]:
+    """Keypoints of bodies; of bodies with the same ones, only the nearest keeps them.
+
+    Around a body that is hidden or wrong, the network may see another person.
+    """
+    kept = [dict(keypoints) for keypoints in seen]
+    for view in frame.views:
+        away = [
+            np.inf if body is None else distance_of(in_view(body, view), keypoints.get(view.camera))
+            for body, keypoints in zip(bodies, seen, strict=True)
+        ]
+        for a, b in combinations(np.argsort(away, kind="stable"), 2):
+            mine, other = kept[a].get(view.camera), kept[b].get(view.camera)
+            if mine is not None and other is not None and distance_of(mine[:, :2], other) < SAME_PERSON:
+                del kept[b][view.camera]
+    return list[Keypoints](kept)
+
+
+def in_view(body: ExpectedBody, view: DepthFrame) -> Array:
+    """Where the keypoints (17, 2) of a body are in an image, if it is before the camera."""
+    places = view.to_camera(keypoint_positions(body.model, body.pose[None])[0])
+    return project(places, view.intrinsics)
+
+
+def distance_of(pixels: Array, keypoints: NDArray[np.float32] | None) -> float:
+    """The median distance of pixels (17, 2) from keypoints, in their deviations; infinite without them."""
+    if keypoints is None:
+        return np.inf
+    off = np.linalg.norm(pixels - keypoints[:, :2], axis=1)
+    return float(np.median(off * np.sqrt(keypoints[:, 2])))
+
+
+def crop_of(body: ExpectedBody | None, view: DepthFrame) -> Crop | None:
+    """The crop around a person in an image; None if the person is not expected in it."""
+    if body is None:
+        return None
+    model, pose = body.model, body.pose[None]
+    joints = dict(zip(model.joint_names, view.to_camera(joint_positions(model, pose)[0]), strict=True))
+    hips = 0.5 * (joints["right_hip"] + joints["left_hip"])
+    vertices = view.to_camera(pose_vertices(model, pose)[0])
+    crop = crop_of_body(vertices, hips, joints["neck"], view.intrinsics)
+    return crop if crop is not None and crop.overlaps(view.depth.shape) else None
+
+
+def with_keypoints(subject: SubjectFrame | None, found: Keypoints) -> SubjectFrame | None:
+    """The subject of a frame with the keypoints of its cameras, in pixels of its crops."""
+    if subject is None or not found:
+        return subject
+    first, *others = (
+        replace(each, keypoints=in_crop(each, found[each.frame.camera]))
+        if each.frame.camera in found
+        else each
+        for each in subject.views
+    )
+    wider = (with_keypoints(each, found) for each in subject.wider)
+    return replace(first, others=tuple(others), wider=tuple(each for each in wider if each is not None))
+
+
+def in_crop(subject: SubjectFrame, keypoints: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Keypoints of the whole image (17, 3) in pixels of a crop."""
+    moved: NDArray[np.float32] = keypoints + np.array([*subject.view[:2], 0.0], np.float32)
+    return moved
+
+
+def in_image(subject: SubjectFrame) -> Keypoints:
+    """The keypoints of a subject in pixels of the whole images."""
+    return {
+        each.frame.camera: each.keypoints - np.array([*each.view[:2], 0.0], np.float32)
+        for each in subject.views
+        if each.keypoints is not None
+    }
+
+
+def keypoint_cost(model: BodyModel, pose: Array, subject: SubjectFrame) -> float:
+    """The part of minus the log posterior of a pose (D,) that is due to keypoints, nats.
+
+    Depth alone decides whether a body is accepted.
+    """
+    total, scale = 0.0, KEYPOINT_OUTLIER**2
+    for view in subject.views:
+        if view.keypoints is not None and len(model.keypoint_links):
+            places = view.frame.to_camera(keypoint_positions(model, pose[None])[0])
+            ahead, seen = places[:, 2] > 0.0, view.keypoints.astype(np.float64)
+            squared = np.full(len(places), np.inf)
+            off = project(places[ahead], view.frame.intrinsics) - seen[ahead, :2]
+            squared[ahead] = seen[ahead, 2] * np.sum(off**2, axis=1)
+            farther = np.where(np.isfinite(squared), scale * squared / (scale + squared), scale)
+            total += 0.5 * float(np.sum(farther[seen[:, 2] > 0.0]))
+    return total

@@ -1,0 +1,48 @@
+"""Keypoints of a person in a colour image, with their precision."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gepf.common.arrays import Mask
+from gepf.coordinator.colour.crop import Colours, Crop
+from gepf.coordinator.colour.network import PoseNetwork
+
+LANDMARK_OF = {
+    "nose": 0, "left_eye": 2, "right_eye": 5, "left_ear": 7, "right_ear": 8, "left_shoulder": 11,
+    "right_shoulder": 12, "left_elbow": 13, "right_elbow": 14, "left_wrist": 15, "right_wrist": 16,
+    "left_hip": 23, "right_hip": 24, "left_knee": 25, "right_knee": 26, "left_ankle": 27, "right_ankle": 28,
+}  # fmt: skip
+"""Keypoint -> landmark of the network; in the order of `gepf.common.body.KEYPOINTS`."""
+MIDDLE, RIM = 33, 34  # auxiliary landmarks: middle of the hips, and a point on the circle around the person
+LEAST_PRESENCE = 0.5
+LOOKS = 2
+DEVIATIONS = (0.012, 0.035)
+"""Standard deviation of a visible keypoint along each axis, and the increase if it is hidden, in sides of the
+crop. From rendered people (`python -m benchmarks.keypoints`)."""
+
+
+def find_keypoints(
+    network: PoseNetwork, colours: Colours, measured: Mask, crop: Crop
+) -> NDArray[np.float32] | None:
+    """Keypoints (17, 3) of the person in a crop of an image: column, row, inverse variance (pixels^-2).
+
+    None if the network sees nobody there.
+
+    The image (h, w, 3) covers the depth image, of which the pixels (H, W) with depth are `measured`. If the
+    person fills the crop badly, the network looks again, where the person is.
+    """
+    for _ in range(LOOKS):
+        found = network.see(crop.take(colours, measured))
+        if found.presence < LEAST_PRESENCE:
+            return None
+        middle, rim = crop.to_image(found.places[[MIDDLE, RIM]])
+        seen_in, crop = crop, Crop.around(middle, float(np.linalg.norm(rim - middle)), rim - middle)
+        if crop.fits(seen_in):
+            break
+    chosen = list(LANDMARK_OF.values())
+    hidden = 1.0 - found.visibility[chosen]
+    deviation = (DEVIATIONS[0] + DEVIATIONS[1] * hidden) * seen_in.side
+    pixels = seen_in.to_image(found.places[chosen])
+    return np.column_stack([pixels, deviation**-2.0]).astype(np.float32)
