@@ -111,14 +111,14 @@ def close_gaps(colours: Colours, measured: Mask, widest: float) -> Colours:
     return closed
 
 
-def crop_of_body(vertices: Array, hips: Array, neck: Array, camera: Intrinsics) -> Crop | None:
-    """The crop around a body with vertices (V, 3), middle of the hips (3,) and neck (3,), camera's frame.
+def crop_of_body(vertices: Array, hips: Array, shoulders: Array, camera: Intrinsics) -> Crop | None:
+    """The crop around a body with vertices (V, 3), middles of hips (3,) and shoulders (3,), camera's frame.
 
     None if it is not before the camera.
     """
     ahead = vertices[:, 2] > NEAREST_M
-    if not ahead.any() or min(hips[2], neck[2]) <= NEAREST_M:
+    if not ahead.any() or min(hips[2], shoulders[2]) <= NEAREST_M:
         return None
-    middle, head = project(np.stack([hips, neck]), camera)
+    middle, above = project(np.stack([hips, shoulders]), camera)
     radius = np.linalg.norm(project(vertices[ahead], camera) - middle, axis=1).max()
-    return Crop.around(middle, float(radius), head - middle)
+    return Crop.around(middle, float(radius), above - middle)

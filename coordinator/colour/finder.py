@@ -15,10 +15,10 @@ from gepf.common.arrays import Array
 from gepf.common.body import BodyModel
 from gepf.common.camera import project
 from gepf.common.frame import DepthFrame, SubjectFrame
-from gepf.common.kinematics import joint_positions, keypoint_positions, pose_vertices
+from gepf.common.kinematics import keypoint_positions, pose_vertices
 from gepf.common.refinement import KEYPOINT_OUTLIER
 from gepf.coordinator.colour.crop import Crop, crop_of_body
-from gepf.coordinator.colour.keypoints import find_keypoints
+from gepf.coordinator.colour.keypoints import HIPS, SHOULDERS, find_keypoints
 from gepf.coordinator.colour.network import PoseNetwork
 
 SAME_PERSON = 3.0  # median distance of keypoints, in deviations
@@ -102,10 +102,10 @@ def crop_of(body: ExpectedBody | None, view: DepthFrame) -> Crop | None:
     if body is None:
         return None
     model, pose = body.model, body.pose[None]
-    joints = dict(zip(model.joint_names, view.to_camera(joint_positions(model, pose)[0]), strict=True))
-    hips = 0.5 * (joints["right_hip"] + joints["left_hip"])
+    keypoints = view.to_camera(keypoint_positions(model, pose)[0])
+    hips, shoulders = (keypoints[pair].mean(axis=0) for pair in (HIPS, SHOULDERS))
     vertices = view.to_camera(pose_vertices(model, pose)[0])
-    crop = crop_of_body(vertices, hips, joints["neck"], view.intrinsics)
+    crop = crop_of_body(vertices, hips, shoulders, view.intrinsics)
     return crop if crop is not None and crop.overlaps(view.depth.shape) else None
 
 

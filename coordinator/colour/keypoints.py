@@ -15,6 +15,10 @@ LANDMARK_OF = {
     "left_hip": 23, "right_hip": 24, "left_knee": 25, "right_knee": 26, "left_ankle": 27, "right_ankle": 28,
 }  # fmt: skip
 """Keypoint -> landmark of the network; in the order of `gepf.common.body.KEYPOINTS`."""
+SHOULDERS, HIPS = (
+    [list(LANDMARK_OF).index(f"{side}_{joint}") for side in ("left", "right")]
+    for joint in ("shoulder", "hip")
+)
 MIDDLE, RIM = 33, 34  # auxiliary landmarks: middle of the hips, and a point on the circle around the person
 LEAST_PRESENCE = 0.5
 LOOKS = 2

@@ -20,6 +20,7 @@ from gepf.coordinator.bodies.human.shape_space import NAMED_JOINTS
 ROOT = Path(__file__).parents[2]
 MODELS = {"human": "human", "mechanism": str(ROOT / "examples" / "arm7.urdf")}
 OF_PEOPLE = {
+    "coordinator/colour/keypoints.py",  # landmarks of a network for people
     "coordinator/exports/opensim.py",  # a model of people
     "coordinator/results/ros_humans.py",  # REP 155
     "coordinator/synthesis",  # scenes with people

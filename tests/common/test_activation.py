@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from gepf.common.activation import activate
 from gepf.common.arrays import Array
-from gepf.common.body import ROTATION, TRANSLATION, BodyModel, find_balls
+from gepf.common.body import KEYPOINTS, ROTATION, TRANSLATION, BodyModel, find_balls
 from gepf.common.kinematics import joint_positions, pose_vertices
 from gepf.coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from tests.support.bodies import flexible_puppet, person, puppet
@@ -114,11 +114,26 @@ def test_any_change_of_content_changes_the_hash(name: str) -> None:
     elif name.startswith("shape_"):
         model = flexible_puppet()
         other = 2.0 * getattr(model, name)
+    elif name.startswith("keypoint_"):
+        model = puppet_with_keypoints()
+        value = getattr(model, name)
+        other = value[::-1] if name == "keypoint_links" else value[:, ::-1]
     elif name in {"parents", "link_dofs"}:
         other = np.where(np.arange(len(value)) == len(value) - 1, -1, value)
     else:
         other = value + np.ones_like(value)
     assert replace(model, **{name: other}).hash != model.hash
+
+
+def puppet_with_keypoints() -> BodyModel:
+    """The puppet with keypoints, each between two vertices."""
+    count = len(KEYPOINTS)
+    return replace(
+        puppet(),
+        keypoint_links=np.arange(count) % 3,
+        keypoint_vertices=np.arange(2 * count).reshape(count, 2),
+        keypoint_shares=np.tile([0.3, 0.7], (count, 1)),
+    )
 
 
 def test_a_models_arrays_are_its_own_and_frozen() -> None:
@@ -129,7 +144,7 @@ def test_a_models_arrays_are_its_own_and_frozen() -> None:
     assert not np.any(model.vertices == 99.0)
     arrays = [getattr(model, field.name) for field in fields(model)]
     arrays = [array for array in arrays if isinstance(array, np.ndarray)]
-    assert len(arrays) == 17
+    assert len(arrays) == 20
     for array in arrays:
         with pytest.raises(ValueError, match="read-only"):
             array[...] = 0

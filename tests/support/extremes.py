@@ -51,7 +51,7 @@ class Extremes:
         frame = self._one_of((self._frame, tiny_frame))()
         settings, poses = self._settings(), self._poses(len(model.dof_names))
         prior = self._one_of((None, self._prior(poses.shape)))
-        request = RefineRequest("extreme", 0, model.hash, Particles(poses, settings, prior=prior))
+        request = RefineRequest("room/extreme", 0, model.hash, Particles(poses, settings, prior=prior))
         return Case(
             decode_model(encode_model(model)),
             decode_frame(encode_frame(frame)),

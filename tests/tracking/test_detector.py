@@ -113,7 +113,7 @@ def test_the_front_of_a_seat_is_not_taken_for_a_part_of_the_person() -> None:
     found = complete(Detector(people(), DirectRefiner(), SETTINGS).detect(subject, NO_NOISE, Planes()))
     assert found.gate.passes
     assert np.linalg.norm(found.candidates.joints[0] - truth, axis=-1).max() < 0.05
-    assert Size(*found.start.size).stature == pytest.approx(1.75, rel=0.03)
+    assert Size(*found.start.size).stature == pytest.approx(1.75, rel=0.04)
 
 
 def test_any_other_body_is_detected_however_it_is_turned() -> None:

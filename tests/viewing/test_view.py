@@ -88,7 +88,7 @@ def test_live_frames_and_results_are_shown_as_they_come(
                 joints = track.joint_positions[f]
                 certainty = unknown_certainty(len(joints))
                 known = Estimate(f, 0.0, "tracked", pose, joints, pose[None], np.ones(1), 0.0, certainty)
-                LiveResults(PackedOutlet(results), run="r").put(known, model, {})
+                LiveResults(PackedOutlet(results), run="room/r").put(known, model, {})
                 fetched.wait(2.0)  # so that the body is known when a later frame is shown
             LiveResults(PackedOutlet(results)).end()
             stop.wait()
