@@ -32,12 +32,11 @@ from benchmarks.tracking import bodies_of, follow, prepare
 from gepf.common.arrays import Array
 from gepf.common.errors import InputError
 from gepf.common.settings import Settings
-from gepf.coordinator.results.evaluation import positions
+from gepf.coordinator.results.evaluation import NEAR_M, positions
+from gepf.coordinator.tracking.certainty.certainty import OFF
 from gepf.coordinator.tracking.tracker import Tracker
 from gepf.refiners import DirectRefiner
 
-FAR_M = 0.15
-NEAR_M = 0.1
 COLUMNS = ("cm", "<10 cm", "off", "tracked", "wrong", "doubt", "stature", "1 dev", "2 dev")
 """Mean error, share of near joints, of frames with a joint off, of tracked frames, of wrong ones among
 these, of frames in doubt without cause, error of the stature, joints within one and two stated deviations."""
@@ -54,8 +53,8 @@ class Tracked:
 
     @property
     def wrong(self) -> Array:
-        """Which frames have a joint more than FAR_M off."""
-        off: Array = self.distances.max(axis=1) > FAR_M
+        """Which frames have a joint more than 15 cm off (OFF)."""
+        off: Array = self.distances.max(axis=1) > OFF
         return off
 
 

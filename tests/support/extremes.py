@@ -24,6 +24,7 @@ from gepf.common.settings import RefineSettings
 from gepf.worker.warm_up import tiny_frame, tiny_model
 
 FAR_PIXEL = 2**31 - 1
+MAX_TRIALS = 100  # per case
 POSITIVE = (SMALLEST, 1e-3, 0.01, 1.0, LARGEST)
 ANY_SETTING = (0.0, 1e-300, 1e-6, 0.1, 1.0, LARGEST)
 
@@ -61,10 +62,12 @@ class Extremes:
     def accepted(self, count: int) -> list[Case]:
         """This number of accepted cases."""
         cases: list[Case] = []
-        while len(cases) < count:
+        for _ in range(MAX_TRIALS * count):
             with suppress(ProtocolError):  # where limits leave no room between them
                 cases.append(self.case())
-        return cases
+            if len(cases) == count:
+                return cases
+        raise AssertionError(f"of {MAX_TRIALS * count} cases only {len(cases)} are accepted")
 
     def _one_of(self, choices: Sequence[T]) -> T:
         return choices[int(self._rng.integers(len(choices)))]
