@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Self, get_args
 
+from gepf.coordinator.tracking.certainty.certainty import JOINTS_OFF
 from gepf.coordinator.tracking.estimate import POSE_UNKNOWN, Estimate, Status
 
 if TYPE_CHECKING:  # it loads the compiler, which is slow
@@ -33,9 +34,10 @@ def describe_status(statuses: Iterable[str]) -> str:
 
 
 def single_doubts(why: str) -> list[str]:
-    """A reason for each of the joints that it lists; so there are few, however long a run is."""
-    reason, colon, joints = why.rpartition(": ")
-    return [reason + colon + joint for joint in joints.split(", ")]
+    """The reason, or one for each of the joints that it lists; so there are few, however long a run is."""
+    if not why.startswith(JOINTS_OFF):
+        return [why]
+    return [JOINTS_OFF + joint for joint in why.removeprefix(JOINTS_OFF).split(", ")]
 
 
 @dataclass(slots=True)

@@ -19,6 +19,7 @@ from gepf.coordinator.tracking.cameras import CameraStates, faults_of
 from gepf.coordinator.tracking.certainty.certainty import (
     FIT,
     FLAGGED,
+    JOINTS_OFF,
     OFF,
     SUSPECTED,
     Certainty,
@@ -178,7 +179,7 @@ def explain_doubt(names: tuple[str, ...], certainty: Certainty, least: Array) ->
     probability = certainty.off_probability
     doubted = [j for j in np.argsort(-probability, kind="stable") if probability[j] > least[j]]
     listed = ", ".join(names[j].replace("_", " ") for j in doubted)
-    return f"may be more than {100 * OFF:.0f} cm off: {listed}" if doubted else ""
+    return JOINTS_OFF + listed if doubted else ""
 
 
 def known_deviations(model: BodyModel, pose: Array, covariance: Array) -> Array:

@@ -28,7 +28,13 @@ def test_reasons_do_not_grow_with_the_run() -> None:
 
 
 def test_a_reason_without_a_list_is_counted_as_it_is() -> None:
-    """Also with a colon, or with names before it."""
-    reasons = ["nobody", "front and back look alike: it may face the other way", "a, b contradicts c: either"]
+    """Also with a colon, with names before it, or with a comma."""
+    reasons = [
+        "nobody",
+        "front and back look alike: it may face the other way",
+        "a, b contradicts c: either",
+        "two planes fit the observed points better than a body: an object, not a person",
+        "the body is upside down; if the camera is, use --rotate",
+    ]
     tally = Tally.of(replace(estimate(0, status="lost"), why=why) for why in reasons)
     assert tally.doubts == Counter(reasons)

@@ -14,6 +14,7 @@ if TYPE_CHECKING:  # a report reads this module, and loads no compiled code for 
 
 
 OFF = 0.15  # distance in metres from the true joint above which a joint is wrong
+JOINTS_OFF = f"may be more than {100 * OFF:.0f} cm off: "  # before the names of doubted joints
 FLAGGED = 0.04  # least probability of a flagged joint; 4 to 9 % of the correct joints are flagged
 SUSPECTED = 0.15  # probability above which the frame is ambiguous
 OUT_OF_VIEW = 1.0  # log odds in addition to those of a joint that the body hides; real people cut at the hips
