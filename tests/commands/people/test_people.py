@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import json
-import subprocess
+import threading
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
+import msgpack
 import numpy as np
 import pytest
 
 import gepf
 from gepf.common.frame import SubjectFrame
+from gepf.common.protocol.frames import LIVE_END, encode_live
 from gepf.coordinator.cli import main
 from gepf.coordinator.files import LOG_FILE
+from tests.support.live import Listener, listening, publishing
 from tests.support.pairs import FRAMES, STATURES, pair, write_pair
 from tests.support.people import CAMERA, frame_of
 from tests.support.processes.certificates import free_port
-from tests.support.processes.programs import GEPF
 from tests.support.recordings import write_open3d
 from tests.support.rooms import in_a_room
 from tests.support.stand_ins import Direct
@@ -129,19 +133,39 @@ KEY = "camera/depth"
 def test_two_people_are_tracked_live(tmp_path: Path) -> None:
     """Both are found in the stream; each has a run, and one summary counts the frames."""
     where, out = f"tcp/127.0.0.1:{free_port()}", tmp_path / "run"
-    sequence = write_pair(tmp_path / "pair")
-    play = ["publish", str(sequence), "--key", KEY, "--connect", where, "--rate", "0.5"]
-    with subprocess.Popen([*GEPF, *play]) as publisher:
+    results = [f"{KEY}/results/person{number}" for number in (1, 2)]
+    with listening(where, *results) as heard, publishing(where, [KEY], until_tracked(heard, results), rest):
         options = ["--people", "2", "--particles", "6", "--listen", where, "--workers", "1", "--no-pictures"]
-        options += ["--idle-timeout", "60"]  # a machine that stands still cuts the link, and the end is lost
-        try:
-            assert main(["track", f"zenoh:{KEY}", "--out", str(out), *options]) == 0
-        finally:
-            publisher.kill()
+        ended = main(["track", f"zenoh:{KEY}", "--out", str(out), *options])
+    assert ended in (0, 3)  # 3: the second person was found late
     summary = json.loads((out / "summary.json").read_text())
     assert summary["complete"] is True
-    assert FRAMES - 2 <= summary["frames_received"] <= FRAMES  # what a busy link cannot take is dropped
+    assert summary["frames_received"] >= summary["frames"] > 0
     assert [each["folder"] for each in summary["found"]] == ["person1", "person2"]
     assert not (out / LOG_FILE).exists()
     for person in ("person1", "person2"):
         assert json.loads((out / person / "summary.json").read_text())["status"]["tracked"] > 0
+
+
+def rest(stop: threading.Event) -> None:
+    """Between two images of a slow camera."""
+    stop.wait(0.5)
+
+
+def until_tracked(heard: Listener, results: list[str]) -> Iterator[dict[str, bytes]]:
+    """The pair's images back and forth until both were published as tracked, and the end of the stream.
+
+    However slow the machine is, there are images enough for all searches; an end in vain comes after minutes.
+    """
+
+    def tracked(key: str) -> bool:
+        return any(msgpack.unpackb(message)["status"] == "tracked" for message in heard.on(key))
+
+    shown, _ = pair()
+    last = FRAMES - 1
+    for number in range(300):
+        image = shown.frames[last - abs(number % (2 * last) - last)]
+        yield {KEY: encode_live(replace(image, number=number, time_s=number / 2))}
+        if all(map(tracked, results)):
+            break
+    yield {KEY: LIVE_END}
