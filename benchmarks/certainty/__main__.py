@@ -6,7 +6,8 @@ table shows how many joints lie within one and two deviations, and how many of t
 
 With --fit, the functions are fitted first and printed as FIT of coordinator/tracking/certainty/certainty.py.
 The data are subjects 1 and 2 (also tracked with --method gradient, and in images that end at the knees),
-rendered people tracked with --method gradient, and skinned people, alone and in rooms. To measure how often
+rendered people tracked with --method gradient, skinned people, alone and in rooms, and every second clothed
+person. To measure how often
 one particle detects a lost limb: --demo 12 --set method=gradient.
 
 Progress on stderr, a table on stdout, numbers in a JSON file. Exit code 1 if a recording crashed.
@@ -23,7 +24,14 @@ from tempfile import TemporaryDirectory
 import msgspec
 
 from benchmarks.certainty.fitting import fit
-from benchmarks.certainty.gather import Gathered, find_hard, find_rendered, gather, render_people
+from benchmarks.certainty.gather import (
+    Gathered,
+    find_clothed,
+    find_hard,
+    find_rendered,
+    gather,
+    render_people,
+)
 from benchmarks.certainty.scores import Score, score, score_table
 from benchmarks.recordings import Recording
 from benchmarks.running import (
@@ -46,7 +54,14 @@ from gepf.coordinator.tracking.certainty.certainty import FIT
 
 EVERY = [1, 2, 3]  # n-th frame
 FIT_SUBJECTS = (1, 2)
-KINDS = PEOPLE, GRADIENT, CUT, RENDERED, SKINNED = "people", "gradient", "cut", "rendered", "skinned"
+KINDS = PEOPLE, GRADIENT, CUT, RENDERED, SKINNED, CLOTHED = (
+    "people",
+    "gradient",
+    "cut",
+    "rendered",
+    "skinned",
+    "clothed",
+)
 FIRST_RENDERED, RENDERED_FOR_FIT = 20, range(100, 112)  # seeds that the demo does not use
 
 
@@ -102,7 +117,7 @@ def measure(choice: Namespace) -> int:
 def gather_to_fit(choice: Namespace, folder: Path, bodies: Bodies, crashes: list[str]) -> list[Gathered]:
     """Recordings of each kind, to which certainty is fitted."""
     people, rendered = find_hard(choice.data, FIT_SUBJECTS), render_people(folder, RENDERED_FOR_FIT)
-    skinned = find_rendered(choice.data)
+    skinned, clothed = find_rendered(choice.data), find_clothed(choice.data)[::2]
     plain = Namespace(**{**vars(choice), "cut": None})
     gradient = Namespace(**{**vars(plain), "changes": [*choice.changes, "method=gradient"]})
     cut = Namespace(**{**vars(plain), "cut": 0.0})
@@ -112,6 +127,7 @@ def gather_to_fit(choice: Namespace, folder: Path, bodies: Bodies, crashes: list
         *track_all(CUT, people, cut, bodies, crashes),
         *track_all(RENDERED, rendered, Namespace(**{**vars(gradient), "every": [1]}), bodies, crashes),
         *track_all(SKINNED, skinned, Namespace(**{**vars(plain), "every": EVERY[::2]}), bodies, crashes),
+        *track_all(CLOTHED, clothed, Namespace(**{**vars(plain), "every": [1]}), bodies, crashes),
     ]
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from benchmarks.recordings import Recording, choose, find_people, read_frames, read_reference
 from gepf.common.arrays import Array, Mask
 from gepf.common.camera import Intrinsics
+from gepf.common.errors import InputError
 from gepf.common.frame import DepthFrame
 from gepf.common.kinematics import joint_positions
 from gepf.common.settings import Settings
@@ -55,6 +56,14 @@ def find_rendered(data: Path) -> list[Recording]:
     """The available skinned people, alone and in rooms, with exact truth and no second person."""
     truths = sorted(path for kind in ROOMS for path in (data / kind).glob(f"*/{TRUTH_FILE}"))
     return [Recording(t.parent.name, t.parent, t) for t in truths if t.parent.name != "second"]
+
+
+def find_clothed(data: Path) -> list[Recording]:
+    """The clothed people, with exact truth; InputError if there are none."""
+    truths = sorted((data / "clothed").glob(f"*/{TRUTH_FILE}"))
+    if not truths:
+        raise InputError(f"{data / 'clothed'} holds no recordings; give the folder with --data")
+    return [Recording(t.parent.name, t.parent, t) for t in truths]
 
 
 def render_people(folder: Path, seeds: Sequence[int]) -> list[Recording]:

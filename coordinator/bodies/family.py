@@ -93,6 +93,9 @@ class BodyFamily(ABC):
     is_exact: ClassVar[bool] = True
     """Whether the surface of the model is that of the body, not a template's."""
 
+    outside_weight: ClassVar[float] = 1.0
+    """Weight of squared distances of points outside of the surface; below 1 if bodies wear clothes."""
+
     zero: ClassVar[str] = "Zero and signs are the model's."
     """What angles of zero mean, for readers."""
 

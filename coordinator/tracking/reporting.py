@@ -53,6 +53,37 @@ INFORMATION = 44.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Judgement:
+    """How certain the joints (J,) of the most likely pose in a frame are."""
+
+    certainty: Certainty
+    seen_by: Array  # (C, J) share of the surface around each joint that each camera sees
+    in_sight: Mask  # (J,) joints that are in view and not hidden by something else
+    has_rival: bool  # an equally likely hypothesis has a joint in view elsewhere
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether a joint in view may be wrong."""
+        return self.has_rival or bool(np.any(self.certainty.off_probability[self.in_sight] > SUSPECTED))
+
+
+def judge(start: Start, belief: Belief, residual: float, context: FrameContext) -> Judgement:
+    """Judge a belief that has this normalised residual in a frame."""
+    model, pose = start.model, belief.reported
+    poses, weights = belief.poses[:MAX_HYPOTHESES], belief.weights[:MAX_HYPOTHESES]
+    joints = joint_positions(model, np.concatenate([pose[None], poses]))
+    in_sight = in_view(context.subject, joints[0])
+    seen_by = seen_shares(model, pose, context.subject, context.stretch) * in_sight
+    features = measure_features(model, pose, joints, weights, context, residual, seen_by)
+    return Judgement(
+        certainty_of(start, pose, belief, features, in_sight),
+        seen_by,
+        in_sight,
+        has_rival(weights, joints[1:, in_sight], joints[0, in_sight]),
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Updated:
     """One person in a frame, before it is reported."""
 
@@ -60,6 +91,7 @@ class Updated:
     state: PersonState  # after the frame
     particles: int  # refined ones
     context: FrameContext | None  # None if nothing was refined
+    judgement: Judgement | None  # of the pose; None if nothing was refined
     clock: Stopwatch
 
 
@@ -91,23 +123,20 @@ def report(updated: Updated, cameras: CameraStates) -> TrackedPerson:
             pose, poses = followed.belief.reported, followed.belief.poses[:MAX_HYPOTHESES]
             weights = followed.belief.weights[:MAX_HYPOTHESES]
             weights = weights / weights.sum()
-        joints = joint_positions(model, np.concatenate([pose[None], poses]))
-        certainty, seen, why, is_ambiguous = unknown_certainty(len(joints[0])), dict[str, Array](), "", False
-        if context is not None and followed is not None:
-            in_sight = in_view(context.subject, joints[0])
-            seen_by = seen_shares(model, pose, context.subject, context.stretch) * in_sight
-            features = measure_features(model, pose, joints, weights, context, followed.residual, seen_by)
-            certainty = certainty_of(start, pose, followed.belief, features, in_sight)
+        joints = joint_positions(model, pose[None])[0]
+        certainty, seen, why, is_ambiguous = unknown_certainty(len(joints)), dict[str, Array](), "", False
+        judgement = updated.judgement
+        if context is not None and judgement is not None and followed is not None:
+            certainty = judgement.certainty
             views = [view.frame.camera for view in context.subject.views]
-            seen = dict(zip(views, seen_by, strict=True))
+            seen = dict(zip(views, judgement.seen_by, strict=True))
             faulty = any(state.fault for state in cameras.values())
             new = len(cameras) > 1 and followed.is_new
             limit = least_probability(certainty, faulty=faulty, new=new)
             disputed = followed.agreement.dispute(views)
-            doubt = explain_doubt(model.joint_names, certainty, np.where(in_sight, limit, 1.0))
+            doubt = explain_doubt(model.joint_names, certainty, np.where(judgement.in_sight, limit, 1.0))
             why = disputed or followed.doubt or doubt
-            rivals = has_rival(weights, joints[1:, in_sight], joints[0, in_sight])
-            is_ambiguous = bool(disputed or doubt or followed.ambiguous_facing or rivals)
+            is_ambiguous = bool(disputed or doubt or followed.ambiguous_facing or judgement.has_rival)
         elif isinstance(track, Searching):
             why = track.why
         status = status_of(track, is_ambiguous=is_ambiguous)
@@ -116,7 +145,7 @@ def report(updated: Updated, cameras: CameraStates) -> TrackedPerson:
         time_s=updated.frame.time_s,
         status=status,
         pose=pose[model.moves],
-        joint_positions=joints[0],
+        joint_positions=joints,
         hypothesis_pose=poses[:, model.moves],
         hypothesis_weight=weights,
         residual=np.nan if followed is None else float(followed.belief.residual[0]),
@@ -126,7 +155,7 @@ def report(updated: Updated, cameras: CameraStates) -> TrackedPerson:
         seen_by=seen,
         faults=faults_of(cameras, updated.frame.time_s),
         keypoints={} if context is None else in_image(context.subject),
-        certainty=unknown_certainty(len(joints[0])) if status in POSE_UNKNOWN else certainty,
+        certainty=unknown_certainty(len(joints)) if status in POSE_UNKNOWN else certainty,
     )
     return TrackedPerson(estimate, updated.state, None if context is None else context.subject)
 

@@ -10,6 +10,7 @@ import json
 from dataclasses import replace
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
 from gepf.common.arrays import Array
@@ -17,7 +18,7 @@ from gepf.common.body import BodyModel
 from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions, pose_vertices
 from gepf.common.settings import RefineSettings, Settings
-from gepf.coordinator.bodies.family import Bodies
+from gepf.coordinator.bodies.family import Bodies, BodyFamily
 from gepf.coordinator.colour.finder import ExpectedBody, keypoint_cost
 from gepf.coordinator.filters.belief import USUAL_INTERVAL, Belief
 from gepf.coordinator.filters.methods import apply_method
@@ -30,7 +31,7 @@ from gepf.coordinator.tracking.observation import POINTS, camera_points, middle_
 from gepf.coordinator.tracking.particle_filter import Encoders, FrameBudget, ParticleFilter, Submitted
 from gepf.coordinator.tracking.pose_candidates import SURER_LOG_LIKELIHOOD, Detection
 from gepf.coordinator.tracking.refiner import Refiner
-from gepf.coordinator.tracking.reporting import Updated
+from gepf.coordinator.tracking.reporting import Updated, judge
 from gepf.coordinator.tracking.search import BodySearch
 from gepf.coordinator.tracking.segmenter import BodyView
 from gepf.coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise, assume_noise, measure_noise
@@ -71,7 +72,7 @@ class TargetTracker:
         motion: Encoders | None = None,
     ) -> None:
         self._refiner = refiner
-        self._settings = settings = apply_method(settings)
+        self._settings = settings = for_family(apply_method(settings), bodies.family)
         self._filter = ParticleFilter(refiner, settings, motion)
         self._filter.rng.bit_generator.state = json.loads(state.checkpoint.generator)
         self._detector = Detector(bodies, refiner, settings)
@@ -190,17 +191,21 @@ class TargetTracker:
                 self._refiner.publish(subject)
             if "refine" in todo:
                 return self._refine(view, subject, detection, clock, budget)
-        return Updated(view.frame, self.state, 0, None, clock)
+        return Updated(view.frame, self.state, 0, None, None, clock)
 
     def update(self, submitted: Submitted, cameras: CameraStates) -> Updated:
         """Wait for the refined particles of the last submitted frame, and update the state."""
         belief, particles = self._filter.update(self.model, submitted)
         with submitted.clock.stage("measure"):
             faulty = tuple(faults_of(cameras, submitted.view.frame.time_s))
-            todo = self._step(self._assess(belief, submitted, faulty))
+            event = self._assess(belief, submitted, faulty)
+            judgement = judge(self.start, event.belief, event.gate.residual, submitted.context)
+            todo = self._step(replace(event, is_doubtful=judgement.is_doubtful))
             if "stop searching" in todo:
                 self.search.drop()
-        return Updated(submitted.view.frame, self.state, particles, submitted.context, submitted.clock)
+        return Updated(
+            submitted.view.frame, self.state, particles, submitted.context, judgement, submitted.clock
+        )
 
     def _refine(
         self,
@@ -332,6 +337,12 @@ class TargetTracker:
             interval_s=USUAL_INTERVAL if context.first else submitted.proposal.interval,
             is_slow=view.is_slow,
         )
+
+
+def for_family(settings: Settings, family: BodyFamily) -> Settings:
+    """The settings for bodies of a family, which may wear clothes."""
+    refine = msgspec.structs.replace(settings.refine, outside_weight=family.outside_weight)
+    return msgspec.structs.replace(settings, refine=refine)
 
 
 def distance_to(subject: SubjectFrame | None) -> float:

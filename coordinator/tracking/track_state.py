@@ -85,6 +85,7 @@ class Followed(Body, frozen=True, kw_only=True):
     residual: float = 0.0  # normalised, of the last frame that showed the body
     why: str = ""  # to doubt that frame
     pixels: int = 0  # of the body in the last explained frame
+    doubtful_s: float = 0.0  # for which a joint in view may have been wrong, since the last detection
     ambiguous_facing: bool = False  # in the last search, front and back explained the frame equally well
     faulty: tuple[str, ...] = ()  # cameras at fault in the last frame that showed the body
     sight: Sight = "body"  # in the last frame
@@ -158,6 +159,7 @@ class Refined:
     time_s: float
     redetected: bool = False
     ambiguous_facing: bool | None = None
+    is_doubtful: bool = False
     faulty: tuple[str, ...] = ()
     residuals: Mapping[str, float] = field(default_factory=dict)
     noise_depth: float = 0.0
@@ -248,13 +250,23 @@ def _follow(
 def _check_due(state: Tracked | Lost, time_s: float) -> bool:
     """Whether to search for a body again: lost, new, or in doubt.
 
-    A check is due in the frame in which the age of the track reaches an interval, or a multiple of it.
+    A check of a pose that explains the frame badly is due in the frame in which the age of the track reaches
+    an interval, or a multiple of it. While a joint may be wrong, a check that changes nothing makes the next
+    one wait twice as long.
     """
+    interval = _interval(state, time_s)
     before = state.age_s + ROUNDING_S
-    after = before + _interval(state, time_s)
+    after = before + interval
     new = before < SEARCH_INTERVAL_S <= after
     due = after // CHECK_INTERVAL_S > before // CHECK_INTERVAL_S
-    return state.is_lost or new or (due and (state.residual > 1.0 or state.ambiguous_facing))
+    is_bad = state.residual > 1.0 or state.ambiguous_facing
+    return state.is_lost or new or (due and is_bad) or _doubt_is_due(state.doubtful_s, interval)
+
+
+def _doubt_is_due(doubtful_s: float, interval_s: float) -> bool:
+    """Whether the time in doubt has just reached an interval, or twice, four times, ... as much."""
+    now, last = ((time_s + ROUNDING_S) / CHECK_INTERVAL_S for time_s in (doubtful_s, doubtful_s - interval_s))
+    return now >= 1.0 and (last < 1.0 or math.frexp(now)[1] > math.frexp(last)[1])
 
 
 def _interval(state: Found | Tracked | Lost, time_s: float) -> float:
@@ -304,6 +316,7 @@ def _refined(
         unexplained_s=unexplained_s,
         residual=event.gate.residual,
         why=event.gate.why,
+        doubtful_s=before.doubtful_s + interval if event.is_doubtful and not event.redetected else 0.0,
         pixels=event.pixels if is_explained else before.pixels,
         ambiguous_facing=(
             before.ambiguous_facing if event.ambiguous_facing is None else event.ambiguous_facing

@@ -51,6 +51,7 @@ DETECTED = Found(
 RUNNING = Searching(searched_s=1.0, is_running=True)
 TRACKED = Tracked(belief=BELIEF, time_s=1.0, segmentation_pose=BELIEF.reported, age_s=0.5, pixels=900)
 DUE = replace(TRACKED, age_s=CHECK_INTERVAL_S - 0.01)
+UNSURE = replace(TRACKED, doubtful_s=CHECK_INTERVAL_S)  # since this frame
 LOST = Lost(belief=BELIEF, time_s=1.0, segmentation_pose=None, age_s=0.5, pixels=900)
 
 INTERVAL_S = 1 / 32
@@ -253,6 +254,33 @@ TRANSITIONS = [
         {"is_searched": True},
         ("search", "refine"),
     ),
+    Transition(
+        UNSURE,
+        "a joint may have been wrong for an interval between checks",
+        CANDIDATE,
+        "it is seen",
+        Tracked,
+        {"is_searched": True},
+        ("search", "refine"),
+    ),
+    Transition(
+        replace(UNSURE, doubtful_s=3 * CHECK_INTERVAL_S),
+        "a joint may have been wrong for three intervals",
+        CANDIDATE,
+        "it is seen",
+        Tracked,
+        {},
+        ("refine",),
+    ),
+    Transition(
+        replace(UNSURE, doubtful_s=4 * CHECK_INTERVAL_S),
+        "a joint may have been wrong for four intervals",
+        CANDIDATE,
+        "it is seen",
+        Tracked,
+        {"is_searched": True},
+        ("search", "refine"),
+    ),
     Transition(DUE, "a check is due, without a doubt", CANDIDATE, "it is seen", Tracked, {}, ("refine",)),
     Transition(
         replace(DUE, residual=1.1, is_searched=True),
@@ -292,6 +320,40 @@ TRANSITIONS = [
         ("report",),
     ),
     Transition(TRACKED, "", DARK, "nothing is seen", Lost, {"sight": "nothing"}, ("report",)),
+    Transition(
+        UNSURE,
+        "a joint may have been wrong for an interval between checks",
+        with_fields(FITS, is_doubtful=True),
+        "its pose is refined, and a joint may be wrong",
+        Tracked,
+        {
+            "belief": AFTER,
+            "time_s": NEXT_S,
+            "segmentation_pose": BELIEF.reported,
+            "age_s": 0.5 + INTERVAL_S,
+            "residual": 0.8,
+            "pixels": 800,
+            "doubtful_s": CHECK_INTERVAL_S + INTERVAL_S,
+        },
+        ("report",),
+    ),
+    Transition(
+        UNSURE,
+        "a joint may have been wrong for an interval between checks",
+        with_fields(FITS, is_doubtful=True, redetected=True),
+        "its pose is that of a search",
+        Tracked,
+        {
+            "belief": AFTER,
+            "time_s": NEXT_S,
+            "segmentation_pose": BELIEF.reported,
+            "age_s": 0.0,
+            "residual": 0.8,
+            "pixels": 800,
+            "doubtful_s": 0.0,
+        },
+        ("report",),
+    ),
     Transition(
         replace(TRACKED, unexplained_s=INTERVAL_S, why="wrong"),
         "",

@@ -55,6 +55,6 @@ def sum_distances(observed: PackedObservation, stretch: float, search: Search) -
     """Sum of the distances (m) of the observed points from the surface, without scaled depth."""
     total, shrink = 0.0, 1.0 / stretch
     for i in range(observed.count):
-        dx, dy, dz = depth.offset_from_surface(i, observed.points, search)
+        (dx, dy, dz), _, _ = depth.residual_of(i, observed.points, search, np.float32(1.0))
         total += np.sqrt(dx * dx + dy * dy + shrink * shrink * dz * dz)
     return total

@@ -60,6 +60,7 @@ class KernelParameters(NamedTuple):
     outlier_squared: float  # m^2; 0 gives all points full weight
     noise_depth: float  # metres
     noise_lateral: float
+    outside_weight: float  # of a squared distance from the plane of the surface, for a point outside of it
 
 
 def pack_parameters(settings: RefineSettings, points: int) -> KernelParameters:
@@ -87,4 +88,5 @@ def pack_parameters(settings: RefineSettings, points: int) -> KernelParameters:
         OUTLIER_DISTANCE_M**2 if camera else 0.0,
         settings.noise_depth,
         settings.noise_lateral,
+        settings.outside_weight if camera else 1.0,
     )

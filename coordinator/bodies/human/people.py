@@ -80,6 +80,7 @@ class People(BodyFamily):
     sides = (("left_hip", "right_hip"), ("left_shoulder", "right_shoulder"))
     lines = (("pelvis", "neck"), ("neck", "head"), *limb_lines("right"), *limb_lines("left"))
     has_flat_sides = is_exact = False
+    outside_weight = 0.5  # clothed people nearer by 0.4 cm, people in swimwear as before
     has_keypoints = True
     zero = "Zero is standing straight with arms hanging; signs mean the same on both sides."
 

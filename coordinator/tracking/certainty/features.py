@@ -1,9 +1,10 @@
-"""Eight features that describe the certainty of a joint of a reported pose.
+"""Nine features that describe the certainty of a joint of a reported pose.
 
-Two come from the frame: the visible share of the surface around the joint that faces the camera, and the
-normalised residual of the body. Two come from the filter: the spread of the hypotheses, and the speed of the
-joint. Four come from the pose: joints are wrong more often in bent limbs and folded bodies, near other
-joints, and far in front of or behind the body.
+Three come from the frame: the visible share of the surface around the joint that faces the camera, the
+distance of the observed points around the joint from the surface, and the normalised residual of the body.
+Two come from the filter: the spread of the hypotheses, and the speed of the joint. Four come from the pose:
+joints are wrong more often in bent limbs and folded bodies, near other joints, and far in front of or behind
+the body.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from gepf.common.arrays import Array, Mask
 from gepf.common.body import ROOT_DOFS, ROTATION, BodyModel
 from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions
+from gepf.coordinator.tracking.certainty.surface import misfits
 
 SPREAD_FLOOR_M, SPEED_FLOOR_M_S = 0.005, 0.1  # are added before the logarithm
 STILL_M = 1e-9  # rounding of the place of a joint that does not move
@@ -40,6 +42,7 @@ class Features(NamedTuple):
 
     seen: Array  # visible share of the surface around it that faces the camera that sees it best
     residual: Array  # normalised residual of the body
+    misfit: Array  # mean distance of the observed points around the joint from the surface, metres
     spread: Array  # logarithm of the root mean square distance of the hypotheses, metres
     speed: Array  # logarithm, metres per second
     bend: Array  # sum of the squared angles from the root to the joint, rad^2
@@ -72,6 +75,7 @@ def measure_features(
     return Features(
         seen=seen_by.max(axis=0),
         residual=np.full(len(joints), residual),
+        misfit=misfits(model, pose, joints, context.subject, context.stretch),
         spread=np.log(spread + SPREAD_FLOOR_M),
         speed=np.log(speed + SPEED_FLOOR_M_S),
         bend=upstream @ pose**2,

@@ -1,4 +1,4 @@
-"""The visible share of the surface around each joint."""
+"""The surface around each joint: the share of it that is seen, and its distance from the observed points."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from gepf.common.activation import nearest_in
 from gepf.common.arrays import Array
@@ -14,9 +15,12 @@ from gepf.common.camera import Pinhole
 from gepf.common.compiling import numba
 from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions, pose_vertices
+from gepf.coordinator.tracking.observation import POINTS, camera_points
 
 REGION_M = 0.12  # standard deviation of the weights of the surface around a joint by distance
 AGREES_M = 0.08  # largest difference between the surface and the depth measured there
+FARTHEST_M = 0.15  # distance of a point above which it counts the same
+FEW = 1.0  # points around a joint that count as nothing
 ASIDE_M = 0.03  # radius across the line of sight in which measured depth is searched
 
 
@@ -41,6 +45,24 @@ def seen_shares(model: BodyModel, pose: Array, subject: SubjectFrame, stretch: f
             seen,
         )
     return np.asarray(areas[:, 1] / np.maximum(areas[:, 0], np.finfo(float).tiny))
+
+
+def misfits(model: BodyModel, pose: Array, joints: Array, subject: SubjectFrame, stretch: float) -> Array:
+    """Mean distance (J,) in metres of the observed points around each joint (J, 3) from the surface.
+
+    Of pose (D,), with lengths along the line of sight scaled by `stretch`. Distances above OFF count as that.
+    """
+    vertices = pose_vertices(model, pose[None])[0]
+    scale, weights, sums = np.array([1.0, 1.0, stretch]), np.full(len(joints), FEW), np.zeros(len(joints))
+    every = max(1, sum(len(each.picked) for each in subject.views) // POINTS)
+    for each in subject.views:
+        points = camera_points(each, every) * scale
+        apart = np.minimum(cKDTree(each.frame.to_camera(vertices) * scale).query(points)[0], FARTHEST_M)
+        aside = points[:, None] - each.frame.to_camera(joints) * scale
+        near = np.exp(-0.5 * np.sum(aside**2, axis=-1) / REGION_M**2)
+        weights += near.sum(axis=0)
+        sums += apart @ near
+    return np.asarray(sums / weights)
 
 
 @numba.njit(cache=True, nogil=True)

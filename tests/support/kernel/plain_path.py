@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 from scipy.spatial import cKDTree
@@ -135,7 +136,10 @@ def disc_radii(model: BodyModel) -> Array:
 def surface_offsets(
     points: Array, vertices: Array, normals: Array, radii: Array, settings: RefineSettings
 ) -> Array:
-    """Offsets (..., P, 3), in the metric of the noise, of points from discs around vertices (..., P, 3)."""
+    """Offsets (..., P, 3), in the metric of the noise, of points from discs around vertices (..., P, 3).
+
+    Those of points outside of the surface are shorter along the normal, by the root of the weight.
+    """
     metric = np.array([1.0, 1.0, settings.noise_lateral / settings.noise_depth])
     axes = normals / metric
     axes /= np.linalg.norm(axes, axis=-1, keepdims=True)
@@ -143,7 +147,9 @@ def surface_offsets(
     across = np.sum(offsets * axes, axis=-1, keepdims=True) * axes
     aside = offsets - across
     within = radii[:, None] / np.maximum(np.linalg.norm(aside, axis=-1, keepdims=True), 1e-9)
-    return np.asarray(offsets - np.minimum(within, 1.0) * aside)
+    outside = np.sum(offsets * axes, axis=-1, keepdims=True) > 0.0
+    scale = np.where(outside & (settings.sensor == "camera"), np.sqrt(settings.outside_weight), 1.0)
+    return np.asarray(scale * across + aside - np.minimum(within, 1.0) * aside)
 
 
 def robust_weight(squared: Array, settings: RefineSettings) -> Array:
@@ -203,6 +209,11 @@ def offsets_from_surface(
     return vertices, surface_offsets(points, posed[vertices], normals, radii, settings)
 
 
+def weighted(settings: RefineSettings, outside_weight: float) -> RefineSettings:
+    """The settings with another weight of points outside of the surface."""
+    return msgspec.structs.replace(settings, outside_weight=outside_weight)
+
+
 def weigh_correspondences(
     model: BodyModel,
     pose: Array,
@@ -214,8 +225,15 @@ def weigh_correspondences(
     """All correspondences of the body in this pose, point by point."""
     points = observed_points(subject)
     vertices, offsets = offsets_from_surface(model, pose, posed, visible, points, settings)
-    weights = robust_weight(np.sum(offsets**2, axis=1), settings)
-    targets = posed[vertices] + offsets / (1.0, 1.0, settings.noise_lateral / settings.noise_depth)
+    whole, gradients = (
+        offsets_from_surface(model, pose, posed, visible, points, weighted(settings, weight))[1]
+        for weight in (1.0, settings.outside_weight**2)
+    )
+    squared = np.sum(offsets**2, axis=1)
+    share = squared / np.maximum(np.sum(whole**2, axis=1), 1e-30)
+    weights = share * robust_weight(squared, settings)
+    metric = (1.0, 1.0, settings.noise_lateral / settings.noise_depth)
+    targets = posed[vertices] + gradients / share[:, None] / metric
     if settings.sensor == "camera":
         outline, away = project_onto_silhouette(
             posed[visible], is_measurable(model, pose, posed)[visible], subject, settings
@@ -390,7 +408,8 @@ def evaluate(
         cost += robust_cost(away, settings).mean()
     cost += prior_costs(model, pose[None], settings)[0]
     metric = (1.0, 1.0, settings.noise_lateral / settings.noise_depth)
-    residual = np.linalg.norm(offsets / metric, axis=1).mean()
+    whole = offsets_from_surface(model, pose, posed, visible, points, weighted(settings, 1.0))[1]
+    residual = np.linalg.norm(whole / metric, axis=1).mean()
     return float(-0.5 * cost / settings.likelihood_scale**2), float(residual)
 
 

@@ -41,6 +41,7 @@ SETTINGS = {
     ROOM: DEFAULT,
     COLOUR: DEFAULT,
     "other noise along than across": msgspec.structs.replace(DEFAULT, noise_depth=0.015, noise_lateral=0.008),
+    "clothed": msgspec.structs.replace(DEFAULT, outside_weight=0.5),
     "paper": PAPER,
     "soft": msgspec.structs.replace(DEFAULT, noise_depth=HEAVY.depth, noise_lateral=HEAVY.lateral),
 }

@@ -11,7 +11,7 @@ import pytest
 from gepf.common.arrays import Array
 from gepf.common.camera import Intrinsics, project
 from gepf.common.frame import HIDDEN, SUBJECT, SubjectFrame
-from gepf.common.kinematics import pose_vertices
+from gepf.common.kinematics import joint_positions, pose_vertices
 from gepf.coordinator.bodies.tracked import name_pose
 from gepf.coordinator.tracking.certainty.certainty import FIT, FLAGGED, Certainty
 from gepf.coordinator.tracking.certainty.features import Features
@@ -108,6 +108,30 @@ def test_rivals_make_a_joint_unsure() -> None:
     assert rivals.off_probability[wrist] > alone.off_probability[wrist]
     assert rivals.deviation[wrist] > alone.deviation[wrist] > 0.0
     np.testing.assert_array_equal(rivals.seen, alone.seen)
+
+
+def test_points_that_the_body_does_not_explain_are_doubts_of_the_joints_beside_them() -> None:
+    """A skirt's width of points around the knees: their distance is told for the knees, not for the head."""
+    subject = seen_as("standing")
+    depth, row = subject.frame.depth.copy(), knee_row(subject)
+    shin = depth[row - 3 : row + 3]
+    columns = np.flatnonzero(shin.any(axis=0))
+    reach = slice(max(0, columns[0] - 12), columns[-1] + 13)
+    shin[:, reach] = np.where(shin[:, reach] > 0, shin[:, reach], np.median(shin[shin > 0]))
+    wide = subject_of(replace(frame_of(0, depth / 1000.0), intrinsics=subject.frame.intrinsics), 4_000)
+    plain, skirt = features_of(STANDING, subject), features_of(STANDING, wide)
+    knees = np.isin(BODY.joint_names, ("right_knee", "left_knee"))
+    assert (skirt.misfit[knees] > plain.misfit[knees] + 0.01).all()
+    head = BODY.joint_names.index("head")
+    assert skirt.misfit[head] == pytest.approx(plain.misfit[head], abs=0.002)
+    assert (plain.misfit < 0.02).all()
+
+
+def knee_row(subject: SubjectFrame) -> int:
+    """The row of the crop in which the right knee of the standing body is."""
+    joints = joint_positions(BODY, name_pose(BODY, STANDING)[None])[0]
+    (_, row), *_ = project(joints[[BODY.joint_names.index("right_knee")]], subject.frame.intrinsics)
+    return round(float(row))
 
 
 def test_a_body_at_rest_is_neither_bent_nor_folded_nor_crowded() -> None:
