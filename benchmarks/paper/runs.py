@@ -19,10 +19,10 @@ from gepf.common.body import ROOT_DOFS, BodyModel
 from gepf.common.errors import InputError
 from gepf.common.frame import DepthFrame
 from gepf.common.kinematics import joint_positions
-from gepf.common.settings import Settings
 from gepf.coordinator.bodies.choice import choose_bodies
 from gepf.coordinator.filters.baselines import Annealed
 from gepf.coordinator.results.evaluation import angle_error_deg, best_hypothesis, positions
+from gepf.coordinator.settings import Settings
 from gepf.coordinator.sources.source import to_units
 from gepf.coordinator.synthesis.noise import add_noise
 from gepf.coordinator.synthesis.scenes import ARM_DOFS, SCENES, Scene

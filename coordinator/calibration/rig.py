@@ -21,10 +21,10 @@ from gepf.common.errors import InputError
 from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions
 from gepf.common.refinement import Particles
-from gepf.common.settings import Settings
 from gepf.coordinator.bodies.family import Bodies
 from gepf.coordinator.bodies.human.shape_space import Size
 from gepf.coordinator.filters.pose_prior import pose_prior
+from gepf.coordinator.settings import Settings
 from gepf.coordinator.sources.source import Source
 from gepf.coordinator.tracking.candidate_refinement import ITERATIONS
 from gepf.coordinator.tracking.estimate import POSE_UNKNOWN

@@ -6,16 +6,12 @@ from functools import lru_cache
 
 import numpy as np
 
-from gepf.common.arrays import Array, Indices, Mask
+from gepf.common.arrays import Array, Indices
 from gepf.common.body import ROOT_DOFS, ROTATION, BodyModel
 from gepf.common.compiling import numba
 from gepf.common.kinematics import difference, retract, within_limits
 from gepf.common.refinement import WEAK_SHAPE, WEAK_SLIDE, WEAK_TURN
 from gepf.coordinator.filters.belief import USUAL_INTERVAL
-
-UNEXPECTED_TURN = float(np.radians(15.0))
-"""Standard deviation of a joint angle around its prediction after a usual interval. Prismatic joints have
-that of the weak prior."""
 
 
 def draw_noise(covariances: Array, ancestors: Indices, rng: np.random.Generator) -> Array:
@@ -46,7 +42,7 @@ def cholesky(covariances: Array) -> Array:
 
 
 def fuse_with_prediction(
-    model: BodyModel, refined: Array, covariances: Array, expected: Array, interval: float
+    model: BodyModel, refined: Array, covariances: Array, expected: Array, interval: float, turn_deg: float
 ) -> Array:
     """The most likely poses (M, D) given a frame and the motion prior.
 
@@ -63,8 +59,10 @@ def fuse_with_prediction(
         covariances: Their covariances (M, D, D) by the refinement.
         expected: Poses (M, D) predicted by the motion model.
         interval: Seconds of the motion.
+        turn_deg: Standard deviation of a joint angle around its prediction after a usual interval.
     """
-    weak, moves, base = precisions(model)
+    weak, moves = weak_precisions(model), motion_precisions(model, turn_deg)
+    base = np.isin(model.dof_names, ROOT_DOFS) | ~model.moves  # and shape
     motion: Array = np.where(base, weak, moves / interval)
     step: Array = np.where(base, 0.0, difference(model, refined, expected))
     pull = covariances @ (motion * step)[..., None]
@@ -74,9 +72,16 @@ def fuse_with_prediction(
 
 
 @lru_cache(maxsize=16)
-def precisions(model: BodyModel) -> tuple[Array, Array, Mask]:
-    """Inverse variances (D,) of the weak prior and of the motion in one second; DOFs of base and shape."""
-    turning = model.kinds == ROTATION
-    weak = np.where(turning, WEAK_TURN, np.where(model.moves, WEAK_SLIDE, WEAK_SHAPE)) ** -2.0
-    motion = np.where(turning, UNEXPECTED_TURN, WEAK_SLIDE) ** -2.0 * USUAL_INTERVAL
-    return weak, motion, np.isin(model.dof_names, ROOT_DOFS) | ~model.moves
+def weak_precisions(model: BodyModel) -> Array:
+    """Inverse variances (D,) of the weak prior."""
+    deviations = np.where(model.moves, WEAK_SLIDE, WEAK_SHAPE)
+    precisions: Array = np.where(model.kinds == ROTATION, WEAK_TURN, deviations) ** -2.0
+    return precisions
+
+
+@lru_cache(maxsize=16)
+def motion_precisions(model: BodyModel, turn_deg: float) -> Array:
+    """Inverse variances (D,) of the motion in one second; prismatic joints have those of the weak prior."""
+    deviations = np.where(model.kinds == ROTATION, float(np.radians(turn_deg)), WEAK_SLIDE)
+    precisions: Array = deviations**-2.0 * USUAL_INTERVAL
+    return precisions

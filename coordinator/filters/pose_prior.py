@@ -2,7 +2,7 @@
 
 Joints are near rest, the base is anywhere, and the shape is what earlier frames showed. Shape is constant,
 but errors of successive frames are not independent, as they follow from pose and clothes. All frames within
-ERROR_TIME_S together count as one. So the precision P of the earlier frames is divided by the share k of a
+`error_time_s` together count as one. So the precision P of the earlier frames is divided by the share k of a
 frame, which makes the refinement the recursive estimate of a constant from frames with the share k of their
 information I. With the covariance S of the shape by the refinement, k I = k S^-1 - P. The precision after the
 frame is P + c k I. The factor c corrects that the Gauss-Newton matrix overstates the information: it holds
@@ -17,10 +17,7 @@ from gepf.common.arrays import Array
 from gepf.common.body import ROOT_DOFS, SHAPE, BodyModel
 from gepf.common.refinement import PosePrior
 from gepf.common.settings import RefineSettings
-
-ERROR_TIME_S = 1.0  # in which errors of the shape in successive frames are the same
-CURVATURE_SHARE = 0.1
-"""c: with more, a wrong first stature of rendered people was not corrected, and deviations were too small."""
+from gepf.coordinator.settings import ShapeSettings
 
 
 def pose_prior(
@@ -52,13 +49,13 @@ def population_precision(model: BodyModel) -> Array:
     return precision
 
 
-def frame_share(interval: float) -> float:
+def frame_share(interval: float, error_time_s: float) -> float:
     """The share of its information by which a frame after so many seconds counts."""
-    return min(1.0, interval / ERROR_TIME_S)
+    return min(1.0, interval / error_time_s)
 
 
-def updated_precision(precision: Array, covariance: Array, interval: float) -> Array:
+def updated_precision(precision: Array, covariance: Array, interval: float, settings: ShapeSettings) -> Array:
     """Precision (S, S) of the shape after a frame, in whose refinement it had this covariance (S, S)."""
-    gain = frame_share(interval) * np.linalg.inv(covariance) - precision
-    after: Array = precision + CURVATURE_SHARE * gain
+    gain = frame_share(interval, settings.error_time_s) * np.linalg.inv(covariance) - precision
+    after: Array = precision + settings.curvature_share * gain
     return 0.5 * (after + after.T)

@@ -2,31 +2,46 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from gepf.common.arrays import Array
 from gepf.common.compiling import numba
+from gepf.coordinator.settings import NoiseSettings
 
-LEAST = 0.001  # metres, at any distance
-GROWTH = (0.0003, 0.03)  # metres per square metre of distance: smallest and largest
-USUAL_GROWTH = 0.0015  # of usual depth cameras
-DEVIATIONS = 4.0  # standard deviations; smaller differences are noise
 ONE_DEVIATION = 68.3  # per cent of a Gaussian within one standard deviation
 
 
-def sigma(z: Array, growth: float) -> Array:
-    """Standard deviation of the noise at depths z, metres: 1 mm + growth z^2."""
-    return LEAST + growth * z * z
+class DepthNoise(NamedTuple):
+    """The noise of a camera's depth z in metres: standard deviation floor + growth z^2."""
+
+    growth: float  # metres at 1 m
+    floor_m: float
+    margin_deviations: float  # smaller differences of depth are noise
+
+    def sigma(self, z: Array) -> Array:
+        """The standard deviation at depths z, metres."""
+        return self.floor_m + self.growth * z * z
+
+    def margin(self, z: Array) -> Array:
+        """The least difference, metres, by which two surfaces can be distinguished at depths z, metres."""
+        return self.margin_deviations * self.sigma(z)
+
+
+def noise_of(growth: float, settings: NoiseSettings) -> DepthNoise:
+    """The noise with this growth, metres at 1 m."""
+    return DepthNoise(growth, settings.floor_m, settings.margin_deviations)
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
-def margin_at(z: float, growth: float) -> float:
-    """Least difference in depth, metres, by which two surfaces can be distinguished at a depth."""
-    return DEVIATIONS * (LEAST + growth * z * z)
+def margin_at(z: float, noise: DepthNoise) -> float:
+    """`DepthNoise.margin` at one depth, compiled."""
+    return noise.margin_deviations * (noise.floor_m + noise.growth * z * z)
 
 
-def fit_noise(depth_m: NDArray[np.floating]) -> float:
+def fit_growth(depth_m: NDArray[np.floating], settings: NoiseSettings) -> float:
     """The growth of the noise of a depth image (H, W) in metres, with 0 for no depth.
 
     It is estimated from second differences of three successive pixels, in which smooth surfaces nearly
@@ -35,7 +50,13 @@ def fit_noise(depth_m: NDArray[np.floating]) -> float:
     left, middle, right = depth_m[:, :-2], depth_m[:, 1:-1], depth_m[:, 2:]
     measured = (left > 0.0) & (middle > 0.0) & (right > 0.0)
     if not measured.any():
-        return USUAL_GROWTH
+        return settings.usual_growth_m
     z = middle[measured].astype(np.float64)
     bend = np.abs(left[measured].astype(np.float64) - 2.0 * z + right[measured]) / np.sqrt(6.0)
-    return float(np.clip(np.percentile((bend - LEAST) / (z * z), ONE_DEVIATION), *GROWTH))
+    growth = np.percentile((bend - settings.floor_m) / (z * z), ONE_DEVIATION)
+    return float(np.clip(growth, settings.min_growth_m, settings.max_growth_m))
+
+
+def fit_noise(depth_m: NDArray[np.floating], settings: NoiseSettings) -> DepthNoise:
+    """The noise of a depth image (H, W) in metres, see `fit_growth`."""
+    return noise_of(fit_growth(depth_m, settings), settings)

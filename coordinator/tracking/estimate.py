@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
@@ -21,7 +22,19 @@ POSE_UNKNOWN = ("lost", "searching", "absent")
 """Status of frames without a valid pose. The pose is the last known one, a guess while the body is searched
 for, or NaN before the first detection."""
 
-MAX_HYPOTHESES = 100  # largest number of hypotheses of an estimate, the most likely ones
+
+_JOINTS_OFF = re.compile(r"may be more than \d+ cm off: ")
+
+
+def list_joints(wrong_m: float, joints: str) -> str:
+    """The reason to doubt a pose of which these joints may be wrong."""
+    return f"may be more than {100 * wrong_m:.0f} cm off: {joints}"
+
+
+def single_reasons(why: str) -> list[str]:
+    """The reason, or one for each of the joints that it lists."""
+    listed = _JOINTS_OFF.match(why)
+    return [listed[0] + joint for joint in why[listed.end() :].split(", ")] if listed else [why]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

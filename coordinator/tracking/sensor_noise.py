@@ -12,9 +12,8 @@ from scipy.ndimage import gaussian_filter
 from gepf.common.arrays import Mask
 from gepf.common.frame import DepthFrame
 from gepf.common.settings import RefineSettings
-from gepf.coordinator.scene.noise import GROWTH, LEAST, fit_noise, sigma
-
-OUTLINE_BLUR = 4.0  # pixels; an outline averaged over them is smooth
+from gepf.coordinator.scene.noise import fit_noise
+from gepf.coordinator.settings import NoiseSettings
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,20 +27,23 @@ class SensorNoise:
     lateral: float
     distance: float = 0.0  # metres; 0 if the noise does not depend on the distance
 
-    def at(self, distance: float) -> SensorNoise:
-        """The noise at another distance, metres, in steps of a tenth: most frames have the same settings."""
+    def at(self, distance: float, floor_m: float) -> SensorNoise:
+        """The noise at another distance, metres, in steps of a tenth: most frames have the same settings.
+
+        A part of it, the floor, is the same at all distances.
+        """
         if not (self.distance > 0.0 and distance > 0.0):
             return self
         step = 0.1
         share = math.exp(step * round(math.log(distance / self.distance) / step))
-        depth = min(self.depth, LEAST) + max(0.0, self.depth - LEAST) * share * share
+        depth = min(self.depth, floor_m) + max(0.0, self.depth - floor_m) * share * share
         return SensorNoise(depth, self.lateral * share, self.distance * share)
 
 
 NO_NOISE = SensorNoise(0.0, 0.0)
 
 
-def measure_noise(frame: DepthFrame) -> SensorNoise:
+def measure_noise(frame: DepthFrame, settings: NoiseSettings) -> SensorNoise:
     """The noise of a frame that is not empty, at the median distance of its pixels.
 
     Rounding is part of the noise. Errors that are common to neighbouring pixels are not measured.
@@ -49,20 +51,21 @@ def measure_noise(frame: DepthFrame) -> SensorNoise:
     depth_m = frame.metres()
     distance = float(np.median(depth_m[depth_m > 0.0]))
     metres_a_pixel = distance / frame.intrinsics.fx
-    growth = fit_noise(depth_m)
-    deviation = float(sigma(np.array(distance), growth)) if growth > GROWTH[0] else 0.0
-    return SensorNoise(deviation, outline_deviation(depth_m > 0.0) * metres_a_pixel, distance)
+    noise = fit_noise(depth_m, settings)
+    deviation = float(noise.sigma(np.array(distance))) if noise.growth > settings.min_growth_m else 0.0
+    lateral_px = outline_deviation(depth_m > 0.0, settings.outline_blur_px)
+    return SensorNoise(deviation, lateral_px * metres_a_pixel, distance)
 
 
-def outline_deviation(mask: Mask) -> float:
+def outline_deviation(mask: Mask, blur_px: float) -> float:
     """Standard deviation in pixels of the independent displacement of the pixels of a silhouette (H, W).
 
     Near a straight outline a pixel at distance x is inside with probability Phi(x / s). So neighbours differ
     2 s / sqrt(pi) times in each row that crosses it; without noise, once. In the sum over rows and columns
     the direction of the outline cancels, and the ratio to a smooth outline is sqrt(pi) s.
     """
-    padded = np.pad(mask, int(4 * OUTLINE_BLUR)).astype(np.float64)
-    smooth = count_changes(gaussian_filter(padded, OUTLINE_BLUR) > 0.5)
+    padded = np.pad(mask, int(4 * blur_px)).astype(np.float64)
+    smooth = count_changes(gaussian_filter(padded, blur_px) > 0.5)
     frayed = count_changes(padded > 0.5)
     return frayed / smooth / math.sqrt(math.pi) if smooth else 0.0
 

@@ -14,7 +14,6 @@ from gepf.common.camera import back_project
 from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions, pose_vertices
 from gepf.common.refinement import Particles, Refined
-from gepf.common.settings import preset
 from gepf.coordinator.bodies.family import Bodies
 from gepf.coordinator.bodies.human.shape_space import Size
 from gepf.coordinator.bodies.human.template import human
@@ -22,6 +21,7 @@ from gepf.coordinator.bodies.mechanisms import MECHANISMS
 from gepf.coordinator.bodies.tracked import name_pose
 from gepf.coordinator.bodies.urdf import read_urdf
 from gepf.coordinator.scene.planes import Planes
+from gepf.coordinator.settings import preset
 from gepf.coordinator.tracking.detector import Detector
 from gepf.coordinator.tracking.gating import Gate
 from gepf.coordinator.tracking.pose_candidates import Candidates, Detection
@@ -187,9 +187,9 @@ def candidates(log_likelihood: list[float], *turns: float) -> Candidates:
 def test_only_candidates_that_differ_go_on_and_one_that_faces_the_other_way() -> None:
     """The likeliest first; one that faces away is kept to the end, however unlikely."""
     alike = candidates([-1.0, -2.0, -3.0, -30.0, -40.0], FRONT, FRONT + 0.01, 1.0, BACK, BACK + 0.6)
-    kept = alike.distinct(MODEL, 2)
+    kept = alike.distinct(MODEL, 2, 0.05)
     assert kept.log_likelihood.tolist() == [-1.0, -3.0, -30.0]
-    assert alike.distinct(MODEL, 9).log_likelihood.tolist() == [-1.0, -3.0, -30.0, -40.0]
+    assert alike.distinct(MODEL, 9, 0.05).log_likelihood.tolist() == [-1.0, -3.0, -30.0, -40.0]
 
 
 @pytest.mark.parametrize(("behind", "ambiguous"), [(0.5, True), (20.0, False)])

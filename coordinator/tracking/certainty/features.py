@@ -18,10 +18,9 @@ from gepf.common.arrays import Array, Mask
 from gepf.common.body import ROOT_DOFS, ROTATION, BodyModel
 from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions
+from gepf.coordinator.settings import CertaintySettings
 
-SPREAD_FLOOR_M, SPEED_FLOOR_M_S = 0.005, 0.1  # are added before the logarithm
 STILL_M = 1e-9  # rounding of the place of a joint that does not move
-CROWDED_M = 0.2  # standard deviation of the weight of a neighbouring joint by distance
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,6 +55,7 @@ def measure_features(
     context: FrameContext,
     residual: float,
     seen_by: Array,
+    settings: CertaintySettings,
 ) -> Features:
     """The features of a reported pose (D,) with this normalised residual, and with shares `seen_by` (C, J).
 
@@ -72,11 +72,11 @@ def measure_features(
     return Features(
         seen=seen_by.max(axis=0),
         residual=np.full(len(joints), residual),
-        spread=np.log(spread + SPREAD_FLOOR_M),
-        speed=np.log(speed + SPEED_FLOOR_M_S),
+        spread=np.log(spread + settings.spread_floor_m),
+        speed=np.log(speed + settings.speed_floor_m_s),
         bend=upstream @ pose**2,
         folding=np.full(len(joints), folding),
-        crowding=count_near(distances) - count_near(at_rest),
+        crowding=count_near(distances, settings.crowded_m) - count_near(at_rest, settings.crowded_m),
         protrusion=np.abs(ahead - ahead.mean()),
     )
 
@@ -86,9 +86,9 @@ def between(joints: Array) -> Array:
     return np.asarray(np.linalg.norm(joints[:, None] - joints, axis=-1))
 
 
-def count_near(distances: Array) -> Array:
+def count_near(distances: Array, near_m: float) -> Array:
     """Number of joints near each joint (J,), from their distances (J, J)."""
-    return np.asarray(np.exp(-0.5 * (distances / CROWDED_M) ** 2).sum(axis=1))
+    return np.asarray(np.exp(-0.5 * (distances / near_m) ** 2).sum(axis=1))
 
 
 @lru_cache(maxsize=16)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,22 +15,30 @@ from gepf.common.camera import Pinhole
 from gepf.common.compiling import numba
 from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions, pose_vertices
-
-REGION_M = 0.12  # standard deviation of the weights of the surface around a joint by distance
-AGREES_M = 0.08  # largest difference between the surface and the depth measured there
-ASIDE_M = 0.03  # radius across the line of sight in which measured depth is searched
+from gepf.coordinator.settings import CertaintySettings
 
 
-def seen_shares(model: BodyModel, pose: Array, subject: SubjectFrame, stretch: float) -> Array:
+class Tolerance(NamedTuple):
+    """When measured depth agrees with a surface."""
+
+    agrees_m: float  # largest difference of depth, after multiplication by `stretch`
+    stretch: float
+    aside_m: float  # radius across the line of sight
+
+
+def seen_shares(
+    model: BodyModel, pose: Array, subject: SubjectFrame, stretch: float, settings: CertaintySettings
+) -> Array:
     """Visible share (C, J) of the surface around each joint of pose (D,) that faces each camera.
 
     A triangle is visible if the subject's depth was measured at its position. `stretch`, the ratio of lateral
     to depth noise, scales differences of depth.
     """
-    vertices, regions = pose_vertices(model, pose[None])[0], regions_of(model)
+    vertices, regions = pose_vertices(model, pose[None])[0], regions_of(model, settings.region_m)
+    tolerance = Tolerance(settings.agrees_m, stretch, settings.aside_m)
     areas = np.zeros((len(subject.views), 2, regions.shape[1]))
-    for each, seen in zip(subject.views, areas, strict=True):
-        frame = each.frame
+    for view, seen in zip(subject.views, areas, strict=True):
+        frame = view.frame
         add_areas(
             np.ascontiguousarray(frame.to_camera(vertices)),
             model.triangles,
@@ -37,7 +46,7 @@ def seen_shares(model: BodyModel, pose: Array, subject: SubjectFrame, stretch: f
             np.array(frame.depth, order="C"),  # a kernel is compiled for one memory layout
             frame.depth_scale,
             frame.intrinsics.pinhole,
-            stretch,
+            tolerance,
             seen,
         )
     return np.asarray(areas[:, 1] / np.maximum(areas[:, 0], np.finfo(float).tiny))
@@ -51,7 +60,7 @@ def add_areas(
     depth: NDArray[np.uint16],
     scale: float,
     lens: Pinhole,
-    stretch: float,
+    tolerance: Tolerance,
     areas: Array,
 ) -> None:
     """Add the area that faces the camera and its visible part to areas (2, J), with weights (T, J)."""
@@ -69,7 +78,7 @@ def add_areas(
         if towards <= 0.0:
             continue
         towards /= np.sqrt(x * x + y * y + z * z)
-        shown = 1.0 if is_shown(x, y, z, depth, scale, lens, stretch) else 0.0
+        shown = 1.0 if is_shown(x, y, z, depth, scale, lens, tolerance) else 0.0
         for joint in range(regions.shape[1]):
             areas[0, joint] += regions[t, joint] * towards
             areas[1, joint] += regions[t, joint] * towards * shown
@@ -77,26 +86,30 @@ def add_areas(
 
 @numba.njit(cache=True, nogil=True)
 def is_shown(
-    x: float, y: float, z: float, depth: NDArray[np.uint16], scale: float, lens: Pinhole, stretch: float
+    x: float, y: float, z: float, depth: NDArray[np.uint16], scale: float, lens: Pinhole, tolerance: Tolerance
 ) -> bool:
     """Whether the subject's depth (H, W) was measured at a point or next to it."""
+    aside_m = tolerance.aside_m
     fx, fy, cx, cy = lens
-    for aside in (-ASIDE_M, 0.0, ASIDE_M):
+    for aside in (-aside_m, 0.0, aside_m):
         row = int(np.floor(cy + fy * (y + aside) / z + 0.5))
         if row < 0 or row >= depth.shape[0]:
             continue
-        for along in (-ASIDE_M, 0.0, ASIDE_M):
+        for along in (-aside_m, 0.0, aside_m):
             column = int(np.floor(cx + fx * (x + along) / z + 0.5))
             if column < 0 or column >= depth.shape[1] or depth[row, column] == 0:
                 continue
-            if abs(depth[row, column] / scale - z) * stretch <= AGREES_M:
+            if abs(depth[row, column] / scale - z) * tolerance.stretch <= tolerance.agrees_m:
                 return True
     return False
 
 
 @lru_cache(maxsize=16)
-def regions_of(model: BodyModel) -> Array:
-    """The weight of each triangle for each joint (T, J): it is near the joint and on a link at the joint."""
+def regions_of(model: BodyModel, region_m: float) -> Array:
+    """The weight of each triangle for each joint (T, J): it is near the joint and on a link at the joint.
+
+    `region_m` is the standard deviation of the weight by distance, metres.
+    """
     joints = joint_positions(model, np.zeros((1, len(model.kinds))))[0]
     middles, links = model.vertices[model.triangles].mean(axis=1), model.skin_links[model.triangles[:, 0], 0]
     carried = np.unique(links)
@@ -111,5 +124,5 @@ def regions_of(model: BodyModel) -> Array:
         meet = (links == link) | (links == above[link]) | (above[links] == link)
         near = np.flatnonzero(meet | ~meet.any())
         squares = np.sum((middles[near] - joints[j]) ** 2, axis=1)
-        weights[near, j] = np.exp(-0.5 * (squares - squares.min()) / REGION_M**2)
+        weights[near, j] = np.exp(-0.5 * (squares - squares.min()) / region_m**2)
     return weights
