@@ -143,7 +143,7 @@ class SearchSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class FeatureWeights(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Log odds that a joint is wrong, for each unit of a feature, see `certainty/features.py`."""
+    """Log odds that a joint is wrong, for each unit of a feature, see `coordinator/tracking/certainty.py`."""
 
     seen: float = -4.674  #: visible share of the surface around it
     residual: float = 5.210  #: normalised residual of the body

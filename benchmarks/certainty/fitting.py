@@ -12,8 +12,7 @@ from scipy.special import expit
 from benchmarks.certainty.gather import Gathered
 from gepf.common.arrays import Array, Mask
 from gepf.coordinator.settings import CertaintyFit, CertaintySettings, FeatureWeights
-from gepf.coordinator.tracking.certainty.certainty import log_odds
-from gepf.coordinator.tracking.certainty.features import Features
+from gepf.coordinator.tracking.certainty import Features, log_odds
 
 RIDGE = 100.0  # joints without information, for each weight of a feature of unit deviation
 ONE_DEVIATION = 0.683  # share of the joints that should lie within it

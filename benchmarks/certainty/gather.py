@@ -20,8 +20,7 @@ from gepf.coordinator.results.evaluation import positions
 from gepf.coordinator.settings import Settings
 from gepf.coordinator.stopwatch import Stopwatch
 from gepf.coordinator.synthesis.sequence import PERSON, synthesise
-from gepf.coordinator.tracking.certainty.features import Features, measure_features
-from gepf.coordinator.tracking.certainty.surface import seen_shares
+from gepf.coordinator.tracking.certainty import Features, measure_features, seen_shares
 from gepf.coordinator.tracking.estimate import POSE_UNKNOWN
 from gepf.coordinator.tracking.reporting import Updated, report
 from gepf.coordinator.tracking.segmenter import BodyView, Segmenter

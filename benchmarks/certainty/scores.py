@@ -12,7 +12,7 @@ from benchmarks.certainty.fitting import joints_of
 from benchmarks.certainty.gather import Gathered
 from gepf.common.arrays import Array, Mask
 from gepf.coordinator.settings import CertaintyFit, CertaintySettings
-from gepf.coordinator.tracking.certainty.certainty import judge
+from gepf.coordinator.tracking.certainty import judge
 
 FALSE_ALARMS = (0.01, 0.02, 0.05, 0.1, 0.2)
 SHOWN = 0.5  # share of its surface; a joint with more is visible

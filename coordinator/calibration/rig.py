@@ -23,14 +23,14 @@ from gepf.common.kinematics import joint_positions
 from gepf.common.refinement import Particles
 from gepf.coordinator.bodies.family import Bodies
 from gepf.coordinator.bodies.human.shape_space import Size
-from gepf.coordinator.filters.pose_prior import pose_prior
+from gepf.coordinator.filters.priors import pose_prior
+from gepf.coordinator.scene.noise import assume_noise
 from gepf.coordinator.settings import Settings
 from gepf.coordinator.sources.source import Source
 from gepf.coordinator.tracking.candidate_refinement import ITERATIONS
 from gepf.coordinator.tracking.estimate import POSE_UNKNOWN
 from gepf.coordinator.tracking.refiner import Refiner, iterations
 from gepf.coordinator.tracking.reporting import TrackedPerson
-from gepf.coordinator.tracking.sensor_noise import assume_noise
 from gepf.coordinator.tracking.tracker import Tracker
 
 MISFIT_M = 0.09  # largest mean residual of joints of the same person

@@ -28,10 +28,10 @@ from gepf.coordinator.filters.methods import settings_for
 from gepf.coordinator.pool.options import Pool
 from gepf.coordinator.results.evaluation import NEAR_M, measure_errors, overall, read_truth
 from gepf.coordinator.results.track import read_track
+from gepf.coordinator.scene.noise import SensorNoise
 from gepf.coordinator.settings import Settings
 from gepf.coordinator.synthesis.scenes import ARM_DOFS
 from gepf.coordinator.synthesis.sequence import PERSON, synthesise
-from gepf.coordinator.tracking.sensor_noise import SensorNoise
 
 ARM = "arm"
 LANES = Pool(2)

@@ -4,7 +4,7 @@ Decisions that the paper leaves open:
 - A hypothesis has the likelihood of its most likely particle as weight.
 - A hypothesis has the velocity that led from its ancestor to it.
 - A group of one particle keeps the covariance of its ancestor.
-- Occluded limbs follow the motion model (preset `default`, see `motion.fuse_with_prediction`).
+- Occluded limbs follow the motion model (preset `default`, see `priors.fuse_with_prediction`).
 - The reported pose is the most likely hypothesis, given the frame and the motion since the last one.
 """
 
@@ -21,7 +21,7 @@ from gepf.common.kinematics import difference, retract
 from gepf.common.refinement import Refined, lower_triangular
 from gepf.coordinator.filters.belief import Belief, Observation, Proposal, choose_reported, draw_ancestors
 from gepf.coordinator.filters.exploration import choose_count, choose_kinds, explain, propose_limbs
-from gepf.coordinator.filters.motion import draw_noise, fuse_with_prediction
+from gepf.coordinator.filters.priors import draw_noise, fuse_with_prediction
 from gepf.coordinator.settings import FilterSettings
 
 

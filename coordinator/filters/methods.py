@@ -15,14 +15,13 @@ import numpy as np
 
 from gepf.common.arrays import Array
 from gepf.common.body import BodyModel
-from gepf.common.bounds import MAX_ITERATIONS
 from gepf.common.errors import InputError, check_choice
 from gepf.common.refinement import Refined
-from gepf.common.settings import Descent, RefineSettings, Sensor
+from gepf.common.settings import Descent, Sensor
 from gepf.coordinator.filters import baselines, gradient_enhanced
 from gepf.coordinator.filters.baselines import Annealed, Condensation
-from gepf.coordinator.filters.belief import USUAL_INTERVAL, Belief, Observation, Proposal
-from gepf.coordinator.filters.pose_prior import population_precision
+from gepf.coordinator.filters.belief import Belief, Observation, Proposal
+from gepf.coordinator.filters.priors import population_precision
 from gepf.coordinator.settings import FilterSettings, Settings, check_settings, preset
 
 Begin = Callable[[BodyModel, Array, FilterSettings], Belief]
@@ -129,16 +128,3 @@ def initial_belief(model: BodyModel, pose: Array, settings: Settings) -> Belief:
     """The belief at an initial pose (D,), of a body with the shape of the population."""
     belief = METHODS[settings.method].begin(model, pose, settings.filter)
     return replace(belief, shape_precision=population_precision(model))
-
-
-def pace_iterations(refine: RefineSettings, interval: float, settings: Settings) -> RefineSettings:
-    """Scale the iterations of ICP with the interval in seconds.
-
-    The factor is 1 + pace (interval / usual interval - 1), at most max_pace^pace: 5 at 0.1 s and pace 2. The
-    result is at most MAX_ITERATIONS, unless the settings have more.
-    """
-    pace = settings.pace_iterations
-    factor = 1.0 + pace * max(interval / USUAL_INTERVAL - 1.0, 0.0)
-    usual = refine.icp_iterations
-    paced = min(round(usual * min(factor, settings.max_pace**pace)), MAX_ITERATIONS)
-    return msgspec.structs.replace(refine, icp_iterations=max(usual, paced))

@@ -23,7 +23,7 @@ from gepf.coordinator.bodies.family import Bodies, BodyFamily, BodySize
 from gepf.coordinator.bodies.tracked import coarsen
 from gepf.coordinator.colour.finder import keypoint_cost
 from gepf.coordinator.filters.exploration import layout_of
-from gepf.coordinator.filters.pose_prior import pose_prior
+from gepf.coordinator.filters.priors import pose_prior
 from gepf.coordinator.settings import SearchSettings, Settings
 from gepf.coordinator.tracking.field_of_view import TOP, cut_sides, in_view, out_of_reach
 from gepf.coordinator.tracking.gating import Gate, gate_pose

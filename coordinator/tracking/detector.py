@@ -26,7 +26,8 @@ from gepf.coordinator.bodies.family import Bodies, FittedBody
 from gepf.coordinator.bodies.tracked import pose_by_name
 from gepf.coordinator.colour.finder import keypoint_cost
 from gepf.coordinator.filters.exploration import layout_of
-from gepf.coordinator.filters.pose_prior import pose_prior
+from gepf.coordinator.filters.priors import pose_prior
+from gepf.coordinator.scene.noise import SensorNoise, assume_noise
 from gepf.coordinator.scene.planes import Planes
 from gepf.coordinator.settings import Settings, preset
 from gepf.coordinator.tracking.candidate_refinement import (
@@ -43,7 +44,6 @@ from gepf.coordinator.tracking.observation import camera_points, middle_of, obse
 from gepf.coordinator.tracking.pose_candidates import Candidates, Detection, candidates_of, ordered
 from gepf.coordinator.tracking.pose_library import PoseLibrary, displaced, library_of, upright_rolls
 from gepf.coordinator.tracking.refiner import Refiner, iterations
-from gepf.coordinator.tracking.sensor_noise import SensorNoise, assume_noise
 from gepf.coordinator.tracking.state import Start, start_at
 
 

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gepf.common.arrays import Array
-from gepf.coordinator.tracking.certainty.certainty import Certainty
 
 Status = Literal["tracked", "ambiguous", "lost", "searching", "absent"]
 
@@ -35,6 +34,15 @@ def single_reasons(why: str) -> list[str]:
     """The reason, or one for each of the joints that it lists."""
     listed = _JOINTS_OFF.match(why)
     return [listed[0] + joint for joint in why[listed.end() :].split(", ")] if listed else [why]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Certainty:
+    """The certainty of each joint (J,) in a frame; NaN if the pose is unknown."""
+
+    seen: Array  # visible share of the surface around the joint that faces the camera that sees it best
+    off_probability: Array  # probability that it is wrong: an error above 15 cm, or as the settings say
+    deviation: Array  # expected distance from the true joint, one standard deviation, metres
 
 
 @dataclass(frozen=True, slots=True, eq=False)

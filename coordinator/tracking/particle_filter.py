@@ -10,17 +10,18 @@ import numpy as np
 
 from gepf.common.arrays import Array
 from gepf.common.body import BodyModel
+from gepf.common.bounds import MAX_ITERATIONS
 from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import difference, joint_positions, natural_angles
 from gepf.common.refinement import Particles
 from gepf.common.settings import RefineSettings
-from gepf.coordinator.filters.belief import Belief, Proposal
-from gepf.coordinator.filters.methods import METHODS, initial_belief, pace_iterations
-from gepf.coordinator.filters.pose_prior import frame_share, pose_prior, updated_precision
+from gepf.coordinator.filters.belief import USUAL_INTERVAL, Belief, Proposal
+from gepf.coordinator.filters.methods import METHODS, initial_belief
+from gepf.coordinator.filters.priors import frame_share, pose_prior, updated_precision
 from gepf.coordinator.settings import Settings
 from gepf.coordinator.sources.joint_states import JointStates
 from gepf.coordinator.stopwatch import Stopwatch
-from gepf.coordinator.tracking.certainty.features import FrameContext
+from gepf.coordinator.tracking.certainty import FrameContext
 from gepf.coordinator.tracking.field_of_view import in_view, out_of_reach
 from gepf.coordinator.tracking.observation import filter_observation
 from gepf.coordinator.tracking.pose_candidates import Candidates, Detection
@@ -144,6 +145,19 @@ class ParticleFilter:
             with clock.stage("refine"):
                 proposal = after
                 pending = self.send(model, submitted.context.subject, proposal, submitted.settings)
+
+
+def pace_iterations(refine: RefineSettings, interval: float, settings: Settings) -> RefineSettings:
+    """Scale the iterations of ICP with the interval in seconds.
+
+    The factor is 1 + pace (interval / usual interval - 1), at most max_pace^pace: 5 at 0.1 s and pace 2. The
+    result is at most MAX_ITERATIONS, unless the settings have more.
+    """
+    pace = settings.pace_iterations
+    factor = 1.0 + pace * max(interval / USUAL_INTERVAL - 1.0, 0.0)
+    usual = refine.icp_iterations
+    paced = min(round(usual * min(factor, settings.max_pace**pace)), MAX_ITERATIONS)
+    return msgspec.structs.replace(refine, icp_iterations=max(usual, paced))
 
 
 def encoder_step(

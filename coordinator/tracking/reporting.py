@@ -13,19 +13,20 @@ from gepf.common.frame import DepthFrame, SubjectFrame
 from gepf.common.kinematics import joint_positions, retract
 from gepf.coordinator.colour.finder import in_image
 from gepf.coordinator.filters.belief import Belief
-from gepf.coordinator.filters.motion import weak_precisions
+from gepf.coordinator.filters.priors import weak_precisions
 from gepf.coordinator.settings import CertaintySettings, Settings
 from gepf.coordinator.stopwatch import Stopwatch
 from gepf.coordinator.tracking.cameras import CameraStates, faults_of
-from gepf.coordinator.tracking.certainty.certainty import Certainty, judge, unknown_certainty
-from gepf.coordinator.tracking.certainty.features import (
+from gepf.coordinator.tracking.certainty import (
     Features,
     FrameContext,
+    judge,
     measure_features,
     movable_joints,
+    seen_shares,
+    unknown_certainty,
 )
-from gepf.coordinator.tracking.certainty.surface import seen_shares
-from gepf.coordinator.tracking.estimate import POSE_UNKNOWN, Estimate, Status, list_joints
+from gepf.coordinator.tracking.estimate import POSE_UNKNOWN, Certainty, Estimate, Status, list_joints
 from gepf.coordinator.tracking.field_of_view import in_view
 from gepf.coordinator.tracking.state import FrameState, PersonState, Start
 from gepf.coordinator.tracking.track_state import (

@@ -21,10 +21,11 @@ from gepf.coordinator.bodies.family import Bodies
 from gepf.coordinator.colour.finder import ExpectedBody, keypoint_cost
 from gepf.coordinator.filters.belief import USUAL_INTERVAL, Belief
 from gepf.coordinator.filters.methods import apply_method
+from gepf.coordinator.scene.noise import NO_NOISE, SensorNoise, assume_noise, measure_noise
 from gepf.coordinator.settings import Settings
 from gepf.coordinator.stopwatch import Stopwatch
 from gepf.coordinator.tracking.cameras import CameraStates, camera_residuals, faults_of
-from gepf.coordinator.tracking.certainty.features import FrameContext
+from gepf.coordinator.tracking.certainty import FrameContext
 from gepf.coordinator.tracking.detector import Detector, move_root
 from gepf.coordinator.tracking.gating import gate_pose
 from gepf.coordinator.tracking.observation import POINTS, camera_points, middle_of
@@ -34,7 +35,6 @@ from gepf.coordinator.tracking.refiner import Refiner
 from gepf.coordinator.tracking.reporting import Updated
 from gepf.coordinator.tracking.search import BodySearch
 from gepf.coordinator.tracking.segmenter import BodyView
-from gepf.coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise, assume_noise, measure_noise
 from gepf.coordinator.tracking.state import Checkpoint, PersonState
 from gepf.coordinator.tracking.track_state import (
     Body,

@@ -9,8 +9,7 @@ from benchmarks.certainty.fitting import distances, fit
 from benchmarks.certainty.gather import Gathered
 from benchmarks.certainty.scores import score
 from gepf.coordinator.settings import CertaintySettings
-from gepf.coordinator.tracking.certainty.certainty import judge
-from gepf.coordinator.tracking.certainty.features import Features
+from gepf.coordinator.tracking.certainty import Features, judge
 
 FRAMES, JOINTS = 4_000, 6
 STEEPNESS = 1.5

@@ -24,7 +24,7 @@ from gepf.coordinator.filters.gradient_enhanced import (
     merge_by_angle,
     propose,
 )
-from gepf.coordinator.filters.motion import draw_noise
+from gepf.coordinator.filters.priors import draw_noise
 from gepf.coordinator.settings import ExplorationSettings, FilterSettings, preset
 from tests.support.bodies import hinges, puppet
 from tests.support.filtering import INTERVAL, NOTHING_SEEN, advance

@@ -4,12 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gepf.coordinator.filters.pose_prior import (
-    frame_share,
-    population_precision,
-    pose_prior,
-    updated_precision,
-)
+from gepf.coordinator.filters.priors import frame_share, population_precision, pose_prior, updated_precision
 from gepf.coordinator.settings import ShapeSettings, preset
 from tests.support.bodies import flexible_puppet, puppet
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from gepf.coordinator.results.tally import Tally
-from gepf.coordinator.tracking.certainty.certainty import unknown_certainty
+from gepf.coordinator.tracking.certainty import unknown_certainty
 from gepf.coordinator.tracking.reporting import explain_doubt
 from tests.support.recorded import estimate
 

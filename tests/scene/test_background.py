@@ -85,7 +85,7 @@ def test_changes_alone_lead_to_the_same_knowledge() -> None:
     for view in views[1:]:
         np.testing.assert_array_equal(view.background, views[0].background)
         np.testing.assert_array_equal(view.planes.coefficients, views[0].planes.coefficients)
-        assert view.growth == views[0].growth
+        assert view.noise == views[0].noise
     changes = [scene.learn(view) for scene, view in zip((first, second, third), views, strict=True)]
     for change in changes[1:]:
         for name in ("pixels", "depth", "nearer"):

@@ -11,10 +11,9 @@ from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions
 from gepf.common.refinement import Particles
 from gepf.common.settings import RefineSettings
-from gepf.coordinator.filters.pose_prior import pose_prior
+from gepf.coordinator.filters.priors import pose_prior
 from gepf.coordinator.settings import preset
-from gepf.coordinator.tracking.certainty.features import Features, FrameContext, measure_features
-from gepf.coordinator.tracking.certainty.surface import seen_shares
+from gepf.coordinator.tracking.certainty import Features, FrameContext, measure_features, seen_shares
 from gepf.coordinator.tracking.gating import gate_pose
 from gepf.refiners import DirectRefiner
 

@@ -25,8 +25,7 @@ from gepf.coordinator.bodies.tracked import name_pose
 from gepf.coordinator.settings import Settings, preset
 from gepf.coordinator.synthesis.rendering import DepthRenderer
 from gepf.coordinator.tracking.candidate_refinement import Search
-from gepf.coordinator.tracking.certainty.certainty import Certainty
-from gepf.coordinator.tracking.estimate import Estimate
+from gepf.coordinator.tracking.estimate import Certainty, Estimate
 from gepf.coordinator.tracking.observation import isolate
 from gepf.coordinator.tracking.pose_candidates import Detection
 from gepf.coordinator.tracking.state import PersonState, Start

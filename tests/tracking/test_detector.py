@@ -20,6 +20,7 @@ from gepf.coordinator.bodies.human.template import human
 from gepf.coordinator.bodies.mechanisms import MECHANISMS
 from gepf.coordinator.bodies.tracked import name_pose
 from gepf.coordinator.bodies.urdf import read_urdf
+from gepf.coordinator.scene.noise import NO_NOISE
 from gepf.coordinator.scene.planes import Planes
 from gepf.coordinator.settings import preset
 from gepf.coordinator.tracking.detector import Detector
@@ -27,7 +28,6 @@ from gepf.coordinator.tracking.gating import Gate
 from gepf.coordinator.tracking.pose_candidates import Candidates, Detection
 from gepf.coordinator.tracking.preparation import unmoved
 from gepf.coordinator.tracking.refiner import Pending
-from gepf.coordinator.tracking.sensor_noise import NO_NOISE
 from gepf.coordinator.tracking.state import start_at
 from gepf.refiners import DirectRefiner
 from tests.support.people import (

@@ -7,9 +7,9 @@ import pytest
 
 from gepf.common.camera import Intrinsics
 from gepf.common.frame import DepthFrame
-from gepf.coordinator.filters.methods import pace_iterations
 from gepf.coordinator.settings import preset
 from gepf.coordinator.tracking.observation import filter_observation
+from gepf.coordinator.tracking.particle_filter import pace_iterations
 from tests.support.people import subject_of
 
 CAMERA = Intrinsics(32, 24, 30.0, 30.0, 16.0, 12.0)

@@ -21,6 +21,7 @@ from gepf.coordinator.bodies.human.template import human
 from gepf.coordinator.bodies.tracked import name_pose
 from gepf.coordinator.filters.belief import Belief
 from gepf.coordinator.results.log import pack_array
+from gepf.coordinator.scene.noise import NO_NOISE
 from gepf.coordinator.scene.planes import Planes
 from gepf.coordinator.settings import CertaintySettings, Settings
 from gepf.coordinator.sources.live import LiveFrames
@@ -32,7 +33,6 @@ from gepf.coordinator.tracking.particle_filter import FrameBudget, Submitted
 from gepf.coordinator.tracking.refiner import Pending
 from gepf.coordinator.tracking.reporting import has_rival, report
 from gepf.coordinator.tracking.segmenter import BodyView
-from gepf.coordinator.tracking.sensor_noise import NO_NOISE
 from gepf.coordinator.tracking.state import PersonState, first_state
 from gepf.coordinator.tracking.target import TargetTracker
 from gepf.coordinator.tracking.track_state import Body

@@ -14,9 +14,8 @@ from gepf.common.frame import HIDDEN, SUBJECT, SubjectFrame
 from gepf.common.kinematics import pose_vertices
 from gepf.coordinator.bodies.tracked import name_pose
 from gepf.coordinator.settings import CertaintySettings
-from gepf.coordinator.tracking.certainty.certainty import Certainty, judge
-from gepf.coordinator.tracking.certainty.features import Features
-from gepf.coordinator.tracking.certainty.surface import regions_of
+from gepf.coordinator.tracking.certainty import Features, judge, regions_of
+from gepf.coordinator.tracking.estimate import Certainty
 from gepf.coordinator.tracking.reporting import explain_doubt, least_probability
 from tests.support.bodies import person
 from tests.support.features import features_in

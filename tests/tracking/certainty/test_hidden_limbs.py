@@ -13,11 +13,12 @@ from gepf.common.arrays import Array
 from gepf.common.body import BodyModel
 from gepf.common.frame import SubjectFrame
 from gepf.coordinator.bodies.tracked import name_pose
+from gepf.coordinator.scene.noise import SensorNoise, assume_noise
 from gepf.coordinator.settings import CertaintySettings, preset
 from gepf.coordinator.synthesis.noise import add_noise
 from gepf.coordinator.synthesis.scenes import ARM_DOFS, arm
-from gepf.coordinator.tracking.certainty.certainty import Certainty, judge
-from gepf.coordinator.tracking.sensor_noise import SensorNoise, assume_noise
+from gepf.coordinator.tracking.certainty import judge
+from gepf.coordinator.tracking.estimate import Certainty
 from tests.support.bodies import person
 from tests.support.features import features_in
 from tests.support.people import (

@@ -16,10 +16,10 @@ from gepf.common.frame import DepthFrame
 from gepf.coordinator.bodies.human.template import human
 from gepf.coordinator.commands.job import choose_settings
 from gepf.coordinator.commands.options import TrackOptions
+from gepf.coordinator.scene.noise import NO_NOISE, SensorNoise, assume_noise, measure_noise
 from gepf.coordinator.settings import NoiseSettings, preset
 from gepf.coordinator.synthesis.noise import add_noise
 from gepf.coordinator.synthesis.scenes import arm
-from gepf.coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise, assume_noise, measure_noise
 from tests.support.people import rendered
 
 CAMERA = Intrinsics(256, 256, 395.0, 395.0, 127.5, 127.5)
