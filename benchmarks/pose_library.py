@@ -31,7 +31,7 @@ from gepf.coordinator.bodies.human.typical_poses import POSES_FILE, UNIT_RAD
 from gepf.coordinator.bodies.random_poses import draw_orientations
 from gepf.coordinator.settings import SearchSettings
 from gepf.coordinator.synthesis.person_scene import ARM, BEND, BENT, LIFTED, TRUNK, Ranges, draw_arm, is_clear
-from gepf.coordinator.tracking.descriptor import BOUND_CELLS, Image, fill_differences
+from gepf.coordinator.tracking.descriptor import Image, fill_differences
 from gepf.coordinator.tracking.pose_library import describe_poses
 
 RECORDED = {
@@ -281,8 +281,9 @@ def draw(
 
 def differences(model: BodyModel, poses: Array) -> NDArray[np.float32]:
     """Differences (N, N) of the descriptors of poses (N, D), as the library compares them."""
-    library = describe_poses(model, poses, People.cell_m, SearchSettings())
-    images, bound = np.ascontiguousarray(library.cells.T), BOUND_CELLS * People.cell_m
+    settings = SearchSettings()
+    library = describe_poses(model, poses, People.cell_m, settings)
+    images, bound = np.ascontiguousarray(library.cells.T), settings.max_cell_difference * People.cell_m
     apart = np.empty((len(poses), len(poses)), dtype=np.float32)
     for n, image in enumerate(images):
         fill_differences(library.cells, library.occupied, image, bound, apart[n])

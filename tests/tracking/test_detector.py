@@ -149,7 +149,7 @@ def test_a_known_person_is_detected_elsewhere_in_slices_between_other_work() -> 
         refiner.publish(now)
     whole, found = map(complete, searches)
     np.testing.assert_array_equal(found.candidates.poses, whole.candidates.poses)
-    assert found.is_elsewhere(joint_positions(start.model, start.pose[None])[0])
+    assert found.is_elsewhere(joint_positions(start.model, start.pose[None])[0], 0.15)
     later = detector.transfer(found, now, SETTINGS.refine)
     for each, joints in zip((found, later), truth, strict=True):
         assert each.gate.passes
@@ -200,7 +200,7 @@ def test_front_and_back_are_ambiguous_where_the_frame_does_not_tell_them_apart(
     found = candidates([-5.0, -5.0 - behind], FRONT, BACK)
     subject = subject_of(show(MODEL, found.poses[:1]).frames[0], 300)
     detection = Detection(subject, start_at(STANDING, known()), found, Gate(0.5))
-    assert detection.looks_alike(found.joints[0], -5.0) is ambiguous
+    assert detection.looks_alike(found.joints[0], -5.0, 2.0) is ambiguous
 
 
 @pytest.mark.parametrize("turn", [FRONT, BACK])
@@ -267,7 +267,7 @@ def test_a_search_in_which_no_candidate_is_visible_finds_nobody() -> None:
     for found in (first, later, detector.transfer(later, replace(subject), SETTINGS.refine)):
         assert not found.gate.passes
         assert found.gate.why == "the body does not fit the observed points"
-        assert not found.looks_alike(found.candidates.joints[0], 0.0)
+        assert not found.looks_alike(found.candidates.joints[0], 0.0, 2.0)
 
 
 def test_a_person_in_whom_no_candidate_is_visible_is_searched_for() -> None:
