@@ -23,7 +23,7 @@ from benchmarks.recordings import choose, find_people
 from benchmarks.running import add_data, add_processes, command_line, keep, measured
 from benchmarks.tracking import Outcome, near_percent
 from gepf.common.errors import InputError
-from gepf.common.settings import PRESETS
+from gepf.coordinator.settings import PRESETS
 
 UNCHANGED = Row("preset default")
 RECORDINGS = ("hard", "a3", "a22")

@@ -31,9 +31,8 @@ from benchmarks.running import (
 from benchmarks.tracking import bodies_of, follow, prepare
 from gepf.common.arrays import Array
 from gepf.common.errors import InputError
-from gepf.common.settings import Settings
 from gepf.coordinator.results.evaluation import NEAR_M, positions
-from gepf.coordinator.tracking.certainty.certainty import OFF
+from gepf.coordinator.settings import CertaintySettings, Settings
 from gepf.coordinator.tracking.tracker import Tracker
 from gepf.refiners import DirectRefiner
 
@@ -53,8 +52,8 @@ class Tracked:
 
     @property
     def wrong(self) -> Array:
-        """Which frames have a joint more than 15 cm off (OFF)."""
-        off: Array = self.distances.max(axis=1) > OFF
+        """Which frames have a joint more than 15 cm off (`wrong_m`)."""
+        off: Array = self.distances.max(axis=1) > CertaintySettings().wrong_m
         return off
 
 

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from benchmarks.running import command_line, keep, measured
 from benchmarks.tracking import bodies_of, follow, prepare
-from gepf.common.settings import preset
+from gepf.coordinator.settings import preset
 from gepf.coordinator.sources import open_source
 from gepf.coordinator.sources.source import rate_of
 from gepf.coordinator.tracking.tracker import Tracker

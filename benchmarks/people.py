@@ -38,8 +38,8 @@ from benchmarks.running import (
 from benchmarks.tracking import Outcome, near_percent, prepare, track
 from gepf.common.arrays import Array
 from gepf.common.errors import InputError
-from gepf.common.settings import Settings
 from gepf.coordinator.pictures.plots import styled
+from gepf.coordinator.settings import Settings
 
 COLOURS = ("#1b1f27", "#2f9e44", "#3b82c4", "#e8590c")  # from the highest frame rate to the lowest
 

@@ -29,9 +29,10 @@ from gepf.coordinator.bodies.human.people import People
 from gepf.coordinator.bodies.human.shape_space import REFERENCE_STATURE, Size
 from gepf.coordinator.bodies.human.typical_poses import POSES_FILE, UNIT_RAD
 from gepf.coordinator.bodies.random_poses import draw_orientations
+from gepf.coordinator.settings import SearchSettings
 from gepf.coordinator.synthesis.person_scene import ARM, BEND, BENT, LIFTED, TRUNK, Ranges, draw_arm, is_clear
-from gepf.coordinator.tracking.descriptor import BOUND_CELLS, Image, fill_differences
-from gepf.coordinator.tracking.pose_library import POSES, describe_poses
+from gepf.coordinator.tracking.descriptor import Image, fill_differences
+from gepf.coordinator.tracking.pose_library import describe_poses
 
 RECORDED = {
     "neck": "lowerneck", "head": "head",
@@ -280,8 +281,9 @@ def draw(
 
 def differences(model: BodyModel, poses: Array) -> NDArray[np.float32]:
     """Differences (N, N) of the descriptors of poses (N, D), as the library compares them."""
-    library = describe_poses(model, poses, People.cell_m)
-    images, bound = np.ascontiguousarray(library.cells.T), BOUND_CELLS * People.cell_m
+    settings = SearchSettings()
+    library = describe_poses(model, poses, People.cell_m, settings)
+    images, bound = np.ascontiguousarray(library.cells.T), settings.max_cell_difference * People.cell_m
     apart = np.empty((len(poses), len(poses)), dtype=np.float32)
     for n, image in enumerate(images):
         fill_differences(library.cells, library.occupied, image, bound, apart[n])
@@ -319,7 +321,7 @@ def build(clips: Mapping[str, Array], names: list[str]) -> dict[str, Array]:
     model = bodies.for_start(*Size(REFERENCE_STATURE, 1.0))
     poses, error = fit(model, resized(model, recorded_joints(clips, names)))
     pool = combine(model, straightened(model, poses[error < MISFIT_M]), POOL, rng)
-    chosen = pool[choose_medoids(differences(model, pool), POSES)]
+    chosen = pool[choose_medoids(differences(model, pool), SearchSettings().library_poses)]
     moving = [n for n, name in enumerate(model.dof_names) if name not in ROOT_DOFS[:3]]
     units = np.rint(chosen[:, moving] / UNIT_RAD).astype(np.int16)
     return {"dof_names": np.array(model.dof_names)[moving], "poses": units}

@@ -32,8 +32,8 @@ from benchmarks.running import (
 )
 from benchmarks.tracking import Outcome, near_percent, prepare, track
 from gepf.common.errors import InputError
-from gepf.common.settings import preset
 from gepf.coordinator.files import CAMERA_FILE
+from gepf.coordinator.settings import preset
 from gepf.coordinator.sources.camera import read_camera, write_camera
 from gepf.coordinator.sources.utd_mhad import FPS
 from gepf.coordinator.tracking.estimate import POSE_UNKNOWN

@@ -19,10 +19,10 @@ import msgspec
 from rich.console import Console
 
 from gepf.common.errors import InputError
-from gepf.common.settings import Settings
 from gepf.coordinator.files import write_atomically
 from gepf.coordinator.filters.methods import settings_for
 from gepf.coordinator.results.configuration import versions
+from gepf.coordinator.settings import Settings
 
 ROOT = Path(__file__).parent.parent
 DATA = ROOT.parent / "shared" / "data"

@@ -22,9 +22,9 @@ from benchmarks.tracking import follow, prepare
 from gepf.common.arrays import Array
 from gepf.common.camera import Intrinsics
 from gepf.common.frame import DepthFrame
-from gepf.common.settings import preset
 from gepf.coordinator.bodies.family import Bodies
 from gepf.coordinator.results.evaluation import positions
+from gepf.coordinator.settings import preset
 from gepf.coordinator.tracking.estimate import Estimate
 from gepf.coordinator.tracking.tracker import Tracker
 from gepf.refiners import DirectRefiner

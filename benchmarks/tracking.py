@@ -12,11 +12,11 @@ import numpy as np
 from benchmarks.recordings import UPPER_JOINTS, Recording, cut_frames, read_frames, read_reference
 from gepf.common.arrays import Array, Mask
 from gepf.common.frame import DepthFrame
-from gepf.common.settings import Settings
 from gepf.coordinator.bodies.choice import choose_bodies
 from gepf.coordinator.bodies.family import Bodies
 from gepf.coordinator.results.evaluation import NEAR_M, positions
 from gepf.coordinator.results.tally import count_status
+from gepf.coordinator.settings import Settings
 from gepf.coordinator.sources.source import rate_of
 from gepf.coordinator.tracking.reporting import TrackedPerson
 from gepf.coordinator.tracking.tracker import Tracker

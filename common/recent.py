@@ -16,6 +16,6 @@ def put_recent(values: dict[K, V], key: K, value: V, size: int, needed: Collecti
     """Put a value last, and keep the last `size` ones besides those that are needed; returns the value."""
     values.pop(key, None)
     values[key] = value
-    for old in [each for each in values if each not in needed][:-size]:
+    for old in [key for key in values if key not in needed][:-size]:
         del values[old]
     return value

@@ -16,7 +16,6 @@ from gepf.coordinator.pictures.overlay import OTHERS_COLOUR, SKELETON_COLOUR, bo
 from gepf.coordinator.pictures.plots import STATUS
 from gepf.coordinator.pictures.shading import MODEL_COLOUR, Colour
 from gepf.coordinator.results.track import Track
-from gepf.coordinator.tracking.certainty.certainty import FLAGGED
 
 NUMBER, SINCE = "frame", "time"  # timelines: number of the frame, seconds since the start
 
@@ -108,7 +107,7 @@ class PersonLog:
         joints = track.joint_positions[f]
         skeleton = skeletons(track.joint_names, joints[None], np.ones(1), SKELETON_COLOUR)
         self._log("model", "skeleton", skeleton)
-        doubted = np.flatnonzero(track.joint_off_probability[f] > FLAGGED)
+        doubted = np.flatnonzero(track.flagged[f])
         names = [track.joint_names[j].replace("_", " ") for j in doubted]
         marks = rr.Points3D(joints[doubted], colors=DOUBT_COLOUR, radii=0.03, labels=names, show_labels=True)
         self._log("model", "doubtful", marks)

@@ -47,6 +47,7 @@ docs/filter
 docs/posterior
 docs/colour
 docs/states
+docs/settings
 docs/detection
 docs/scene
 docs/model

@@ -23,12 +23,12 @@ if TYPE_CHECKING:
     from gepf.common.errors import GepfError as GepfError
     from gepf.common.errors import InputError as InputError
     from gepf.common.frame import DepthFrame as DepthFrame
-    from gepf.common.settings import Settings as Settings
-    from gepf.common.settings import preset as preset
     from gepf.coordinator.bodies.human.measures import Measures as Measures
     from gepf.coordinator.filters.methods import settings_for as settings_for
     from gepf.coordinator.pool.options import Pool as Pool
     from gepf.coordinator.security.access import TlsFiles as TlsFiles
+    from gepf.coordinator.settings import Settings as Settings
+    from gepf.coordinator.settings import preset as preset
     from gepf.coordinator.sources import ArraySource as ArraySource
     from gepf.coordinator.sources import Source as Source
     from gepf.coordinator.sources import open_source as open_source
@@ -47,7 +47,7 @@ _PUBLIC = {
     "gepf.common.camera": ("Intrinsics",),
     "gepf.common.errors": ("GepfError", "InputError"),
     "gepf.common.frame": ("DepthFrame",),
-    "gepf.common.settings": ("Settings", "preset"),
+    "gepf.coordinator.settings": ("Settings", "preset"),
     "gepf.coordinator.bodies.human.measures": ("Measures",),
     "gepf.coordinator.filters.methods": ("settings_for",),
     "gepf.coordinator.pool.options": ("Pool",),

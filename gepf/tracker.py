@@ -21,7 +21,6 @@ from gepf.common.closing import Closing
 from gepf.common.cores import usable_cores
 from gepf.common.errors import InputError
 from gepf.common.frame import DepthFrame
-from gepf.common.settings import Settings, preset
 from gepf.coordinator.bodies.choice import choose_bodies, choose_model
 from gepf.coordinator.bodies.family import Bodies
 from gepf.coordinator.bodies.human.dofs import HUMAN
@@ -36,6 +35,7 @@ from gepf.coordinator.results.recorder import save_run
 from gepf.coordinator.results.summary import PERSON
 from gepf.coordinator.results.track import TrackedBody
 from gepf.coordinator.security.access import TlsFiles
+from gepf.coordinator.settings import Settings, preset
 from gepf.coordinator.sources import open_source
 from gepf.coordinator.sources.arrays import ArraySource, median_depth
 from gepf.coordinator.sources.camera import DEFAULT_FPS

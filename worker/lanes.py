@@ -25,13 +25,13 @@ class Lanes:
         batch, count = pack_batch(model, observation, particles), len(particles.poses)
         indices = iter(range(count))  # gives each to one lane
         lanes = 1 if particles.spare else min(self.count, count)
-        others = [self._threads.submit(refine_some, batch, indices) for _ in range(1, lanes)]
+        running = [self._threads.submit(refine_some, batch, indices) for _ in range(1, lanes)]
         try:
             refine_some(batch, indices)
-            for other in others:
-                other.result()
+            for lane in running:
+                lane.result()
         except BaseException:
-            list(indices)  # none is left for the others
-            wait(others)
+            list(indices)  # none is left for other lanes
+            wait(running)
             raise
         return refined(batch)

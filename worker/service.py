@@ -74,14 +74,14 @@ class Service:
         with ThreadPoolExecutor(lanes) as threads:
             spare = [threads.submit(self._serve_spare) for _ in range(lanes)]
             try:
-                while not (self._stopped or self.abandoned or any(each.done() for each in spare)):
+                while not (self._stopped or self.abandoned or any(thread.done() for thread in spare)):
                     self._memory.unsubscribe()
                     if not self._take_turn():
                         self.abandoned = self._is_link_dead()
             finally:
                 self.stop()  # the other threads, too
-            for each in spare:
-                each.result()  # raises its error
+            for thread in spare:
+                thread.result()  # raises its error
 
     def stop(self) -> None:
         """End `run` after the present request; callable from another thread or a signal handler."""

@@ -114,7 +114,7 @@ class Turns(Generic[W]):
 
     def is_alone(self, run: str) -> bool:
         """Whether no other run has had work lately."""
-        away = {each for each, total in self._seen.items() if total < self._total - AWAY_S}
+        away = {other for other, total in self._seen.items() if total < self._total - AWAY_S}
         for other in away - self._waiting.keys() - {run}:
             self._forget(other)
         return self._seen.keys() <= {run}

@@ -4,7 +4,7 @@ The hard actions of UTD-MHAD at 19, 9.5 and 6.3 frames a second, where depth agr
 table shows how many joints lie within one and two deviations, and how many of the joints off by more than
 15 cm are flagged, over the share of false alarms.
 
-With --fit, the functions are fitted first and printed as FIT of coordinator/tracking/certainty/certainty.py.
+With --fit, the functions are fitted first and printed as CertaintyFit of coordinator/settings.py.
 The data are subjects 1 and 2 (also tracked with --method gradient, and in images that end at the knees),
 rendered people tracked with --method gradient, skinned people, alone and in rooms, and every second clothed
 person. To measure how often
@@ -50,7 +50,7 @@ from benchmarks.running import (
 from benchmarks.tracking import prepare
 from gepf.common.errors import InputError
 from gepf.coordinator.bodies.family import Bodies
-from gepf.coordinator.tracking.certainty.certainty import FIT
+from gepf.coordinator.settings import CertaintyFit
 
 EVERY = [1, 2, 3]  # n-th frame
 FIT_SUBJECTS = (1, 2)
@@ -90,7 +90,7 @@ def measure(choice: Namespace) -> int:
         raise InputError("give either --fit or --demo; a fit is scored on recorded people")
     console = progress()
     console.print("loading kernels and bodies")
-    bodies, crashes, scores, found = prepare(), list[str](), list[Score](), FIT
+    bodies, crashes, scores, found = prepare(), list[str](), list[Score](), CertaintyFit()
     with TemporaryDirectory() as folder:
         if choice.fit:
             gathered = gather_to_fit(choice, Path(folder), bodies, crashes)

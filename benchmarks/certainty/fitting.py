@@ -11,8 +11,8 @@ from scipy.special import expit
 
 from benchmarks.certainty.gather import Gathered
 from gepf.common.arrays import Array, Mask
-from gepf.coordinator.tracking.certainty.certainty import OFF, Fit
-from gepf.coordinator.tracking.certainty.features import Features
+from gepf.coordinator.settings import CertaintyFit, CertaintySettings, FeatureWeights
+from gepf.coordinator.tracking.certainty import Features, log_odds
 
 RIDGE = 100.0  # joints without information, for each weight of a feature of unit deviation
 ONE_DEVIATION = 0.683  # share of the joints that should lie within it
@@ -38,7 +38,7 @@ def joints_of(gathered: Sequence[Gathered]) -> tuple[Features, Array, NDArray[np
     return features, off, np.repeat([g.kind for g in gathered], [np.count_nonzero(g.holds) for g in gathered])
 
 
-def fit(gathered: Sequence[Gathered], people: Sequence[str]) -> Fit:
+def fit(gathered: Sequence[Gathered], people: Sequence[str]) -> CertaintyFit:
     """Fit to all joints: half of the weight is on `people`, the other kinds share the rest equally.
 
     For the deviation, the other kinds have a quarter of that weight: their hidden joints have smaller errors.
@@ -49,13 +49,13 @@ def fit(gathered: Sequence[Gathered], people: Sequence[str]) -> Fit:
     counts = np.ones(len(off))
     for kind in others:
         counts[kinds == kind] = of_people.sum() / (len(others) * np.sum(kinds == kind))
-    intercept, weights = fit_logistic(np.column_stack(features), off > OFF, counts)
-    named = dict(zip(Features._fields, weights.tolist(), strict=True))
-    log_odds = Fit(intercept, named, (0.0, 0.0, 0.0)).log_odds(features)
-    columns = np.column_stack([np.ones(len(off)), log_odds, 1.0 - features.seen])
+    intercept, weights = fit_logistic(np.column_stack(features), off > CertaintySettings().wrong_m, counts)
+    named = FeatureWeights(**dict(zip(Features._fields, weights.tolist(), strict=True)))
+    odds = log_odds(features, CertaintySettings(fit=CertaintyFit(intercept, named)))
+    columns = np.column_stack([np.ones(len(off)), odds, 1.0 - features.seen])
     counts = np.where(of_people, counts, counts / 4)
     a, b, c = fit_quantile(columns, np.log(off + np.finfo(float).tiny), counts)
-    return Fit(intercept, named, (a, b, c))
+    return CertaintyFit(intercept, named, a, b, c)
 
 
 def fit_logistic(features: Array, off: Mask, counts: Array) -> tuple[float, Array]:

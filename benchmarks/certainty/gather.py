@@ -15,14 +15,13 @@ from gepf.common.camera import Intrinsics
 from gepf.common.errors import InputError
 from gepf.common.frame import DepthFrame
 from gepf.common.kinematics import joint_positions
-from gepf.common.settings import Settings
 from gepf.coordinator.bodies.family import Bodies
 from gepf.coordinator.files import TRUTH_FILE
 from gepf.coordinator.results.evaluation import positions
+from gepf.coordinator.settings import Settings
 from gepf.coordinator.stopwatch import Stopwatch
 from gepf.coordinator.synthesis.sequence import PERSON, synthesise
-from gepf.coordinator.tracking.certainty.features import Features, measure_features
-from gepf.coordinator.tracking.certainty.surface import seen_shares
+from gepf.coordinator.tracking.certainty import Features, measure_features, seen_shares
 from gepf.coordinator.tracking.estimate import POSE_UNKNOWN
 from gepf.coordinator.tracking.reporting import Updated, report
 from gepf.coordinator.tracking.segmenter import BodyView, Segmenter
@@ -86,7 +85,8 @@ def gather(
         row = row_between(reference.joints, reference.names, cut, frames[0].intrinsics)
         frames = [cut_below(frame, row) for frame in frames]
     state = first_state(bodies, None, settings)
-    segmenter, tracker = Segmenter(settings.points), TargetTracker(DirectRefiner(), settings, bodies, state)
+    segmenter = Segmenter(settings.points, settings.scene)
+    tracker = TargetTracker(DirectRefiner(), settings, bodies, state)
     rows: list[tuple[Array, Array, Mask, str]] = []
     for frame in frames[::every]:
         tracker.begin_frame()
@@ -96,7 +96,7 @@ def gather(
         if isinstance(submitted, Updated):  # nothing was refined
             continue
         updated, track = tracker.update(submitted, {}), tracker.track
-        estimate, context = report(updated, {}).estimate, submitted.context
+        estimate, context = report(updated, {}, settings).estimate, submitted.context
         assert isinstance(track, Followed)
         found = np.flatnonzero(reference.frame == frame.number)
         if estimate.status in POSE_UNKNOWN or not len(found):
@@ -109,7 +109,8 @@ def gather(
             weights,
             context,
             track.residual,
-            seen_shares(tracker.model, belief.reported, context.subject, context.stretch),
+            seen_shares(tracker.model, belief.reported, context.subject, context.stretch, settings.certainty),
+            settings.certainty,
         )
         mine, row = positions(tracker.model.joint_names, reference.names), found[0]
         apart = estimate.joint_positions[mine] - reference.joints[row]

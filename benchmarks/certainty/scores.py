@@ -11,7 +11,8 @@ from rich.table import Table
 from benchmarks.certainty.fitting import joints_of
 from benchmarks.certainty.gather import Gathered
 from gepf.common.arrays import Array, Mask
-from gepf.coordinator.tracking.certainty.certainty import FLAGGED, OFF, SUSPECTED, Fit
+from gepf.coordinator.settings import CertaintyFit, CertaintySettings
+from gepf.coordinator.tracking.certainty import judge
 
 FALSE_ALARMS = (0.01, 0.02, 0.05, 0.1, 0.2)
 SHOWN = 0.5  # share of its surface; a joint with more is visible
@@ -42,21 +43,23 @@ class Score(msgspec.Struct, frozen=True):
     hidden: Calibration
 
 
-def score(name: str, gathered: Sequence[Gathered], fit: Fit) -> Score:
+def score(name: str, gathered: Sequence[Gathered], fit: CertaintyFit) -> Score:
     """Compare the certainty of a fit with the errors of joints, where the reference is valid."""
     features, away, _ = joints_of(gathered)
-    certainty = fit.judge(features)
+    limits = CertaintySettings(fit=fit)
+    certainty = judge(features, limits)
     probability, in_deviations = certainty.off_probability, away / certainty.deviation
-    wrong, flagged, seen = away > OFF, probability > FLAGGED, features.seen >= SHOWN
+    wrong, seen = away > limits.wrong_m, features.seen >= SHOWN
+    flagged = probability > limits.flagged_probability
     ends = np.cumsum([np.count_nonzero(one.holds, axis=1).sum() for one in gathered])[:-1]
     some_off, caught, suspected = [], [], []
     for one, off in zip(gathered, np.split(wrong, ends), strict=True):
-        said = fit.judge(one.features).off_probability
+        said = judge(one.features, limits).off_probability
         is_off = np.zeros(one.holds.shape, dtype=bool)
         is_off[one.holds] = off
         some_off.append(is_off.any(axis=1))
-        caught.append((is_off & (said > FLAGGED)).any(axis=1))
-        suspected.append((said > SUSPECTED).any(axis=1) | (one.status != "tracked"))
+        caught.append((is_off & (said > limits.flagged_probability)).any(axis=1))
+        suspected.append((said > limits.ambiguous_probability).any(axis=1) | (one.status != "tracked"))
     frames, doubted = np.concatenate(some_off), np.concatenate(suspected)
     return Score(
         name=name,

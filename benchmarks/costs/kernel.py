@@ -21,9 +21,10 @@ from benchmarks.costs.standing import Case, standing
 from benchmarks.running import command_line, keep, processor
 from gepf.common.arrays import Array
 from gepf.common.refinement import Particles
-from gepf.common.settings import RefineSettings, preset
-from gepf.coordinator.filters.pose_prior import pose_prior
-from gepf.coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise
+from gepf.common.settings import RefineSettings
+from gepf.coordinator.filters.priors import pose_prior
+from gepf.coordinator.scene.noise import NO_NOISE, SensorNoise
+from gepf.coordinator.settings import preset
 from gepf.worker.kernel.icp import refine
 from tests.support.kernel import plain_path
 

@@ -31,9 +31,10 @@ from gepf.common.body import BodyModel
 from gepf.common.camera import Intrinsics
 from gepf.common.frame import DepthFrame, SubjectFrame
 from gepf.common.refinement import Particles, Refined
-from gepf.common.settings import RefineSettings, preset
+from gepf.common.settings import RefineSettings
 from gepf.coordinator.pool.options import WORKER_COMMAND, Pool
 from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
+from gepf.coordinator.settings import preset
 from gepf.worker.lanes import Lanes
 
 SHAPE = (512, 512)  # of a 16-bit depth image: 512 KB

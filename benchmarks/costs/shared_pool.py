@@ -37,7 +37,7 @@ from benchmarks.costs.service import processor_seconds
 from benchmarks.costs.sleeping_rooms import PARTICLES, POINTS, flood, track, work
 from benchmarks.running import command_line, keep, screen
 from gepf.common.refinement import Particles
-from gepf.common.settings import preset
+from gepf.coordinator.settings import preset
 from tests.support.processes.network import Host, Network
 from tests.support.processes.warm_processes import CONTEXT, gepf
 

@@ -16,11 +16,11 @@ from gepf.common.body import BodyModel
 from gepf.common.camera import Intrinsics
 from gepf.common.frame import SUBJECT, DepthFrame, SubjectFrame
 from gepf.common.refinement import Particles
-from gepf.common.settings import preset
 from gepf.coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from gepf.coordinator.pool import scheduler
 from gepf.coordinator.pool.options import Pool
 from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
+from gepf.coordinator.settings import preset
 
 PARTICLES, POINTS, SHAPE = 20, 5_000, (220, 130)  # of a person, in an image of 320 x 240
 BEFORE_S, AFTER_S = 0.008, 0.002  # of the tracker before and after the refinement of a frame

@@ -14,10 +14,10 @@ from gepf.common.frame import DepthFrame, SubjectFrame
 from gepf.common.kinematics import joint_positions, pose_vertices
 from gepf.common.settings import RefineSettings
 from gepf.coordinator.bodies.human.template import DEFAULT_ACTIVE, human
+from gepf.coordinator.scene.noise import NO_NOISE, SensorNoise
 from gepf.coordinator.synthesis.noise import add_noise
 from gepf.coordinator.synthesis.rendering import DepthRenderer
 from gepf.coordinator.tracking.observation import isolate
-from gepf.coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise
 from gepf.worker.kernel.observation import Observation, observe, pack_views
 from gepf.worker.kernel.surface import pack_model
 from gepf.worker.kernel.visibility import pose_body, visible_vertices

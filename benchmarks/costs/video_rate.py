@@ -20,10 +20,10 @@ from benchmarks.costs.service import processor_seconds
 from benchmarks.recordings import choose, find_people, read_frames
 from benchmarks.running import add_data, command_line, keep, measured
 from gepf.common.frame import DepthFrame
-from gepf.common.settings import preset
 from gepf.coordinator.bodies.choice import choose_bodies
 from gepf.coordinator.pool.options import Pool
 from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
+from gepf.coordinator.settings import preset
 from gepf.coordinator.tracking.tracker import Tracker
 
 RECORDINGS = ("a8_s1", "a14_s2", "a21_s1", "a27_s2")

@@ -27,9 +27,9 @@ from scipy.ndimage import gaussian_filter
 
 from gepf.common.arrays import Array
 from gepf.common.kinematics import joint_positions, pose_vertices
+from gepf.coordinator.scene.noise import SensorNoise
 from gepf.coordinator.synthesis.rendering import DepthRenderer
 from gepf.coordinator.synthesis.scenes import ARM_DOFS, Scene
-from gepf.coordinator.tracking.sensor_noise import SensorNoise
 
 STEP = np.radians(1.0)  # of the central differences: a hand moves by a few pixels, less than the noise
 EVERY = 4  # frames between those whose information is rendered

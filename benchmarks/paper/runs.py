@@ -19,16 +19,16 @@ from gepf.common.body import ROOT_DOFS, BodyModel
 from gepf.common.errors import InputError
 from gepf.common.frame import DepthFrame
 from gepf.common.kinematics import joint_positions
-from gepf.common.settings import Settings
 from gepf.coordinator.bodies.choice import choose_bodies
 from gepf.coordinator.filters.baselines import Annealed
 from gepf.coordinator.results.evaluation import angle_error_deg, best_hypothesis, positions
+from gepf.coordinator.scene.noise import NO_NOISE, SensorNoise, assume_noise
+from gepf.coordinator.settings import Settings
 from gepf.coordinator.sources.source import to_units
 from gepf.coordinator.synthesis.noise import add_noise
 from gepf.coordinator.synthesis.scenes import ARM_DOFS, SCENES, Scene
 from gepf.coordinator.synthesis.sequence import DEPTH_SCALE, render
 from gepf.coordinator.tracking.estimate import Estimate
-from gepf.coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise, assume_noise
 from gepf.coordinator.tracking.tracker import Tracker
 from gepf.refiners import DirectRefiner
 

@@ -132,10 +132,10 @@ def unpack(
 
 def check(what: str, values: NDArray[Any] | float, least: float, most: float) -> None:
     """ProtocolError if a value is NaN or not between two bounds."""
-    found = np.asarray(values)
-    if found.size == 0:
+    array = np.asarray(values)
+    if array.size == 0:
         return
-    low, high = found.min(), found.max()
+    low, high = array.min(), array.max()
     if not (low >= least and high <= most):
         shown = f"{low:.10g}" if low == high else f"{low:.10g} to {high:.10g}"
         raise ProtocolError(f"{what} must be {least:.10g} to {most:.10g}, not {shown}")

@@ -99,8 +99,8 @@ class Bus(Closing):
             replies = self._session.get(
                 key, timeout=timeout, consolidation=zenoh.ConsolidationMode.NONE, target=zenoh.QueryTarget.ALL
             )
-            found = [reply.ok.payload.to_bytes() for reply in replies if reply.ok is not None]
-            return found[0] if found else None
+            payloads = [reply.ok.payload.to_bytes() for reply in replies if reply.ok is not None]
+            return payloads[0] if payloads else None
 
     def serve_requests(self, key: str, on_request: Callable[[IncomingRequest], None]) -> None:
         """Call `on_request(request)` for every request on a key, which may have wildcards."""

@@ -29,14 +29,14 @@ def read_credentials(
     ca: str | Path | None, cert: str | Path | None, key: str | Path | None
 ) -> Credentials | None:
     """Read all three or none; InputError otherwise, or for an unreadable file."""
-    given = {"--tls-ca": ca, "--tls-cert": cert, "--tls-key": key}
-    missing = [option for option, path in given.items() if path is None]
-    if len(missing) == len(given):
+    files = {"--tls-ca": ca, "--tls-cert": cert, "--tls-key": key}
+    missing = [option for option, path in files.items() if path is None]
+    if len(missing) == len(files):
         return None
     if ca is None or cert is None or key is None:
-        raise InputError(f"{' and '.join(missing)} missing; give all of {', '.join(given)}, or none")
+        raise InputError(f"{' and '.join(missing)} missing; give all of {', '.join(files)}, or none")
     credentials = Credentials(*(Path(file).absolute() for file in (ca, cert, key)))
-    for option, path in zip(given, (credentials.ca, credentials.cert, credentials.key), strict=True):
+    for option, path in zip(files, (credentials.ca, credentials.cert, credentials.key), strict=True):
         try:
             path.read_bytes()
         except OSError as error:

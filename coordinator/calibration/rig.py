@@ -21,16 +21,15 @@ from gepf.common.errors import InputError
 from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions
 from gepf.common.refinement import Particles
-from gepf.common.settings import Settings
 from gepf.coordinator.bodies.family import Bodies
 from gepf.coordinator.bodies.human.shape_space import Size
-from gepf.coordinator.filters.pose_prior import pose_prior
+from gepf.coordinator.filters.priors import pose_prior
+from gepf.coordinator.scene.noise import assume_noise
+from gepf.coordinator.settings import Settings
 from gepf.coordinator.sources.source import Source
-from gepf.coordinator.tracking.candidate_refinement import ITERATIONS
 from gepf.coordinator.tracking.estimate import POSE_UNKNOWN
 from gepf.coordinator.tracking.refiner import Refiner, iterations
 from gepf.coordinator.tracking.reporting import TrackedPerson
-from gepf.coordinator.tracking.sensor_noise import assume_noise
 from gepf.coordinator.tracking.tracker import Tracker
 
 MISFIT_M = 0.09  # largest mean residual of joints of the same person
@@ -150,7 +149,7 @@ def measure_jacobian(
 ) -> Array:
     """Derivatives (J, 3) of the joints with respect to the girth, by fits of a thinner and a thicker body."""
     start, rules = tracked.state.start, assume_noise(settings.refine, tracked.state.start.noise)
-    pose, settled = tracked.estimate.pose[None], iterations(rules, ITERATIONS)
+    pose, settled = tracked.estimate.pose[None], iterations(rules, settings.search.iterations)
     size = Size(*tracked.state.size)
     girths = size.girth * GIRTHS
     models = [bodies.tracked(size._replace(girth=girth), start.values)[0] for girth in girths.tolist()]

@@ -11,7 +11,6 @@ import numpy as np
 
 from gepf.common.bounds import MAX_CAMERAS
 from gepf.common.errors import InputError
-from gepf.common.settings import preset
 from gepf.coordinator.bodies.choice import choose_bodies
 from gepf.coordinator.bodies.human.dofs import HUMAN
 from gepf.coordinator.calibration.extrinsics import read_poses
@@ -21,6 +20,7 @@ from gepf.coordinator.commands.progress import Show
 from gepf.coordinator.files import require_new, with_parent
 from gepf.coordinator.pool.options import Pool
 from gepf.coordinator.pool.zenoh_refiner import Connect
+from gepf.coordinator.settings import preset
 from gepf.coordinator.sources import Source, open_source
 from gepf.coordinator.sources.rig import RigCamera, find_fault, write_rig
 

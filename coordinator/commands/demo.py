@@ -19,7 +19,6 @@ import numpy as np
 from rich.table import Table
 
 from gepf.common.errors import GepfError, InputError, check_choice
-from gepf.common.settings import Settings
 from gepf.coordinator.commands.console import NOT_TRACKED
 from gepf.coordinator.commands.job import Job
 from gepf.coordinator.commands.many import run_pool
@@ -29,9 +28,10 @@ from gepf.coordinator.filters.methods import settings_for
 from gepf.coordinator.pool.options import Pool
 from gepf.coordinator.results.evaluation import NEAR_M, measure_errors, overall, read_truth
 from gepf.coordinator.results.track import read_track
+from gepf.coordinator.scene.noise import SensorNoise
+from gepf.coordinator.settings import Settings
 from gepf.coordinator.synthesis.scenes import ARM_DOFS
 from gepf.coordinator.synthesis.sequence import PERSON, synthesise
-from gepf.coordinator.tracking.sensor_noise import SensorNoise
 
 ARM = "arm"
 LANES = Pool(2)

@@ -11,7 +11,6 @@ import msgspec
 
 from gepf.common.errors import InputError
 from gepf.common.protocol.keys import check_name, check_stream
-from gepf.common.settings import Settings
 from gepf.common.transport.session import holder_name
 from gepf.coordinator.bodies.choice import choose_model
 from gepf.coordinator.bodies.human.dofs import HUMAN
@@ -20,6 +19,7 @@ from gepf.coordinator.filters.methods import settings_for
 from gepf.coordinator.pool.options import Pool
 from gepf.coordinator.results.configuration import AUTOMATIC
 from gepf.coordinator.scene.scope import WAYS, Scope
+from gepf.coordinator.settings import Settings
 from gepf.coordinator.sources.camera import AS_RECORDED, GivenCamera
 from gepf.coordinator.sources.joint_states import JointStates, read_joint_states
 from gepf.coordinator.sources.live_stream import is_topic, live_key

@@ -10,7 +10,6 @@ from gepf.common.arrays import Array
 from gepf.common.body import ROTATION, BodyModel
 from gepf.common.kinematics import difference, retract
 from gepf.common.refinement import Refined
-from gepf.common.settings import FilterSettings
 from gepf.coordinator.filters.belief import (
     Belief,
     Observation,
@@ -19,6 +18,7 @@ from gepf.coordinator.filters.belief import (
     mean_pose,
     normalise,
 )
+from gepf.coordinator.settings import FilterSettings
 
 
 def begin(model: BodyModel, pose: Array, settings: FilterSettings) -> Belief:  # noqa: ARG001 as all methods
@@ -130,11 +130,11 @@ class Annealed:
         likelihood = assessed.log_likelihood
         log_weights = find_power(likelihood, self.survival_rate) * likelihood
         if layer.left == 0:
-            found = weigh(model, layer, assessed, log_weights)
+            weighed = weigh(model, layer, assessed, log_weights)
             if not np.isfinite(log_weights.max()):
-                return found
-            as_likely = found.log_weights + (likelihood.max() - log_weights.max())
-            return replace(found, log_weights=as_likely)  # gating uses the greatest
+                return weighed
+            as_likely = weighed.log_weights + (likelihood.max() - log_weights.max())
+            return replace(weighed, log_weights=as_likely)  # gating uses the greatest
         survivors = draw_ancestors(normalise(log_weights), settings.particles, rng)
         spread = layer.spread * np.sqrt(self.survival_rate)  # P_m = (alpha_M ... alpha_m) P_0
         noise = spread * rng.standard_normal((settings.particles, len(spread)))

@@ -13,7 +13,6 @@ from gepf.common.kinematics import difference, joint_positions, retract
 from gepf.common.settings import RefineSettings
 
 USUAL_INTERVAL = 1.0 / 30.0  # seconds between frames
-USUAL_SPEED = 1.8  # metres per second, root mean square over the joints of the reported pose
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,10 +32,10 @@ class Belief:
     """Of the shape coefficients (S, S), by all frames so far."""
 
     @classmethod
-    def at(cls, pose: Array, **others: Array) -> Self:
+    def at(cls, pose: Array, **fields: Array) -> Self:
         """The belief in one pose (D,) at rest."""
         zero = np.zeros((1, len(pose)))
-        return cls(pose[None].copy(), np.zeros(1), np.full(1, np.nan), zero, pose.copy(), **others)
+        return cls(pose[None].copy(), np.zeros(1), np.full(1, np.nan), zero, pose.copy(), **fields)
 
     @property
     def weights(self) -> Array:
@@ -124,13 +123,14 @@ def mean_pose(model: BodyModel, poses: Array, weights: Array) -> Array:
 
 
 def choose_reported(
-    model: BodyModel, last: Array, poses: Array, log_likelihood: Array, interval: float
+    model: BodyModel, last: Array, poses: Array, log_likelihood: Array, interval: float, usual_speed: float
 ) -> Array:
     """The most likely pose (D,) of hypotheses (M, D), given a frame (M,) and the last reported pose (D,).
 
     Hypotheses of nearly equal likelihood can change their order between frames. A penalty on motion breaks
-    such ties and rarely affects other cases.
+    such ties and rarely affects other cases. The usual speed is in metres per second, root mean square over
+    the joints.
     """
     joints = joint_positions(model, np.concatenate([last[None], poses]))
     square = np.sum((joints[1:] - joints[0]) ** 2, axis=-1).mean(axis=-1)
-    return np.asarray(poses[np.argmax(log_likelihood - 0.5 * square / (USUAL_SPEED * interval) ** 2)])
+    return np.asarray(poses[np.argmax(log_likelihood - 0.5 * square / (usual_speed * interval) ** 2)])

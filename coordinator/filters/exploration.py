@@ -19,13 +19,7 @@ from gepf.common.body import ROTATION, BodyModel
 from gepf.common.compiling import numba
 from gepf.common.kinematics import link_transforms, shaped
 from gepf.common.kinematics.chain import blend_each
-
-FEWEST = 8  # particles of a frame that the prediction explains; with 5, hidden limbs are worse
-DATA_DRIVEN_SHARE = 0.4  # of the particles
-VERTICES = 400  # of the body, for the comparison with observed points
-NEAR_M = 0.08  # largest distance of an explained point from a vertex
-MOST_UNEXPLAINED = 0.05  # share of the points from which all particles are used; 2 to 10 % are as good
-DRAWS = 80  # per limb; twice as many do not explain more points
+from gepf.coordinator.settings import ExplorationSettings
 
 
 class Limb(NamedTuple):
@@ -53,10 +47,11 @@ class Layout(NamedTuple):
     limbs: tuple[Limb, ...]
 
 
-def explain(model: BodyModel, pose: Array, points: Array) -> Mask:
+def explain(model: BodyModel, pose: Array, points: Array, settings: ExplorationSettings) -> Mask:
     """Which points (P, 3) are near each part of a body in pose (D,): (G, P)."""
-    parts = layout_of(model).parts
-    return np.array([mark_near(points, pose_part(model, part, pose[None]))[0] for part in parts])
+    parts = layout_of(model, settings.vertices).parts
+    posed = [pose_part(model, part, pose[None]) for part in parts]
+    return np.array([mark_near(points, vertices, settings.near_m)[0] for vertices in posed])
 
 
 def pose_part(model: BodyModel, part: Part, poses: Array) -> Array:
@@ -65,31 +60,40 @@ def pose_part(model: BodyModel, part: Part, poses: Array) -> Array:
     return blend_each(vertices, part.links, part.weights, link_transforms(model, poses))
 
 
-def choose_count(most: int, near: Mask, cameras: int = 1) -> int:
+def choose_count(most: int, near: Mask, settings: ExplorationSettings, cameras: int = 1) -> int:
     """How many particles a frame needs, by the share of the points that the prediction leaves unexplained.
 
     `near` (G, P) is from `explain`. The number of images to draw, particles times cameras, is the same for
     any number of cameras: several hide less.
     """
     unexplained = 1.0 - near.any(axis=0).mean() if near.size else 1.0
-    images = min(most, max(FEWEST, math.ceil(most * unexplained / MOST_UNEXPLAINED)))
+    needed = math.ceil(most * unexplained / settings.max_unexplained_share)
+    images = min(most, max(settings.min_particles, needed))
     return math.ceil(images / cameras)
 
 
-def choose_kinds(count: int, rng: np.random.Generator, cameras: int = 1) -> tuple[Mask, Mask]:
+def choose_kinds(
+    count: int, rng: np.random.Generator, settings: ExplorationSettings, cameras: int = 1
+) -> tuple[Mask, Mask]:
     """Which particles (N,) get noise, and which are data-driven; the first is the prediction.
 
-    If a frame has only the FEWEST particles, none of them is data-driven.
+    If a frame has only the least number of particles, none of them is data-driven.
     """
-    more = count > math.ceil(FEWEST / cameras)
-    data_driven = rng.permutation(count) < (DATA_DRIVEN_SHARE * count if more else 0)
+    more = count > math.ceil(settings.min_particles / cameras)
+    data_driven = rng.permutation(count) < (settings.data_driven_share * count if more else 0)
     spread = ~data_driven
     spread[0] = data_driven[0] = False
     return spread, data_driven
 
 
 def propose_limbs(
-    model: BodyModel, pose: Array, points: Array, near: Mask, count: int, rng: np.random.Generator
+    model: BodyModel,
+    pose: Array,
+    points: Array,
+    near: Mask,
+    count: int,
+    rng: np.random.Generator,
+    settings: ExplorationSettings,
 ) -> list[tuple[Indices, Array]]:
     """`count` proposals: degrees of freedom (d,) of a limb, and values (d,) that explain more points.
 
@@ -98,32 +102,32 @@ def propose_limbs(
     from `explain`. A draw is chosen with probability proportional to its squared gain. Empty if no draw has
     a gain.
     """
-    layout, explained = layout_of(model), near.sum(axis=0)
-    draws, gains = [], []
+    layout, explained = layout_of(model, settings.vertices), near.sum(axis=0)
+    per_limb, draws, gains = settings.draws, [], []
     for limb in layout.limbs if count else ():
         mine = near[limb.group]
-        held = np.repeat(pose[None], DRAWS, axis=0)
-        held[:, limb.dofs] = rng.uniform(limb.low, limb.high, size=(DRAWS, len(limb.dofs)))
+        held = np.repeat(pose[None], per_limb, axis=0)
+        held[:, limb.dofs] = rng.uniform(limb.low, limb.high, size=(per_limb, len(limb.dofs)))
         posed = pose_part(model, layout.parts[limb.group], held)
-        reached = mark_near(points[explained == mine], posed).sum(axis=1)
+        reached = mark_near(points[explained == mine], posed, settings.near_m).sum(axis=1)
         draws.append(held[:, limb.dofs])
         gains.append(np.maximum(0, reached - np.count_nonzero(mine & (explained == 1))))
     weights = np.concatenate(gains) ** 2 if gains else np.zeros(0)
     if not weights.any():
         return []
     drawn = rng.choice(len(weights), size=count, p=weights / weights.sum())
-    return [(layout.limbs[k // DRAWS].dofs, draws[k // DRAWS][k % DRAWS]) for k in drawn]
+    return [(layout.limbs[k // per_limb].dofs, draws[k // per_limb][k % per_limb]) for k in drawn]
 
 
-def mark_near(points: Array, vertices: Array) -> Mask:
-    """Which points (P, 3) are near each of several surfaces (K, V, 3), (K, P)."""
+def mark_near(points: Array, vertices: Array, near_m: float) -> Mask:
+    """Which points (P, 3) are near a vertex of each of several surfaces (K, V, 3), (K, P)."""
     near = np.empty((len(vertices), len(points)), dtype=np.bool_)
-    fill_near(np.ascontiguousarray(points.T), vertices, near)
+    fill_near(np.ascontiguousarray(points.T), vertices, near_m, near)
     return near
 
 
 @numba.njit(cache=True, nogil=True)
-def fill_near(points: Array, vertices: Array, near: Mask) -> None:
+def fill_near(points: Array, vertices: Array, near_m: float, near: Mask) -> None:
     """`mark_near` of points (3, P), in this layout for vectorised code."""
     near[:] = False
     for k in range(len(vertices)):
@@ -131,12 +135,12 @@ def fill_near(points: Array, vertices: Array, near: Mask) -> None:
             x, y, z = vertices[k, v]
             for p in range(points.shape[1]):
                 dx, dy, dz = points[0, p] - x, points[1, p] - y, points[2, p] - z
-                near[k, p] |= dx * dx + dy * dy + dz * dz <= NEAR_M * NEAR_M
+                near[k, p] |= dx * dx + dy * dy + dz * dz <= near_m * near_m
 
 
 @lru_cache(maxsize=16)
-def layout_of(model: BodyModel) -> Layout:
-    """The vertices and limbs of a body that are compared.
+def layout_of(model: BodyModel, vertices: int) -> Layout:
+    """About so many vertices of a body, and its limbs, that are compared.
 
     A group is a set of degrees of freedom that move independently of others: a branch of the tree, or the
     trunk. A limb is a rotating group below another group.
@@ -149,7 +153,7 @@ def layout_of(model: BodyModel) -> Layout:
     starts, group_of_dof = np.unique(start_of, return_inverse=True)
     groups = [np.flatnonzero(start_of == start) for start in starts]
     group_of_dof = np.append(group_of_dof, 0)  # for fixed vertices
-    some = np.arange(0, len(model.vertices), max(1, len(model.vertices) // VERTICES))
+    some = np.arange(0, len(model.vertices), max(1, len(model.vertices) // vertices))
     group_of = group_of_dof[model.link_dofs[model.skin_links[some, 0]]]
     limbs = []
     for number, dofs in enumerate(groups):

@@ -4,7 +4,7 @@ Decisions that the paper leaves open:
 - A hypothesis has the likelihood of its most likely particle as weight.
 - A hypothesis has the velocity that led from its ancestor to it.
 - A group of one particle keeps the covariance of its ancestor.
-- Occluded limbs follow the motion model (preset `default`, see `motion.fuse_with_prediction`).
+- Occluded limbs follow the motion model (preset `default`, see `priors.fuse_with_prediction`).
 - The reported pose is the most likely hypothesis, given the frame and the motion since the last one.
 """
 
@@ -19,20 +19,16 @@ from gepf.common.arrays import Array, Indices, Mask
 from gepf.common.body import ROTATION, BodyModel
 from gepf.common.kinematics import difference, retract
 from gepf.common.refinement import Refined, lower_triangular
-from gepf.common.settings import FilterSettings
 from gepf.coordinator.filters.belief import Belief, Observation, Proposal, choose_reported, draw_ancestors
 from gepf.coordinator.filters.exploration import choose_count, choose_kinds, explain, propose_limbs
-from gepf.coordinator.filters.motion import draw_noise, fuse_with_prediction
-
-MERGE_VARIANCES = 2.0 / 3.0  # squared Mahalanobis distance per degree of freedom
-REDUCTION = 0.1  # share by which step 7 reduces every covariance in each frame
-FIRST_POSITION_DEVIATION = 0.02  # metres, of the initial values of prismatic joints
+from gepf.coordinator.filters.priors import draw_noise, fuse_with_prediction
+from gepf.coordinator.settings import FilterSettings
 
 
 def begin(model: BodyModel, pose: Array, settings: FilterSettings) -> Belief:
     """Step 1: one hypothesis at the initial pose (D,) with the merging distance d as standard deviation."""
     deviation = np.where(
-        model.kinds == ROTATION, np.deg2rad(settings.merge_angle_deg), FIRST_POSITION_DEVIATION
+        model.kinds == ROTATION, np.deg2rad(settings.merge_angle_deg), settings.first_deviation_m
     )
     return Belief.at(pose, covariances=np.diag(model.moves * deviation**2)[None])
 
@@ -69,17 +65,23 @@ def update(
         chosen, group = merge_by_angle(model, after.poses, after.log_likelihood, angle)  # 6
     else:
         lower = lower_triangular(after.covariance_roots, before.shape[1])
-        chosen, group = merge_by_covariance(model, after.poses, after.log_likelihood, lower)
+        chosen, group = merge_by_covariance(
+            model, after.poses, after.log_likelihood, lower, settings.merge_variances
+        )
         posteriors = lower[chosen] @ lower[chosen].transpose(0, 2, 1)
     parents = proposal.ancestors[chosen]
     poses, log_likelihood = after.poses[chosen], after.log_likelihood[chosen]
     inherited = past.covariances[parents]
-    covariances = estimate_covariances(model, before, poses, group, inherited)  # 7
+    covariances = estimate_covariances(  # 7
+        model, before, poses, group, inherited, settings.reduction_share
+    )
     if proposal.unseen is not None:
         covariances = keep_unseen(covariances, inherited, proposal.unseen)
     if len(posteriors) and proposal.expected is not None:
-        poses = fuse_with_prediction(model, poses, posteriors, proposal.expected[chosen], proposal.interval)
-    reported = choose_reported(model, past.reported, poses, log_likelihood, proposal.interval)
+        expected, turn_deg = proposal.expected[chosen], settings.unexpected_turn_deg
+        poses = fuse_with_prediction(model, poses, posteriors, expected, proposal.interval, turn_deg)
+    speed = settings.usual_speed_m_s
+    reported = choose_reported(model, past.reported, poses, log_likelihood, proposal.interval, speed)
     at = np.argmin(np.abs(poses - reported).sum(axis=1))
     return Belief(
         poses=poses,
@@ -102,14 +104,15 @@ def explore(
     """Steps 2 and 3 of preset `default`: as many particles as needed, of several kinds, see `exploration`."""
     reported = np.argmin(np.abs(past.poses - past.reported).sum(axis=1))
     predicted = retract(model, past.poses, observation.expect(past.velocities, settings.velocity_time_s))
-    near = explain(model, predicted[reported], observation.points)
-    count = choose_count(settings.particles, near, observation.cameras)
+    exploration = settings.exploration
+    near = explain(model, predicted[reported], observation.points, exploration)
+    count = choose_count(settings.particles, near, exploration, observation.cameras)
     ancestors = draw_ancestors(past.weights, count, rng)  # 2
     ancestors[0] = reported
     expected = predicted[ancestors]  # 3
-    spread, data_driven = choose_kinds(count, rng, observation.cameras)
+    spread, data_driven = choose_kinds(count, rng, exploration, observation.cameras)
     wanted = int(data_driven.sum())
-    limbs = propose_limbs(model, predicted[reported], observation.points, near, wanted, rng)
+    limbs = propose_limbs(model, predicted[reported], observation.points, near, wanted, rng, exploration)
     if not limbs:
         spread |= data_driven
     noise = np.where(spread[:, None], draw_noise(past.covariances, ancestors, rng), 0.0)
@@ -145,15 +148,15 @@ def merge_by_angle(
 
 
 def merge_by_covariance(
-    model: BodyModel, poses: Array, log_likelihood: Array, roots: Array
+    model: BodyModel, poses: Array, log_likelihood: Array, roots: Array, variances: float
 ) -> tuple[Indices, Indices]:
     """Group particles (N, D) with a small Mahalanobis distance, by the covariance of the more likely one.
 
     Directions that a frame does not constrain, such as the twist of a forearm, do not separate particles. In
     well constrained directions millimetres separate them. `roots` (N, D, D) are Cholesky factors of
-    covariances. Returns the same as `merge`.
+    covariances, `variances` the largest squared distance per degree of freedom. Returns the same as `merge`.
     """
-    largest = MERGE_VARIANCES * poses.shape[1]
+    largest = variances * poses.shape[1]
 
     def is_near(n: int, steps: Array) -> Mask:
         whitened = solve_triangular(roots[n], steps.T, lower=True, check_finite=False)
@@ -191,13 +194,13 @@ def merge(
 
 
 def estimate_covariances(
-    model: BodyModel, before: Array, merged: Array, group: Indices, inherited: Array
+    model: BodyModel, before: Array, merged: Array, group: Indices, inherited: Array, reduction: float
 ) -> Array:
     """Covariances (M, D, D) of relative motion about each merged hypothesis, Eq. 7.
 
     They are computed from the particles *before* refinement, about the hypothesis after it, so that the next
     particles cover the basin of attraction of the mode. A group of one particle keeps the covariance of its
-    ancestor, because Eq. 7 would have rank 1. Both are then reduced.
+    ancestor, because Eq. 7 would have rank 1. Both are then reduced by a share.
 
     Args:
         model: The body.
@@ -205,6 +208,7 @@ def estimate_covariances(
         merged: Hypotheses (M, D) after it.
         group: Index (N,) of the hypothesis into which each particle was merged.
         inherited: Covariances (M, D, D) of the ancestors of the representatives.
+        reduction: The share.
     """
     steps = model.moves * difference(model, merged[group], before)
     covariances = inherited.copy()
@@ -212,4 +216,4 @@ def estimate_covariances(
         spread = steps[group == m]
         if len(spread) > 1:
             covariances[m] = spread.T @ spread / len(spread)
-    return (1.0 - REDUCTION) * covariances
+    return (1.0 - reduction) * covariances

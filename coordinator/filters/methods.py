@@ -17,11 +17,12 @@ from gepf.common.arrays import Array
 from gepf.common.body import BodyModel
 from gepf.common.errors import InputError, check_choice
 from gepf.common.refinement import Refined
-from gepf.common.settings import Descent, FilterSettings, RefineSettings, Sensor, Settings, preset
+from gepf.common.settings import Descent, Sensor
 from gepf.coordinator.filters import baselines, gradient_enhanced
 from gepf.coordinator.filters.baselines import Annealed, Condensation
-from gepf.coordinator.filters.belief import USUAL_INTERVAL, Belief, Observation, Proposal
-from gepf.coordinator.filters.pose_prior import population_precision
+from gepf.coordinator.filters.belief import Belief, Observation, Proposal
+from gepf.coordinator.filters.priors import population_precision
+from gepf.coordinator.settings import FilterSettings, Settings, check_settings, preset
 
 Begin = Callable[[BodyModel, Array, FilterSettings], Belief]
 Propose = Callable[[BodyModel, Belief, Observation, FilterSettings, np.random.Generator], Proposal]
@@ -104,7 +105,8 @@ def settings_for(
 def apply_method(settings: Settings) -> Settings:
     """Override the settings that the method fixes: the iterations of ICP and the number of particles.
 
-    Raises InputError for an unknown method, descent or sensor, and for settings without particles or points.
+    Raises InputError for an unknown method, descent or sensor, for settings without particles or points, and
+    for values out of range.
     """
     method = find_method(settings.method)
     check_choice("descent", settings.refine.descent, get_args(Descent))
@@ -112,6 +114,7 @@ def apply_method(settings: Settings) -> Settings:
     for name, number in (("particles", settings.filter.particles), ("points", settings.points)):
         if number < 1:
             raise InputError(f"{name}={number} is too small; give 1 or more")
+    check_settings(settings)
     refine, of_filter = settings.refine, settings.filter
     if method.icp_iterations is not None:
         refine = msgspec.structs.replace(refine, icp_iterations=method.icp_iterations)
@@ -125,18 +128,3 @@ def initial_belief(model: BodyModel, pose: Array, settings: Settings) -> Belief:
     """The belief at an initial pose (D,), of a body with the shape of the population."""
     belief = METHODS[settings.method].begin(model, pose, settings.filter)
     return replace(belief, shape_precision=population_precision(model))
-
-
-MOST_PACE = 3.0  # the largest factor on the iterations is MOST_PACE ** pace
-
-
-def pace_iterations(settings: RefineSettings, interval: float, pace: float, most: int) -> RefineSettings:
-    """Scale the iterations of ICP with the interval in seconds.
-
-    The factor is 1 + pace (interval / usual interval - 1), at most MOST_PACE ** pace: 5 at 0.1 s and pace 2.
-    The result is at most `most`, unless the settings have more.
-    """
-    factor = 1.0 + pace * max(interval / USUAL_INTERVAL - 1.0, 0.0)
-    usual = settings.icp_iterations
-    paced = min(round(usual * min(factor, MOST_PACE**pace)), most)
-    return msgspec.structs.replace(settings, icp_iterations=max(usual, paced))

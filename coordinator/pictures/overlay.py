@@ -16,7 +16,6 @@ from gepf.coordinator.bodies.families import FAMILIES
 from gepf.coordinator.pictures.plots import STATUS
 from gepf.coordinator.pictures.shading import BACKGROUND, Colour, draw_body
 from gepf.coordinator.results.track import Track
-from gepf.coordinator.tracking.certainty.certainty import FLAGGED
 
 FINER = 2  # the picture is drawn at this multiple and averaged
 MARGIN_M = 0.25  # around the joints: half a torso, a hand, the top of the head
@@ -101,7 +100,7 @@ def paint(
         for pixels, strength in zip(skeletons, strengths, strict=True):
             draw_skeleton(draw, model, pixels, (*OTHERS_COLOUR, round(255 * strength)), width // 2)
         (pixels,) = project_joints(model, track.pose[f][None], camera, view.placed)
-        hollow = track.joint_off_probability[f] > FLAGGED
+        hollow = track.flagged[f]
         draw_skeleton(draw, model, pixels, (0, 0, 0), width + 2, hollow)
         draw_skeleton(draw, model, pixels, SKELETON_COLOUR, width, hollow)
     picture = picture.reduce(FINER)

@@ -22,7 +22,7 @@ def draw_scene(view: SceneView, found: Sequence[Candidate]) -> Image.Image:
     picture = np.array(shade_depth(view.depth, view.camera))
     planes = view.planes.coefficients
     for n in range(len(planes)):
-        marks = mark_pixels(view.depth, view.background, view.camera.pinhole, planes[n : n + 1], view.growth)
+        marks = mark_pixels(view.depth, view.background, view.camera.pinhole, planes[n : n + 1], view.noise)
         on = marks == ON_PLANE
         picture[on] = picture[on] // 2 + np.array(FLOOR if n == 0 and view.planes.has_floor else WALL) // 2
     for n, candidate in reversed(list(enumerate(found))):

@@ -23,7 +23,6 @@ from gepf.coordinator.results.killed import finish_killed
 from gepf.coordinator.results.summary import people_in, read_summary
 from gepf.coordinator.results.tally import describe_status
 from gepf.coordinator.results.track import Track, read_track, read_tracked_body
-from gepf.coordinator.tracking.certainty.certainty import FLAGGED
 
 Summary = dict[str, Any]
 
@@ -89,7 +88,7 @@ def find_doubts(track: Track) -> Iterator[tuple[str, str]]:
             which = " to ".join(map(str, frames))
             yield status, f"{when} s (frame{'s' * (len(frames) - 1)} {which}): {status}"
     chance = np.nan_to_num(track.joint_off_probability)
-    shares = (chance > FLAGGED).mean(axis=0)
+    shares = track.flagged.mean(axis=0)
     for j in np.argsort(-shares, kind="stable"):
         if shares[j] > 0.0:
             worst = int(chance[:, j].argmax())

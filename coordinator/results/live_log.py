@@ -27,8 +27,7 @@ from mcap.writer import IndexType, Writer
 from gepf.common.errors import InputError
 from gepf.coordinator.pool.options import PoolStatistics
 from gepf.coordinator.results.log import pack_array, unpack_array
-from gepf.coordinator.tracking.certainty.certainty import Certainty
-from gepf.coordinator.tracking.estimate import Estimate
+from gepf.coordinator.tracking.estimate import Certainty, Estimate
 from gepf.coordinator.tracking.state import Start
 
 FORM = 1

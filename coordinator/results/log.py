@@ -30,6 +30,7 @@ from gepf.coordinator.results.tally import Outcome, Tally
 from gepf.coordinator.results.track import NewArray, Track
 from gepf.coordinator.scene.planes import Planes
 from gepf.coordinator.scene.scene import Scene, SceneChanges
+from gepf.coordinator.settings import SceneSettings
 from gepf.coordinator.tracking.estimate import Estimate
 from gepf.coordinator.tracking.state import Checkpoint, FrameState, PersonState, Start, TrackerState
 
@@ -156,7 +157,7 @@ def read_log(path: Path) -> Recorded | None:
                 estimates = [[] for _ in starts]
             last = record
             for camera, change in record.frame.scenes.items():
-                scenes.setdefault(camera, Scene()).recall(change)
+                scenes.setdefault(camera, Scene(SceneSettings())).recall(change)
             for estimates_of_person, estimate in zip(estimates, record.estimates, strict=True):
                 estimates_of_person.append(estimate)
     if last is None:

@@ -15,7 +15,6 @@ import msgspec
 import numpy as np
 
 from gepf.common.errors import InputError
-from gepf.common.settings import Settings
 from gepf.coordinator.files import (
     LIVE_FILE,
     LOG_FILE,
@@ -56,6 +55,7 @@ from gepf.coordinator.results.track import (
     write_track,
     write_tracked_body,
 )
+from gepf.coordinator.settings import Settings
 from gepf.coordinator.tracking.estimate import Estimate
 from gepf.coordinator.tracking.reporting import TrackedFrame
 from gepf.coordinator.tracking.state import TrackerState

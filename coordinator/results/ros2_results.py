@@ -14,8 +14,8 @@ from gepf.common.kinematics import link_transforms, pose_vertices
 from gepf.coordinator.bodies.tracked import coarsen
 from gepf.coordinator.results.live_results import ResultMessage
 from gepf.coordinator.results.ros_humans import HumanBodies, body_frames, body_id, in_body, joint_states
+from gepf.coordinator.settings import CertaintySettings
 from gepf.coordinator.sources.ros2 import Node
-from gepf.coordinator.tracking.certainty.certainty import FLAGGED
 from gepf.coordinator.tracking.estimate import POSE_UNKNOWN
 
 JOINTS, FRAMES = "sensor_msgs/msg/JointState", "tf2_msgs/msg/TFMessage"
@@ -170,7 +170,7 @@ class RosOutlet:
 def is_doubtful(message: ResultMessage, joint: str) -> bool:
     """Whether a joint may be wrong, or nothing is known about it."""
     doubt = message.joint_off_probability[joint]
-    return doubt is None or doubt >= FLAGGED
+    return doubt is None or doubt >= CertaintySettings().flagged_probability
 
 
 def with_points(payload: bytes, points: Array) -> bytes:

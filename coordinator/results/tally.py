@@ -7,8 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Self, get_args
 
-from gepf.coordinator.tracking.certainty.certainty import JOINTS_OFF
-from gepf.coordinator.tracking.estimate import POSE_UNKNOWN, Estimate, Status
+from gepf.coordinator.tracking.estimate import POSE_UNKNOWN, Estimate, Status, single_reasons
 
 if TYPE_CHECKING:  # it loads the compiler, which is slow
     from gepf.common.arrays import Array
@@ -31,13 +30,6 @@ def describe_counts(counts: dict[str, int]) -> str:
 def describe_status(statuses: Iterable[str]) -> str:
     """Number of frames of each status that occurs, as text."""
     return describe_counts(count_status(statuses))
-
-
-def single_doubts(why: str) -> list[str]:
-    """The reason, or one for each of the joints that it lists; so there are few, however long a run is."""
-    if not why.startswith(JOINTS_OFF):
-        return [why]
-    return [JOINTS_OFF + joint for joint in why.removeprefix(JOINTS_OFF).split(", ")]
 
 
 @dataclass(slots=True)
@@ -72,7 +64,7 @@ class Tally:
         self.frames += 1
         self.statuses[estimate.status] += 1
         if estimate.why and estimate.status != "tracked":
-            self.doubts.update(single_doubts(estimate.why))
+            self.doubts.update(single_reasons(estimate.why))
         for stage, seconds in estimate.stage_seconds.items():
             self.stage_seconds[stage] = self.stage_seconds.get(stage, 0.0) + seconds
         self.shown.update(name for name in estimate.seen_by if name)

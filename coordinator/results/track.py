@@ -17,6 +17,7 @@ from gepf.common.arrays import Array, Indices, Mask
 from gepf.common.body import BodyModel
 from gepf.common.errors import InputError
 from gepf.coordinator.files import LIVE_FILE, LOG_FILE, file_layout, read_arrays
+from gepf.coordinator.settings import CertaintySettings
 from gepf.coordinator.tracking.estimate import POSE_UNKNOWN
 
 TRACK_FILE = "track.npz"
@@ -62,6 +63,11 @@ class Track:
     def unknown(self) -> Mask:
         """Frames (F,) without a known pose: the body is lost, searched for, or absent."""
         return np.asarray(np.isin(self.status, POSE_UNKNOWN))
+
+    @property
+    def flagged(self) -> Mask:
+        """Joints (F, J) that may be wrong, by the usual limit of their probability."""
+        return np.asarray(self.joint_off_probability > CertaintySettings().flagged_probability)
 
     @property
     def placed(self) -> Mask:

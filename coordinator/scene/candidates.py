@@ -19,22 +19,10 @@ from scipy.ndimage import binary_dilation, minimum_filter
 
 from gepf.common.arrays import Array, Mask
 from gepf.common.camera import Intrinsics, points_of
-from gepf.coordinator.scene.flatness import FLAT_SHARE, LEAST_PART_M2, SAMPLED, Flat, find_flat
+from gepf.coordinator.scene.flatness import Flat, find_flat
 from gepf.coordinator.scene.planes import extents
-from gepf.coordinator.scene.scene import FOREGROUND, PERSON_LENGTH_M, SceneView
-from gepf.coordinator.scene.segmentation import (
-    CELL_M,
-    LEAST_AREA_M2,
-    NEAR_M,
-    REACH_M,
-    STEP_M,
-    label_parts,
-    measure_components,
-)
-
-PERSON_AREA_M2 = LEAST_AREA_M2, 1.6  # least and most visible area of a person
-LIMB_STEP_M = 0.8  # largest step in depth from the outline of a body to its own limb
-SAME_SPOT_M = 0.35  # horizontal distance of a further part of a person, with an occluder between
+from gepf.coordinator.scene.scene import FOREGROUND, SceneView
+from gepf.coordinator.scene.segmentation import label_parts, measure_components
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,23 +79,23 @@ class Candidate:
         return self.wider[-1] if self.wider else self.mask
 
 
-def candidates(view: SceneView, known: Mask | None = None) -> list[Candidate]:
-    """Candidates for people, best first; pixels (H, W) of known people are excluded."""
-    free = view.marks == FOREGROUND
-    if known is not None:
-        free &= ~known
-    parts = find_parts(view, free, STEP_M, LEAST_PART_M2)
-    found = [each for part in parts if (each := candidate_of(view, part))]
+def candidates(view: SceneView, people_mask: Mask | None = None) -> list[Candidate]:
+    """Candidates for people, best first; pixels (H, W) of tracked people are excluded."""
+    limits, free = view.settings.segmentation, view.marks == FOREGROUND
+    if people_mask is not None:
+        free &= ~people_mask
+    parts = find_parts(view, free, limits.step_m, view.settings.candidates.min_part_m2)
+    trunks = [trunk for part in parts if (trunk := candidate_of(view, part))]
     rest = free.copy()
-    for each in found:
-        rest[each.part.window] &= ~each.part.uncut
-    wider = find_parts(view, rest, REACH_M, PERSON_AREA_M2[0])
-    found += [each for part in wider if (each := candidate_of(view, part))]
+    for trunk in trunks:
+        rest[trunk.part.window] &= ~trunk.part.uncut
+    wider = find_parts(view, rest, limits.reach_m, limits.min_person_m2)
+    trunks += [trunk for part in wider if (trunk := candidate_of(view, part))]
     people, taken = list[Candidate](), np.zeros_like(free)
-    for each in sorted(found, key=lambda each: -each.score):
-        if 2 * np.count_nonzero(taken & each.mask) < np.count_nonzero(each.mask):
-            others = [part for part in parts if not (taken[part.window] & part.mask).any()]
-            people.append(widen(view, join_parts(view, each, others), others))
+    for trunk in sorted(trunks, key=lambda trunk: -trunk.score):
+        if 2 * np.count_nonzero(taken & trunk.mask) < np.count_nonzero(trunk.mask):
+            unused = [part for part in parts if not (taken[part.window] & part.mask).any()]
+            people.append(widen(view, join_parts(view, trunk, unused), unused))
             taken |= people[-1].mask
     return people
 
@@ -118,16 +106,17 @@ def find_parts(view: SceneView, free: Mask, step: float, least_m2: float) -> lis
     Neighbours are connected if their depths differ by less than a step, metres. Components with a smaller
     visible area than the least, square metres, and those larger than a person are left out.
     """
-    labels = label_parts(view.depth, free, step, view.growth, view.camera.fx)
+    limits = view.settings.segmentation
+    labels = label_parts(view.depth, free, step, limits.step_m, view.noise, view.camera.fx)
     areas, windows = measure_components(labels, view.depth, view.camera.fx, view.camera.fy)
-    found = list[Part]()
-    for label in np.flatnonzero((areas >= least_m2) & (areas <= PERSON_AREA_M2[1])).tolist():
+    parts, max_m2 = list[Part](), view.settings.candidates.max_person_m2
+    for label in np.flatnonzero((areas >= least_m2) & (areas <= max_m2)).tolist():
         left, top, right, bottom = windows[label].tolist()
         window = slice(top, bottom), slice(left, right)
         mask = labels[window] == label
         part = part_of(view, mask, window, mask)
-        found += cut(view, part) if areas[label] >= PERSON_AREA_M2[0] else [part]
-    return found
+        parts += cut(view, part) if areas[label] >= limits.min_person_m2 else [part]
+    return parts
 
 
 def part_of(view: SceneView, mask: Mask, window: tuple[slice, slice], uncut: Mask) -> Part:
@@ -151,25 +140,25 @@ def cut(view: SceneView, part: Part) -> list[Part]:
     high. Small parts are dropped. If no rest is so high, the patch may be a seat on the floor, with a person
     around it. Else the component is kept whole, or dropped if most of it is flat.
     """
-    depth = view.depth[part.window]
-    flat = find_flat(depth, part.mask, camera_of(view, part.window), view.growth)
+    depth, limits, people = view.depth[part.window], view.settings.segmentation, view.settings.candidates
+    flat = find_flat(depth, part.mask, camera_of(view, part.window), view.noise, view.settings)
     rests = list[Part]()
-    if flat.patches.max() >= LEAST_AREA_M2:
-        others = part.mask & ~flat.grow(flat.patches >= LEAST_PART_M2)
-        labels = label_parts(depth, others, STEP_M, view.growth, view.camera.fx)
+    if flat.patches.max() >= limits.min_person_m2:
+        curved = part.mask & ~flat.grow(flat.patches >= people.min_part_m2)
+        labels = label_parts(depth, curved, limits.step_m, limits.step_m, view.noise, view.camera.fx)
         areas, _ = measure_components(labels, depth, view.camera.fx, view.camera.fy)
-        large = np.flatnonzero(areas >= LEAST_AREA_M2).tolist()
+        large = np.flatnonzero(areas >= limits.min_person_m2).tolist()
         rests = [part_of(view, labels == label, part.window, part.uncut) for label in large]
     if max((rest.height for rest in rests), default=0.0) >= min(1.0, part.height):
-        return [one for rest in rests for one in cut(view, rest)]
-    others = part.mask & ~flat.grow(find_seat(view, part, flat))
-    if 0 < np.count_nonzero(others) < len(part.points):
-        rest = part_of(view, others, part.window, part.uncut)
-        if rest.height >= part.height - CELL_M:
+        return [smaller for rest in rests for smaller in cut(view, rest)]
+    unseated = part.mask & ~flat.grow(find_seat(view, part, flat))
+    if 0 < np.count_nonzero(unseated) < len(part.points):
+        rest = part_of(view, unseated, part.window, part.uncut)
+        if rest.height >= part.height - limits.cell_m:
             kept = cut(view, rest)
-            if any(candidate_of(view, one) for one in kept):
+            if any(candidate_of(view, smaller) for smaller in kept):
                 return kept
-    return [] if flat.share > FLAT_SHARE else [part]
+    return [] if flat.share > people.max_flat_share else [part]
 
 
 def find_seat(view: SceneView, part: Part, flat: Flat) -> Mask:
@@ -177,10 +166,14 @@ def find_seat(view: SceneView, part: Part, flat: Flat) -> Mask:
 
     A leg has 9 cm for each metre of the component's height.
     """
-    patches, floor = flat.patches >= LEAST_PART_M2, view.planes.above(part.points) < CELL_M
+    limits = view.settings.segmentation
+    patches = flat.patches >= view.settings.candidates.min_part_m2
+    floor = view.planes.above(part.points) < limits.cell_m
     if not view.planes.has_floor or not floor.any():
         return np.zeros_like(patches)
-    labels = label_parts(view.depth[part.window], patches, STEP_M, view.growth, view.camera.fx)
+    labels = label_parts(
+        view.depth[part.window], patches, limits.step_m, limits.step_m, view.noise, view.camera.fx
+    )
     low = labels[part.mask][floor]
     wide = labels[minimum_filter(patches, max(1, int(flat.size * part.height)), mode="constant")]
     return np.asarray(patches & np.isin(labels, np.intersect1d(low, wide)))
@@ -192,21 +185,22 @@ def join_parts(view: SceneView, person: Candidate, parts: Sequence[Part]) -> Can
     A head, a trunk and legs are such parts if a shoulder or a forearm hides where they are connected. Parts
     that may be two people are not joined.
     """
-    own, mask, joined = person.part, person.mask.copy(), [person.part]
-    (low, high), half = own.heights, 0.5 * PERSON_LENGTH_M[1]
+    own, mask, joined, limits = person.part, person.mask.copy(), [person.part], view.settings.candidates
+    (low, high), half = own.heights, 0.5 * limits.max_length_m
     for part in parts:
         (bottom, top), across = part.heights, own.middle - part.middle
         lowest, highest = min(low, bottom), max(high, top)
-        far = np.linalg.norm(across[[0, 2]]) >= SAME_SPOT_M or highest - lowest >= PERSON_LENGTH_M[1]
+        far = np.linalg.norm(across[[0, 2]]) >= limits.same_spot_m or highest - lowest >= limits.max_length_m
         if far or (mask[part.window] & part.mask).any():
             continue
         smaller, larger = sorted((own.height, part.height))
         shared = min(high, top) - max(low, bottom)
-        adjoins = -NEAR_M < shared < 0.5 * smaller and (smaller < PERSON_LENGTH_M[0] or larger < half)
+        adjoins = -view.settings.segmentation.near_m < shared < 0.5 * smaller
+        adjoins = adjoins and (smaller < limits.min_length_m or larger < half)
         if adjoins or is_behind(view, joined, part):
             part.mark(mask)
             joined, low, high = [*joined, part], lowest, highest
-    return replace(person, mask=mask, points=np.concatenate([each.points for each in joined]))
+    return replace(person, mask=mask, points=np.concatenate([part.points for part in joined]))
 
 
 def widen(view: SceneView, person: Candidate, parts: Sequence[Part]) -> Candidate:
@@ -232,7 +226,7 @@ def touches(view: SceneView, mask: Mask, around: Mask, part: Part) -> bool:
     edge = np.zeros_like(mask)
     edge[part.window] = outline
     step = np.median(view.depth[edge]) - np.median(view.depth[mask & dilated(edge)])
-    return bool(abs(step) < LIMB_STEP_M)
+    return bool(abs(step) < view.settings.candidates.max_limb_step_m)
 
 
 def dilated(mask: Mask) -> Mask:
@@ -246,15 +240,15 @@ def dilated(mask: Mask) -> Mask:
 
 def is_behind(view: SceneView, joined: Sequence[Part], part: Part) -> bool:
     """Whether something nearer is between the joined parts of a person and another part."""
-    weights = [len(each.points) for each in joined]
-    start = np.average([each.pixel for each in joined], axis=0, weights=weights)
+    weights = [len(own.points) for own in joined]
+    start = np.average([own.pixel for own in joined], axis=0, weights=weights)
     rows, columns = np.linspace(start, part.pixel, 64).round().astype(int).T
     mask = np.zeros(view.depth.shape, dtype=np.bool_)
-    for each in (*joined, part):
-        each.mark(mask)
+    for shown in (*joined, part):
+        shown.mark(mask)
     between = view.depth[rows, columns][~mask[rows, columns]]
-    own = np.concatenate([each.points[:, 2] for each in joined])
-    nearest = min(float(np.percentile(each, 5.0)) for each in (own, part.points[:, 2]))
+    depths = np.concatenate([own.points[:, 2] for own in joined]), part.points[:, 2]
+    nearest = min(float(np.percentile(depth, 5.0)) for depth in depths)
     return bool(np.any((between > 0.0) & (between < nearest)))
 
 
@@ -263,13 +257,14 @@ def candidate_of(view: SceneView, part: Part) -> Candidate | None:
 
     The score increases towards the middle of the image and with the height up to one metre.
     """
-    points = part.points
+    points, limits = part.points, view.settings.candidates
     seen = float(np.sum(points[:, 2] ** 2)) / (view.camera.fx * view.camera.fy)  # square metres
-    if seen < PERSON_AREA_M2[0]:
+    if seen < view.settings.segmentation.min_person_m2:
         return None
-    some = points[:: 1 + len(points) // SAMPLED]
-    across, height, away = extents(some @ view.planes.level.T).tolist()
-    if not PERSON_LENGTH_M[0] <= max(across, height, away) <= PERSON_LENGTH_M[1]:
+    some = points[:: 1 + len(points) // limits.flat_points]
+    outliers = view.settings.planes.outlier_percent
+    across, height, away = extents(some @ view.planes.level.T, outliers).tolist()
+    if not limits.min_length_m <= max(across, height, away) <= limits.max_length_m:
         return None
     x, y, z = points.mean(axis=0)
     centred = np.exp(-2.0 * (x * x + y * y) / (z * z))

@@ -10,12 +10,10 @@ from scipy.ndimage import binary_dilation, uniform_filter
 
 from gepf.common.arrays import Array, Mask
 from gepf.common.camera import Intrinsics, points_of
+from gepf.coordinator.scene.noise import DepthNoise
 from gepf.coordinator.scene.planes import count_points, draw_planes, lie_on, refine_best, to_rays
-from gepf.coordinator.scene.segmentation import STEP_M, label_parts, measure_components
-
-FLAT_SHARE = 0.5  # of points in one plane, above which an object is flat and not a person
-LEAST_PART_M2 = 0.008  # visible area of the smallest part of a person or of furniture
-SAMPLED, DRAWN = 800, 400  # points for planes, and samples of RANSAC, of three points each
+from gepf.coordinator.scene.segmentation import label_parts, measure_components
+from gepf.coordinator.settings import SceneSettings
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,29 +35,33 @@ class Flat:
         return np.asarray(some | (binary_dilation(some, iterations=self.size) & self.on))
 
 
-def find_flat(depth: NDArray[np.floating], mask: Mask, camera: Intrinsics, growth: float) -> Flat:
+def find_flat(
+    depth: NDArray[np.floating], mask: Mask, camera: Intrinsics, noise: DepthNoise, settings: SceneSettings
+) -> Flat:
     """The flat part of an object with these pixels (H, W) in a depth image (H, W) in metres.
 
     Each ray is the mean over a square. This reduces the noise, and rays of a plane stay on the plane. So a
     plane can be distinguished from a chest or a back.
     """
-    size = max(1, int(np.sqrt(LEAST_PART_M2) * camera.fx / np.median(depth[mask])))
+    limits = settings.candidates
+    size = max(1, int(np.sqrt(limits.min_part_m2) * camera.fx / np.median(depth[mask])))
     points = points_of(depth, camera, mask)
-    rays = to_rays(points, growth)
+    rays = to_rays(points, noise)
     weight, image = uniform_filter(mask.astype(np.float64), size)[mask], np.zeros(mask.shape)
     averaged = rays.copy()
     for n in range(3):
         image[mask] = rays[:, n]
         averaged[:, n] = uniform_filter(image, size)[mask] / weight
     averaged[:, 3] /= size * np.sqrt(weight)
-    some = averaged[:: 1 + len(averaged) // SAMPLED].copy()
-    drawn, flat, on = draw_planes(some, DRAWN), np.zeros_like(mask), np.zeros_like(mask)
+    some = averaged[:: 1 + len(averaged) // limits.flat_points].copy()
+    drawn, flat, on = draw_planes(some, limits.flat_samples), np.zeros_like(mask), np.zeros_like(mask)
     if not len(drawn):  # the object is a line
         return Flat(0.0, on, size, np.zeros(mask.shape))
-    planes = refine_best(drawn, count_points(drawn, some)[:, 0], some)
+    planes = refine_best(drawn, count_points(drawn, some)[:, 0], some, settings.planes)
     near = count_points(planes, some)[:, 0]
     plane = planes[near.argmax()]
     flat[mask], on[mask] = lie_on(plane, averaged), lie_on(plane, rays)
-    labels = label_parts(depth, flat, STEP_M, growth, camera.fx)
+    step_m = settings.segmentation.step_m
+    labels = label_parts(depth, flat, step_m, step_m, noise, camera.fx)
     areas, _ = measure_components(labels, depth, camera.fx, camera.fy)
     return Flat(float(near.max()) / len(some), on, size, areas[labels])

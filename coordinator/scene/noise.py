@@ -1,32 +1,56 @@
-"""The noise of depth by distance, by which the room and a person are distinguished."""
+"""The noise of a depth camera, measured in one image.
+
+By `DepthNoise` the room and a person are distinguished, by `SensorNoise` the points of a body are weighted.
+"""
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
 
-from gepf.common.arrays import Array
+from gepf.common.arrays import Array, Mask
 from gepf.common.compiling import numba
+from gepf.common.frame import DepthFrame
+from gepf.common.settings import RefineSettings
+from gepf.coordinator.settings import NoiseSettings
 
-LEAST = 0.001  # metres, at any distance
-GROWTH = (0.0003, 0.03)  # metres per square metre of distance: smallest and largest
-USUAL_GROWTH = 0.0015  # of usual depth cameras
-DEVIATIONS = 4.0  # standard deviations; smaller differences are noise
 ONE_DEVIATION = 68.3  # per cent of a Gaussian within one standard deviation
 
 
-def sigma(z: Array, growth: float) -> Array:
-    """Standard deviation of the noise at depths z, metres: 1 mm + growth z^2."""
-    return LEAST + growth * z * z
+class DepthNoise(NamedTuple):
+    """The noise of a camera's depth z in metres: standard deviation floor + growth z^2."""
+
+    growth: float  # metres at 1 m
+    floor_m: float
+    margin_deviations: float  # smaller differences of depth are noise
+
+    def sigma(self, z: Array) -> Array:
+        """The standard deviation at depths z, metres."""
+        return self.floor_m + self.growth * z * z
+
+    def margin(self, z: Array) -> Array:
+        """The least difference, metres, by which two surfaces can be distinguished at depths z, metres."""
+        return self.margin_deviations * self.sigma(z)
+
+
+def noise_of(growth: float, settings: NoiseSettings) -> DepthNoise:
+    """The noise with this growth, metres at 1 m."""
+    return DepthNoise(growth, settings.floor_m, settings.margin_deviations)
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
-def margin_at(z: float, growth: float) -> float:
-    """Least difference in depth, metres, by which two surfaces can be distinguished at a depth."""
-    return DEVIATIONS * (LEAST + growth * z * z)
+def margin_at(z: float, noise: DepthNoise) -> float:
+    """`DepthNoise.margin` at one depth, compiled."""
+    return noise.margin_deviations * (noise.floor_m + noise.growth * z * z)
 
 
-def fit_noise(depth_m: NDArray[np.floating]) -> float:
+def fit_growth(depth_m: NDArray[np.floating], settings: NoiseSettings) -> float:
     """The growth of the noise of a depth image (H, W) in metres, with 0 for no depth.
 
     It is estimated from second differences of three successive pixels, in which smooth surfaces nearly
@@ -35,7 +59,82 @@ def fit_noise(depth_m: NDArray[np.floating]) -> float:
     left, middle, right = depth_m[:, :-2], depth_m[:, 1:-1], depth_m[:, 2:]
     measured = (left > 0.0) & (middle > 0.0) & (right > 0.0)
     if not measured.any():
-        return USUAL_GROWTH
+        return settings.usual_growth_m
     z = middle[measured].astype(np.float64)
     bend = np.abs(left[measured].astype(np.float64) - 2.0 * z + right[measured]) / np.sqrt(6.0)
-    return float(np.clip(np.percentile((bend - LEAST) / (z * z), ONE_DEVIATION), *GROWTH))
+    growth = np.percentile((bend - settings.floor_m) / (z * z), ONE_DEVIATION)
+    return float(np.clip(growth, settings.min_growth_m, settings.max_growth_m))
+
+
+def fit_noise(depth_m: NDArray[np.floating], settings: NoiseSettings) -> DepthNoise:
+    """The noise of a depth image (H, W) in metres, see `fit_growth`."""
+    return noise_of(fit_growth(depth_m, settings), settings)
+
+
+@dataclass(frozen=True, slots=True)
+class SensorNoise:
+    """Standard deviations of a measured point along the line of sight and across it, metres, at a distance.
+
+    The first grows with the square of the distance (`DepthNoise`), the second linearly.
+    """
+
+    depth: float
+    lateral: float
+    distance: float = 0.0  # metres; 0 if the noise does not depend on the distance
+
+    def at(self, distance: float, floor_m: float) -> SensorNoise:
+        """The noise at another distance, metres, in steps of a tenth: most frames have the same settings.
+
+        A part of it, the floor, is the same at all distances.
+        """
+        if not (self.distance > 0.0 and distance > 0.0):
+            return self
+        step = 0.1
+        share = math.exp(step * round(math.log(distance / self.distance) / step))
+        depth = min(self.depth, floor_m) + max(0.0, self.depth - floor_m) * share * share
+        return SensorNoise(depth, self.lateral * share, self.distance * share)
+
+
+NO_NOISE = SensorNoise(0.0, 0.0)
+
+
+def measure_noise(frame: DepthFrame, settings: NoiseSettings) -> SensorNoise:
+    """The noise of a frame that is not empty, at the median distance of its pixels.
+
+    Rounding is part of the noise. Errors that are common to neighbouring pixels are not measured.
+    """
+    depth_m = frame.metres()
+    distance = float(np.median(depth_m[depth_m > 0.0]))
+    metres_a_pixel = distance / frame.intrinsics.fx
+    noise = fit_noise(depth_m, settings)
+    deviation = float(noise.sigma(np.array(distance))) if noise.growth > settings.min_growth_m else 0.0
+    lateral_px = outline_deviation(depth_m > 0.0, settings.outline_blur_px)
+    return SensorNoise(deviation, lateral_px * metres_a_pixel, distance)
+
+
+def outline_deviation(mask: Mask, blur_px: float) -> float:
+    """Standard deviation in pixels of the independent displacement of the pixels of a silhouette (H, W).
+
+    Near a straight outline a pixel at distance x is inside with probability Phi(x / s). So neighbours differ
+    2 s / sqrt(pi) times in each row that crosses it; without noise, once. In the sum over rows and columns
+    the direction of the outline cancels, and the ratio to a smooth outline is sqrt(pi) s.
+    """
+    padded = np.pad(mask, int(4 * blur_px)).astype(np.float64)
+    smooth = count_changes(gaussian_filter(padded, blur_px) > 0.5)
+    frayed = count_changes(padded > 0.5)
+    return frayed / smooth / math.sqrt(math.pi) if smooth else 0.0
+
+
+def count_changes(mask: Mask) -> int:
+    """Number of pairs of neighbours of which exactly one is inside."""
+    return int(np.sum(mask[:, 1:] != mask[:, :-1]) + np.sum(mask[1:] != mask[:-1]))
+
+
+def assume_noise(settings: RefineSettings, noise: SensorNoise) -> RefineSettings:
+    """Settings with at least this noise. Their own noise also covers the error of the surface.
+
+    The noise across is at most the noise along: a rougher outline has other reasons.
+    """
+    depth = max(settings.noise_depth, noise.depth)
+    lateral = min(max(settings.noise_lateral, noise.lateral), depth)
+    return msgspec.structs.replace(settings, noise_depth=depth, noise_lateral=lateral)

@@ -1,7 +1,7 @@
 """Planes: floor and walls, which are behind everything else in the image.
 
 The inverse depth of a plane is linear in the image: 1 / z = a x/z + b y/z + c. So planes are fitted to rays
-(N, 4): x/z, y/z, 1/z, and the margin of 1/z, DEVIATIONS standard deviations, for being on a plane.
+(N, 4): x/z, y/z, 1/z, and the margin of 1/z by the noise, for being on a plane.
 """
 
 from __future__ import annotations
@@ -17,23 +17,11 @@ from scipy.spatial import cKDTree
 from gepf.common.arrays import Array, Indices, Mask
 from gepf.common.camera import Intrinsics, level_from_camera
 from gepf.common.compiling import numba
-from gepf.coordinator.scene.noise import DEVIATIONS, sigma
+from gepf.coordinator.scene.noise import DepthNoise
+from gepf.coordinator.settings import PlaneSettings
 
-SAMPLED_ACROSS = 80  # points per row of the image for fitting planes
-DRAWN_PLANES = 2_000  # samples of RANSAC, of three points each
-REFINED_PLANES = 40  # best samples that are refined
-LEAST_POINTS = 30  # on a plane
-MOST_BEYOND = 0.01  # largest share of points behind a wall or below a floor
-LEVEL = np.cos(np.radians(50.0))  # cosine of the largest camera tilt
-UPRIGHT = np.sin(np.radians(20.0))  # sine of the largest tilt of a wall
-LEAST_FLOOR = (0.2, 0.3)  # smallest width in metres, and area in square metres
-LEAST_WALL = (0.7, 1.5)
-RESTING_M = 0.3  # height above a floor at which a point counts 1 / e for resting on it
-MIN_RESTING = 0.1  # mean weight of things of all heights up to 3 m; needed if the usual up has no floor
 SIDES = np.array([[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
 """Up in an upright image, and in one that is rotated by a multiple of 90 degrees; camera frame."""
-
-EXTREMES = (1.0, 99.0)  # percentiles of the points that define an extent
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,19 +55,21 @@ class Planes:
         return np.asarray(points @ self.up + self.camera_height)
 
 
-def sample_rays(depth_m: NDArray[np.floating], camera: Intrinsics, growth: float) -> Array:
-    """Rays (N, 4) of a grid of pixels with SAMPLED_ACROSS per row, with a growth of the noise."""
-    stride = max(1, camera.width // SAMPLED_ACROSS)
+def sample_rays(
+    depth_m: NDArray[np.floating], camera: Intrinsics, noise: DepthNoise, points_across: int
+) -> Array:
+    """Rays (N, 4) of a grid of pixels with so many points in a row, of depth with this noise."""
+    stride = max(1, camera.width // points_across)
     v, u = np.nonzero(depth_m[::stride, ::stride])
     z = depth_m[::stride, ::stride][v, u].astype(np.float64)
     x, y = (u * stride - camera.cx) / camera.fx, (v * stride - camera.cy) / camera.fy
-    return to_rays(np.stack([x * z, y * z, z], axis=1), growth)
+    return to_rays(np.stack([x * z, y * z, z], axis=1), noise)
 
 
-def to_rays(points: Array, growth: float) -> Array:
-    """Rays (N, 4) of points (N, 3), metres, with a growth of the noise."""
+def to_rays(points: Array, noise: DepthNoise) -> Array:
+    """Rays (N, 4) of points (N, 3), metres, with this noise."""
     z = points[:, 2:]
-    return np.hstack([points[:, :2] / z, 1.0 / z, DEVIATIONS * sigma(z, growth) / (z * z)])
+    return np.hstack([points[:, :2] / z, 1.0 / z, noise.margin(z) / (z * z)])
 
 
 def to_points(rays: Array) -> Array:
@@ -87,58 +77,69 @@ def to_points(rays: Array) -> Array:
     return np.column_stack([rays[:, :2], np.ones(len(rays))]) / rays[:, 2:3]
 
 
-def extents(points: Array) -> Array:
-    """Extents (K,) of points (N, K) in each coordinate, without outliers."""
-    low, high = np.percentile(points, EXTREMES, axis=0)
+def extents(points: Array, outlier_percent: float) -> Array:
+    """Extents (K,) of points (N, K) in each coordinate, without so many per cent at each end."""
+    low, high = np.percentile(points, (outlier_percent, 100.0 - outlier_percent), axis=0)
     return np.asarray(high - low)
 
 
-def find_planes(rays: Array, approximate_ups: Array) -> Planes:
+def find_planes(rays: Array, approximate_ups: Array, settings: PlaneSettings) -> Planes:
     """Floor and walls among rays (N, 4), by RANSAC, given the possible approximate up directions (K, 3).
 
     Of several, up is that of the floor on which things rest; the first one if there is none.
     """
-    drawn, rest, found = draw_planes(rays, DRAWN_PLANES), rays, list[Array]()
-    drawn = drawn[count_points(drawn, rays)[:, 2] <= MOST_BEYOND * len(rays)]
+    drawn, rest, planes = draw_planes(rays, settings.samples), rays, list[Array]()
+    max_beyond = settings.max_beyond_share * len(rays)
+    drawn = drawn[count_points(drawn, rays)[:, 2] <= max_beyond]
     while len(drawn):
-        refined = refine_best(drawn, support(drawn, rest), rest)
+        refined = refine_best(drawn, support(drawn, rest), rest, settings)
         score = support(refined, rest)
-        score[count_points(refined, rays)[:, 2] > MOST_BEYOND * len(rays)] = 0
-        if score.max() < LEAST_POINTS:
+        score[count_points(refined, rays)[:, 2] > max_beyond] = 0
+        if score.max() < settings.min_points:
             break
-        found.append(refined[score.argmax()])
-        rest = rest[~lie_on(found[-1], rest)]
-    large = [each for each in found if is_large(each, rays, LEAST_FLOOR)]
-    approximate_up, floor = choose_floor(large, rays, approximate_ups)
+        planes.append(refined[score.argmax()])
+        rest = rest[~lie_on(planes[-1], rest)]
+    min_floor = settings.min_floor_width_m, settings.min_floor_area_m2
+    large = [plane for plane in planes if is_large(plane, rays, min_floor, settings.outlier_percent)]
+    approximate_up, floor = choose_floor(large, rays, approximate_ups, settings)
     up = approximate_up if floor is None else -floor / np.linalg.norm(floor)
-    walls = [each for each in found if abs(level(each, up)) < UPRIGHT and is_large(each, rays, LEAST_WALL)]
+    min_wall, max_tilt = (settings.min_wall_width_m, settings.min_wall_area_m2), settings.max_wall_tilt_deg
+    walls = [
+        plane
+        for plane in planes
+        if abs(level(plane, up)) < np.sin(np.radians(max_tilt))
+        and is_large(plane, rays, min_wall, settings.outlier_percent)
+    ]
     chosen = walls if floor is None else [floor, *walls]
     return Planes(np.array(chosen).reshape(-1, 3), floor is not None, approximate_up)
 
 
-def choose_floor(planes: Sequence[Array], rays: Array, approximate_ups: Array) -> tuple[Array, Array | None]:
+def choose_floor(
+    planes: Sequence[Array], rays: Array, approximate_ups: Array, settings: PlaneSettings
+) -> tuple[Array, Array | None]:
     """The approximate up direction (3,), of the possible ones (K, 3), and the floor among large planes.
 
     Furniture and people stand on a floor, so they are more often near it than near a wall or a ceiling.
     """
+    min_level = np.cos(np.radians(settings.max_camera_tilt_deg))
     floors = [
         max(
-            (each for each in planes if level(each, up) > LEVEL),
-            key=lambda each: np.count_nonzero(lie_on(each, rays)),
+            (plane for plane in planes if level(plane, up) > min_level),
+            key=lambda plane: np.count_nonzero(lie_on(plane, rays)),
             default=None,
         )
         for up in approximate_ups
     ]
     things = rays
-    for each in planes:
-        things = things[~lie_on(each, things)]
+    for plane in planes:
+        things = things[~lie_on(plane, things)]
     points, resting = to_points(things), np.zeros(len(floors))
     for n, floor in enumerate(floors):
         if floor is not None and len(points):
             heights = (1.0 - points @ floor) / np.linalg.norm(floor)
-            resting[n] = np.mean(np.exp(-np.maximum(heights, 0.0) / RESTING_M))
+            resting[n] = np.mean(np.exp(-np.maximum(heights, 0.0) / settings.resting_height_m))
     if floors[0] is None:
-        resting[0] = MIN_RESTING
+        resting[0] = settings.min_resting_share
     best = int(resting.argmax())
     return approximate_ups[best], floors[best]
 
@@ -154,10 +155,10 @@ def level(plane: Array, up: Array) -> float:
     return float(-plane @ up / np.linalg.norm(plane))
 
 
-def refine_best(planes: Array, scores: Indices, rays: Array) -> Array:
+def refine_best(planes: Array, scores: Indices, rays: Array, settings: PlaneSettings) -> Array:
     """Those of the planes (M, 3) with the largest scores (M,), fitted to the rays (N, 4) on each."""
-    best = planes[np.argsort(-scores, kind="stable")[:REFINED_PLANES]]
-    return refit(refit(best, rays), rays)
+    best = planes[np.argsort(-scores, kind="stable")[: settings.refined_samples]]
+    return refit(refit(best, rays, settings.min_points), rays, settings.min_points)
 
 
 def draw_planes(rays: Array, count: int) -> Array:
@@ -185,12 +186,12 @@ def count_points(planes: Array, rays: Array) -> Indices:
     """Numbers of rays (N, 4): within half the margin of each plane (M, 3), within it, beyond twice it."""
     counts = np.empty((len(planes), 3), dtype=np.int64)
     x, y, inverse = rays[:, 0] / rays[:, 3], rays[:, 1] / rays[:, 3], rays[:, 2] / rays[:, 3]
-    one = 1.0 / rays[:, 3]
+    weight = 1.0 / rays[:, 3]
     for m in range(len(planes)):
         a, b, c = planes[m]
         near, within, beyond = 0, 0, 0
         for n in range(len(x)):
-            off = inverse[n] - a * x[n] - b * y[n] - c * one[n]  # in margins
+            off = inverse[n] - a * x[n] - b * y[n] - c * weight[n]  # in margins
             near += abs(off) < 0.5
             within += abs(off) < 1.0
             beyond += off < -2.0
@@ -198,15 +199,15 @@ def count_points(planes: Array, rays: Array) -> Indices:
     return counts
 
 
-def refit(planes: Array, rays: Array) -> Array:
+def refit(planes: Array, rays: Array, min_points: int) -> Array:
     """Fit planes (M, 3) by least squares to the rays (N, 4) within the margin, then within half of it.
 
-    A plane with few rays stays as it is.
+    A plane with fewer rays than `min_points` stays as it is.
     """
     planes = planes.copy()
     for margins in (1.0, 0.5):
         moments, counts = sum_moments(planes, rays, margins)
-        enough = counts >= LEAST_POINTS
+        enough = counts >= min_points
         products, sums = moments[enough, :, :3], moments[enough, :, 3:]
         rounding = np.finfo(float).eps * counts[enough]
         least = rounding * np.trace(products, axis1=1, axis2=2)  # for collinear points
@@ -242,9 +243,12 @@ def lie_on(plane: Array, rays: Array) -> Mask:
     return np.asarray(np.abs(rays[:, :2] @ plane[:2] + plane[2] - rays[:, 2]) < rays[:, 3])
 
 
-def is_large(plane: Array, rays: Array, least: tuple[float, float]) -> bool:
-    """Whether the rays (N, 4) on a plane extend over at least this width, metres, and area, square metres."""
+def is_large(plane: Array, rays: Array, least: tuple[float, float], outlier_percent: float) -> bool:
+    """Whether the rays (N, 4) on a plane extend over at least this width, metres, and area, square metres.
+
+    Without so many per cent of them at each end.
+    """
     points = to_points(rays[lie_on(plane, rays)])
     across = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2][:2].T
-    extent = extents(points @ across)
+    extent = extents(points @ across, outlier_percent)
     return bool(extent.min() > least[0] and np.prod(extent) > least[1])

@@ -1,7 +1,7 @@
 """The scene of a camera: noise, planes, and background, which is learned pixel by pixel.
 
 The background of a pixel is the farthest depth measured there while no person was near. Something nearer that
-stays for SETTLED_FRAMES replaces it, such as a chair that was moved.
+stays for `settled_frames` replaces it, such as a chair that was moved.
 """
 
 from __future__ import annotations
@@ -16,14 +16,13 @@ from gepf.common.arrays import Array, Mask
 from gepf.common.camera import NOT_MOVED, Intrinsics, Pinhole
 from gepf.common.compiling import numba
 from gepf.common.frame import DepthFrame
-from gepf.coordinator.scene.noise import USUAL_GROWTH, fit_noise, margin_at
+from gepf.coordinator.scene.noise import DepthNoise, fit_growth, margin_at, noise_of
 from gepf.coordinator.scene.planes import SIDES, Planes, extents, find_planes, refit, sample_rays, to_points
+from gepf.coordinator.settings import SceneSettings
 
 Depth = NDArray[np.float32]
 Marks = NDArray[np.uint8]
 
-PERSON_LENGTH_M = (0.6, 2.5)  # largest extent of a person
-SETTLED_FRAMES = 30  # until something nearer becomes background; also between searches for planes
 NOT_MEASURED, FOREGROUND, BACKGROUND, ON_PLANE = 0, 1, 2, 3  # marks of a pixel
 
 
@@ -32,26 +31,28 @@ class SceneView:
     """One frame and the known scene.
 
     depth: (H, W) metres, 0 for pixels without depth or outside the user's scope.
-    growth: k of 1 mm + k z^2.
+    noise: of the depth.
     background: (H, W) metres, depth without people; 0 if unknown.
     marks: (H, W) NOT_MEASURED, FOREGROUND, BACKGROUND or ON_PLANE.
     furnished: the frame shows a room, not only a person; if not, pixels without depth are empty.
+    settings: by which the frame is segmented.
     excluded: (H, W) pixels excluded by the user; they are unknown.
     """
 
     number: int
     depth: Depth
     camera: Intrinsics
-    growth: float
+    noise: DepthNoise
     planes: Planes
     background: Depth
     marks: Marks
     furnished: bool
+    settings: SceneSettings
     excluded: Mask | None = None
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def mark_pixels(depth: Depth, background: Depth, lens: Pinhole, planes: Array, growth: float) -> Marks:
+def mark_pixels(depth: Depth, background: Depth, lens: Pinhole, planes: Array, noise: DepthNoise) -> Marks:
     """NOT_MEASURED, FOREGROUND, BACKGROUND or ON_PLANE of each pixel (H, W); planes (P, 3).
 
     Depth beyond the background is foreground: a person may come through a door.
@@ -68,10 +69,10 @@ def mark_pixels(depth: Depth, background: Depth, lens: Pinhole, planes: Array, g
                 nearest[u] = max(nearest[u], planes[p, 0] * x[u] + planes[p, 1] * y + planes[p, 2])
         for u in range(depth.shape[1]):
             z = np.float64(depth[v, u])
-            margin = margin_at(z, growth)
+            margin = margin_at(z, noise)
             on_plane = nearest[u] * z * z > z - margin
-            known = abs(z - background[v, u]) < margin
-            mark = ON_PLANE if on_plane else (BACKGROUND if known else FOREGROUND)
+            is_background = abs(z - background[v, u]) < margin
+            mark = ON_PLANE if on_plane else (BACKGROUND if is_background else FOREGROUND)
             marks[v, u] = mark if z > 0.0 else NOT_MEASURED
     return marks
 
@@ -113,12 +114,16 @@ class Scene:
     the frames before, or of the background, it is from another camera, and the scene starts again.
 
     Args:
+        settings: Of the scene and its segmentation.
         background: Depth (H, W) in metres without people, 0 if unknown; None to learn all of it.
         up: Approximate up direction (3,), camera frame; None for a camera that may be
             rotated by a multiple of 90 degrees.
     """
 
-    def __init__(self, background: Depth | None = None, up: Array | None = None) -> None:
+    def __init__(
+        self, settings: SceneSettings, background: Depth | None = None, up: Array | None = None
+    ) -> None:
+        self._settings = settings
         self._placed = NOT_MOVED
         self._no_planes = Planes() if up is None else Planes(approximate_up=up)
         self._ups = SIDES if up is None else up[None]
@@ -134,16 +139,18 @@ class Scene:
             self._begin(np.zeros_like(depth))
         if depth.any():
             self._look(depth, frame.intrinsics)
-        camera, planes, growth = frame.intrinsics, self._planes, self._growth or USUAL_GROWTH
+        camera, planes, limits = frame.intrinsics, self._planes, self._settings.noise
+        noise = noise_of(self._growth or limits.usual_growth_m, limits)
         return SceneView(
             number=frame.number,
             depth=depth,
             camera=camera,
-            growth=growth,
+            noise=noise,
             planes=planes,
             background=self._background,
-            marks=mark_pixels(depth, self._background, camera.pinhole, planes.coefficients, growth),
+            marks=mark_pixels(depth, self._background, camera.pinhole, planes.coefficients, noise),
             furnished=self._furnished,
+            settings=self._settings,
             excluded=excluded,
         )
 
@@ -156,12 +163,13 @@ class Scene:
         if not self._furnished:
             return self._change(NOTHING.pixels)
         outside = np.zeros(view.depth.shape, np.bool_) if people is None else people
-        known = self._background > 0.0
-        pixels = learn_pixels(view.depth, view.growth, outside, self._background, self._nearer)
-        moved = np.count_nonzero(known.ravel()[pixels]) > 0.5 * np.count_nonzero(view.depth)
+        learned_before = self._background > 0.0
+        settled = self._settings.settled_frames
+        pixels = learn_pixels(view.depth, view.noise, outside, self._background, self._nearer, settled)
+        moved = np.count_nonzero(learned_before.ravel()[pixels]) > 0.5 * np.count_nonzero(view.depth)
         if moved:  # most of the image changed: the camera was moved
             self._background[:], self._nearer[:] = 0.0, 0
-            learn_pixels(view.depth, view.growth, outside, self._background, self._nearer)
+            learn_pixels(view.depth, view.noise, outside, self._background, self._nearer, settled)
         if moved or self._seen <= 1:
             return self.all()
         return self._change(np.union1d(learned.pixels, pixels) if len(learned.pixels) else pixels)
@@ -189,13 +197,17 @@ class Scene:
         self._nearer = np.zeros(background.shape, np.uint8)
 
     def _look(self, depth: Depth, camera: Intrinsics) -> None:
-        self._growth = self._growth or fit_noise(depth)
-        rays, planes = sample_rays(depth, camera, self._growth), self._planes
-        due = len(rays) > 0 and (not self._furnished or self._seen % SETTLED_FRAMES == 0)
+        settings, limits = self._settings, self._settings.planes
+        self._growth = self._growth or fit_growth(depth, settings.noise)
+        rays = sample_rays(depth, camera, noise_of(self._growth, settings.noise), limits.points_across)
+        planes = self._planes
+        due = len(rays) > 0 and (not self._furnished or self._seen % settings.settled_frames == 0)
         if len(planes.coefficients):  # the camera stands still or moves slowly
-            self._planes = replace(planes, coefficients=refit(planes.coefficients, rays))
-        elif due and extents(to_points(rays)).max() > PERSON_LENGTH_M[1]:
-            self._planes, self._furnished = find_planes(rays, self._ups), True
+            self._planes = replace(planes, coefficients=refit(planes.coefficients, rays, limits.min_points))
+        elif due:
+            extent = extents(to_points(rays), limits.outlier_percent).max()
+            if extent > settings.candidates.max_length_m:  # more than a person
+                self._planes, self._furnished = find_planes(rays, self._ups, limits), True
         self._seen += 1
 
     def _change(self, pixels: NDArray[np.uint32]) -> SceneChange:
@@ -213,21 +225,21 @@ class Scene:
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def learn_pixels(
-    depth: Depth, growth: float, people: Mask, background: Depth, nearer: Marks
+    depth: Depth, noise: DepthNoise, people: Mask, background: Depth, nearer: Marks, settled_frames: int
 ) -> NDArray[np.uint32]:
     """Learn a depth image (H, W) in place; returns the flat indices (N,) of the changed pixels."""
     pixels = np.empty(depth.size, dtype=np.uint32)
     count = 0
     for v in range(depth.shape[0]):
         for u in range(depth.shape[1]):
-            z, known = depth[v, u], background[v, u]
-            margin = margin_at(z, growth)
-            alike = abs(z - known) <= margin
+            z, learned = depth[v, u], background[v, u]
+            margin = margin_at(z, noise)
+            alike = abs(z - learned) <= margin
             if not z > 0.0 or people[v, u] or (alike and nearer[v, u] == 0):
                 continue
             pixels[count] = v * depth.shape[1] + u
             count += 1
-            nearer[v, u] = nearer[v, u] + 1 if z < known - margin else 0
-            if z > known + margin or nearer[v, u] == SETTLED_FRAMES:
+            nearer[v, u] = nearer[v, u] + 1 if z < learned - margin else 0
+            if z > learned + margin or nearer[v, u] == settled_frames:
                 background[v, u], nearer[v, u] = z, 0
     return pixels[:count].copy()

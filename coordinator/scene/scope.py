@@ -14,7 +14,6 @@ from gepf.common.frame import DepthFrame
 from gepf.coordinator.scene.candidates import Candidate
 from gepf.coordinator.scene.scene import SceneView
 
-MOVED_SHARE = 0.2  # of a person's pixels; least share with a known background if the person moved
 WAYS = ("best", "nearest", "largest", "moving")
 
 
@@ -56,7 +55,7 @@ class Scope:
             excluded |= outside
         return replace(frame, depth=np.where(excluded, np.uint16(0), frame.depth)), excluded
 
-    def choose(self, view: SceneView, found: Sequence[Candidate]) -> list[Candidate]:
+    def choose(self, view: SceneView, people: Sequence[Candidate]) -> list[Candidate]:
         """The candidates who may be meant, the most likely first."""
 
         def moved(candidate: Candidate) -> float:
@@ -64,14 +63,15 @@ class Scope:
 
         if not isinstance(self.person, str):
             at = np.array(self.person)[::-1]
-            return sorted(found, key=lambda each: np.linalg.norm(np.argwhere(each.widest) - at, axis=1).min())
+            return sorted(people, key=lambda who: np.linalg.norm(np.argwhere(who.widest) - at, axis=1).min())
         order: dict[str, Callable[[Candidate], float]] = {
-            "best": lambda each: -each.score,
-            "nearest": lambda each: float(np.median(each.points[:, 2])),
-            "largest": lambda each: -float(np.sum(each.points[:, 2] ** 2)),
-            "moving": lambda each: -moved(each),
+            "best": lambda candidate: -candidate.score,
+            "nearest": lambda candidate: float(np.median(candidate.points[:, 2])),
+            "largest": lambda candidate: -float(np.sum(candidate.points[:, 2] ** 2)),
+            "moving": lambda candidate: -moved(candidate),
         }
-        possible = [each for each in found if self.person != "moving" or moved(each) > MOVED_SHARE]
+        least = view.settings.candidates.min_moved_share
+        possible = [who for who in people if self.person != "moving" or moved(who) > least]
         return sorted(possible, key=order[self.person])
 
     def of(self, camera: str) -> Scope:

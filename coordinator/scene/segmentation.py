@@ -17,18 +17,11 @@ from gepf.common.arrays import Array, Indices, Mask
 from gepf.common.camera import Pinhole, points_of, project
 from gepf.common.compiling import numba
 from gepf.common.frame import EMPTY, HIDDEN, SUBJECT, UNKNOWN, UNMEASURED
-from gepf.coordinator.scene.noise import margin_at
+from gepf.coordinator.scene.noise import DepthNoise, margin_at
 from gepf.coordinator.scene.scene import FOREGROUND, NOT_MEASURED, ON_PLANE, Depth, SceneView
 
 Labels = NDArray[np.uint8]
 Window = tuple[int, int, int, int]  # left, top, right, bottom in pixels, half-open
-
-NEAR_M = 0.12  # to a posed surface; foreground within it is the subject, and no background is learned
-CELL_M = 0.04  # of the distance field; body and room cannot be distinguished at smaller distances
-REACH_CELLS = 7  # largest distance of the subject from the surface
-REACH_M = CELL_M * REACH_CELLS
-LEAST_AREA_M2 = 0.1  # visible area of a person; no limb shows as much
-STEP_M = 0.03  # largest difference between neighbouring pixels of one surface, without noise
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,95 +43,104 @@ def slices(window: Window) -> tuple[slice, slice]:
 
 
 def measure_distances(view: SceneView, surface: Array) -> Depth:
-    """Distances (H, W) in metres of the pixels' points from a surface (V, 3); infinite beyond REACH_M.
+    """Distances (H, W) in metres of the pixels' points from a surface (V, 3); infinite beyond `reach_m`.
 
     They come from a distance field: a grid of cells around the surface, filled along one axis after another.
     """
-    margin = REACH_M + CELL_M
+    cell_m, reach_cells = view.settings.segmentation.cell_m, view.settings.segmentation.reach_cells
+    margin = view.settings.segmentation.reach_m + cell_m
     low = surface.min(axis=0) - margin
-    shape = tuple(((surface.max(axis=0) + margin - low) / CELL_M).astype(np.int64) + 1)
-    far = (REACH_CELLS + 1) ** 2
+    shape = tuple(((surface.max(axis=0) + margin - low) / cell_m).astype(np.int64) + 1)
+    far = (reach_cells + 1) ** 2
     squares = np.full(shape, far, dtype=np.uint8)
-    squares[tuple(((surface - low) / CELL_M).astype(np.int64).T)] = 0
+    squares[tuple(((surface - low) / cell_m).astype(np.int64).T)] = 0
     flat = squares.ravel()
     for stride in (1, shape[2], shape[1] * shape[2]):  # the margin separates lines of the grid
         before = flat.copy()
-        for step in range(1, REACH_CELLS + 1):
+        for step in range(1, reach_cells + 1):
             shift, more = step * stride, np.uint8(step * step)
             np.minimum(flat[:-shift], before[shift:] + more, out=flat[:-shift])
             np.minimum(flat[shift:], before[:-shift] + more, out=flat[shift:])
-    metres = np.float32(CELL_M) * np.sqrt(np.arange(far + 1, dtype=np.float32))
-    metres[REACH_CELLS**2 + 1 :] = np.inf
-    return look_up(
-        view.depth, view.camera.pinhole, window_of(view, surface), low, np.minimum(squares, far), metres
-    )
+    metres = np.float32(cell_m) * np.sqrt(np.arange(far + 1, dtype=np.float32))
+    metres[reach_cells**2 + 1 :] = np.inf
+    squares = np.minimum(squares, far)
+    return look_up(view.depth, view.camera.pinhole, window_of(view, surface), low, cell_m, squares, metres)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def look_up(
-    depth: Depth, lens: Pinhole, window: Window, low: Array, squares: NDArray[np.uint8], metres: Depth
+    depth: Depth,
+    lens: Pinhole,
+    window: Window,
+    low: Array,
+    cell_m: float,
+    squares: NDArray[np.uint8],
+    metres: Depth,
 ) -> Depth:
     """Distances (H, W) in a window, infinite outside, from a grid of squares with origin `low` (3,)."""
-    found = np.full(depth.shape, np.inf, dtype=np.float32)
+    distances = np.full(depth.shape, np.inf, dtype=np.float32)
     fx, fy, cx, cy = lens
     left, top, right, bottom = window
     wide, high, deep = squares.shape
-    nearest, farthest = low[2], low[2] + CELL_M * deep
+    nearest, farthest = low[2], low[2] + cell_m * deep
     for v in range(top, bottom):
         for u in range(left, right):
             z = depth[v, u]
             if not (z > 0.0 and nearest <= z < farthest):
                 continue
             x, y = (u - cx) / fx * z - low[0], (v - cy) / fy * z - low[1]
-            i, j, k = int(x / CELL_M), int(y / CELL_M), int((z - low[2]) / CELL_M)
+            i, j, k = int(x / cell_m), int(y / cell_m), int((z - low[2]) / cell_m)
             if x >= 0.0 and y >= 0.0 and i < wide and j < high and k < deep:
-                found[v, u] = metres[squares[i, j, k]]
-    return found
+                distances[v, u] = metres[squares[i, j, k]]
+    return distances
 
 
 def segment_body(
-    view: SceneView, surface: Array, distances: Depth, others: Mask | None = None
+    view: SceneView, surface: Array, distances: Depth, foreign: Mask | None = None
 ) -> Segmentation:
     """Label the pixels around the points (V, 3) of a posed body, given distances (H, W) from them, metres.
 
-    Pixels (H, W) of `others`, people or possible people, are unknown for this one.
+    `foreign` pixels (H, W), of people or possible people, are unknown for this one.
     """
-    window = window_of(view, surface)
+    limits, window = view.settings.segmentation, window_of(view, surface)
     inside = slices(window)
     depth, near, marks = view.depth[inside], distances[inside], view.marks[inside]
-    unclear = (marks != FOREGROUND) & (near <= CELL_M)
-    for mask in (view.excluded, others):
+    unclear = (marks != FOREGROUND) & (near <= limits.cell_m)
+    for mask in (view.excluded, foreign):
         if mask is not None:
             unclear |= mask[inside]
-    possible = (marks == FOREGROUND) & (near <= REACH_M) & ~unclear
-    parts = label_parts(depth, possible, STEP_M, view.growth, view.camera.fx)
+    possible = (marks == FOREGROUND) & (near <= limits.reach_m) & ~unclear
+    parts = label_parts(depth, possible, limits.step_m, limits.step_m, view.noise, view.camera.fx)
     farthest, missing = surface[:, 2].max(), UNMEASURED if view.furnished else EMPTY
-    labels = label_pixels(view.depth, view.marks, distances, window[:2], unclear, parts, farthest, missing)
+    labels = label_pixels(
+        view.depth, view.marks, distances, window[:2], unclear, parts, limits.near_m, farthest, missing
+    )
     return Segmentation(window, labels)
 
 
 @numba.njit(cache=True, nogil=True)
-def label_pixels(
+def label_pixels(  # noqa: PLR0913 a kernel
     depth: Depth,
     marks: Labels,
     distances: Depth,
     corner: tuple[int, int],
     unclear: Mask,
     parts: NDArray[np.int32],
+    near_m: float,
     farthest: float,
     missing: int,
 ) -> Labels:
     """Labels (h, w) of a window with this left, top corner; depth, marks, distances are (H, W).
 
-    The subject has the components, `parts` (h, w), with pixels near the body. No point of the body is beyond
-    `farthest`. Pixels without depth get the label `missing`.
+    The subject has the components, `parts` (h, w), that are within `near_m` of the body. No point of the body
+    is beyond `farthest`. Pixels without depth get the label `missing`.
     """
     left, top = corner
     labels = np.empty(parts.shape, dtype=np.uint8)
     chosen = np.zeros(parts.size + 1, dtype=np.bool_)
     for v in range(parts.shape[0]):
         for u in range(parts.shape[1]):
-            if parts[v, u] > 0 and distances[top + v, left + u] <= NEAR_M:
+            if parts[v, u] > 0 and distances[top + v, left + u] <= near_m:
                 chosen[parts[v, u]] = True
     for v in range(parts.shape[0]):
         for u in range(parts.shape[1]):
@@ -155,30 +157,31 @@ def label_pixels(
 
 
 def segment_masks(
-    view: SceneView, masks: Sequence[Mask], others: Mask | None = None
+    view: SceneView, masks: Sequence[Mask], foreign: Mask | None = None
 ) -> tuple[Segmentation, ...]:
     """Label the pixels for a person without a posed body, once for each mask (H, W) of the person's pixels.
 
     Each mask contains the one before it. All are labelled as near the last one: the rest of it is unknown.
     """
     points = points_of(view.depth, view.camera, masks[-1])
-    behind = points * (1.0 + REACH_M / points[:, 2:])  # about the thickness of a person
+    reach_m = view.settings.segmentation.reach_m
+    behind = points * (1.0 + reach_m / points[:, 2:])  # about the thickness of a person
     surface = np.concatenate([points, behind])
-    found = segment_body(view, surface, measure_distances(view, surface), others)
-    around = np.where(found.labels == SUBJECT, np.uint8(UNKNOWN), found.labels)
-    inside = slices(found.window)
-    return tuple(replace(found, labels=np.where(mask[inside], np.uint8(SUBJECT), around)) for mask in masks)
+    whole = segment_body(view, surface, measure_distances(view, surface), foreign)
+    around = np.where(whole.labels == SUBJECT, np.uint8(UNKNOWN), whole.labels)
+    inside = slices(whole.window)
+    return tuple(replace(whole, labels=np.where(mask[inside], np.uint8(SUBJECT), around)) for mask in masks)
 
 
 def window_of(view: SceneView, surface: Array) -> Window:
-    """The window of pixels that can show something within REACH_M of the points (V, 3)."""
-    width, height = view.camera.width, view.camera.height
-    nearest = surface[:, 2] - REACH_M
+    """The window of pixels that can show something within `reach_m` of the points (V, 3)."""
+    width, height, reach_m = view.camera.width, view.camera.height, view.settings.segmentation.reach_m
+    nearest = surface[:, 2] - reach_m
     if nearest.min() <= 0.0:
         return 0, 0, width, height
     fx, fy, cx, cy = view.camera.pinhole
     u, v = cx + fx * surface[:, 0] / surface[:, 2], cy + fy * surface[:, 1] / surface[:, 2]
-    across, along = REACH_M * fx / nearest, REACH_M * fy / nearest
+    across, along = reach_m * fx / nearest, reach_m * fy / nearest
     left, right = np.clip([(u - across).min(), (u + across).max() + 2.0], 0.0, width).astype(int).tolist()
     top, bottom = np.clip([(v - along).min(), (v + along).max() + 2.0], 0.0, height).astype(int).tolist()
     return left, top, right, bottom
@@ -203,19 +206,32 @@ def mark_apart(view: SceneView, nearest: Depth) -> Mask:
 
     They are foreground that is not near a body, extends beyond its reach, and is too large for a limb.
     """
-    least = LEAST_AREA_M2 * view.camera.fx * view.camera.fy
-    return grow_apart(view.depth, view.marks == FOREGROUND, nearest, view.growth, least)
+    limits = view.settings.segmentation
+    least = limits.min_person_m2 * view.camera.fx * view.camera.fy
+    free = view.marks == FOREGROUND
+    return grow_apart(
+        view.depth, free, nearest, view.noise, limits.near_m, limits.reach_m, limits.step_m, least
+    )
 
 
 @numba.njit(cache=True, nogil=True)
-def grow_apart(depth: Depth, free: Mask, distances: Depth, growth: float, least: float) -> Mask:
+def grow_apart(
+    depth: Depth,
+    free: Mask,
+    distances: Depth,
+    noise: DepthNoise,
+    near_m: float,
+    reach_m: float,
+    step_m: float,
+    least: float,
+) -> Mask:
     """Pixels (H, W) as in `mark_apart`; `least` is an area in pixels times z^2."""
     rows, columns = depth.shape
     apart = np.zeros(depth.shape, dtype=np.bool_)
     grown = np.empty(rows * columns, dtype=np.int64)
     nearby, unused = distances.ravel(), free.ravel()
     for start in range(rows * columns):
-        if not unused[start] or nearby[start] <= NEAR_M or nearby[start] > REACH_M:
+        if not unused[start] or nearby[start] <= near_m or nearby[start] > reach_m:
             continue
         grown[0], count, place, area, beyond = start, 1, 0, 0.0, False
         unused[start] = False
@@ -224,13 +240,13 @@ def grow_apart(depth: Depth, free: Mask, distances: Depth, growth: float, least:
             place += 1
             z = depth[row, column]
             area += z * z
-            beyond |= distances[row, column] > REACH_M
-            step = STEP_M + margin_at(z, growth)
+            beyond |= distances[row, column] > reach_m
+            step = step_m + margin_at(z, noise)
             for k in range(4):
                 r, c = row + (k == 1) - (k == 0), column + (k == 3) - (k == 2)
                 if not (0 <= r < rows and 0 <= c < columns) or not free[r, c]:
                     continue
-                if distances[r, c] > NEAR_M and abs(depth[r, c] - z) < step:
+                if distances[r, c] > near_m and abs(depth[r, c] - z) < step:
                     free[r, c] = False
                     grown[count] = r * columns + c
                     count += 1
@@ -241,27 +257,29 @@ def grow_apart(depth: Depth, free: Mask, distances: Depth, growth: float, least:
 
 
 @numba.njit(cache=True, nogil=True)
-def label_parts(depth: Depth, inside: Mask, step: float, growth: float, focal: float) -> NDArray[np.int32]:
+def label_parts(
+    depth: Depth, inside: Mask, step_m: float, gap_m: float, noise: DepthNoise, focal: float
+) -> NDArray[np.int32]:
     """Label connected components in depth (H, W) among the pixels inside: 1, 2, ... from the top; 0 outside.
 
-    Neighbouring pixels are connected if their depths differ by less than a step in metres, and noise. Pixels
-    without depth separate them only if the gap is wider than STEP_M; `focal` is in pixels.
+    Neighbouring pixels are connected if their depths differ by less than a step, and noise. Pixels without
+    depth separate them only if they are wider than the gap; `focal` is in pixels.
     """
     labels = np.zeros(depth.shape, dtype=np.int32)
     rows, columns = depth.shape
     stack = np.empty(rows * columns, dtype=np.int64)
-    last, free, found = 0, inside.ravel(), labels.ravel()
+    last, free, flat = 0, inside.ravel(), labels.ravel()
     for start in range(rows * columns):
-        if not free[start] or found[start] != 0:
+        if not free[start] or flat[start] != 0:
             continue
         last += 1
-        found[start] = last
+        flat[start] = last
         stack[0], count = start, 1
         while count > 0:
             count -= 1
             row, column = stack[count] // columns, stack[count] % columns
             z = depth[row, column]
-            most, reach = step + margin_at(z, growth), 1 + int(STEP_M * focal / z)
+            most, reach = step_m + margin_at(z, noise), 1 + int(gap_m * focal / z)
             for k in range(4):
                 down, right = (k == 1) - (k == 0), (k == 3) - (k == 2)
                 for n in range(1, reach + 1):

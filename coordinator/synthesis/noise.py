@@ -14,7 +14,7 @@ from scipy.ndimage import distance_transform_edt, map_coordinates, maximum_filte
 
 from gepf.common.arrays import Array
 from gepf.common.camera import Intrinsics, back_project
-from gepf.coordinator.tracking.sensor_noise import SensorNoise
+from gepf.coordinator.scene.noise import SensorNoise
 
 FARTHEST = 6.0  # standard deviations, the largest noise
 KINECT_STEP = 2.85e-3  # of inverse depth, 1/m

@@ -21,6 +21,7 @@ from gepf.common.errors import InputError, check_choice
 from gepf.common.kinematics import joint_positions, pose_vertices
 from gepf.coordinator.bodies.choice import load_body
 from gepf.coordinator.files import CAMERA_FILE, START_FILE, TRUTH_FILE, with_parent, write_json
+from gepf.coordinator.scene.noise import SensorNoise
 from gepf.coordinator.sources.camera import write_camera
 from gepf.coordinator.sources.rig import RIG_FILE, RigCamera, write_rig
 from gepf.coordinator.sources.source import to_units
@@ -29,7 +30,6 @@ from gepf.coordinator.synthesis.person_scene import person, two
 from gepf.coordinator.synthesis.rendering import DepthRenderer
 from gepf.coordinator.synthesis.scenes import ROAM_FRAMES, SCENES, Scene, roam
 from gepf.coordinator.synthesis.surround import Seen, furnished, surround
-from gepf.coordinator.tracking.sensor_noise import SensorNoise
 
 ROAM, PERSON, TWO = "roam", "person", "two"
 Surface = tuple[NDArray[np.floating], NDArray[np.integer]]

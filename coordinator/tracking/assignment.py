@@ -14,10 +14,6 @@ from gepf.coordinator.tracking.segmenter import BodyView, SegmentedFrame, Segmen
 from gepf.coordinator.tracking.target import TargetTracker
 from gepf.coordinator.tracking.track_state import Body, Found, Searching
 
-MAX_MOTION_M = 0.8  # of a body between two frames
-GONE_SHARE = 0.35  # of the body's pixels in the last good frame; with fewer it may have left
-WHOLE_SHARE = 0.85  # of the pixels in which the body was detected; with fewer, a part of it is missing
-
 
 class Assignment:
     """Assigns the pixels of one segmented frame to people, in their order; each candidate only once."""
@@ -60,7 +56,8 @@ class Assignment:
             return None
         search = 0
         if isinstance(target.track, Searching):
-            search = target.track.searches - (not target.track.is_due(self._segmented.frame.time_s))
+            is_due = target.track.is_due(self._segmented.frame.time_s, target.policy.settings)
+            search = target.track.searches - (not is_due)
         rounds, turn = divmod(search, count)
         chosen = self._free[turn]
         if target.search.subject is not None:
@@ -74,10 +71,10 @@ class Assignment:
         """Whether so few pixels of the body are visible that it is looked for elsewhere."""
         target, pixels = self._targets[place], self._segmented.pixels(place)
         if isinstance(target.track, Found):
-            whole = WHOLE_SHARE * target.track.detected_pixels
+            whole = target.policy.settings.whole_share * target.track.detected_pixels
         else:
             assert isinstance(target.track, Body)
-            whole = max(target.policy.min_points, GONE_SHARE * target.track.pixels)
+            whole = max(target.policy.min_points, target.policy.settings.gone_share * target.track.pixels)
         return pixels < whole and target.policy.recovers
 
     def _elsewhere(self, place: int) -> SubjectFrame | None:
@@ -91,7 +88,10 @@ class Assignment:
             candidate, near = nearest(candidates, target.track.place), True
         else:
             candidate = next(iter(candidates), None)
-            near = candidate is not None and distance(candidate, target.last_seen) < MAX_MOTION_M
+            near = (
+                candidate is not None
+                and distance(candidate, target.last_seen) < target.policy.settings.max_motion_m
+            )
         if candidate is None or candidate.pixels <= pixels:
             return None
         return candidate if near or pixels < target.policy.min_points else None

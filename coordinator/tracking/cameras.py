@@ -22,13 +22,11 @@ from gepf.common.camera import pixels_at
 from gepf.common.frame import DepthFrame, SubjectFrame
 from gepf.common.kinematics import pose_vertices
 from gepf.coordinator.tracking.estimate import Fault
-from gepf.coordinator.tracking.gating import RESIDUAL_M
 from gepf.coordinator.tracking.observation import camera_points
 
 NO_DEPTH: Fault = "gives no depth"
 REPEATS: Fault = "repeats an image"
 CONTRADICTS: Fault = "contradicts the others"
-CONFIRMED_S = 0.5  # until a fault is reported, and until cameras that agree are believed
 REMEDY = "it or another one was moved: gepf calibrate finds the poses again from recordings"
 
 
@@ -50,13 +48,15 @@ class Agreement:
     """Whether the cameras that show a body agree on its place.
 
     contradicting: cameras whose points the last pose does not explain. agreed_s: seconds for which two or
-    more cameras agree; kept from CONFIRMED_S on, until the body is lost.
+    more cameras agree; kept from `camera_confirmed_s` on, until the body is lost.
     """
 
     contradicting: tuple[str, ...] = ()
     agreed_s: float = 0.0
 
-    def after(self, residuals: Mapping[str, float], noise_depth: float, interval_s: float) -> Self:
+    def after(
+        self, residuals: Mapping[str, float], allowed_m: float, interval_s: float, confirmed_s: float
+    ) -> Self:
         """The agreement after a frame, by the residuals of cameras that can be compared now, metres.
 
         A camera contradicts the others if the pose does not explain its image. The camera that the pose
@@ -64,23 +64,23 @@ class Agreement:
         """
         if len(residuals) < 2:
             return self
-        allowed = max(RESIDUAL_M + noise_depth, min(residuals.values()))
+        allowed = max(allowed_m, min(residuals.values()))
         against = [name for name, residual in residuals.items() if residual > allowed]
         unseen = [name for name in self.contradicting if name not in residuals]
         agreed_s = self.agreed_s
         if len(residuals) > len(against) + 1:
             agreed_s += interval_s
-        elif agreed_s < CONFIRMED_S:
+        elif agreed_s < confirmed_s:
             agreed_s = 0.0
         return type(self)((*unseen, *against), agreed_s)
 
-    def dispute(self, shown: Sequence[str]) -> str:
+    def dispute(self, shown: Sequence[str], confirmed_s: float) -> str:
         """Why a pose by the cameras that are `shown` may be at a wrong place; empty if it is not.
 
         Of two cameras that contradict each other, one is believed only if they agreed before.
         """
         supporting = [name for name in shown if name not in self.contradicting]
-        if not self.contradicting or len(supporting) > 1 or (supporting and self.agreed_s >= CONFIRMED_S):
+        if not self.contradicting or len(supporting) > 1 or (supporting and self.agreed_s >= confirmed_s):
             return ""
         against = ", ".join(supporting) or "the others"
         return f"{', '.join(self.contradicting)} contradicts {against}: either may have a wrong T_rig_camera"
@@ -120,9 +120,11 @@ def state_by_image(view: DepthFrame, before: CameraState | None, time_s: float) 
 
 
 def camera_residuals(
-    model: BodyModel, pose: Array, frame: DepthFrame, views: Sequence[SubjectFrame], noise_depth: float
+    model: BodyModel, pose: Array, frame: DepthFrame, views: Sequence[SubjectFrame], allowed_m: float
 ) -> dict[str, float]:
     """How badly a pose (D,) explains the image of each camera, by what shows the body there: metres.
+
+    A camera without what shows the body counts if its image contradicts the pose by more than is allowed.
 
     Empty for a single camera. Cameras that cannot be compared are left out.
     """
@@ -137,7 +139,7 @@ def camera_residuals(
         through = seen_through(image, facing)
         if image.camera in views_by_camera:
             residuals[image.camera] = max(through, mean_distance(views_by_camera[image.camera], facing))
-        elif through > RESIDUAL_M + noise_depth:
+        elif through > allowed_m:
             residuals[image.camera] = through
     return residuals
 
@@ -162,12 +164,14 @@ def mean_distance(view: SubjectFrame, surface: Array) -> float:
     return float(cKDTree(surface).query(points)[0].mean())
 
 
-def faults_of(states: Mapping[str, CameraState], time_s: float) -> dict[str, tuple[Fault, float]]:
-    """The lasting faults of cameras at the time of a frame, each with its start."""
+def faults_of(
+    states: Mapping[str, CameraState], time_s: float, confirmed_s: float
+) -> dict[str, tuple[Fault, float]]:
+    """The faults of cameras at the time of a frame that last for so long, each with its start."""
     return {
         name: (state.fault, state.good_s)
         for name, state in states.items()
-        if state.fault is not None and time_s - state.good_s >= CONFIRMED_S
+        if state.fault is not None and time_s - state.good_s >= confirmed_s
     }
 
 

@@ -23,7 +23,8 @@ from gepf.coordinator.bodies.family import Bodies, BodyFamily, BodySize
 from gepf.coordinator.bodies.tracked import coarsen
 from gepf.coordinator.colour.finder import keypoint_cost
 from gepf.coordinator.filters.exploration import layout_of
-from gepf.coordinator.filters.pose_prior import pose_prior
+from gepf.coordinator.filters.priors import pose_prior
+from gepf.coordinator.settings import SearchSettings, Settings
 from gepf.coordinator.tracking.field_of_view import TOP, cut_sides, in_view, out_of_reach
 from gepf.coordinator.tracking.gating import Gate, gate_pose
 from gepf.coordinator.tracking.observation import camera_points, thin
@@ -32,11 +33,6 @@ from gepf.coordinator.tracking.pose_library import look_straight
 from gepf.coordinator.tracking.refiner import Pending, Refiner, Requests, iterations, with_closest_points
 from gepf.coordinator.tracking.state import Start
 
-ITERATIONS = 12  # until candidates converge; the last stage has half of these
-FEW_POINTS = 1_000  # on which the first candidates are refined
-RECOMBINED = 2  # candidates that get limbs of others
-REQUEST_ITERATIONS = 150  # of ICP in one request: about 10 ms on one lane
-
 
 class Effort(NamedTuple):
     """What a stage on few points does."""
@@ -44,8 +40,6 @@ class Effort(NamedTuple):
     iterations: int
     kept: int  # distinct candidates that it leaves
 
-
-ROUGH, FINE, MIXED = Effort(3, 16), Effort(ITERATIONS, 4), Effort(3, 4)
 
 T = TypeVar("T")
 Search = Generator[Requests, None, T]
@@ -70,6 +64,7 @@ class Query:
     settings: RefineSettings
     family: BodyFamily
     sizes: Sequence[BodySize]
+    limits: SearchSettings
     roll: float | None = None  # of the image, in which the body is probably upright; None without an axis
 
     @cached_property
@@ -77,24 +72,32 @@ class Query:
         """Sides at which the main camera cuts the body, see `cut_sides`; none if another one does not."""
         if self.roll is None:
             return np.zeros(4, dtype=np.bool_)
-        cut = [cut_sides(view, look_straight(middle_in(view), self.roll)) for view in self.subject.views]
-        return cut[0] & all(each.any() for each in cut)
+        straight = [look_straight(middle_in(view), self.roll) for view in self.subject.views]
+        pairs = zip(self.subject.views, straight, strict=True)
+        cut = [cut_sides(view, turn, self.limits) for view, turn in pairs]
+        return cut[0] & all(sides.any() for sides in cut)
 
-    def log_prior(self, found: Candidates, sizes: Sequence[BodySize], names: tuple[str, ...]) -> Array:
+    def log_prior(self, candidates: Candidates, sizes: Sequence[BodySize], names: tuple[str, ...]) -> Array:
         """Log priors (N,) of candidates by their size and by what is in view of them."""
-        return self.family.log_prior(names, np.array(sizes)[found.sizes], in_view(self.subject, found.joints))
+        in_sight = in_view(self.subject, candidates.joints)
+        return self.family.log_prior(names, np.array(sizes)[candidates.sizes], in_sight)
 
     @cached_property
     def few(self) -> SubjectFrame:
         """The frame with few points."""
-        return thin(self.subject, FEW_POINTS)
+        return thin(self.subject, self.limits.points)
 
 
 class CandidateStages:
     """Refines candidates of bodies of several sizes; `cell_m` is that of the coarse surface on few points."""
 
-    def __init__(self, bodies: Bodies, refiner: Refiner, cell_m: float) -> None:
+    def __init__(self, bodies: Bodies, refiner: Refiner, cell_m: float, settings: Settings) -> None:
         self._bodies, self._refiner, self._cell_m = bodies, refiner, cell_m
+        self._settings, self._search = settings, settings.search
+        self._vertices = settings.filter.exploration.vertices
+        self.rough = Effort(self._search.rough_iterations, self._search.rough_kept)
+        self.fine = Effort(self._search.iterations, self._search.kept)
+        self._mixed = Effort(self._search.rough_iterations, self._search.kept)
 
     def coarse(self, size: BodySize) -> BodyModel:
         """The body of candidates of this size."""
@@ -102,36 +105,38 @@ class CandidateStages:
 
     def shortlist(self, query: Query, groups: Iterable[Group]) -> Search[Candidates]:
         """The best distinct candidates after all stages on few points."""
-        proposed = yield from self.on_few_points(query, groups, ROUGH)
-        best = yield from self.on_few_points(query, [proposed.group], FINE)
-        best = yield from self.on_few_points(query, [best.group, self._recombined(query, best)], MIXED)
+        proposed = yield from self.on_few_points(query, groups, self.rough)
+        best = yield from self.on_few_points(query, [proposed.group], self.fine)
+        best = yield from self.on_few_points(query, [best.group, self._recombined(query, best)], self._mixed)
         if query.cut.any():
-            proposed = yield from self.on_few_points(query, [best.group, self._completed(query, best)], ROUGH)
-            best = yield from self.on_few_points(query, [proposed.group], FINE)
+            proposed = yield from self.on_few_points(
+                query, [best.group, self._completed(query, best)], self.rough
+            )
+            best = yield from self.on_few_points(query, [proposed.group], self.fine)
         return best
 
     def on_few_points(self, query: Query, groups: Iterable[Group], effort: Effort) -> Search[Candidates]:
         """The best distinct candidates after one stage on few points, with a coarse surface."""
         models = [self.coarse(size) for size in query.sizes]
         closest = iterations(with_closest_points(query.settings), effort.iterations)
-        found = yield from self._refine(query.few, models, groups, closest)
+        refined = yield from self._refine(query.few, models, groups, closest)
         model = models[0]
-        if not query.cut.any() or not len(found.poses):
-            return found.distinct(model, effort.kept)
-        found = found.likelier_by(query.log_prior(found, query.sizes, model.joint_names))
-        seen = in_view(query.subject, found.joints)
+        if not query.cut.any() or not len(refined.poses):
+            return refined.distinct(model, effort.kept, self._search.distinct_m)
+        refined = refined.likelier_by(query.log_prior(refined, query.sizes, model.joint_names))
+        seen = in_view(query.subject, refined.joints)
         if not query.cut[TOP] and (tops := seen[:, top_joint(query.family, model)]).any():
-            found, seen = found.take(np.flatnonzero(tops)), seen[tops]
-        return found.distinct(model, effort.kept, seen)
+            refined, seen = refined.take(np.flatnonzero(tops)), seen[tops]
+        return refined.distinct(model, effort.kept, self._search.distinct_m, seen)
 
     def _recombined(self, query: Query, best: Candidates) -> Group:
         """Poses (N, D) and sizes (N,): the best candidates, each with one limb of another candidate.
 
         Limbs fit or fail independently of each other. So the right ones may be spread over candidates.
         """
-        limbs = [limb.dofs for limb in layout_of(self.coarse(query.sizes[0])).limbs]
+        limbs = [limb.dofs for limb in layout_of(self.coarse(query.sizes[0]), self._vertices).limbs]
         poses, of = list[Array](), list[int]()
-        for pose, size in zip(best.poses[:RECOMBINED], best.sizes, strict=False):
+        for pose, size in zip(best.poses[: self._search.recombined], best.sizes, strict=False):
             for other in best.poses:
                 for limb in limbs:
                     mixed = pose.copy()
@@ -154,20 +159,22 @@ class CandidateStages:
             unseen[model.root] = False
             rests = np.where(unseen, 0.0, pose)
             for n, other in enumerate(query.sizes):
-                for each in (pose, rests):
-                    poses.append(with_top_at(query.family, self.coarse(other), each, joints))
+                for limbs in (pose, rests):
+                    poses.append(with_top_at(query.family, self.coarse(other), limbs, joints))
                     of.append(n)
         return np.array(poses), np.array(of)
 
-    def fit_size(self, query: Query, found: Candidates) -> Search[tuple[BodySize, Array]]:
+    def fit_size(self, query: Query, candidates: Candidates) -> Search[tuple[BodySize, Array]]:
         """The size and poses (N, D) that explain a frame best, of these candidates' sizes or between them."""
-        size, poses, best = query.sizes[found.sizes[0]], found.poses, found.poses[:0]
+        size, poses = query.sizes[candidates.sizes[0]], candidates.poses
+        best = poses[:0]
         if len(query.sizes) == 1:
             return size, poses
         for sizes_after in query.family.size_stages:
             size, best = yield from self._choose_size(query, size, sizes_after(size), poses[0])
         if query.cut.any():
-            model, pairs = self._bodies.for_start(*size), zip(found.poses, found.joints, strict=True)
+            model = self._bodies.for_start(*size)
+            pairs = zip(candidates.poses, candidates.joints, strict=True)
             poses = np.array([with_top_at(query.family, model, pose, joints) for pose, joints in pairs])
         return size, np.concatenate([best, poses])
 
@@ -177,24 +184,24 @@ class CandidateStages:
         start: Start,
         poses: Array,
         settings: RefineSettings,
-        known: Shape | None = None,
+        shape: Shape | None = None,
     ) -> Search[tuple[Candidates, Gate]]:
         """Convert poses (N, D) of the detected body to the tracked body and refine them; held values stay.
 
-        Its shape is that of the start, or the one that is known. Also returns the gate of the best.
+        Its shape is that of the start, unless it is known. Also returns the gate of the best.
         """
         searched, model = self._bodies.for_start(*start.size), start.model
         taken = np.tile(start.pose, (len(poses), 1))
-        if known is not None:
-            taken[:, : model.shape_count] = known.coefficients
+        if shape is not None:
+            taken[:, : model.shape_count] = shape.coefficients
         for j, name in enumerate(model.dof_names):
             if name in searched.dof_names:
                 taken[:, j] = poses[:, searched.dof(name)]
-        last = iterations(settings, ITERATIONS // 2)
-        groups, precision = map(of_one, (taken[::2], taken[1::2])), None if known is None else known.precision
-        found = yield from self._refine(subject, [model], groups, last, precision)
-        by_depth = found.log_likelihood[0] + keypoint_cost(model, found.poses[0], subject)
-        return found, gate_pose(by_depth, found.residual[0], settings)
+        last = iterations(settings, self._search.iterations // 2)
+        groups, precision = map(of_one, (taken[::2], taken[1::2])), None if shape is None else shape.precision
+        refined = yield from self._refine(subject, [model], groups, last, precision)
+        by_depth = refined.log_likelihood[0] + keypoint_cost(model, refined.poses[0], subject)
+        return refined, gate_pose(by_depth, refined.residual[0], settings, self._settings.gating)
 
     def _choose_size(
         self, query: Query, present: BodySize, tried: Sequence[BodySize], pose: Array
@@ -209,16 +216,16 @@ class CandidateStages:
             joints = joint_positions(self._bodies.for_start(*present), pose[None])[0]
             poses = np.array([with_top_at(family, model, pose, joints) for model in models])
         group = poses, np.arange(len(tried))
-        settings = iterations(query.settings, ITERATIONS)
-        found = yield from self._refine(query.subject, models, [group], settings)
-        if not found.is_visible:
+        settings = iterations(query.settings, self._search.iterations)
+        refined = yield from self._refine(query.subject, models, [group], settings)
+        if not refined.is_visible:
             return present, pose[None]
-        likely = found.log_likelihood
+        likely = refined.log_likelihood
         if query.cut.any():
-            likely = likely + query.log_prior(found, tried, models[0].joint_names)
+            likely = likely + query.log_prior(refined, tried, models[0].joint_names)
         best = int(likely.argmax())
-        size = family.mean_size(np.array(tried)[found.sizes], np.exp(likely - likely[best]), best)
-        return size, found.poses[[best]]
+        size = family.mean_size(np.array(tried)[refined.sizes], np.exp(likely - likely[best]), best)
+        return size, refined.poses[[best]]
 
     def _refine(
         self,
@@ -232,7 +239,8 @@ class CandidateStages:
 
         Each group is sent as soon as it is known. `precision` (S, S) is that of the shape, if it is known.
         """
-        most, sent = max(1, REQUEST_ITERATIONS // (settings.icp_iterations + 1)), list[tuple[int, Pending]]()
+        most = max(1, self._search.request_iterations // (settings.icp_iterations + 1))
+        sent = list[tuple[int, Pending]]()
         for poses, of in groups:
             for size in np.unique(of).tolist():
                 mine, model = poses[of == size], models[size]

@@ -18,7 +18,6 @@ Image = NDArray[np.float32]
 ROWS, COLUMNS = 40, 36
 VACANT = np.float32(1e3)  # depth of an empty cell
 FIRST_CELL = 2.5  # place of the end of a part, in cells from the border of its image
-BOUND_CELLS = 4.0  # largest difference of depth; an empty cell has this difference
 
 
 @numba.njit(cache=True, nogil=True)
@@ -125,18 +124,18 @@ def cells_of(images: Image) -> Cells:
     of, row, column = np.nonzero(images < VACANT)
     first = np.searchsorted(of, np.arange(len(images) + 1))
     reducers = (np.minimum.reduceat, np.maximum.reduceat)
-    ends = [reduced(each, first[:-1]) for each in (column, row) for reduced in reducers]
+    ends = [reduced(places, first[:-1]) for places in (column, row) for reduced in reducers]
     places = row.astype(np.int16), column.astype(np.int16)
     return Cells(first, *places, images[of, row, column], np.stack(ends, axis=1))
 
 
 @numba.njit(cache=True, nogil=True)
-def compare_part(cells: Cells, image: Image, known: Mask, ends: Any, bound: float) -> tuple[Image, Array]:
+def compare_part(cells: Cells, image: Image, in_view: Mask, ends: Any, bound: float) -> tuple[Image, Array]:
     """Differences (N,) of whole bodies from the image of a part, and the steps (N, 3) that align them.
 
     Each body is first moved by whole cells (columns, rows) and in depth, metres. In a direction with an end
     in view (`ends`, see `move_middle`) that end is the same; in another one the middle of what is in view.
-    Only cells that are `known` (ROWS, COLUMNS) count. The difference is the sum of `fill_differences`,
+    Only cells that are `in_view` (ROWS, COLUMNS) count. The difference is the sum of `fill_differences`,
     divided by the number of cells that are not empty in both images.
     """
     rows, columns = np.nonzero(image < VACANT)
@@ -145,7 +144,7 @@ def compare_part(cells: Cells, image: Image, known: Mask, ends: Any, bound: floa
     depths = np.full((3 * ROWS, 3 * COLUMNS), VACANT, dtype=np.float32)  # a moved body stays inside
     depths[ROWS : 2 * ROWS, COLUMNS : 2 * COLUMNS] = image
     counts = np.zeros(depths.shape, dtype=np.int64)
-    counts[ROWS : 2 * ROWS, COLUMNS : 2 * COLUMNS] = known
+    counts[ROWS : 2 * ROWS, COLUMNS : 2 * COLUMNS] = in_view
     count, worst = len(cells.extents), np.float32(bound * bound)
     differences, steps = np.empty(count, dtype=np.float32), np.empty((count, 3))
     apart = np.empty(ROWS * COLUMNS, dtype=np.float32)

@@ -21,18 +21,16 @@ from gepf.common.arrays import Array
 from gepf.common.body import ROOT_DOFS, BodyModel
 from gepf.common.frame import SubjectFrame
 from gepf.common.refinement import Particles
-from gepf.common.settings import RefineSettings, Settings, preset
+from gepf.common.settings import RefineSettings
 from gepf.coordinator.bodies.family import Bodies, FittedBody
 from gepf.coordinator.bodies.tracked import pose_by_name
 from gepf.coordinator.colour.finder import keypoint_cost
 from gepf.coordinator.filters.exploration import layout_of
-from gepf.coordinator.filters.pose_prior import pose_prior
+from gepf.coordinator.filters.priors import pose_prior
+from gepf.coordinator.scene.noise import SensorNoise, assume_noise
 from gepf.coordinator.scene.planes import Planes
+from gepf.coordinator.settings import Settings, preset
 from gepf.coordinator.tracking.candidate_refinement import (
-    FEW_POINTS,
-    FINE,
-    ITERATIONS,
-    ROUGH,
     CandidateStages,
     Group,
     Query,
@@ -41,42 +39,39 @@ from gepf.coordinator.tracking.candidate_refinement import (
     of_one,
 )
 from gepf.coordinator.tracking.field_of_view import in_view
-from gepf.coordinator.tracking.gating import RESIDUAL_M, gate_pose
+from gepf.coordinator.tracking.gating import gate_pose
 from gepf.coordinator.tracking.observation import camera_points, middle_of, observed_points, without_flat
 from gepf.coordinator.tracking.pose_candidates import Candidates, Detection, candidates_of, ordered
 from gepf.coordinator.tracking.pose_library import PoseLibrary, displaced, library_of, upright_rolls
 from gepf.coordinator.tracking.refiner import Refiner, iterations
-from gepf.coordinator.tracking.sensor_noise import SensorNoise, assume_noise
 from gepf.coordinator.tracking.state import Start, start_at
-
-CANDIDATES, FURTHER = 100, 15  # in the first orientation; in each other one, and for each wider mask
 
 
 class Detector:
     """Detects the tracked body: with any size at first, with its own size when it is redetected.
 
-    Of the tracker's settings it uses the camera's noise and orientation.
+    Of the settings of refinement it uses the camera's noise; the others are those of preset `default`.
     """
 
     def __init__(self, bodies: Bodies, refiner: Refiner, settings: Settings) -> None:
         self._bodies, self._family = bodies, bodies.family
-        self._refiner = refiner
+        self._refiner, self._settings = refiner, settings
         self._refine = msgspec.structs.replace(
             preset("default").refine,
             noise_depth=settings.refine.noise_depth,
             noise_lateral=settings.refine.noise_lateral,
         )
         degrees = (0, 90, 180, 270) if settings.rotate_deg is None else (settings.rotate_deg,)
-        self._rolls = tuple(float(np.radians(each)) for each in degrees)
+        self._rolls = tuple(float(np.radians(roll)) for roll in degrees)
         self._flexible = settings.measure_person
 
     @cached_property
     def _library(self) -> PoseLibrary:
-        return library_of(self._bodies, self._bodies.library_size)
+        return library_of(self._bodies, self._bodies.library_size, self._settings.search)
 
     @cached_property
     def _stages(self) -> CandidateStages:
-        return CandidateStages(self._bodies, self._refiner, self._library.cell_m)
+        return CandidateStages(self._bodies, self._refiner, self._library.cell_m, self._settings)
 
     def prepare(self) -> None:
         """Build the pose library and the bodies of candidates."""
@@ -91,21 +86,22 @@ class Detector:
         no body explains the frame, its largest flat part may be a seat. So the body is searched for again
         without its points.
         """
-        rolls = upright_rolls(planes, self._rolls)
+        limits = self._settings.search
+        rolls = upright_rolls(planes, self._rolls, limits.min_upright_share)
         settings, sizes = assume_noise(self._refine, noise), self._bodies.sizes
-        query = Query(subject, settings, self._family, sizes, self._upright(rolls))
+        query = Query(subject, settings, self._family, sizes, limits, self._upright(rolls))
         best = yield from self._stages.shortlist(query, self._match(query, rolls))
         shown = query
         for wider in subject.wider:
-            other = replace(query, subject=wider)
-            again = best.group, self._similar(other, rolls[0], FURTHER)
-            found = yield from self._stages.shortlist(other, again)
-            if gain(other, found) > gain(shown, best):
-                shown, best = other, found
+            more = replace(query, subject=wider)
+            groups = best.group, self._similar(more, rolls[0], limits.further_candidates)
+            refined = yield from self._stages.shortlist(more, groups)
+            if self._gain(more, refined) > self._gain(shown, best):
+                shown, best = more, refined
         detected = yield from self._detect(shown, best, noise, planes)
         if detected.gate.passes or self._family.has_flat_sides:
             return detected
-        if (clear := without_flat(subject)) is subject:
+        if (clear := without_flat(subject, self._settings.scene)) is subject:
             return detected
         query = replace(query, subject=clear)
         best = yield from self._stages.shortlist(query, self._match(query, rolls))
@@ -117,15 +113,16 @@ class Detector:
     ) -> Search[Detection]:
         """Detect an unknown body that explains all points of a frame, from its shortlist."""
         subject, settings = query.subject, query.settings
-        size, found = yield from self._stages.fit_size(query, best)
+        size, poses = yield from self._stages.fit_size(query, best)
         if len(subject.views) > 1 and len(query.sizes) > 1:  # few of the candidates had this size
             query = replace(query, sizes=[size])
-            matched = self._match(query, upright_rolls(planes, self._rolls), found[0])
-            found = (yield from self._stages.shortlist(query, matched)).poses
+            rolls = upright_rolls(planes, self._rolls, self._settings.search.min_upright_share)
+            matched = self._match(query, rolls, poses[0])
+            poses = (yield from self._stages.shortlist(query, matched)).poses
         model = self._bodies.for_start(*size)
-        values = pose_by_name(model, found[0])
+        values = pose_by_name(model, poses[0])
         start = start_at(values, self._bodies, size, noise, flexible=self._flexible)
-        candidates, gate = yield from self._stages.as_tracked(subject, start, found, settings)
+        candidates, gate = yield from self._stages.as_tracked(subject, start, poses, settings)
         if candidates.is_visible:
             gate = gate.against(self._family.implausible(fitted(query, start, candidates, planes)))
         return Detection(subject, start, candidates, gate)
@@ -158,19 +155,19 @@ class Detector:
         size = start.size_of(shape.coefficients)
         values = {**start.values, **pose_by_name(start.model, last)}
         model = self._bodies.for_start(*size)
-        known = np.array([values.get(name, 0.0) for name in model.dof_names])
-        query = Query(subject, settings, self._family, [size], self._upright(rolls))
-        matched = self._match(query, rolls, known)
-        proposed = yield from self._stages.on_few_points(query, matched, ROUGH)
-        limbs = layout_of(model).limbs
+        present = np.array([values.get(name, 0.0) for name in model.dof_names])
+        query = Query(subject, settings, self._family, [size], self._settings.search, self._upright(rolls))
+        matched = self._match(query, rolls, present)
+        proposed = yield from self._stages.on_few_points(query, matched, self._stages.rough)
+        limbs = layout_of(model, self._settings.filter.exploration.vertices).limbs
         if len(subject.views) > 1 and limbs:  # they show which limb is wrong
             mixed = [proposed.poses]
             for limb in limbs:
-                mixed.append(np.tile(known, (len(proposed.poses), 1)))
+                mixed.append(np.tile(present, (len(proposed.poses), 1)))
                 mixed[-1][:, limb.dofs] = proposed.poses[:, limb.dofs]
             group = of_one(np.concatenate(mixed))
-            proposed = yield from self._stages.on_few_points(query, [group], ROUGH)
-        best = yield from self._stages.on_few_points(query, [proposed.group], FINE)
+            proposed = yield from self._stages.on_few_points(query, [group], self._stages.rough)
+        best = yield from self._stages.on_few_points(query, [proposed.group], self._stages.fine)
         candidates, gate = yield from self._stages.as_tracked(subject, start, best.poses, rules, shape)
         return Detection(subject, start, candidates, gate)
 
@@ -182,16 +179,17 @@ class Detector:
         if detection.subject is now:
             return detection
         model = detection.start.model
-        best = detection.candidates.distinct(model, 1)
+        search = self._settings.search
+        best = detection.candidates.distinct(model, 1, search.distinct_m)
         poses = move_root(model, best.poses, middle_of(now) - middle_of(detection.subject))
         prior = pose_prior(model, rules, poses[:, : model.shape_count])
-        particles = Particles(poses, iterations(rules, ITERATIONS), prior=prior)
+        particles = Particles(poses, iterations(rules, search.iterations), prior=prior)
         pending = self._refiner.submit(now, model, particles)
         candidates = ordered([candidates_of(model, pending.result(), 0)])
         if not candidates.is_visible:
             return detection
         by_depth = candidates.log_likelihood[0] + keypoint_cost(model, candidates.poses[0], now)
-        gate = gate_pose(by_depth, candidates.residual[0], rules)
+        gate = gate_pose(by_depth, candidates.residual[0], rules, self._settings.gating)
         return Detection(now, replace(detection.start, pose=candidates.poses[0]), candidates, gate)
 
     def _match(self, query: Query, rolls: Sequence[float], last: Array | None = None) -> Iterator[Group]:
@@ -200,18 +198,16 @@ class Detector:
         They are poses of the library that are similar to the observed points, and the last pose `last` (D,),
         moved and rotated.
         """
-        yield self._similar(query, rolls[0], CANDIDATES)
-        others = [self._similar(query, roll, FURTHER) for roll in rolls[1:]]
+        search = self._settings.search
+        yield self._similar(query, rolls[0], search.candidates)
+        further = [self._similar(query, roll, search.further_candidates) for roll in rolls[1:]]
         if last is not None:
             model, placed = self._bodies.for_start(*query.sizes[0]), query.subject.frame.T_rig_camera
             points = camera_points(query.subject)
-            others.append(
-                of_one(
-                    displaced(model, last, points, self._library.cell_m, placed, self._cutting(query.subject))
-                )
-            )
-        if others:
-            poses, of = map(np.concatenate, zip(*others, strict=True))
+            cell_m, cutting = self._library.cell_m, self._cutting(query.subject)
+            further.append(of_one(displaced(model, last, points, cell_m, search, placed, cutting)))
+        if further:
+            poses, of = map(np.concatenate, zip(*further, strict=True))
             yield poses, of
 
     def _similar(self, query: Query, roll: float, count: int) -> Group:
@@ -223,6 +219,12 @@ class Detector:
         view = self._cutting(query.subject)
         poses, of = self._library.match(points, scales[::every], roll, count, placed, view)
         return poses, of * every
+
+    def _gain(self, query: Query, candidates: Candidates) -> float:
+        """Log-likelihood of a subject's pixels with the best candidate, less that at the gate's residual."""
+        allowed_m = self._settings.gating.max_residual_m + query.settings.noise_depth
+        least = -0.5 * (allowed_m / query.settings.likelihood_scale) ** 2
+        return query.subject.pixels * (float(candidates.log_likelihood[0]) - least)
 
     def _upright(self, rolls: Sequence[float]) -> float | None:
         """The first orientation, for a body with an axis."""
@@ -245,16 +247,10 @@ def fitted(query: Query, start: Start, candidates: Candidates, planes: Planes) -
         residual=float(candidates.residual[0]),
         subject=subject,
         points=observed_points(subject),
-        some_points=observed_points(subject, FEW_POINTS),
+        some_points=observed_points(subject, query.limits.points),
         is_cut=bool(query.cut.any()),
         heights=planes.above(subject.frame.to_camera(joints)) if planes.has_floor else None,
     )
-
-
-def gain(query: Query, found: Candidates) -> float:
-    """Log-likelihood of a subject's pixels with the best candidate, less that at the gate's residual."""
-    least = -0.5 * ((RESIDUAL_M + query.settings.noise_depth) / query.settings.likelihood_scale) ** 2
-    return query.subject.pixels * (float(found.log_likelihood[0]) - least)
 
 
 def move_root(model: BodyModel, poses: Array, step_m: Array) -> Array:

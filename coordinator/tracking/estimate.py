@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
@@ -10,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gepf.common.arrays import Array
-from gepf.coordinator.tracking.certainty.certainty import Certainty
 
 Status = Literal["tracked", "ambiguous", "lost", "searching", "absent"]
 
@@ -21,7 +21,28 @@ POSE_UNKNOWN = ("lost", "searching", "absent")
 """Status of frames without a valid pose. The pose is the last known one, a guess while the body is searched
 for, or NaN before the first detection."""
 
-MAX_HYPOTHESES = 100  # largest number of hypotheses of an estimate, the most likely ones
+
+_JOINTS_OFF = re.compile(r"may be more than \d+ cm off: ")
+
+
+def list_joints(wrong_m: float, joints: str) -> str:
+    """The reason to doubt a pose of which these joints may be wrong."""
+    return f"may be more than {100 * wrong_m:.0f} cm off: {joints}"
+
+
+def single_reasons(why: str) -> list[str]:
+    """The reason, or one for each of the joints that it lists."""
+    listed = _JOINTS_OFF.match(why)
+    return [listed[0] + joint for joint in why[listed.end() :].split(", ")] if listed else [why]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Certainty:
+    """The certainty of each joint (J,) in a frame; NaN if the pose is unknown."""
+
+    seen: Array  # visible share of the surface around the joint that faces the camera that sees it best
+    off_probability: Array  # probability that it is wrong: an error above 15 cm, or as the settings say
+    deviation: Array  # expected distance from the true joint, one standard deviation, metres
 
 
 @dataclass(frozen=True, slots=True, eq=False)

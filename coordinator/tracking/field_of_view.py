@@ -15,10 +15,8 @@ from gepf.common.body import BodyModel
 from gepf.common.camera import pixels_at, points_of
 from gepf.common.frame import EMPTY, HIDDEN, SUBJECT, SubjectFrame
 from gepf.common.kinematics import joint_positions
+from gepf.coordinator.settings import SearchSettings
 
-END_M = 0.06  # depth of a person's end in one direction: a cell of a descriptor
-GAP_M = 0.03  # largest distance in the image between a person and what cuts them
-CUT_SHARE = 0.5  # least share of the end that is cut
 DIRECTIONS = ((-1, 0), (1, 0), (0, -1), (0, 1))
 """Columns and rows, of a step to the left, right, top and bottom of an image."""
 TOP = 2  # the third of them
@@ -33,18 +31,18 @@ def in_view(subject: SubjectFrame, points: Array) -> Mask:
 
 def shows(view: SubjectFrame, points: Array) -> Mask:
     """Which points (N, 3) of a camera's frame are in its image and not behind something nearer."""
-    found = np.zeros(len(points), dtype=np.bool_)
+    shown = np.zeros(len(points), dtype=np.bool_)
     ahead = np.flatnonzero(points[:, 2] > 0.0)
     row, column, cropped = pixels_at(points[ahead], view.frame.intrinsics)
     left, top, right, bottom = view.view
     free = (left <= column) & (column < right) & (top <= row) & (row < bottom)
     if view.kinds is not None:
         free[cropped] &= view.kinds[row[cropped], column[cropped]] != HIDDEN
-    found[ahead] = free
-    return found
+    shown[ahead] = free
+    return shown
 
 
-def cut_sides(view: SubjectFrame, turn: Array) -> Mask:
+def cut_sides(view: SubjectFrame, turn: Array, settings: SearchSettings) -> Mask:
     """Where one camera's view of a person ends before the person does: (left, right, top, bottom).
 
     The sides are those of the image after a rotation by `turn` (3, 3). A side is cut if most of the person's
@@ -61,11 +59,13 @@ def cut_sides(view: SubjectFrame, turn: Array) -> Mask:
         if np.abs(step).sum() != 1:  # a diagonal belongs to two sides
             continue
         along = points[:, :2] @ (across, down)
-        end = np.flatnonzero(along > along.max() - END_M)
-        rows, columns = (each[end] for each in np.nonzero(mask))
+        end = np.flatnonzero(along > along.max() - settings.end_m)
+        rows, columns = (indices[end] for indices in np.nonzero(mask))
         outer = ends_of(mask, rows, columns, step)
-        stopped = is_stopped(view, rows[outer], columns[outer], step, float(np.median(points[end, 2])))
-        cut[side] = stopped.mean() >= CUT_SHARE
+        gap_m, distance_m = settings.cut_gap_m, float(np.median(points[end, 2]))
+        gap_px = int(gap_m * view.frame.intrinsics.fx / distance_m)
+        stopped = is_stopped(view, rows[outer], columns[outer], step, gap_px)
+        cut[side] = stopped.mean() >= settings.cut_share
     return cut
 
 
@@ -78,12 +78,12 @@ def ends_of(mask: Mask, rows: Indices, columns: Indices, step: Indices) -> Indic
     return np.flatnonzero(place == last[line])
 
 
-def is_stopped(view: SubjectFrame, rows: Indices, columns: Indices, step: Indices, distance: float) -> Mask:
+def is_stopped(view: SubjectFrame, rows: Indices, columns: Indices, step: Indices, gap_px: int) -> Mask:
     """Whether the first clear pixel beyond each pixel is outside of the image, or shows something nearer."""
     left, top, right, bottom = view.view
     height, width = view.frame.depth.shape
     stopped, open_ = np.zeros(len(rows), dtype=np.bool_), np.ones(len(rows), dtype=np.bool_)
-    for n in range(1, 2 + int(GAP_M * view.frame.intrinsics.fx / distance)):
+    for n in range(1, 2 + gap_px):
         row, column = rows + n * step[1], columns + n * step[0]
         outside = (column < left) | (column >= right) | (row < top) | (row >= bottom)
         cropped = (row >= 0) & (row < height) & (column >= 0) & (column < width)

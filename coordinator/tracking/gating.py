@@ -8,10 +8,7 @@ from typing import Self
 import numpy as np
 
 from gepf.common.settings import SOFT_NOISE_RATIO, RefineSettings
-
-RESIDUAL_M = 0.03  # largest mean distance of observed points, in addition to the camera's noise
-MISFIT_M = 0.0235  # root of the mean cost, which includes model surface in empty space
-LEAST_PIXELS = 150  # smallest number that can show a body
+from gepf.coordinator.settings import GatingSettings
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,13 +28,15 @@ class Gate:
         return type(self)(np.inf, self.why or why) if why else self
 
 
-def gate_pose(log_likelihood: float, residual: float, settings: RefineSettings) -> Gate:
+def gate_pose(
+    log_likelihood: float, residual: float, settings: RefineSettings, limits: GatingSettings
+) -> Gate:
     """The gate of a pose with this log likelihood and mean residual (metres), at the camera's noise."""
     misfit = 0.0
     if settings.noise_depth <= SOFT_NOISE_RATIO * settings.noise_lateral:
         cost = np.sqrt(max(0.0, -2.0 * log_likelihood)) * settings.likelihood_scale
-        misfit = float(cost / np.hypot(MISFIT_M, settings.noise_lateral))
-    normalised = max(float(residual) / (RESIDUAL_M + settings.noise_depth), misfit)
+        misfit = float(cost / np.hypot(limits.max_misfit_m, settings.noise_lateral))
+    normalised = max(float(residual) / (limits.max_residual_m + settings.noise_depth), misfit)
     if not normalised <= 1.0:
         return Gate(normalised if normalised > 1.0 else np.inf, "the body does not fit the observed points")
     return Gate(normalised)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,47 +12,58 @@ from numpy.typing import NDArray
 from gepf.common.arrays import Array, Mask
 from gepf.common.frame import SUBJECT, UNKNOWN, DepthFrame, SubjectFrame
 from gepf.coordinator.filters.belief import USUAL_INTERVAL, Observation
-from gepf.coordinator.scene.flatness import FLAT_SHARE, LEAST_PART_M2, find_flat
+from gepf.coordinator.scene.flatness import find_flat
 from gepf.coordinator.scene.noise import fit_noise
 from gepf.coordinator.scene.segmentation import Labels, Window, slices
+from gepf.coordinator.settings import SceneSettings
 
-Cut = tuple[DepthFrame, Window, Labels | None]
-"""An image, its window that shows a subject, and the labels of the window's pixels; None: all that have depth
-are the subject, and the others are empty."""
+POINTS = 300  # observed points that are enough for the filter, and for a median
 
-POINTS = 300  # observed points for the filter
+
+class MaskedView(NamedTuple):
+    """The part of an image that shows a subject."""
+
+    image: DepthFrame
+    window: Window
+    labels: Labels | None  # of its pixels; None: those with depth are the subject, all else is empty
 
 
 def isolate(frame: DepthFrame, points: int) -> SubjectFrame | None:
     """Crop a frame that shows only the subject to the pixels with depth; None if there are none."""
-    return subject_of(frame, [cut for view in frame.views for cut in outline(view)], points)
+    return subject_of(frame, [masked for view in frame.views for masked in outline(view)], points)
 
 
-def outline(view: DepthFrame) -> list[Cut]:
+def outline(view: DepthFrame) -> list[MaskedView]:
     """The window of all pixels with depth of an image, if there are any."""
     rows, columns = (np.flatnonzero(view.depth.any(axis=axis)) for axis in (1, 0))
     if not len(rows):
         return []
-    return [(view, (int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1), None)]
+    window = int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
+    return [MaskedView(view, window, None)]
 
 
-def subject_of(frame: DepthFrame, views: Sequence[Cut], points: int) -> SubjectFrame | None:
+def subject_of(frame: DepthFrame, views: Sequence[MaskedView], points: int) -> SubjectFrame | None:
     """The crops of segmented images of a frame, of those that show the subject; None if there are none.
 
     At most `points` pixels are picked, evenly distributed: in each image in proportion to the area that it
     shows of the subject.
     """
-    depths = [depth_in(*each) for each in views]
-    areas = [area_of(view, depth) for (view, _, _), depth in zip(views, depths, strict=True)]
+    depths = [depth_in(view) for view in views]
+    areas = [area_of(view.image, depth) for view, depth in zip(views, depths, strict=True)]
     total = sum(areas)
-    shown = sorted(zip(areas, views, depths, strict=True), key=lambda each: -each[0])
-    found = [crop(frame, cut, depth, round(points * m2 / total)) for m2, cut, depth in shown if m2 > 0.0]
-    return replace(found[0], others=tuple(found[1:])) if found else None
+    by_area = sorted(zip(areas, views, depths, strict=True), key=lambda shown: -shown[0])
+    crops = [crop(frame, view, depth, round(points * m2 / total)) for m2, view, depth in by_area if m2 > 0.0]
+    return joined(crops) if crops else None
 
 
-def depth_in(view: DepthFrame, window: Window, labels: Labels | None) -> NDArray[np.uint16]:
-    """The subject's depth in a window of an image; with all depth if there are no labels."""
-    depth = view.depth[slices(window)]
+def joined(crops: Sequence[SubjectFrame]) -> SubjectFrame:
+    """The frame of which these are the crops, the largest first."""
+    return replace(crops[0], others=tuple(crops[1:]))
+
+
+def depth_in(masked: MaskedView) -> NDArray[np.uint16]:
+    """The subject's depth in the window; all depth if there are no labels."""
+    depth, labels = masked.image.depth[slices(masked.window)], masked.labels
     return np.ascontiguousarray(depth if labels is None else np.where(labels == SUBJECT, depth, np.uint16(0)))
 
 
@@ -61,9 +73,9 @@ def area_of(view: DepthFrame, depth: NDArray[np.uint16]) -> float:
     return squares / (view.intrinsics.fx * view.intrinsics.fy)
 
 
-def crop(frame: DepthFrame, cut: Cut, depth: NDArray[np.uint16], most: int) -> SubjectFrame:
+def crop(frame: DepthFrame, masked: MaskedView, depth: NDArray[np.uint16], most: int) -> SubjectFrame:
     """The crop of one image of a frame, with depth and labels (H, W); `most` pixels are picked."""
-    view, (left, top, right, bottom), labels = cut
+    view, (left, top, right, bottom), labels = masked
     camera = view.intrinsics
     measured = np.flatnonzero(depth).astype(np.uint32)
     picked = min(len(measured), most)
@@ -109,8 +121,8 @@ def camera_points(subject: SubjectFrame, every: int = 1) -> Array:
 
 def observed_points(subject: SubjectFrame, most: int | None = None) -> Array:
     """The observed points (P, 3) of all cameras, metres; if `most` is given, about so many of them."""
-    every = 1 if most is None else max(1, sum(len(each.picked) for each in subject.views) // most)
-    return np.concatenate([each.frame.to_rig(camera_points(each, every)) for each in subject.views])
+    every = 1 if most is None else max(1, sum(len(view.picked) for view in subject.views) // most)
+    return np.concatenate([view.frame.to_rig(camera_points(view, every)) for view in subject.views])
 
 
 def middle_of(subject: SubjectFrame) -> Array:
@@ -120,21 +132,21 @@ def middle_of(subject: SubjectFrame) -> Array:
 
 def thin(subject: SubjectFrame, points: int) -> SubjectFrame:
     """The frame with at most this number of its points, evenly distributed."""
-    every = -(-sum(len(each.picked) for each in subject.views) // points)
-    first, *others = (replace(each, picked=each.picked[::every].copy(), others=()) for each in subject.views)
-    return replace(first, others=tuple(others))
+    every = -(-sum(len(view.picked) for view in subject.views) // points)
+    return joined([replace(view, picked=view.picked[::every].copy(), others=()) for view in subject.views])
 
 
-def without_flat(subject: SubjectFrame) -> SubjectFrame:
+def without_flat(subject: SubjectFrame, settings: SceneSettings) -> SubjectFrame:
     """The frame without the largest flat part that the main camera sees; its pixels are unknown.
 
     Returns the same frame if no flat part is large enough, or if it is most of the frame.
     """
-    depth = subject.frame.metres()
-    flat = find_flat(depth, depth > 0.0, subject.frame.intrinsics, fit_noise(depth))
-    on = flat.grow(flat.patches >= LEAST_PART_M2)
+    depth, limits = subject.frame.metres(), settings.candidates
+    noise = fit_noise(depth, settings.noise)
+    flat = find_flat(depth, depth > 0.0, subject.frame.intrinsics, noise, settings)
+    on = flat.grow(flat.patches >= limits.min_part_m2)
     picked = on.ravel()[subject.picked]
-    if not 0.0 < picked.mean() <= FLAT_SHARE:
+    if not 0.0 < picked.mean() <= limits.max_flat_share:
         return subject
     frame, kinds = subject.frame, subject.kinds
     if kinds is not None:
@@ -146,9 +158,9 @@ def without_flat(subject: SubjectFrame) -> SubjectFrame:
 def depth_of(subject: SubjectFrame, camera: str, shape: tuple[int, ...]) -> NDArray[np.float32]:
     """A camera's whole image (H, W) of a subject, metres, 0 elsewhere; without it if the size is another."""
     whole = np.zeros(shape, dtype=np.float32)
-    for each in subject.views:
-        left, top, right, bottom = each.view
-        if each.frame.camera == camera and shape == (bottom - top, right - left):
-            rows, columns = np.nonzero(each.frame.depth)
-            whole[rows - top, columns - left] = each.frame.metres()[rows, columns]
+    for view in subject.views:
+        left, top, right, bottom = view.view
+        if view.frame.camera == camera and shape == (bottom - top, right - left):
+            rows, columns = np.nonzero(view.frame.depth)
+            whole[rows - top, columns - left] = view.frame.metres()[rows, columns]
     return whole

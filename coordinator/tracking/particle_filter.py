@@ -14,14 +14,14 @@ from gepf.common.bounds import MAX_ITERATIONS
 from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import difference, joint_positions, natural_angles
 from gepf.common.refinement import Particles
-from gepf.common.settings import RefineSettings, Settings
-from gepf.coordinator.filters.belief import Belief, Proposal
-from gepf.coordinator.filters.exploration import FEWEST
-from gepf.coordinator.filters.methods import METHODS, initial_belief, pace_iterations
-from gepf.coordinator.filters.pose_prior import frame_share, pose_prior, updated_precision
+from gepf.common.settings import RefineSettings
+from gepf.coordinator.filters.belief import USUAL_INTERVAL, Belief, Proposal
+from gepf.coordinator.filters.methods import METHODS, initial_belief
+from gepf.coordinator.filters.priors import frame_share, pose_prior, updated_precision
+from gepf.coordinator.settings import Settings
 from gepf.coordinator.sources.joint_states import JointStates
 from gepf.coordinator.stopwatch import Stopwatch
-from gepf.coordinator.tracking.certainty.features import FrameContext
+from gepf.coordinator.tracking.certainty import FrameContext
 from gepf.coordinator.tracking.field_of_view import in_view, out_of_reach
 from gepf.coordinator.tracking.observation import filter_observation
 from gepf.coordinator.tracking.pose_candidates import Candidates, Detection
@@ -101,7 +101,8 @@ class ParticleFilter:
         observation = filter_observation(subject, time_s, step, unseen)
         settings = self._settings.filter
         if budget is not None and budget.is_late and self._method.descends:
-            settings = msgspec.structs.replace(settings, particles=min(settings.particles, FEWEST // 2))
+            few = settings.exploration.min_particles // 2
+            settings = msgspec.structs.replace(settings, particles=min(settings.particles, few))
         return self._method.propose(model, belief, observation, settings, self.rng)
 
     def scale_iterations(
@@ -109,14 +110,15 @@ class ParticleFilter:
     ) -> RefineSettings:
         """Settings with the iterations for this interval between frames, seconds."""
         interval = interval if budget is None else min(interval, budget.period_s)
-        return pace_iterations(settings, interval, self._settings.pace_iterations, MAX_ITERATIONS)
+        return pace_iterations(settings, interval, self._settings)
 
     def send(
         self, model: BodyModel, subject: SubjectFrame, proposal: Proposal, settings: RefineSettings
     ) -> Pending:
         """Send particles to the workers."""
         covariance, velocity = proposal.asks_covariance(settings), proposal.past.velocity
-        past, share = proposal.past, frame_share(proposal.interval)
+        error_time_s = self._settings.shape.error_time_s
+        past, share = proposal.past, frame_share(proposal.interval, error_time_s)
         prior = pose_prior(model, settings, past.reported[: model.shape_count], past.shape_precision / share)
         particles = Particles(proposal.poses, settings, covariance, velocity=velocity, prior=prior)
         return self._refiner.submit(subject, model, particles)
@@ -134,13 +136,28 @@ class ParticleFilter:
                 precision, count = proposal.past.shape_precision, model.shape_count
                 if count and len(after.posterior):
                     covariance = after.posterior[:count, :count]
-                    precision = updated_precision(precision, covariance, proposal.interval)
+                    precision = updated_precision(
+                        precision, covariance, proposal.interval, self._settings.shape
+                    )
                 after = replace(after, shape_precision=precision)
                 from_guess = submitted.context.first  # the change since a guess is not motion
                 return after.at_rest() if from_guess else after, len(proposal.poses)
             with clock.stage("refine"):
                 proposal = after
                 pending = self.send(model, submitted.context.subject, proposal, submitted.settings)
+
+
+def pace_iterations(refine: RefineSettings, interval: float, settings: Settings) -> RefineSettings:
+    """Scale the iterations of ICP with the interval in seconds.
+
+    The factor is 1 + pace (interval / usual interval - 1), at most max_pace^pace: 5 at 0.1 s and pace 2. The
+    result is at most MAX_ITERATIONS, unless the settings have more.
+    """
+    pace = settings.pace_iterations
+    factor = 1.0 + pace * max(interval / USUAL_INTERVAL - 1.0, 0.0)
+    usual = refine.icp_iterations
+    paced = min(round(usual * min(factor, settings.max_pace**pace)), MAX_ITERATIONS)
+    return msgspec.structs.replace(refine, icp_iterations=max(usual, paced))
 
 
 def encoder_step(

@@ -13,14 +13,9 @@ from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions, natural_angles
 from gepf.common.refinement import Refined
 from gepf.coordinator.bodies.families import family_of
-from gepf.coordinator.tracking.certainty.certainty import OFF
 from gepf.coordinator.tracking.field_of_view import in_view
 from gepf.coordinator.tracking.gating import Gate
 from gepf.coordinator.tracking.state import Start
-
-DISTINCT_M = 0.05  # mean distance of the joints; nearer candidates are the same
-SURER_LOG_LIKELIHOOD = 1.0  # by which a detection must explain a frame better than the track does
-ALIKE_LOG_LIKELIHOOD = 2.0  # least difference that distinguishes two poses
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,19 +40,21 @@ class Candidates:
 
     def take(self, some: Indices) -> Candidates:
         """The candidates with these indices, in this order."""
-        return Candidates(*(getattr(self, each.name)[some] for each in fields(self)))
+        return Candidates(*(getattr(self, column.name)[some] for column in fields(self)))
 
     def likelier_by(self, log_prior: Array) -> Candidates:
         """The candidates with these log priors (N,) added, the most likely first."""
         likely = replace(self, log_likelihood=self.log_likelihood + log_prior)
         return likely.take(np.argsort(-likely.log_likelihood, kind="stable"))
 
-    def distinct(self, model: BodyModel, count: int, seen: Mask | None = None) -> Candidates:
+    def distinct(
+        self, model: BodyModel, count: int, distinct_m: float, seen: Mask | None = None
+    ) -> Candidates:
         """Up to `count` distinct candidates, and the best that faces the other way, if none of them does.
 
         If joints are out of view, only those are compared that are `seen` (N, J) of one of two candidates.
         """
-        kept = keep_distinct(self.joints, count, seen)
+        kept = keep_distinct(self.joints, count, distinct_m, seen)
         turned = family_of(model).faces_away(model.joint_names, self.joints, self.joints[0])
         if not turned[kept].any():
             kept = np.sort(np.append(kept, np.flatnonzero(turned)[:1]))
@@ -73,17 +70,17 @@ class Detection:
     candidates: Candidates
     gate: Gate
 
-    def is_elsewhere(self, joints: Array) -> bool:
-        """Whether a joint in view is more than 15 cm (OFF) from its position in joints (J, 3)."""
+    def is_elsewhere(self, joints: Array, wrong_m: float) -> bool:
+        """Whether a joint in view is so far from its position in joints (J, 3) that one of them is wrong."""
         mine = self.candidates.joints[0]
         seen = in_view(self.subject, np.stack([mine, joints])).any(axis=0)
-        return bool(np.any(np.linalg.norm(mine - joints, axis=-1)[seen] > OFF))
+        return bool(np.any(np.linalg.norm(mine - joints, axis=-1)[seen] > wrong_m))
 
-    def looks_alike(self, joints: Array, log_likelihood: float) -> bool:
+    def looks_alike(self, joints: Array, log_likelihood: float, alike_nats: float) -> bool:
         """Whether a candidate that faces opposite to joints (J, 3) explains the frame about equally well."""
         start = self.start
         turned = start.family.faces_away(start.model.joint_names, self.candidates.joints, joints)
-        return bool(np.any(self.candidates.log_likelihood[turned] > log_likelihood - ALIKE_LOG_LIKELIHOOD))
+        return bool(np.any(self.candidates.log_likelihood[turned] > log_likelihood - alike_nats))
 
 
 def candidates_of(model: BodyModel, refined: Refined, size: int) -> Candidates:
@@ -96,24 +93,24 @@ def candidates_of(model: BodyModel, refined: Refined, size: int) -> Candidates:
 
 def ordered(parts: Sequence[Candidates]) -> Candidates:
     """All visible candidates, the most likely first; if none is, one of infinitely small likelihood."""
-    columns = ([getattr(part, each.name) for part in parts] for each in fields(Candidates))
+    columns = ([getattr(part, column.name) for part in parts] for column in fields(Candidates))
     whole = Candidates(*map(np.concatenate, columns))
     order = np.argsort(-whole.log_likelihood, kind="stable")
     visible = max(1, int(np.isfinite(whole.log_likelihood).sum()))
     return whole.take(order[:visible])
 
 
-def keep_distinct(joints: Array, count: int, seen: Mask | None = None) -> Indices:
-    """Up to `count` indices of joints (N, J, 3) more than DISTINCT_M (mean) from each other.
+def keep_distinct(joints: Array, count: int, distinct_m: float, seen: Mask | None = None) -> Indices:
+    """Up to `count` indices of joints (N, J, 3) more than `distinct_m` (mean) from each other.
 
     The mean is over the joints that are `seen` (N, J) of one of the two; None: all.
     """
     kept = list[int]()
-    for n, each in enumerate(joints):
+    for n, body in enumerate(joints):
         if len(kept) == count:
             break
         weights = np.ones((len(kept), joints.shape[1])) if seen is None else seen[kept] | seen[n]
-        apart = np.linalg.norm(joints[kept] - each, axis=-1)
-        if np.all(np.sum(apart * weights, axis=-1) > DISTINCT_M * weights.sum(axis=-1)):
+        apart = np.linalg.norm(joints[kept] - body, axis=-1)
+        if np.all(np.sum(apart * weights, axis=-1) > distinct_m * weights.sum(axis=-1)):
             kept.append(n)
     return np.array(kept, dtype=np.int64)

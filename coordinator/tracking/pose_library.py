@@ -18,8 +18,8 @@ from gepf.common.kinematics import link_transforms, pose_vertices
 from gepf.common.kinematics.rotations import euler_angles, euler_matrix
 from gepf.coordinator.bodies.family import Bodies, BodySize
 from gepf.coordinator.scene.planes import Planes
+from gepf.coordinator.settings import SearchSettings
 from gepf.coordinator.tracking.descriptor import (
-    BOUND_CELLS,
     COLUMNS,
     ROWS,
     VACANT,
@@ -33,10 +33,6 @@ from gepf.coordinator.tracking.descriptor import (
     splat,
 )
 from gepf.coordinator.tracking.field_of_view import cut_sides, shows
-
-POSES = 3_000
-DESCRIBED_VERTICES = 1_700  # of the surface; enough to fill the cells of a descriptor
-LEAST_LEVEL = 0.3  # cosine of the camera's pitch; below it an image has no upright direction
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +49,12 @@ class PoseLibrary:
     cells: NDArray[np.float32]  # (ROWS * COLUMNS, N)
     occupied: NDArray[np.float32]  # (N,)
     cell_m: float
+    settings: SearchSettings
+
+    @property
+    def _bound_m(self) -> float:
+        """The largest difference of depth that counts, metres."""
+        return self.settings.max_cell_difference * self.cell_m
 
     def match(
         self,
@@ -70,7 +72,7 @@ class PoseLibrary:
         relative to the library. If the `view` that shows the points cuts the body, parts are compared.
         """
         turn = look_straight(points.mean(axis=0), roll)
-        if view is not None and (cut := cut_sides(view, turn)).any():
+        if view is not None and (cut := cut_sides(view, turn, self.settings)).any():
             roots, difference = self._compare_part(points @ turn.T, scales, cut, view, turn)
             chosen, scale_of = most_similar(difference, count)
             places = roots[scale_of, chosen]
@@ -90,7 +92,7 @@ class PoseLibrary:
         image = np.empty((ROWS, COLUMNS), dtype=np.float32)
         for k, scale in enumerate(scales):
             cells = describe(seen / scale, self.cell_m, image, middles[k])
-            fill_differences(self.cells, self.occupied, image, BOUND_CELLS * self.cell_m, difference[k])
+            fill_differences(self.cells, self.occupied, image, self._bound_m, difference[k])
             difference[k] /= cells + self.occupied
         return middles, difference
 
@@ -108,7 +110,7 @@ class PoseLibrary:
         """
         left, right, top, bottom = cut.astype(np.int64)
         ends = np.array([left - right, top - bottom])  # an end is in view where only the opposite one is cut
-        image, middle, bound = np.empty((ROWS, COLUMNS), np.float32), np.empty(3), BOUND_CELLS * self.cell_m
+        image, middle, bound = np.empty((ROWS, COLUMNS), np.float32), np.empty(3), self._bound_m
         differences, places = [], []
         for scale in scales:
             points = np.ascontiguousarray(seen / scale)
@@ -117,9 +119,11 @@ class PoseLibrary:
             splat(points, self.cell_m, middle, image)
             filled = image < VACANT
             image[filled] -= np.float32(middle[2])
-            known = filled | shows(view, scale * cell_points(self.cell_m, middle) @ turn).reshape(image.shape)
-            found, steps = compare_part(self._cells, image, known, ends, bound)
-            differences.append(found)
+            in_view = filled | shows(view, scale * cell_points(self.cell_m, middle) @ turn).reshape(
+                image.shape
+            )
+            difference, steps = compare_part(self._cells, image, in_view, ends, bound)
+            differences.append(difference)
             places.append(middle - self.middles + steps * (self.cell_m, self.cell_m, 1.0))
         return np.array(places), np.array(differences)
 
@@ -140,13 +144,14 @@ def most_similar(difference: NDArray[np.float32], count: int) -> tuple[Indices, 
 
 
 @lru_cache(maxsize=4)
-def library_of(bodies: Bodies, size: BodySize) -> PoseLibrary:
+def library_of(bodies: Bodies, size: BodySize, settings: SearchSettings) -> PoseLibrary:
     """The poses in which a body of this size is searched for; built once."""
     model, rng = bodies.for_start(*size), np.random.default_rng(20)  # independent of the run's seed
-    poses, cell_m = bodies.family.draw_poses(model, POSES, rng), bodies.family.cell_m
+    count, cell_m = settings.library_poses, bodies.family.cell_m
+    poses = bodies.family.draw_poses(model, count, rng)
     if cell_m is None:
-        cell_m = float(np.max(np.ptp(pose_vertices(model, poses[:: POSES // 100]), axis=1))) / COLUMNS
-    return describe_poses(model, poses, cell_m)
+        cell_m = float(np.max(np.ptp(pose_vertices(model, poses[:: max(1, count // 100)]), axis=1))) / COLUMNS
+    return describe_poses(model, poses, cell_m, settings)
 
 
 def look_straight(at: Array, roll: float) -> Array:
@@ -173,6 +178,7 @@ def displaced(
     pose: Array,
     points: Array,
     cell_m: float,
+    settings: SearchSettings,
     placed: Array = NOT_MOVED,
     view: SubjectFrame | None = None,
 ) -> Array:
@@ -184,15 +190,18 @@ def displaced(
     straight = look_straight(points.mean(axis=0), 0.0)
     turn = straight @ placed[:3, :3].T
     poses, place, angles = np.tile(pose, (4, 1)), model.root[:3], model.root[3:]
-    for n, each in enumerate(poses):
+    for n, rotated in enumerate(poses):
         quarter = euler_matrix(np.array([0.0, 0.5 * np.pi * n, 0.0]))
-        each[angles] = euler_angles(euler_matrix(pose[angles]) @ quarter, pose[angles])
-    if view is not None and cut_sides(view, straight).any():
-        library = describe_poses(model, turned_to(model.root, poses, np.zeros((4, 3)), turn), cell_m)
+        rotated[angles] = euler_angles(euler_matrix(pose[angles]) @ quarter, pose[angles])
+    if view is not None and cut_sides(view, straight, settings).any():
+        turned = turned_to(model.root, poses, np.zeros((4, 3)), turn)
+        library = describe_poses(model, turned, cell_m, settings)
         return library.match(points, [1.0], 0.0, 4, placed, view)[0]
     observed = seen_centre(moved(points, placed) @ turn.T, cell_m)
-    for each, surface in zip(poses, pose_vertices(model, poses)[:, :: stride(model)], strict=True):
-        each[place] += (observed - seen_centre(surface @ turn.T, cell_m)) @ turn
+    for rotated, surface in zip(
+        poses, pose_vertices(model, poses)[:, :: stride(model, settings)], strict=True
+    ):
+        rotated[place] += (observed - seen_centre(surface @ turn.T, cell_m)) @ turn
     return poses
 
 
@@ -204,18 +213,18 @@ def seen_centre(points: Array, cell_m: float) -> Array:
     return middle
 
 
-def describe_poses(model: BodyModel, poses: Array, cell_m: float) -> PoseLibrary:
+def describe_poses(model: BodyModel, poses: Array, cell_m: float, settings: SearchSettings) -> PoseLibrary:
     """Compute the descriptors of poses (N, D)."""
-    count, every = len(poses), stride(model)
+    count, every = len(poses), stride(model, settings)
     links, vertices = model.skin_links[::every, 0].copy(), model.vertices[::every].copy()
     images, middles, occupied = describe_each(vertices, links, link_transforms(model, poses), cell_m)
     cells = np.ascontiguousarray(images.reshape(count, ROWS * COLUMNS).T)
-    return PoseLibrary(poses, model.root, middles, cells, occupied, cell_m)
+    return PoseLibrary(poses, model.root, middles, cells, occupied, cell_m, settings)
 
 
-def stride(model: BodyModel) -> int:
+def stride(model: BodyModel, settings: SearchSettings) -> int:
     """The step through the vertices that still fills the cells."""
-    return max(1, len(model.vertices) // DESCRIBED_VERTICES)
+    return max(1, len(model.vertices) // settings.library_vertices)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -240,10 +249,13 @@ def describe_each(
     return images, middles, occupied
 
 
-def upright_rolls(planes: Planes, rolls: tuple[float, ...]) -> tuple[float, ...]:
-    """Rotations of the image, radians, in which a body is searched for; in the first the room is upright."""
+def upright_rolls(planes: Planes, rolls: tuple[float, ...], min_upright: float) -> tuple[float, ...]:
+    """Rotations of the image, radians, in which a body is searched for; in the first the room is upright.
+
+    An image with a smaller part of the vertical than `min_upright` has no upright direction.
+    """
     across, down, _ = planes.up
-    if len(rolls) == 1 or np.hypot(across, down) < LEAST_LEVEL:
+    if len(rolls) == 1 or np.hypot(across, down) < min_upright:
         return rolls
     upright = float(np.arctan2(-across, -down))
     return tuple(upright + roll for roll in rolls)

@@ -10,9 +10,9 @@ from gepf.common.body import BodyModel
 from gepf.common.camera import Intrinsics
 from gepf.common.frame import DepthFrame, SubjectFrame
 from gepf.common.refinement import Particles, Refined, triangle_size
-from gepf.common.settings import Settings
 from gepf.coordinator.bodies.family import Bodies
 from gepf.coordinator.scene.planes import Planes
+from gepf.coordinator.settings import Settings
 from gepf.coordinator.stopwatch import Stopwatch
 from gepf.coordinator.tracking.observation import isolate
 from gepf.coordinator.tracking.refiner import LocalRefiner
@@ -54,7 +54,7 @@ def warm_up(settings: Settings, bodies: Bodies) -> None:
         TargetTracker(NoRefiner(), settings, bodies, first_state(bodies, values, settings))
         for values in (start, None, None)
     )
-    segmenter = Segmenter(1)
+    segmenter = Segmenter(1, settings.scene)
     for number, surface in enumerate((None, tracked.segmentation_surface)):
         room = DepthFrame(number, number / 30.0, depth, 1000.0, CAMERA)
         segmenter.segment(room, [surface])
@@ -64,4 +64,4 @@ def warm_up(settings: Settings, bodies: Bodies) -> None:
             frame = short if target is cut else whole
             target.begin_frame()
             updated = target.submit(BodyView(frame, isolate(frame, 400), Planes()), Stopwatch())
-            report(updated if isinstance(updated, Updated) else target.update(updated, {}), {})
+            report(updated if isinstance(updated, Updated) else target.update(updated, {}), {}, settings)

@@ -13,26 +13,20 @@ from gepf.common.frame import DepthFrame, SubjectFrame
 from gepf.common.kinematics import joint_positions, retract
 from gepf.coordinator.colour.finder import in_image
 from gepf.coordinator.filters.belief import Belief
-from gepf.coordinator.filters.motion import precisions
+from gepf.coordinator.filters.priors import weak_precisions
+from gepf.coordinator.settings import CertaintySettings, Settings
 from gepf.coordinator.stopwatch import Stopwatch
 from gepf.coordinator.tracking.cameras import CameraStates, faults_of
-from gepf.coordinator.tracking.certainty.certainty import (
-    FIT,
-    FLAGGED,
-    JOINTS_OFF,
-    OFF,
-    SUSPECTED,
-    Certainty,
-    unknown_certainty,
-)
-from gepf.coordinator.tracking.certainty.features import (
+from gepf.coordinator.tracking.certainty import (
     Features,
     FrameContext,
+    judge,
     measure_features,
     movable_joints,
+    seen_shares,
+    unknown_certainty,
 )
-from gepf.coordinator.tracking.certainty.surface import seen_shares
-from gepf.coordinator.tracking.estimate import MAX_HYPOTHESES, POSE_UNKNOWN, Estimate, Status
+from gepf.coordinator.tracking.estimate import POSE_UNKNOWN, Certainty, Estimate, Status, list_joints
 from gepf.coordinator.tracking.field_of_view import in_view
 from gepf.coordinator.tracking.state import FrameState, PersonState, Start
 from gepf.coordinator.tracking.track_state import (
@@ -45,12 +39,6 @@ from gepf.coordinator.tracking.track_state import (
     TrackState,
 )
 
-HIDDEN_SHARE = 0.5  # a joint that is seen less than this is hidden
-RIVAL_WEIGHT = 0.5  # least weight of a rival, relative to the most likely hypothesis
-
-INFORMATION = 44.0
-"""Of the points of a known body; fitted to rendered robots and objects with a Kinect's noise."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Judgement:
@@ -60,27 +48,23 @@ class Judgement:
     seen_by: Array  # (C, J) share of the surface around each joint that each camera sees
     in_sight: Mask  # (J,) joints that are in view and not hidden by something else
     has_rival: bool  # an equally likely hypothesis has a joint in view elsewhere
-
-    @property
-    def is_doubtful(self) -> bool:
-        """Whether a joint in view may be wrong."""
-        return self.has_rival or bool(np.any(self.certainty.off_probability[self.in_sight] > SUSPECTED))
+    is_doubtful: bool  # a joint in view may be wrong
 
 
-def judge(start: Start, belief: Belief, residual: float, context: FrameContext) -> Judgement:
+def judge_pose(
+    start: Start, belief: Belief, residual: float, context: FrameContext, settings: CertaintySettings
+) -> Judgement:
     """Judge a belief that has this normalised residual in a frame."""
     model, pose = start.model, belief.reported
-    poses, weights = belief.poses[:MAX_HYPOTHESES], belief.weights[:MAX_HYPOTHESES]
+    poses, weights = belief.poses[: settings.max_hypotheses], belief.weights[: settings.max_hypotheses]
     joints = joint_positions(model, np.concatenate([pose[None], poses]))
     in_sight = in_view(context.subject, joints[0])
-    seen_by = seen_shares(model, pose, context.subject, context.stretch) * in_sight
-    features = measure_features(model, pose, joints, weights, context, residual, seen_by)
-    return Judgement(
-        certainty_of(start, pose, belief, features, in_sight),
-        seen_by,
-        in_sight,
-        has_rival(weights, joints[1:, in_sight], joints[0, in_sight]),
-    )
+    seen_by = seen_shares(model, pose, context.subject, context.stretch, settings) * in_sight
+    features = measure_features(model, pose, joints, weights, context, residual, seen_by, settings)
+    certainty = certainty_of(start, pose, belief, features, in_sight, settings)
+    rivals = has_rival(weights, joints[1:, in_sight], joints[0, in_sight], settings)
+    likely = bool(np.any(certainty.off_probability[in_sight] > settings.ambiguous_probability))
+    return Judgement(certainty, seen_by, in_sight, rivals, rivals or likely)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -112,16 +96,17 @@ class TrackedFrame:
     state: FrameState
 
 
-def report(updated: Updated, cameras: CameraStates) -> TrackedPerson:
+def report(updated: Updated, cameras: CameraStates, settings: Settings) -> TrackedPerson:
     """The estimate of an updated frame, with the certainty of each joint and a status."""
     with updated.clock.stage("report"):
         start, track, context = updated.state.start, updated.state.track, updated.context
+        limits, confirmed_s = settings.certainty, settings.track.camera_confirmed_s
         followed = track if isinstance(track, Followed) else None
         model = start.model
         pose, poses, weights = start.pose, np.empty((0, len(start.pose))), np.empty(0)
         if followed is not None:
-            pose, poses = followed.belief.reported, followed.belief.poses[:MAX_HYPOTHESES]
-            weights = followed.belief.weights[:MAX_HYPOTHESES]
+            pose, poses = followed.belief.reported, followed.belief.poses[: limits.max_hypotheses]
+            weights = followed.belief.weights[: limits.max_hypotheses]
             weights = weights / weights.sum()
         joints = joint_positions(model, pose[None])[0]
         certainty, seen, why, is_ambiguous = unknown_certainty(len(joints)), dict[str, Array](), "", False
@@ -131,10 +116,11 @@ def report(updated: Updated, cameras: CameraStates) -> TrackedPerson:
             views = [view.frame.camera for view in context.subject.views]
             seen = dict(zip(views, judgement.seen_by, strict=True))
             faulty = any(state.fault for state in cameras.values())
-            new = len(cameras) > 1 and followed.is_new
-            limit = least_probability(certainty, faulty=faulty, new=new)
-            disputed = followed.agreement.dispute(views)
-            doubt = explain_doubt(model.joint_names, certainty, np.where(judgement.in_sight, limit, 1.0))
+            new = len(cameras) > 1 and followed.is_new(settings.track)
+            limit = least_probability(certainty, limits, faulty=faulty, new=new)
+            disputed = followed.agreement.dispute(views, confirmed_s)
+            in_doubt = np.where(judgement.in_sight, limit, 1.0)
+            doubt = explain_doubt(model.joint_names, certainty, in_doubt, limits.wrong_m)
             why = disputed or followed.doubt or doubt
             is_ambiguous = bool(disputed or doubt or followed.ambiguous_facing or judgement.has_rival)
         elif isinstance(track, Searching):
@@ -153,7 +139,7 @@ def report(updated: Updated, cameras: CameraStates) -> TrackedPerson:
         why=why,
         stage_seconds=updated.clock.seconds,
         seen_by=seen,
-        faults=faults_of(cameras, updated.frame.time_s),
+        faults=faults_of(cameras, updated.frame.time_s, confirmed_s),
         keypoints={} if context is None else in_image(context.subject),
         certainty=unknown_certainty(len(joints)) if status in POSE_UNKNOWN else certainty,
     )
@@ -176,50 +162,54 @@ def status_of(track: TrackState, *, is_ambiguous: bool) -> Status:
     return "lost"
 
 
-def has_rival(weights: Array, joints: Array, reported: Array) -> bool:
+def has_rival(weights: Array, joints: Array, reported: Array, settings: CertaintySettings) -> bool:
     """Whether an equally likely hypothesis has a joint in view elsewhere.
 
     Of hypotheses with weights (M,) and joints (M, J, 3), the most likely first. `reported` (J, 3) may differ
     from the most likely hypothesis.
     """
-    apart = np.linalg.norm(joints[weights > RIVAL_WEIGHT * weights[0]] - reported, axis=-1)
-    return bool(np.any(apart > OFF))
+    apart = np.linalg.norm(joints[weights > settings.rival_share * weights[0]] - reported, axis=-1)
+    return bool(np.any(apart > settings.wrong_m))
 
 
-def certainty_of(start: Start, pose: Array, belief: Belief, features: Features, in_sight: Mask) -> Certainty:
+def certainty_of(
+    start: Start, pose: Array, belief: Belief, features: Features, in_sight: Mask, settings: CertaintySettings
+) -> Certainty:
     """The certainty of each joint of the reported pose (D,); `in_sight` (J,) are those in view."""
-    certainty = FIT.judge(features, in_sight)
+    certainty = judge(features, settings, in_sight)
     if belief.posterior.size and start.family.is_exact:
-        certainty = replace(certainty, deviation=known_deviations(start.model, pose, belief.posterior))
+        deviation = known_deviations(start.model, pose, belief.posterior, settings.information)
+        certainty = replace(certainty, deviation=deviation)
     return replace(certainty, off_probability=certainty.off_probability * movable_joints(start.model))
 
 
-def least_probability(certainty: Certainty, *, faulty: bool, new: bool) -> Array:
+def least_probability(certainty: Certainty, settings: CertaintySettings, *, faulty: bool, new: bool) -> Array:
     """Probabilities (J,) of being wrong above which joints are in doubt.
 
     While a camera is `faulty`, hidden joints are doubted sooner, as the others may not show them. All are if
     the body of several cameras is `new`: detected a few frames before, or a camera has come back.
     """
-    return np.where(new | (faulty & (certainty.seen < HIDDEN_SHARE)), FLAGGED, SUSPECTED)
+    sooner = new | (faulty & (certainty.seen < settings.hidden_share))
+    return np.where(sooner, settings.flagged_probability, settings.ambiguous_probability)
 
 
-def explain_doubt(names: tuple[str, ...], certainty: Certainty, least: Array) -> str:
+def explain_doubt(names: tuple[str, ...], certainty: Certainty, least: Array, wrong_m: float) -> str:
     """Text that names joints (J,) with more than these probabilities to be wrong, the most probable first."""
     probability = certainty.off_probability
     doubted = [j for j in np.argsort(-probability, kind="stable") if probability[j] > least[j]]
     listed = ", ".join(names[j].replace("_", " ") for j in doubted)
-    return JOINTS_OFF + listed if doubted else ""
+    return list_joints(wrong_m, listed) if doubted else ""
 
 
-def known_deviations(model: BodyModel, pose: Array, covariance: Array) -> Array:
+def known_deviations(model: BodyModel, pose: Array, covariance: Array, information: float) -> Array:
     """Expected distance (J,) from a robot's or object's true joints, one standard deviation, metres.
 
     `covariance` (D, D) of its pose (D,) is that of the refinement, which counts all points as one with an
-    error of 1 cm, because the shape of people is not known. Those of a known body are worth more, the weak
-    prior is not.
+    error of 1 cm, because the shape of people is not known. Those of a known body are worth more, by the
+    factor `information`, the weak prior is not.
     """
-    weak = np.diag(precisions(model)[0])
-    scaled = np.linalg.inv(weak + INFORMATION * (np.linalg.inv(covariance) - weak))
+    weak = np.diag(weak_precisions(model))
+    scaled = np.linalg.inv(weak + information * (np.linalg.inv(covariance) - weak))
     step = 1e-5  # of differences, metres or radians
     steps = step * np.concatenate([np.eye(len(pose)), -np.eye(len(pose))])
     ahead, behind = np.split(joint_positions(model, retract(model, np.tile(pose, (len(steps), 1)), steps)), 2)

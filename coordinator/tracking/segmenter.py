@@ -16,8 +16,6 @@ from gepf.coordinator.scene.planes import Planes
 from gepf.coordinator.scene.scene import Scene, SceneChange, SceneChanges, SceneView
 from gepf.coordinator.scene.scope import Scope
 from gepf.coordinator.scene.segmentation import (
-    NEAR_M,
-    STEP_M,
     is_missing,
     mark_apart,
     measure_distances,
@@ -25,12 +23,11 @@ from gepf.coordinator.scene.segmentation import (
     segment_body,
     segment_masks,
 )
-from gepf.coordinator.tracking.observation import Cut, depth_in, depth_of, outline, subject_of
+from gepf.coordinator.settings import SceneSettings
+from gepf.coordinator.tracking.observation import MaskedView, depth_in, depth_of, outline, subject_of
 
-Shown = tuple[Cut, ...]
-"""What shows a person who is not tracked in an image: with more and more of what may be the person's."""
-
-SAME_PERSON_M = 0.5  # between the middles of one person in two images, which show different sides
+MaskHypotheses = tuple[MaskedView, ...]
+"""What shows an untracked person in an image: with more and more of what may be the person's."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,10 +39,10 @@ class SegmentedView:
     """
 
     frame: DepthFrame
-    view: SceneView
+    scene: SceneView
     change: SceneChange
-    bodies: tuple[Cut | None, ...]
-    people: tuple[Shown, ...]
+    bodies: tuple[MaskedView | None, ...]
+    people: tuple[MaskHypotheses, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,12 +68,13 @@ class SegmentedFrame:
     @property
     def changes(self) -> SceneChanges:
         """What the frame changed in the known scene of each camera."""
-        return {each.frame.camera: each.change for each in self.views}
+        return {view.frame.camera: view.change for view in self.views}
 
     def planes(self, subject: SubjectFrame | None) -> Planes:
         """The planes that the camera with the largest part of a subject sees."""
         camera = None if subject is None else subject.frame.camera
-        return next((each.view.planes for each in self.views if each.frame.camera == camera), Planes())
+        seen = (view.scene.planes for view in self.views if view.frame.camera == camera)
+        return next(seen, Planes())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -101,8 +99,8 @@ class Segmenter:
     Each camera has its own scene.
     """
 
-    def __init__(self, points: int, scope: Scope | None = None) -> None:
-        self._points = points
+    def __init__(self, points: int, settings: SceneSettings, scope: Scope | None = None) -> None:
+        self._points, self._settings = points, settings
         self._scope = scope or Scope()
         self._scenes = dict[str, Scene]()
 
@@ -110,7 +108,7 @@ class Segmenter:
         """Restore what was known after a frame; the changes of the frames before it come first."""
         for camera, change in changes.items():
             up = None if self._scope.up is None else change.T_rig_camera[:3, :3].T @ self._scope.up
-            self._scenes.setdefault(camera, Scene(up=up)).recall(change)
+            self._scenes.setdefault(camera, Scene(self._settings, up=up)).recall(change)
 
     def segment(
         self,
@@ -131,32 +129,32 @@ class Segmenter:
         views = tuple(self._segment_view(view, bodies, rejected=rejected, find=find) for view in frame.views)
         subjects, contradicting = list[SubjectFrame | None](), list[SubjectFrame | None]()
         for n, out in enumerate(excluded or [()] * len(bodies)):
-            cuts = [(each.frame.camera, cut) for each in views if (cut := each.bodies[n]) is not None]
-            agreed = subject_of(frame, [cut for name, cut in cuts if name not in out], self._points)
-            against = subject_of(frame, [cut for name, cut in cuts if name in out], self._points)
+            own = [(view.frame.camera, body) for view in views if (body := view.bodies[n]) is not None]
+            agreed = subject_of(frame, [body for name, body in own if name not in out], self._points)
+            against = subject_of(frame, [body for name, body in own if name in out], self._points)
             subjects.append(agreed or against)
             contradicting.append(None if agreed is None else against)
         excluded_by_any = set().union(*excluded)
-        shown = [each.people for each in views if each.frame.camera not in excluded_by_any]
-        people = self._join_people(frame, shown if any(shown) else [each.people for each in views])
+        seen = [view.people for view in views if view.frame.camera not in excluded_by_any]
+        people = self._join_people(frame, seen if any(seen) else [view.people for view in views])
         return SegmentedFrame(frame, tuple(subjects), tuple(contradicting), people, views)
 
     def find_candidates(
         self, segmented: SegmentedFrame, tracked: Sequence[Array]
     ) -> tuple[SubjectFrame, ...]:
         """People in a segmented frame, most likely first, without those with vertices `tracked` (V, 3)."""
-        found = list[Sequence[Shown]]()
-        for each in segmented.views:
-            frame, view = each.frame, each.view
+        seen = list[Sequence[MaskHypotheses]]()
+        for segmented_view in segmented.views:
+            frame, view = segmented_view.frame, segmented_view.scene
             if not view.furnished and len(segmented.subjects) == 1:
-                found.append([(cut,) for cut in outline(frame)])
+                seen.append([(everything,) for everything in outline(frame)])
                 continue
-            distances = [measure_distances(view, frame.to_camera(one)) for one in tracked]
-            known = nearest_of(view, distances) <= NEAR_M
+            distances = [measure_distances(view, frame.to_camera(body)) for body in tracked]
+            near_bodies = nearest_of(view, distances) <= self._settings.segmentation.near_m
             scope = self._scope.of(frame.camera)
-            people = scope.choose(view, candidates(view, known))
-            found.append([cut_candidate(frame, view, one, known) for one in people])
-        return self._join_people(segmented.frame, found)
+            people = scope.choose(view, candidates(view, near_bodies))
+            seen.append([mask_candidate(frame, view, person, near_bodies) for person in people])
+        return self._join_people(segmented.frame, seen)
 
     def learn_things(
         self,
@@ -164,22 +162,22 @@ class Segmenter:
         changes: SceneChanges,
         searched: SubjectFrame,
         person: SubjectFrame,
-        others: Sequence[SubjectFrame],
+        beside: Sequence[SubjectFrame],
     ) -> SceneChanges:
         """Learn as the room what a search took for a part of the person, and what is none.
 
         The search was in the frame `searched`, the last segmented one or an earlier one, and found `person`.
-        `others` are other people in the last frame. Returns all that the last frame changed, given the
+        `beside` are the other people in the last frame. Returns all that the last frame changed, given the
         `changes` so far.
         """
         after = dict(changes)
-        for each in segmented.views:
-            name, depth = each.frame.camera, each.view.depth
+        for view in segmented.views:
+            name, depth = view.frame.camera, view.scene.depth
             shown = depth_of(searched.widest, name, depth.shape)
-            things = (shown > 0.0) & (abs(depth - shown) < STEP_M)
-            for one in (person, *others):
-                things &= depth_of(one, name, depth.shape) == 0.0
-            after[name] = self._scenes[name].learn(each.view, ~things, changes[name].learned)
+            things = (shown > 0.0) & (abs(depth - shown) < self._settings.segmentation.step_m)
+            for subject in (person, *beside):
+                things &= depth_of(subject, name, depth.shape) == 0.0
+            after[name] = self._scenes[name].learn(view.scene, ~things, changes[name].learned)
         return after
 
     def _segment_view(
@@ -191,71 +189,80 @@ class Segmenter:
             up = None if frame.gravity is None else -frame.gravity
             if scope.up is not None:
                 up = frame.T_camera_rig[:3, :3] @ scope.up
-            self._scenes[frame.camera] = Scene(scope.background, up)
+            self._scenes[frame.camera] = Scene(self._settings, scope.background, up)
         scene = self._scenes[frame.camera]
         frame, excluded = scope.limit(frame)
         view = scene.see(frame, excluded)
         if not view.furnished and len(bodies) == 1:
-            found, change = tuple(outline(frame)), scene.learn(view)
-            if bodies[0] is None:
-                return SegmentedView(frame, view, change, (None,), tuple((cut,) for cut in found))
-            return SegmentedView(frame, view, change, (found[0] if found else None,), ())
+            everything, change = next(iter(outline(frame)), None), scene.learn(view)
+            if bodies[0] is not None:
+                return SegmentedView(frame, view, change, (everything,), ())
+            return SegmentedView(frame, view, change, (None,), ((everything,),) if everything else ())
         surfaces = [frame.to_camera(body) for body in bodies if body is not None]
         distances = [measure_distances(view, surface) for surface in surfaces]
         nearest = nearest_of(view, distances)
-        known, apart = nearest <= NEAR_M, mark_apart(view, nearest)
-        others = [(each > nearest) | apart for each in distances]
-        segmented = [segment_body(view, *each) for each in zip(surfaces, distances, others, strict=True)]
+        near_bodies, apart = nearest <= self._settings.segmentation.near_m, mark_apart(view, nearest)
+        foreign = [(distance > nearest) | apart for distance in distances]
+        segmented = [segment_body(view, *body) for body in zip(surfaces, distances, foreign, strict=True)]
         complete = len(surfaces) == len(bodies)
-        strangers, people = tuple[Shown, ...](), known
+        strangers, people = tuple[MaskHypotheses, ...](), near_bodies
         if find and not complete:
-            possible = candidates(view, known)
+            possible = candidates(view, near_bodies)
             chosen = scope.choose(view, possible)[: 1 if len(bodies) == 1 else None]
-            strangers = tuple(cut_candidate(frame, view, each, known) for each in chosen)
-            people = known if rejected else reduce(np.logical_or, (each.widest for each in possible), known)
-        missing = any(is_missing(view, *each) for each in zip(surfaces, segmented, strict=True))
+            strangers = tuple(mask_candidate(frame, view, person, near_bodies) for person in chosen)
+            if not rejected:
+                people = reduce(np.logical_or, (person.widest for person in possible), near_bodies)
+        missing = any(is_missing(view, *body) for body in zip(surfaces, segmented, strict=True))
         if missing or not (find or complete):  # a body may be anywhere, so no pixel is learned as the room
-            people = np.ones_like(known)
+            people = np.ones_like(near_bodies)
         change = scene.learn(view, people)
-        cuts = iter([(frame, each.window, each.labels) for each in segmented])
-        own = tuple(None if body is None else next(cuts) for body in bodies)
+        masked = iter([MaskedView(frame, body.window, body.labels) for body in segmented])
+        own = tuple(None if body is None else next(masked) for body in bodies)
         return SegmentedView(frame, view, change, own, strangers)
 
-    def _join_people(self, frame: DepthFrame, seen: Sequence[Sequence[Shown]]) -> tuple[SubjectFrame, ...]:
+    def _join_people(
+        self, frame: DepthFrame, seen: Sequence[Sequence[MaskHypotheses]]
+    ) -> tuple[SubjectFrame, ...]:
         """People by what shows them in each image; those at the same place are one person."""
-        people = list[list[Shown]]()
-        for shown in seen:
-            for one in shown:
-                alone = [each for each in people if all(view is not one[0][0] for (view, _, _), *_ in each)]
-                near = (each for each in alone if apart_m(each[0][0], one[0]) < SAME_PERSON_M)
-                joined = min(near, key=lambda each: apart_m(each[0][0], one[0]), default=None)
-                if joined is None:
-                    people.append([one])
+        people, farthest = list[list[MaskHypotheses]](), self._settings.candidates.same_person_m
+        for in_image in seen:
+            for masks in in_image:
+
+                def distance(person: list[MaskHypotheses], masks: MaskHypotheses = masks) -> float:
+                    return distance_between(person[0][0], masks[0])
+
+                elsewhere = [who for who in people if all(m[0].image is not masks[0].image for m in who)]
+                near = (who for who in elsewhere if distance(who) < farthest)
+                same = min(near, key=distance, default=None)
+                if same is None:
+                    people.append([masks])
                 else:
-                    joined.append(one)
-        found = (self._person_of(frame, each) for each in people)
-        return tuple(person for person in found if person is not None)
+                    same.append(masks)
+        subjects = (self._person_of(frame, person) for person in people)
+        return tuple(subject for subject in subjects if subject is not None)
 
-    def _person_of(self, frame: DepthFrame, shown: Sequence[Shown]) -> SubjectFrame | None:
-        """The person whom some images show, with the wider ones; None if there are none."""
-        levels = range(max(map(len, shown)))
-        cuts = [[each[min(n, len(each) - 1)] for each in shown] for n in levels]
-        first, *wider = [subject_of(frame, each, self._points) for each in cuts]
-        return first and replace(first, wider=tuple(each for each in wider if each))
-
-
-def cut_candidate(frame: DepthFrame, view: SceneView, one: Candidate, known: Mask) -> Shown:
-    """What shows a candidate in an image; `known` are the pixels (H, W) of those who are tracked."""
-    found = segment_masks(view, (one.mask, *one.wider), known)
-    return tuple((frame, each.window, each.labels) for each in found)
+    def _person_of(self, frame: DepthFrame, images: Sequence[MaskHypotheses]) -> SubjectFrame | None:
+        """The person whom some images show, with the wider masks; None if there are none."""
+        levels = range(max(map(len, images)))
+        masked = [[masks[min(level, len(masks) - 1)] for masks in images] for level in levels]
+        first, *wider = [subject_of(frame, views, self._points) for views in masked]
+        return first and replace(first, wider=tuple(subject for subject in wider if subject))
 
 
-def apart_m(one: Cut, other: Cut) -> float:
+def mask_candidate(
+    frame: DepthFrame, view: SceneView, person: Candidate, near_bodies: Mask
+) -> MaskHypotheses:
+    """What shows a candidate in an image; `near_bodies` are the pixels (H, W) of those who are tracked."""
+    masked = segment_masks(view, (person.mask, *person.wider), near_bodies)
+    return tuple(MaskedView(frame, mask.window, mask.labels) for mask in masked)
+
+
+def distance_between(first: MaskedView, second: MaskedView) -> float:
     """Distance in metres between the middles of what two images show."""
     middles = []
-    for view, window, labels in (one, other):
-        left, top, right, bottom = window
-        camera = view.intrinsics.crop(left, top, right - left, bottom - top)
-        depth = depth_in(view, window, labels) / view.depth_scale
-        middles.append(view.to_rig(np.median(points_of(depth, camera, depth > 0.0), axis=0)))
+    for masked in (first, second):
+        image, (left, top, right, bottom) = masked.image, masked.window
+        camera = image.intrinsics.crop(left, top, right - left, bottom - top)
+        depth = depth_in(masked) / image.depth_scale
+        middles.append(image.to_rig(np.median(points_of(depth, camera, depth > 0.0), axis=0)))
     return float(np.linalg.norm(middles[0] - middles[1]))

@@ -13,14 +13,14 @@ from gepf.common.arrays import Array
 from gepf.common.body import ROOT_DOFS, BodyModel, unknown_dof, with_fixed_shape
 from gepf.common.bounds import LARGEST
 from gepf.common.errors import InputError
-from gepf.common.settings import Settings
 from gepf.coordinator.bodies.families import family_of
 from gepf.coordinator.bodies.family import Bodies, BodyFamily, BodySize
 from gepf.coordinator.files import read_json
 from gepf.coordinator.filters.methods import initial_belief
+from gepf.coordinator.scene.noise import NO_NOISE, SensorNoise
 from gepf.coordinator.scene.scene import SceneChanges
+from gepf.coordinator.settings import Settings
 from gepf.coordinator.tracking.cameras import CameraStates
-from gepf.coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise
 from gepf.coordinator.tracking.track_state import Absent, Body, Found, TrackState
 
 

@@ -17,24 +17,25 @@ from gepf.common.arrays import Array
 from gepf.common.body import BodyModel
 from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions, pose_vertices
-from gepf.common.settings import RefineSettings, Settings
+from gepf.common.settings import RefineSettings
 from gepf.coordinator.bodies.family import Bodies, BodyFamily
 from gepf.coordinator.colour.finder import ExpectedBody, keypoint_cost
 from gepf.coordinator.filters.belief import USUAL_INTERVAL, Belief
 from gepf.coordinator.filters.methods import apply_method
+from gepf.coordinator.scene.noise import NO_NOISE, SensorNoise, assume_noise, measure_noise
+from gepf.coordinator.settings import Settings
 from gepf.coordinator.stopwatch import Stopwatch
 from gepf.coordinator.tracking.cameras import CameraStates, camera_residuals, faults_of
-from gepf.coordinator.tracking.certainty.features import FrameContext
+from gepf.coordinator.tracking.certainty import FrameContext
 from gepf.coordinator.tracking.detector import Detector, move_root
-from gepf.coordinator.tracking.gating import LEAST_PIXELS, gate_pose
+from gepf.coordinator.tracking.gating import gate_pose
 from gepf.coordinator.tracking.observation import POINTS, camera_points, middle_of
 from gepf.coordinator.tracking.particle_filter import Encoders, FrameBudget, ParticleFilter, Submitted
-from gepf.coordinator.tracking.pose_candidates import SURER_LOG_LIKELIHOOD, Detection
+from gepf.coordinator.tracking.pose_candidates import Detection
 from gepf.coordinator.tracking.refiner import Refiner
-from gepf.coordinator.tracking.reporting import Updated, judge
+from gepf.coordinator.tracking.reporting import Updated, judge_pose
 from gepf.coordinator.tracking.search import BodySearch
 from gepf.coordinator.tracking.segmenter import BodyView
-from gepf.coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise, assume_noise, measure_noise
 from gepf.coordinator.tracking.state import Checkpoint, PersonState
 from gepf.coordinator.tracking.track_state import (
     Body,
@@ -97,7 +98,8 @@ class TargetTracker:
     def policy(self) -> Policy:
         """What the state machine needs to know of settings and body."""
         return Policy(
-            min_points=min(LEAST_PIXELS, self._settings.points),
+            min_points=min(self._settings.gating.min_pixels, self._settings.points),
+            settings=self._settings.track,
             recovers=self._settings.recover and self.start.is_free,
         )
 
@@ -197,9 +199,10 @@ class TargetTracker:
         """Wait for the refined particles of the last submitted frame, and update the state."""
         belief, particles = self._filter.update(self.model, submitted)
         with submitted.clock.stage("measure"):
-            faulty = tuple(faults_of(cameras, submitted.view.frame.time_s))
-            event = self._assess(belief, submitted, faulty)
-            judgement = judge(self.start, event.belief, event.gate.residual, submitted.context)
+            confirmed_s = self._settings.track.camera_confirmed_s
+            faulty = tuple(faults_of(cameras, submitted.view.frame.time_s, confirmed_s))
+            event, limits = self._assess(belief, submitted, faulty), self._settings.certainty
+            judgement = judge_pose(self.start, event.belief, event.gate.residual, submitted.context, limits)
             todo = self._step(replace(event, is_doubtful=judgement.is_doubtful))
             if "stop searching" in todo:
                 self.search.drop()
@@ -231,7 +234,8 @@ class TargetTracker:
     @property
     def _refine_settings(self) -> RefineSettings:
         """The settings for the noise at the distance of the present frame."""
-        return assume_noise(self._settings.refine, self.start.noise.at(self._distance))
+        floor_m = self._settings.scene.noise.floor_m
+        return assume_noise(self._settings.refine, self.start.noise.at(self._distance, floor_m))
 
     def _step(self, event: Event) -> Instructions:
         self.track, todo = step(self.track, event, self.policy)
@@ -260,7 +264,9 @@ class TargetTracker:
         return replace(belief, reported=poses[0], poses=poses[1:])
 
     def _measure_noise(self, subject: SubjectFrame) -> SensorNoise:
-        return measure_noise(subject.frame) if self._settings.measure_noise else NO_NOISE
+        if not self._settings.measure_noise:
+            return NO_NOISE
+        return measure_noise(subject.frame, self._settings.scene.noise)
 
     def _begin_search(self, view: BodyView, subject: SubjectFrame) -> None:
         """Begin a search for the body in a frame: for any body, or for the known one."""
@@ -308,20 +314,23 @@ class TargetTracker:
     def _assess(self, belief: Belief, submitted: Submitted, faulty: tuple[str, ...]) -> Refined:
         """Gate the tracked hypotheses, or those of a detection that explains the frame better."""
         assert isinstance(self.track, Body)  # it was refined
-        context, detection = submitted.context, submitted.detection
+        settings, context, detection = self._settings, submitted.context, submitted.detection
         by_depth = belief.log_weights[0] + keypoint_cost(self.model, belief.poses[0], context.subject)
-        gate = gate_pose(by_depth, belief.residual[0], submitted.settings)
+        gate = gate_pose(by_depth, belief.residual[0], submitted.settings, settings.gating)
         redetected, ambiguous_facing = False, None
         if detection is not None:
-            if detection.candidates.log_likelihood[0] > belief.log_weights[0] + SURER_LOG_LIKELIHOOD:
+            if detection.candidates.log_likelihood[0] > belief.log_weights[0] + settings.search.surer_nats:
                 joints = joint_positions(self.model, belief.poses[:1])[0]
-                redetected = self.track.is_lost or detection.is_elsewhere(joints)
+                redetected = self.track.is_lost or detection.is_elsewhere(joints, settings.certainty.wrong_m)
                 redetected_as = self._filter.believe(self.model, detection.candidates)
                 belief = replace(redetected_as, shape_precision=belief.shape_precision)
                 gate = detection.gate
             joints = joint_positions(self.model, belief.poses[:1])[0]
-            ambiguous_facing = detection.looks_alike(joints, belief.log_weights[0])
-        view, noise_depth = submitted.view, submitted.settings.noise_depth
+            ambiguous_facing = detection.looks_alike(
+                joints, belief.log_weights[0], settings.search.alike_nats
+            )
+        view = submitted.view
+        allowed_m = settings.gating.max_residual_m + submitted.settings.noise_depth
         views = [*context.subject.views, *(view.excluded.views if view.excluded is not None else ())]
         return Refined(
             belief=belief,
@@ -331,8 +340,8 @@ class TargetTracker:
             redetected=redetected,
             ambiguous_facing=ambiguous_facing,
             faulty=faulty,
-            residuals=camera_residuals(self.model, belief.poses[0], view.frame, views, noise_depth),
-            noise_depth=noise_depth,
+            residuals=camera_residuals(self.model, belief.poses[0], view.frame, views, allowed_m),
+            allowed_m=allowed_m,
             # the interval of the first frame includes the search, in which no cameras were compared
             interval_s=USUAL_INTERVAL if context.first else submitted.proposal.interval,
             is_slow=view.is_slow,

@@ -16,13 +16,10 @@ from msgspec.structs import replace
 
 from gepf.common.arrays import Array
 from gepf.coordinator.filters.belief import USUAL_INTERVAL, Belief
+from gepf.coordinator.settings import TrackSettings
 from gepf.coordinator.tracking.cameras import Agreement
 from gepf.coordinator.tracking.gating import Gate
 
-LOST_RESIDUAL = 1.3  # normalised; above it a frame is badly explained. Usual frames are below 1.2
-PATIENCE_S = 0.1  # a body that explains no frame for so long is lost
-SEARCH_INTERVAL_S = 4 / 30  # between searches for an unknown body, and from detection to the first check
-CHECK_INTERVAL_S = 1 / 3  # between checks while the pose is doubtful
 ROUNDING_S = 1e-3  # of times in files
 FACING_DOUBT = "front and back look alike: it may face the other way"
 
@@ -49,9 +46,10 @@ class Searching(msgspec.Struct, frozen=True, tag="searching"):
     is_running: bool = False  # a search
     sight: Sight = "something"
 
-    def is_due(self, time_s: float) -> bool:
+    def is_due(self, time_s: float, settings: TrackSettings) -> bool:
         """Whether the next search may begin."""
-        return not self.is_running and time_s >= self.searched_s + SEARCH_INTERVAL_S - ROUNDING_S
+        due_s = self.searched_s + settings.search_interval_s - ROUNDING_S
+        return not self.is_running and time_s >= due_s
 
 
 class Body(msgspec.Struct, frozen=True, kw_only=True):
@@ -90,10 +88,9 @@ class Followed(Body, frozen=True, kw_only=True):
     faulty: tuple[str, ...] = ()  # cameras at fault in the last frame that showed the body
     sight: Sight = "body"  # in the last frame
 
-    @property
-    def is_new(self) -> bool:
+    def is_new(self, settings: TrackSettings) -> bool:
         """Whether the body was detected, or a camera came back, shortly before."""
-        return self.age_s < CHECK_INTERVAL_S - ROUNDING_S
+        return self.age_s < settings.check_interval_s - ROUNDING_S
 
     @property
     def doubt(self) -> str:
@@ -136,11 +133,11 @@ class Segmented:
 class SearchEnded:
     """A search has ended, or is given up.
 
-    The first search for a body gives the `found` one, or the reason `why` nothing was detected; none if it is
-    given up.
+    The first search for a body gives the `detected` one, or the reason `why` nothing was detected; none if it
+    is given up.
     """
 
-    found: Found | None = None
+    detected: Found | None = None
     why: str = ""
 
 
@@ -150,7 +147,8 @@ class Refined:
 
     `redetected`: the pose is that of a search, and not where the body was tracked. `ambiguous_facing`: front
     and back look alike in that search; None without one. `faulty` cameras are left out; the others have
-    residuals in metres, as `Agreement.after` takes them. `is_slow`: the next frame is not segmented yet.
+    residuals in metres, as `Agreement.after` takes them, and up to `allowed_m` agree. `is_slow`: the next
+    frame is not segmented yet.
     """
 
     belief: Belief
@@ -162,7 +160,7 @@ class Refined:
     is_doubtful: bool = False
     faulty: tuple[str, ...] = ()
     residuals: Mapping[str, float] = field(default_factory=dict)
-    noise_depth: float = 0.0
+    allowed_m: float = 0.0
     interval_s: float = 0.0
     is_slow: bool = False
 
@@ -174,6 +172,7 @@ class Policy(NamedTuple):
     """What does not change while a body is tracked."""
 
     min_points: int  # that can show a body
+    settings: TrackSettings
     recovers: bool = True  # a lost body is searched for
 
 
@@ -193,7 +192,7 @@ def _segmented(state: TrackState, event: Segmented, policy: Policy) -> tuple[Tra
     if not isinstance(state, Body):
         return _look_for_anybody(state, event, policy)
     if event.is_elsewhere and isinstance(state, Followed):
-        state = _lose(state)
+        state = _lose(state, policy)
     if not event.pixels:
         return _miss(state, event, policy), ("report",)
     return _follow(state, event, policy)
@@ -212,7 +211,7 @@ def _look_for_anybody(
     if isinstance(state, Absent):
         return Searching(searched_s=event.time_s, is_running=True), ("search", "report")
     state = replace(state, sight="something")
-    if not state.is_due(event.time_s):
+    if not state.is_due(event.time_s, policy.settings):
         return state, ("report",)
     state = replace(state, searches=state.searches + 1, searched_s=event.time_s, is_running=True)
     return state, ("search", "report")
@@ -226,7 +225,7 @@ def _miss(state: Found | Tracked | Lost, event: Segmented, policy: Policy) -> Tr
         is_lost = state.is_lost or not shows
         return replace(state, segmentation_pose=None, excluded=excluded, is_lost=is_lost)
     return replace(
-        _lose(state),
+        _lose(state, policy),
         belief=state.belief.unseen(),
         segmentation_pose=_segmentation_pose(state, policy),
         excluded=excluded,
@@ -242,12 +241,12 @@ def _follow(
     state = replace(state, segmentation_pose=_segmentation_pose(state, policy))
     if isinstance(state, Found):
         return state, ("refine",)
-    if state.is_searched or not (policy.recovers and _check_due(state, event.time_s)):
+    if state.is_searched or not (policy.recovers and _check_due(state, event.time_s, policy.settings)):
         return replace(state, sight="body"), ("refine",)
     return replace(state, sight="body", is_searched=True), ("search", "refine")
 
 
-def _check_due(state: Tracked | Lost, time_s: float) -> bool:
+def _check_due(state: Tracked | Lost, time_s: float, settings: TrackSettings) -> bool:
     """Whether to search for a body again: lost, new, or in doubt.
 
     A check of a pose that explains the frame badly is due in the frame in which the age of the track reaches
@@ -257,15 +256,17 @@ def _check_due(state: Tracked | Lost, time_s: float) -> bool:
     interval = _interval(state, time_s)
     before = state.age_s + ROUNDING_S
     after = before + interval
-    new = before < SEARCH_INTERVAL_S <= after
-    due = after // CHECK_INTERVAL_S > before // CHECK_INTERVAL_S
+    new = before < settings.search_interval_s <= after
+    due = after // settings.check_interval_s > before // settings.check_interval_s
     is_bad = state.residual > 1.0 or state.ambiguous_facing
-    return state.is_lost or new or (due and is_bad) or _doubt_is_due(state.doubtful_s, interval)
+    in_doubt = _doubt_is_due(state.doubtful_s, interval, settings)
+    return state.is_lost or new or (due and is_bad) or in_doubt
 
 
-def _doubt_is_due(doubtful_s: float, interval_s: float) -> bool:
+def _doubt_is_due(doubtful_s: float, interval_s: float, settings: TrackSettings) -> bool:
     """Whether the time in doubt has just reached an interval, or twice, four times, ... as much."""
-    now, last = ((time_s + ROUNDING_S) / CHECK_INTERVAL_S for time_s in (doubtful_s, doubtful_s - interval_s))
+    before_s = doubtful_s - interval_s
+    now, last = ((time_s + ROUNDING_S) / settings.check_interval_s for time_s in (doubtful_s, before_s))
     return now >= 1.0 and (last < 1.0 or math.frexp(now)[1] > math.frexp(last)[1])
 
 
@@ -284,8 +285,8 @@ def _search_ended(state: TrackState, event: SearchEnded) -> tuple[TrackState, In
     """A first search has detected a body or nothing; the result of a later one comes with `Refined`."""
     if isinstance(state, Body):
         return replace(state, is_searched=False), ()
-    if event.found is not None:
-        return event.found, ("learn the room",)
+    if event.detected is not None:
+        return event.detected, ("learn the room",)
     if isinstance(state, Absent) or not state.is_running:
         return state, ()
     if event.why:
@@ -300,18 +301,21 @@ def _refined(
     state: Found | Tracked | Lost, event: Refined, policy: Policy
 ) -> tuple[TrackState, Instructions]:
     """A body is tracked if it explains the frame, and lost if it has not for some frames."""
-    before, interval, agreement = _followed(state), _interval(state, event.time_s), state.agreement
+    settings, agreement = policy.settings, state.agreement
+    before, interval = _followed(state, settings), _interval(state, event.time_s)
     if state.is_lost and not agreement.contradicting:
         agreement = Agreement()
-    is_explained = event.gate.residual <= (1.0 if state.is_lost else LOST_RESIDUAL)
+    is_explained = event.gate.residual <= (1.0 if state.is_lost else settings.lost_residual)
     unexplained_s = 0.0 if is_explained else before.unexplained_s + interval
-    is_lost = not is_explained and (state.is_lost or unexplained_s > PATIENCE_S - ROUNDING_S)
+    is_lost = not is_explained and (state.is_lost or unexplained_s > settings.patience_s - ROUNDING_S)
     after = _become(
         Lost if is_lost else Tracked,
         before,
         belief=event.belief,
         time_s=event.time_s,
-        agreement=agreement.after(event.residuals, event.noise_depth, event.interval_s),
+        agreement=agreement.after(
+            event.residuals, event.allowed_m, event.interval_s, settings.camera_confirmed_s
+        ),
         age_s=0.0 if is_explained and event.redetected else before.age_s + interval,
         unexplained_s=unexplained_s,
         residual=event.gate.residual,
@@ -328,21 +332,21 @@ def _refined(
         after = replace(after, segmentation_pose=pose, excluded=after.agreement.contradicting)
     if set(before.faulty) - set(event.faulty) and policy.recovers:  # a camera is back
         # a running search began without it; check the body in the next frame
-        after = replace(after, age_s=SEARCH_INTERVAL_S - USUAL_INTERVAL, is_searched=False)
+        after = replace(after, age_s=settings.search_interval_s - USUAL_INTERVAL, is_searched=False)
         return after, ("stop searching", "report")
     return after, ("report",)
 
 
-def _followed(state: Found | Tracked | Lost) -> Tracked | Lost:
+def _followed(state: Found | Tracked | Lost, settings: TrackSettings) -> Tracked | Lost:
     """A found body as a tracked one; a given start is checked only while in doubt."""
     if not isinstance(state, Found):
         return state
-    return _become(Tracked, state, age_s=CHECK_INTERVAL_S if state.place is None else 0.0)
+    return _become(Tracked, state, age_s=settings.check_interval_s if state.place is None else 0.0)
 
 
-def _lose(state: Found | Tracked | Lost) -> Tracked | Lost:
+def _lose(state: Found | Tracked | Lost, policy: Policy) -> Tracked | Lost:
     """The body may be anywhere."""
-    return _become(Lost, _followed(state), why="", ambiguous_facing=False)
+    return _become(Lost, _followed(state, policy.settings), why="", ambiguous_facing=False)
 
 
 def _become(kind: type[Tracked] | type[Lost], state: Body, **changes: object) -> Tracked | Lost:

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from gepf.common.frame import DepthFrame
-from gepf.common.settings import Settings
 from gepf.coordinator.bodies.family import Bodies
 from gepf.coordinator.colour.finder import KeypointFinder, with_keypoints
 from gepf.coordinator.scene.scope import Scope
+from gepf.coordinator.settings import Settings
 from gepf.coordinator.sources.live import LiveFrames
 from gepf.coordinator.stopwatch import Stopwatch
 from gepf.coordinator.tracking.assignment import Assignment
@@ -25,15 +25,12 @@ from gepf.coordinator.tracking.state import FrameState, TrackerState, first_stat
 from gepf.coordinator.tracking.target import TargetTracker
 from gepf.coordinator.tracking.track_state import ROUNDING_S, Body, Searching
 
-MAX_LOOKAHEAD_S = 0.1  # between frames; people move too far in longer intervals
-MAX_SEARCHES = 8  # for an unknown body, until what detects nobody is learned as the room
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ready:
     """A segmented frame, the state of its cameras, and a stopwatch for each person.
 
-    is_slow: the time since the frame before is longer than MAX_LOOKAHEAD_S.
+    is_slow: the time since the frame before is longer than `max_lookahead_s`.
     """
 
     segmented: SegmentedFrame
@@ -86,7 +83,7 @@ class Tracker:
     ) -> None:
         state = state or TrackerState([first_state(bodies, start, settings)] * people)
         self._refiner, self._settings, self._bodies = refiner, settings, bodies
-        self._colour, self._segmenter = colour, Segmenter(settings.points, scope)
+        self._colour, self._segmenter = colour, Segmenter(settings.points, settings.scene, scope)
         self._segmenter.recall(state.frame.scenes)
         self._frame = state.frame
         self._cameras, self._time_s = state.frame.cameras, state.frame.time_s  # of the last segmented frame
@@ -123,32 +120,33 @@ class Tracker:
             for ready in upcoming:
                 submitted = self._submit(ready, pacing.begin_frame(self._targets))  # predict, refine
                 # the workers are busy from here until the update
-                yield from reported(updated)
+                yield from reported(updated, self._settings)
                 if pacing.looks_ahead and not ready.is_slow:
                     self._send_ahead(upcoming.peek())
                     advance_search(self._targets, wait=False)
                 updated = [self._update(submitted)]  # update, assess
                 if pacing.reports_at_once:
-                    yield from reported(updated)
+                    yield from reported(updated, self._settings)
                 pacing.end_frame(self._targets)
         except (Exception, KeyboardInterrupt):
-            yield from reported(updated)
+            yield from reported(updated, self._settings)
             raise
         finally:
             for target in self._targets:
                 target.end()
-        yield from reported(updated)
+        yield from reported(updated, self._settings)
 
     def _segment(self, frame: DepthFrame) -> Ready:
         """Segment a frame around the poses of people, and check its cameras."""
-        clocks = [Stopwatch() for _ in self._targets]
+        settings, clocks = self._settings.track, [Stopwatch() for _ in self._targets]
         for target in self._targets:
             target.begin_frame()
         with clocks[0].stage("segment"):
             tracks = [target.track for target in self._targets]
             excluded = [track.excluded if isinstance(track, Body) else () for track in tracks]
             self._cameras, frame = watch(self._cameras, frame, set().union(*excluded))
-            is_slow = self._time_s is not None and frame.time_s - self._time_s > MAX_LOOKAHEAD_S + ROUNDING_S
+            longest = settings.max_lookahead_s + ROUNDING_S
+            is_slow = self._time_s is not None and frame.time_s - self._time_s > longest
             self._time_s = frame.time_s
             bodies = [target.expected_body for target in self._targets]
             looking = None if self._colour is None else self._colour.submit(frame, bodies)
@@ -156,7 +154,7 @@ class Tracker:
                 frame,
                 [target.segmentation_surface for target in self._targets],
                 excluded=excluded,
-                rejected=any(isinstance(t, Searching) and t.searches > MAX_SEARCHES for t in tracks),
+                rejected=any(isinstance(t, Searching) and t.searches > settings.max_searches for t in tracks),
                 find=any(target.needs_candidates for target in self._targets),
             )
         if looking is not None:
@@ -197,8 +195,8 @@ class Tracker:
         return UpdatedFrame(people, frame.state)
 
 
-def reported(updated: list[UpdatedFrame]) -> Iterator[TrackedFrame]:
+def reported(updated: list[UpdatedFrame], settings: Settings) -> Iterator[TrackedFrame]:
     """The reports of updated frames, if there are any; they are removed from the list."""
     while updated:
         people, state = updated.pop(0)
-        yield TrackedFrame([report(person, state.cameras) for person in people], state)
+        yield TrackedFrame([report(person, state.cameras, settings) for person in people], state)

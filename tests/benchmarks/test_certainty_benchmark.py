@@ -8,7 +8,8 @@ import pytest
 from benchmarks.certainty.fitting import distances, fit
 from benchmarks.certainty.gather import Gathered
 from benchmarks.certainty.scores import score
-from gepf.coordinator.tracking.certainty.features import Features
+from gepf.coordinator.settings import CertaintySettings
+from gepf.coordinator.tracking.certainty import Features, judge
 
 FRAMES, JOINTS = 4_000, 6
 STEEPNESS = 1.5
@@ -34,7 +35,7 @@ def test_the_fit_holds_on_data_that_it_has_not_seen() -> None:
     for side in (scored.seen, scored.hidden):
         assert side.within_one == pytest.approx(68.0, abs=4.0)
         assert side.within_two == pytest.approx(95.0, abs=3.0)
-    chance = found.judge(fresh.features).off_probability
+    chance = judge(fresh.features, CertaintySettings(fit=found)).off_probability
     off = distances([fresh])[0] > 0.15
     assert chance.mean() == pytest.approx(off.mean(), abs=0.02)
     shares = [off[(chance > low) & (chance < low + 0.1)].mean() for low in (0.0, 0.1, 0.2, 0.3)]
@@ -49,7 +50,7 @@ def test_people_and_other_recordings_count_alike_however_many_there_are() -> Non
     rates = [np.mean(np.concatenate(distances(some)) > 0.15) for some in ([person], sound)]
     for others in (sound, sound[:1]):
         found = fit([person, *others], ["s1"])
-        chances = found.judge(person.features).off_probability.mean()
+        chances = judge(person.features, CertaintySettings(fit=found)).off_probability.mean()
         assert chances == pytest.approx(np.mean(rates), rel=0.1)
 
 

@@ -12,11 +12,11 @@ from benchmarks.paper.scores import limb_lost
 from gepf.common.kinematics import pose_vertices
 from gepf.coordinator.bodies.human.template import human
 from gepf.coordinator.results.evaluation import Errors
+from gepf.coordinator.scene.noise import SensorNoise
 from gepf.coordinator.sources import open_source
 from gepf.coordinator.synthesis.rendering import DepthRenderer
 from gepf.coordinator.synthesis.scenes import SCENES
 from gepf.coordinator.synthesis.sequence import synthesise
-from gepf.coordinator.tracking.sensor_noise import SensorNoise
 
 
 def test_frames_are_those_of_synth(tmp_path: Path) -> None:

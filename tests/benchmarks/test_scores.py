@@ -18,7 +18,8 @@ from benchmarks.running import Crash, run_forked, settings_with
 from benchmarks.tracking import Outcome
 from gepf.common.arrays import Array
 from gepf.common.errors import InputError
-from gepf.common.settings import PRESETS, FilterSettings, RefineSettings
+from gepf.common.settings import RefineSettings
+from gepf.coordinator.settings import PRESETS, FilterSettings
 
 FRAMES = 30
 

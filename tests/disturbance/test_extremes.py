@@ -15,8 +15,9 @@ from gepf.common.bounds import LARGEST, LARGEST_LOG_LIKELIHOOD, MOST_PIXELS, che
 from gepf.common.errors import ProtocolError
 from gepf.common.protocol.messages import decode_refined, encode_refined
 from gepf.common.refinement import Particles, Refined, triangle_size
-from gepf.common.settings import RefineSettings, preset
+from gepf.common.settings import RefineSettings
 from gepf.coordinator.filters.gradient_enhanced import begin
+from gepf.coordinator.settings import preset
 from gepf.worker.kernel.icp import refine
 from gepf.worker.kernel.observation import observe, pack_views
 from gepf.worker.kernel.surface import pack_model

@@ -25,11 +25,11 @@ from gepf.common.kernel import Kernel
 from gepf.common.protocol import keys, messages
 from gepf.common.protocol.frames import encode_frame
 from gepf.common.protocol.models import decode_model, encode_model
-from gepf.common.settings import preset
 from gepf.common.transport.bus import Bus
 from gepf.common.transport.opening import open_worker
 from gepf.coordinator.pool.options import Pool
 from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
+from gepf.coordinator.settings import preset
 from gepf.worker.kernel.icp import refine
 from gepf.worker.kernel.observation import observe, observe_for
 from gepf.worker.service import Service, Task

@@ -20,6 +20,7 @@ from gepf.coordinator.exports.axes import CAMERA_TO_Y_UP
 from gepf.coordinator.exports.recorded import read_run
 from gepf.coordinator.results.log import floor_up
 from gepf.coordinator.scene.scene import Scene
+from gepf.coordinator.settings import SceneSettings
 from gepf.coordinator.tracking.pose_library import upright_rolls
 from gepf.coordinator.tracking.segmenter import Segmenter
 from gepf.coordinator.viewing import layout
@@ -160,12 +161,12 @@ def test_the_viewer_s_eye_stands_upright() -> None:
 def test_up_comes_from_the_floor_that_a_pitched_camera_sees() -> None:
     """Within half a degree, with a person, noise and 30 degrees of pitch."""
     room = Room(pitch=PITCH, noise=0.0015)
-    up = floor_up(Segmenter(1000).segment(room.see((0.0, 2.4)).frame, [None]).changes)
+    up = floor_up(Segmenter(1000, SceneSettings()).segment(room.see((0.0, 2.4)).frame, [None]).changes)
     assert up is not None
     assert up @ (room.tilt.T @ np.array([0.0, -1.0, 0.0])) > np.cos(np.radians(0.5))
     frame = room.see(None).frame
     nothing = dataclasses.replace(frame, depth=np.zeros_like(frame.depth))
-    assert floor_up(Segmenter(1000).segment(nothing, [None]).changes) is None
+    assert floor_up(Segmenter(1000, SceneSettings()).segment(nothing, [None]).changes) is None
 
 
 def test_a_camera_on_its_side_finds_its_floor_where_gravity_is_known() -> None:
@@ -176,9 +177,9 @@ def test_a_camera_on_its_side_finds_its_floor_where_gravity_is_known() -> None:
         camera.height, camera.width, camera.fy, camera.fx, camera.cy, camera.width - 1 - camera.cx
     )
     side = dataclasses.replace(frame, depth=np.ascontiguousarray(np.rot90(frame.depth)), intrinsics=lens)
-    assert not Scene().see(side).planes.has_floor
-    view = Scene(up=np.array([-1.0, 0.0, 0.0])).see(side)
+    assert not Scene(SceneSettings()).see(side).planes.has_floor
+    view = Scene(SceneSettings(), up=np.array([-1.0, 0.0, 0.0])).see(side)
     assert view.planes.camera_height == pytest.approx(HEIGHT, abs=0.02)
-    assert upright_rolls(view.planes, (0.0, 0.5 * np.pi))[0] % (2 * np.pi) == pytest.approx(
+    assert upright_rolls(view.planes, (0.0, 0.5 * np.pi), 0.3)[0] % (2 * np.pi) == pytest.approx(
         0.5 * np.pi, abs=0.02
     )

@@ -16,15 +16,14 @@ from gepf.common.camera import Intrinsics
 from gepf.common.frame import DepthFrame
 from gepf.common.kinematics import retract
 from gepf.common.refinement import Refined
-from gepf.common.settings import FilterSettings
 from gepf.coordinator.bodies.choice import choose_bodies
 from gepf.coordinator.bodies.human.template import human
 from gepf.coordinator.bodies.tracked import pose_by_name
 from gepf.coordinator.filters.baselines import Annealed, Condensation, find_power, survival
 from gepf.coordinator.filters.belief import mean_pose
 from gepf.coordinator.filters.methods import METHODS, Method, baseline, settings_for
+from gepf.coordinator.settings import CertaintySettings, FilterSettings
 from gepf.coordinator.synthesis.scenes import ARM_DOFS, arm
-from gepf.coordinator.tracking.estimate import MAX_HYPOTHESES
 from gepf.refiners import DirectRefiner
 from tests.support.bodies import hinges, puppet
 from tests.support.filtering import INTERVAL, advance
@@ -167,5 +166,7 @@ def test_an_arm_is_followed(method: str, particles: int) -> None:
     poses: Array = np.array([estimate.pose for estimate in estimates])
     errors = np.rad2deg(np.abs(poses - arm().poses[:FRAMES, columns]))
     assert errors.mean() < 8.0
-    assert all(0 < len(e.hypothesis_weight) <= min(particles, MAX_HYPOTHESES) for e in estimates)
+    assert all(
+        0 < len(e.hypothesis_weight) <= min(particles, CertaintySettings().max_hypotheses) for e in estimates
+    )
     assert tracker.start.noise.depth < 0.01

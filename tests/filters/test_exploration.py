@@ -9,6 +9,7 @@ from gepf.common.body import BodyModel
 from gepf.common.kinematics import pose_vertices
 from gepf.coordinator.filters import exploration
 from gepf.coordinator.filters.exploration import explain
+from gepf.coordinator.settings import ExplorationSettings
 from tests.support.bodies import hinges, puppet
 
 MODEL = puppet()
@@ -21,8 +22,10 @@ def propose_limbs(
     model: BodyModel, pose: Array, points: Array, count: int, seed: int = 0
 ) -> list[tuple[Indices, Array]]:
     """Proposals for the points that the pose leaves unexplained."""
-    near = explain(model, pose, points)
-    return exploration.propose_limbs(model, pose, points, near, count, np.random.default_rng(seed))
+    near = explain(model, pose, points, ExplorationSettings())
+    return exploration.propose_limbs(
+        model, pose, points, near, count, np.random.default_rng(seed), ExplorationSettings()
+    )
 
 
 def seen(pose: Array) -> Array:

@@ -15,7 +15,6 @@ from gepf.common.arrays import Array
 from gepf.common.body import ROTATION, TRANSLATION
 from gepf.common.kinematics import difference
 from gepf.common.refinement import Refined
-from gepf.common.settings import FilterSettings, preset
 from gepf.coordinator.filters.belief import Belief, choose_reported, draw_ancestors, normalise
 from gepf.coordinator.filters.exploration import choose_count, choose_kinds
 from gepf.coordinator.filters.gradient_enhanced import (
@@ -25,7 +24,8 @@ from gepf.coordinator.filters.gradient_enhanced import (
     merge_by_angle,
     propose,
 )
-from gepf.coordinator.filters.motion import draw_noise
+from gepf.coordinator.filters.priors import draw_noise
+from gepf.coordinator.settings import ExplorationSettings, FilterSettings, preset
 from tests.support.bodies import hinges, puppet
 from tests.support.filtering import INTERVAL, NOTHING_SEEN, advance
 
@@ -120,7 +120,7 @@ def test_noise_has_the_ancestors_covariance() -> None:
 @given(seeds, st.integers(20, 120), st.integers(1, 4))
 def test_each_kind_of_proposal_has_its_share(seed: int, count: int, cameras: int) -> None:
     """For any number of hypotheses; the first particle is neither spread nor data-driven."""
-    spread, data_driven = choose_kinds(count, np.random.default_rng(seed), cameras)
+    spread, data_driven = choose_kinds(count, np.random.default_rng(seed), ExplorationSettings(), cameras)
     assert not spread[0]
     assert not data_driven[0]
     assert not np.any(spread & data_driven)
@@ -134,11 +134,11 @@ def test_a_frame_has_fewer_particles_if_the_prediction_explains_it() -> None:
     counts = []
     for unexplained in (0, 10, 20, 30, 200):
         near[:, :unexplained] = False
-        counts.append(choose_count(20, near))
+        counts.append(choose_count(20, near, ExplorationSettings()))
     assert counts == sorted(counts)
     assert 1 < counts[0] < counts[2] < counts[-1] == 20
-    assert choose_count(20, np.empty((2, 0), dtype=np.bool_)) == 20
-    assert choose_count(3, near) == 3
+    assert choose_count(20, np.empty((2, 0), dtype=np.bool_), ExplorationSettings()) == 20
+    assert choose_count(3, near, ExplorationSettings()) == 3
 
 
 @pytest.mark.parametrize("unexplained", [0, 20, 200])
@@ -146,10 +146,10 @@ def test_more_cameras_have_fewer_particles(unexplained: int) -> None:
     """Particles times cameras are as many as with one camera, and at least one particle is left."""
     near = np.ones((2, 1000), dtype=np.bool_)
     near[:, :unexplained] = False
-    alone = choose_count(20, near)
+    alone = choose_count(20, near, ExplorationSettings())
     for cameras in (2, 3, 4):
-        assert alone <= cameras * choose_count(20, near, cameras) < alone + cameras
-    assert choose_count(1, near, 4) == 1
+        assert alone <= cameras * choose_count(20, near, ExplorationSettings(), cameras) < alone + cameras
+    assert choose_count(1, near, ExplorationSettings(), 4) == 1
 
 
 def test_predicted_particles_move_on_and_others_are_spread() -> None:
@@ -206,7 +206,7 @@ def test_covariance_by_hand() -> None:
     before = np.array([[1.1, 2.0], [0.9, 2.2], [7.0, 7.0]])
     merged = np.array([[1.0, 2.0], [6.0, 6.0]])
     inherited = np.array([np.eye(2), [[4.0, 1.0], [1.0, 2.0]]])
-    found = estimate_covariances(hinges(), before, merged, np.array([0, 0, 1]), inherited)
+    found = estimate_covariances(hinges(), before, merged, np.array([0, 0, 1]), inherited, 0.1)
     np.testing.assert_allclose(found[0], 0.9 * np.array([[0.01, -0.01], [-0.01, 0.02]]), atol=1e-12)
     np.testing.assert_allclose(found[1], 0.9 * inherited[1], atol=1e-12)  # a lone particle inherits
 
@@ -293,7 +293,7 @@ def test_the_report_goes_on_where_it_was_unless_another_is_much_likelier(
     turning = int(np.flatnonzero(model.kinds == ROTATION)[0])
     poses = np.stack([last, last])
     poses[0, turning], poses[1, turning] = 0.02, 1.2
-    chosen = choose_reported(model, last, poses, np.array([0.0, better_by]), interval)
+    chosen = choose_reported(model, last, poses, np.array([0.0, better_by]), interval, 1.8)
     assert np.array_equal(chosen, poses[reported])
 
 

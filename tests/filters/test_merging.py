@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from gepf.common.body import ROTATION
 from gepf.common.kinematics import difference, retract
 from gepf.common.refinement import Refined, lower_triangular
-from gepf.common.settings import preset
 from gepf.coordinator.filters.gradient_enhanced import (
     begin,
     estimate_covariances,
@@ -22,6 +21,7 @@ from gepf.coordinator.filters.gradient_enhanced import (
     propose,
     update,
 )
+from gepf.coordinator.settings import preset
 from tests.support.bodies import hinges, puppet
 from tests.support.filtering import NOTHING_SEEN
 
@@ -45,7 +45,9 @@ def test_groups_are_those_of_the_mahalanobis_distance(seed: int, count: int) -> 
     rng, model = np.random.default_rng(seed), puppet()
     poses = retract(model, np.tile(rng.normal(size=19), (count, 1)), 0.1 * rng.normal(size=(count, 19)))
     likelihood, roots = rng.normal(size=count), random_roots(rng, count, 19)
-    chosen, group = merge_by_covariance(model, poses, likelihood, lower_triangular(roots, poses.shape[1]))
+    chosen, group = merge_by_covariance(
+        model, poses, likelihood, lower_triangular(roots, poses.shape[1]), 2.0 / 3.0
+    )
     lower = lower_triangular(roots, 19)
     expected: list[int] = []
     for n in np.argsort(-likelihood):
@@ -90,5 +92,5 @@ def test_an_update_merges_by_it() -> None:
     found = update(model, proposal, after, DEFAULT, rng)
     assert len(found.poses) == 1
     group = np.zeros(20, dtype=np.int64)
-    by_particles = estimate_covariances(model, proposal.poses, found.poses, group, past.covariances)
+    by_particles = estimate_covariances(model, proposal.poses, found.poses, group, past.covariances, 0.1)
     np.testing.assert_allclose(found.covariances, by_particles, atol=1e-9)

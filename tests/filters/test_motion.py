@@ -11,10 +11,10 @@ from gepf.common.arrays import Array
 from gepf.common.body import ROOT_DOFS, ROTATION, BodyModel
 from gepf.common.kinematics import difference
 from gepf.common.refinement import Refined, lower_triangular
-from gepf.common.settings import preset
 from gepf.coordinator.filters.belief import Observation
 from gepf.coordinator.filters.gradient_enhanced import begin, propose, update
-from gepf.coordinator.filters.motion import fuse_with_prediction
+from gepf.coordinator.filters.priors import fuse_with_prediction
+from gepf.coordinator.settings import preset
 from tests.support.bodies import puppet
 from tests.support.filtering import INTERVAL, NOTHING_SEEN
 
@@ -71,7 +71,9 @@ def test_a_held_pose_is_the_likeliest_given_frame_and_motion(seed: int, interval
         return float(0.5 * (step @ shows @ step + off @ (motion * off) + of_base @ (weak * of_base)))
 
     found = np.linalg.inv(shows + np.diag(weak))[None]
-    step = difference(MODEL, refined, fuse_with_prediction(MODEL, refined, found, expected, interval))[0]
+    step = difference(MODEL, refined, fuse_with_prediction(MODEL, refined, found, expected, interval, 15.0))[
+        0
+    ]
     small = 1e-4
     slope = [(cost(step + small * e) - cost(step - small * e)) / (2 * small) for e in np.eye(DOFS)]
     np.testing.assert_allclose(slope, 0.0, atol=1e-3 * np.abs(motion * way).max())
@@ -84,7 +86,7 @@ def test_nothing_is_held_beyond_its_limits() -> None:
     assert bounded.any()
     expected = np.where(bounded, MODEL.limits[:, 1] + 0.3, refined)
     found = np.diag(deviations(MODEL, *WEAK) ** 2)[None]
-    held = fuse_with_prediction(MODEL, refined, found, expected, 1.0 / 30.0)
+    held = fuse_with_prediction(MODEL, refined, found, expected, 1.0 / 30.0, 15.0)
     np.testing.assert_array_equal(held[0, bounded], MODEL.limits[bounded, 1])
 
 
@@ -101,6 +103,6 @@ def test_each_particle_is_held_about_its_own_way_on() -> None:
     found = update(MODEL, proposal, after, settings, rng)
     order = np.arange(len(poses))[::-1]
     covariances = lower_triangular(roots, DOFS) ** 2  # diagonal
-    held = fuse_with_prediction(MODEL, poses[order], covariances, expected[order], INTERVAL)
+    held = fuse_with_prediction(MODEL, poses[order], covariances, expected[order], INTERVAL, 15.0)
     np.testing.assert_allclose(found.poses, held, atol=1e-12)
     np.testing.assert_allclose(found.velocities, difference(MODEL, np.zeros_like(held), held) / INTERVAL)

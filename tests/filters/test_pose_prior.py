@@ -4,13 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from gepf.common.settings import preset
-from gepf.coordinator.filters.pose_prior import (
-    frame_share,
-    population_precision,
-    pose_prior,
-    updated_precision,
-)
+from gepf.coordinator.filters.priors import frame_share, population_precision, pose_prior, updated_precision
+from gepf.coordinator.settings import ShapeSettings, preset
 from tests.support.bodies import flexible_puppet, puppet
 
 SETTINGS = preset("default").refine
@@ -21,12 +16,12 @@ def test_the_precision_grows_by_a_share_of_the_information_of_a_frame() -> None:
     """Refinement gives the inverse of prior and information; the same share of any information is added."""
     rng = np.random.default_rng(0)
     before = population_precision(flexible_puppet())
-    share, gains = frame_share(INTERVAL), []
+    share, gains = frame_share(INTERVAL, 1.0), []
     for scale in (1.0, 10.0):
         root = rng.normal(size=(3, 3))
         information = scale * root @ root.T
         covariance = np.asarray(np.linalg.inv(before / share + information), dtype=np.float64)
-        after = updated_precision(before, covariance, INTERVAL)
+        after = updated_precision(before, covariance, INTERVAL, ShapeSettings())
         np.testing.assert_array_equal(after, after.T)  # or workers refuse it
         gain = after - before
         gains.append(gain / information)
@@ -37,14 +32,14 @@ def test_the_precision_grows_by_a_share_of_the_information_of_a_frame() -> None:
 def test_a_frame_without_information_leaves_the_precision() -> None:
     """Of a person who is not seen, nothing is learned."""
     before = population_precision(flexible_puppet())
-    covariance = np.asarray(np.linalg.inv(before / frame_share(INTERVAL)), dtype=np.float64)
-    np.testing.assert_allclose(updated_precision(before, covariance, INTERVAL), before)
+    covariance = np.asarray(np.linalg.inv(before / frame_share(INTERVAL, 1.0)), dtype=np.float64)
+    np.testing.assert_allclose(updated_precision(before, covariance, INTERVAL, ShapeSettings()), before)
 
 
 def test_many_short_frames_count_as_few_long_ones() -> None:
     """The information of a second does not depend on the frame rate, and a long gap counts as one frame."""
-    assert 20 * frame_share(0.01) == frame_share(0.2)
-    assert frame_share(100.0) == 1.0
+    assert 20 * frame_share(0.01, 1.0) == frame_share(0.2, 1.0)
+    assert frame_share(100.0, 1.0) == 1.0
 
 
 def test_the_prior_of_a_body_holds_its_shape_and_rests_its_joints() -> None:

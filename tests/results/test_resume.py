@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from gepf.common.errors import NoWorkers
-from gepf.common.settings import preset
 from gepf.coordinator.filters.methods import METHODS, settings_for
 from gepf.coordinator.pool.options import Pool, PoolStatistics
 from gepf.coordinator.results.log import Entry, Opening, append_records, read_log
 from gepf.coordinator.scene.planes import Planes
+from gepf.coordinator.settings import preset
 from gepf.coordinator.stopwatch import Stopwatch
 from gepf.coordinator.tracking.estimate import Estimate
 from gepf.coordinator.tracking.observation import isolate

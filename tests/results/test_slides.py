@@ -14,7 +14,7 @@ from gepf.coordinator.bodies.urdf import read_urdf
 from gepf.coordinator.pictures.plots import curves_of
 from gepf.coordinator.results.evaluation import Truth
 from gepf.coordinator.results.track import TrackedBody
-from gepf.coordinator.tracking.certainty.certainty import unknown_certainty
+from gepf.coordinator.tracking.certainty import unknown_certainty
 from gepf.coordinator.tracking.estimate import Estimate
 from gepf.named import named
 from tests.support.runs import swing, write_run

@@ -13,8 +13,7 @@ from gepf.coordinator.bodies.families import angles_of
 from gepf.coordinator.results.angles import with_angles
 from gepf.coordinator.results.log import assemble
 from gepf.coordinator.results.track import Track
-from gepf.coordinator.tracking.certainty.certainty import Certainty
-from gepf.coordinator.tracking.estimate import Estimate, Status
+from gepf.coordinator.tracking.estimate import Certainty, Estimate, Status
 from tests.support.bodies import person
 
 MODEL = person()

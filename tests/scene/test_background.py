@@ -13,6 +13,7 @@ from gepf.common.frame import SUBJECT
 from gepf.coordinator.scene.candidates import candidates
 from gepf.coordinator.scene.scene import Scene, SceneView
 from gepf.coordinator.scene.segmentation import measure_distances, segment_body, slices
+from gepf.coordinator.settings import SceneSettings
 from tests.support.rooms import CABINET, PERSON, Room
 
 CHAIR = ((0.5, 0.4, 2.3), (0.9, 1.1, 2.7))
@@ -37,7 +38,7 @@ def known(scene: Scene) -> NDArray[np.float32]:
 
 def test_what_is_outside_the_body_is_known_at_once_and_the_body_never() -> None:
     """After many frames of a person who stands still, the background has the room and not the person."""
-    scene, room = Scene(), Room((CABINET,))
+    scene, room = Scene(SceneSettings()), Room((CABINET,))
     watch(scene, room, 35)
     truth = room.see(PERSON)
     empty = room.see(None).frame.metres()
@@ -49,7 +50,7 @@ def test_what_is_outside_the_body_is_known_at_once_and_the_body_never() -> None:
 
 def test_what_goes_away_is_forgotten_at_once() -> None:
     """Where an object was removed, the wall behind it is known as soon as it is visible."""
-    scene = Scene()
+    scene = Scene(SceneSettings())
     watch(scene, Room((CHAIR,)), 2)
     before = known(scene)
     watch(scene, Room(), 1)
@@ -60,7 +61,7 @@ def test_what_goes_away_is_forgotten_at_once() -> None:
 
 def test_what_comes_to_stay_is_taken_in_after_a_while() -> None:
     """A chair that is put down is foreground for half a second, and background after two seconds."""
-    scene = Scene()
+    scene = Scene(SceneSettings())
     watch(scene, Room(), 5)
     watch(scene, Room((CHAIR,)), 15)
     shown = Room((CHAIR,)).see(None).frame.metres() < Room().see(None).frame.metres() - 0.2
@@ -72,7 +73,7 @@ def test_what_comes_to_stay_is_taken_in_after_a_while() -> None:
 
 def test_changes_alone_lead_to_the_same_knowledge() -> None:
     """A scene that recalls the changes, one by one or at once, continues as the original one."""
-    first, second, third = Scene(), Scene(), Scene()
+    first, second, third = Scene(SceneSettings()), Scene(SceneSettings()), Scene(SceneSettings())
     room = Room((CABINET,), noise=0.002)
     for number in range(8):
         person = (PERSON[0] + 0.05 * number, PERSON[1])
@@ -84,7 +85,7 @@ def test_changes_alone_lead_to_the_same_knowledge() -> None:
     for view in views[1:]:
         np.testing.assert_array_equal(view.background, views[0].background)
         np.testing.assert_array_equal(view.planes.coefficients, views[0].planes.coefficients)
-        assert view.growth == views[0].growth
+        assert view.noise == views[0].noise
     changes = [scene.learn(view) for scene, view in zip((first, second, third), views, strict=True)]
     for change in changes[1:]:
         for name in ("pixels", "depth", "nearer"):
@@ -98,7 +99,7 @@ def test_a_part_of_the_room_that_is_given_is_kept_with_the_rest() -> None:
     cabinet = empty < Room().see(None).frame.metres() - 0.2
     leg = cabinet & (np.arange(empty.shape[1]) == np.median(np.nonzero(cabinet)[1]))
     shown = np.where(leg, empty - np.float32(0.3), empty)
-    scene = Scene(np.where(cabinet, empty, np.float32(0.0)))
+    scene = Scene(SceneSettings(), np.where(cabinet, empty, np.float32(0.0)))
     frame = room.see(None).frame
     for number in range(3):
         units = np.rint(1000.0 * shown).astype(np.uint16)
@@ -110,7 +111,7 @@ def test_a_part_of_the_room_that_is_given_is_kept_with_the_rest() -> None:
 
 def test_a_camera_that_was_moved_forgets() -> None:
     """If most of the image has changed, the background is that of the new image at once."""
-    scene = Scene()
+    scene = Scene(SceneSettings())
     watch(scene, Room((CABINET,)), 5)
     turned = Room((CABINET,), pitch=0.5)
     watch(scene, turned, 1)
@@ -124,7 +125,7 @@ def test_a_camera_that_was_moved_forgets() -> None:
 def test_who_comes_through_a_door_is_seen() -> None:
     """A person behind the former background is the subject, as long as the person stands there."""
     door = ((-0.9, -0.9, 2.2), (0.1, 1.1, 2.25))
-    scene, behind = Scene(), (PERSON[0], 2.9)
+    scene, behind = Scene(SceneSettings()), (PERSON[0], 2.9)
     watch(scene, Room((door,)), 3, (1.2, 2.4))
     for number in range(6):
         frame, truth = Room().see(behind, number)
@@ -140,7 +141,7 @@ def test_who_comes_through_a_door_is_seen() -> None:
 
 def test_a_person_who_is_not_found_yet_is_not_learned_as_the_room() -> None:
     """A possible person stays a candidate for any time, while a touching box becomes background."""
-    room, scene = Room((CABINET,), noise=0.0015), Scene()
+    room, scene = Room((CABINET,), noise=0.0015), Scene(SceneSettings())
     for number in range(40):
         frame, truth = room.see(PERSON, number)
         view = scene.see(frame)
@@ -155,8 +156,10 @@ def test_a_person_who_is_not_found_yet_is_not_learned_as_the_room() -> None:
 def test_a_frame_of_another_size_begins_a_new_scene(*, background: bool) -> None:
     """The scene is then the same as one with frames of that size only; also in a resumed run."""
     room = Room((CABINET,), noise=0.002)
-    scene, recorded = (Scene(room.see(None).frame.metres() if background else None) for _ in range(2))
-    fresh = Scene()
+    scene, recorded = (
+        Scene(SceneSettings(), room.see(None).frame.metres() if background else None) for _ in range(2)
+    )
+    fresh = Scene(SceneSettings())
     large = room.see(PERSON).frame
     camera = large.intrinsics.crop(10, 5, 120, 90)
     small = replace(large, depth=np.ascontiguousarray(large.depth[5:95, 10:130]), intrinsics=camera)
@@ -170,7 +173,7 @@ def test_a_frame_of_another_size_begins_a_new_scene(*, background: bool) -> None
         np.testing.assert_array_equal(seen.background, scene.see(small).background)
         np.testing.assert_array_equal(seen.planes.coefficients, scene.see(small).planes.coefficients)
         assert seen.background.shape == (90, 120)
-    resumed = Scene(room.see(None).frame.metres() if background else None)
+    resumed = Scene(SceneSettings(), room.see(None).frame.metres() if background else None)
     resumed.recall(scene.all())
     np.testing.assert_array_equal(resumed.see(small).background, scene.see(small).background)
 
@@ -181,7 +184,11 @@ def test_a_log_knows_the_background_that_was_given(pitch: float) -> None:
     given = Room((CABINET,), pitch=pitch).see(None).frame.metres()
     frame = Room((CABINET,)).see(None).frame
     dark = np.where(np.arange(frame.depth.shape[1]) < 20, 0, frame.depth).astype(np.uint16)
-    watching, recorded, resumed = Scene(given), Scene(), Scene(given)
+    watching, recorded, resumed = (
+        Scene(SceneSettings(), given),
+        Scene(SceneSettings()),
+        Scene(SceneSettings(), given),
+    )
     recorded.recall(watching.learn(watching.see(replace(frame, depth=dark))))
     resumed.recall(recorded.all())
     assert known(watching)[:, :20].any() == (pitch == 0.0)

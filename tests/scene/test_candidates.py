@@ -12,16 +12,18 @@ from gepf.common.camera import Intrinsics
 from gepf.common.frame import UNKNOWN
 from gepf.coordinator.scene.candidates import Candidate, candidates
 from gepf.coordinator.scene.flatness import find_flat
+from gepf.coordinator.scene.noise import noise_of
 from gepf.coordinator.scene.scene import Scene
 from gepf.coordinator.scene.scope import Scope
 from gepf.coordinator.scene.segmentation import measure_distances, segment_body
+from gepf.coordinator.settings import SceneSettings
 from tests.support import rooms
 from tests.support.rooms import CABINET, HEIGHT, PERSON, TABLE, Room
 
 
 def found_in(room: Room, person: tuple[float, float] | None) -> list[Candidate]:
     """Candidates of a first frame."""
-    return candidates(Scene().see(room.see(person).frame))
+    return candidates(Scene(SceneSettings()).see(room.see(person).frame))
 
 
 def overlap(mask: Mask, truth: Mask) -> tuple[float, float]:
@@ -56,7 +58,7 @@ def test_a_leg_that_is_separated_in_depth_is_in_a_wider_mask() -> None:
     leg = truth.copy()
     leg[: int(np.median(rows)) + 15] = leg[:, : int(np.median(columns))] = False
     depth = np.where(leg, frame.depth - 600, frame.depth).astype(np.uint16)
-    (found,) = candidates(Scene().see(replace(frame, depth=depth)))
+    (found,) = candidates(Scene(SceneSettings()).see(replace(frame, depth=depth)))
     assert overlap(found.mask, leg)[1] < 0.1
     assert overlap(found.wider[0], truth)[1] > 0.95
 
@@ -75,7 +77,7 @@ def test_halves_that_are_separated_in_depth_are_one_candidate(scale: float, near
     depth[truth & (rows > middle)] -= 1000.0 * nearer
     if not nearer:
         depth[truth & (rows == middle)] = 0.0
-    (found,) = candidates(Scene().see(replace(frame, depth=depth.astype(np.uint16))))
+    (found,) = candidates(Scene(SceneSettings()).see(replace(frame, depth=depth.astype(np.uint16))))
     assert overlap(found.mask, truth)[1] > 0.95
 
 
@@ -85,7 +87,7 @@ def test_a_child_before_an_adult_is_another_candidate(monkeypatch: pytest.Monkey
     monkeypatch.setattr(rooms, "PARTS", 0.72 * np.array(rooms.PARTS))
     child = Room(noise=0.001).see((PERSON[0], PERSON[1] - 0.3)).frame
     both = replace(adult, depth=np.minimum(adult.depth, child.depth))
-    assert len(candidates(Scene().see(both))) == 2
+    assert len(candidates(Scene(SceneSettings()).see(both))) == 2
 
 
 def test_a_person_behind_a_table_comes_before_the_table() -> None:
@@ -110,7 +112,9 @@ def test_a_line_of_pixels_has_no_flat_part() -> None:
     """No three of its points define a plane."""
     depth = np.zeros((20, 40))
     depth[10] = 6.0
-    flat = find_flat(depth, depth > 0.0, Intrinsics(40, 20, 65.0, 65.0, 19.5, 9.5), 0.002)
+    settings = SceneSettings()
+    camera, noise = Intrinsics(40, 20, 65.0, 65.0, 19.5, 9.5), noise_of(0.002, settings.noise)
+    flat = find_flat(depth, depth > 0.0, camera, noise, settings)
     assert flat.share == 0.0
     assert not flat.patches.any()
     assert not flat.grow(flat.patches > 0.0).any()
@@ -121,14 +125,14 @@ def test_one_of_two_is_chosen_as_asked() -> None:
     near, far = Room(noise=0.001).see((-0.5, 2.2)), Room(noise=0.001).see((0.7, 3.0))
     both = np.where(near.mask, near.frame.depth, far.frame.depth)
     frame = type(near.frame)(0, 0.0, both, 1000.0, near.frame.intrinsics)
-    view = Scene().see(frame)
+    view = Scene(SceneSettings()).see(frame)
     found = candidates(view)
     assert len(found) == 2
     row, column = np.argwhere(far.mask & ~near.mask).mean(axis=0).astype(int).tolist()
     assert Scope(person="nearest").choose(view, found)[0].mask[near.mask].mean() > 0.9
     assert Scope(person=(column, row)).choose(view, found)[0].mask[far.mask].mean() > 0.9
     assert Scope(person="moving").choose(view, found) == []
-    scene = Scene(Room(noise=0.001).see(None).frame.metres())
+    scene = Scene(SceneSettings(), Room(noise=0.001).see(None).frame.metres())
     view = scene.see(near.frame)
     assert len(Scope(person="moving").choose(view, candidates(view))) == 1
 
@@ -151,7 +155,7 @@ def test_what_limits_leave_out_says_nothing_of_the_body() -> None:
     room, scope = Room(), Scope(region=(0, 0, 66, 120))
     frame = room.see(PERSON).frame
     frame, excluded = scope.limit(frame)
-    view = Scene().see(frame, excluded)
+    view = Scene(SceneSettings()).see(frame, excluded)
     surface = room.surface(PERSON, 2000)
     cut = segment_body(view, surface, measure_distances(view, surface))
     left, top, right, bottom = cut.window

@@ -21,6 +21,7 @@ from gepf.coordinator.commands.info import describe_scene, find_people
 from gepf.coordinator.commands.job import choose_scope
 from gepf.coordinator.commands.options import TrackOptions
 from gepf.coordinator.scene.scope import Scope
+from gepf.coordinator.settings import SceneSettings
 from gepf.coordinator.sources import open_source
 from gepf.coordinator.sources.background import read_background
 from gepf.coordinator.tracking.segmenter import Segmenter
@@ -141,7 +142,7 @@ def test_a_chair_in_the_empty_room_is_none_of_the_body() -> None:
     counts = []
     surface = pose_vertices(model, pose[None])[0]
     for scope in (None, Scope(background=empty)):
-        subject = Segmenter(2000, scope).segment(seen, [surface]).subjects[0]
+        subject = Segmenter(2000, SceneSettings(), scope).segment(seen, [surface]).subjects[0]
         assert subject is not None
         counts.append(np.count_nonzero(subject.frame.depth))
     assert counts[0] > counts[1] + 0.3 * box.sum()

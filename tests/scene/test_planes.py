@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from gepf.common.arrays import Array
 from gepf.common.camera import Intrinsics
-from gepf.coordinator.scene.noise import fit_noise
+from gepf.coordinator.scene.noise import fit_growth, fit_noise
 from gepf.coordinator.scene.planes import SIDES, Planes, find_planes, refit, sample_rays
+from gepf.coordinator.settings import SceneSettings
 from tests.support.rooms import CABINET, CAMERA, HEIGHT, PERSON, TABLE, WALL, Box, Room
 
 SIDE_WALL: Box = ((-1.4, -3.0, 0.3), (-1.3, HEIGHT, WALL))
@@ -21,12 +22,12 @@ CEILING: Box = ((-3.0, -1.4, 0.3), (3.0, -1.3, WALL))
 def planes_of(room: Room) -> Planes:
     """What is found with a person in the room."""
     depth = room.see(PERSON).frame.metres()
-    return find_planes(rays_of(depth), SIDES)
+    return find_planes(rays_of(depth), SIDES, SceneSettings().planes)
 
 
 def rays_of(depth: NDArray[np.float32]) -> Array:
     """Rays of a depth image (H, W) in metres."""
-    return sample_rays(depth, CAMERA, fit_noise(depth))
+    return sample_rays(depth, CAMERA, fit_noise(depth, SceneSettings().noise), 80)
 
 
 @pytest.mark.parametrize("pitch", [0.0, 0.2, 0.5])
@@ -51,7 +52,7 @@ def test_planes_are_followed_when_the_camera_moves_a_little() -> None:
     for number in range(1, 9):
         after = Room(noise=0.002, pitch=np.radians(0.5 * number))
         depth = after.see(PERSON, number).frame.metres()
-        followed = replace(followed, coefficients=refit(followed.coefficients, rays_of(depth)))
+        followed = replace(followed, coefficients=refit(followed.coefficients, rays_of(depth), 30))
     assert followed.up @ (after.tilt.T @ np.array([0.0, -1.0, 0.0])) > np.cos(np.radians(0.7))
 
 
@@ -59,14 +60,14 @@ def test_a_person_alone_has_no_planes() -> None:
     """If only a person is measured, no part of it becomes a wall or a floor."""
     seen = Room().see(PERSON)
     depth = np.where(seen.mask, seen.frame.metres(), np.float32(0.0))
-    assert len(find_planes(rays_of(depth), SIDES).coefficients) == 0
+    assert len(find_planes(rays_of(depth), SIDES, SceneSettings().planes).coefficients) == 0
 
 
 @pytest.mark.parametrize("growth", [0.001, 0.004])
 def test_noise_is_measured(growth: float) -> None:
     """The growth of the noise is found within a quarter, whatever is seen."""
     depth = Room((TABLE,), noise=growth).see(PERSON).frame.metres()
-    assert fit_noise(depth) == pytest.approx(growth, rel=0.25)
+    assert fit_growth(depth, SceneSettings().noise) == pytest.approx(growth, rel=0.25)
 
 
 def test_a_floor_between_furniture_is_found() -> None:
@@ -89,7 +90,7 @@ def test_no_floor_is_made_up() -> None:
     rows = (np.arange(CAMERA.height) - CAMERA.cy)[:, None] / CAMERA.fy
     shown = (np.abs(rows * depth - HEIGHT) > 0.05) | (rows < 0)  # without the floor itself
     above = np.where(shown, depth, np.float32(0.0))
-    found = find_planes(rays_of(above), SIDES)
+    found = find_planes(rays_of(above), SIDES, SceneSettings().planes)
     assert not found.has_floor
 
 
@@ -99,7 +100,7 @@ def test_points_on_a_line_do_not_stop_the_fit() -> None:
         rng = np.random.default_rng(seed)
         x = rng.uniform(-0.5, 0.5, 40)
         rays = np.column_stack([x, rng.uniform() * x + rng.uniform(), 0.2 + 0.1 * x, np.full(40, 1e-3)])
-        assert np.isfinite(refit(np.array([[0.1, 0.0, 0.2]]), rays)).all()
+        assert np.isfinite(refit(np.array([[0.1, 0.0, 0.2]]), rays, 30)).all()
 
 
 @pytest.mark.parametrize("quarters", range(4))
@@ -122,7 +123,9 @@ def test_the_floor_of_a_rotated_camera_is_that_on_which_things_stand(
         depth, up = np.rot90(depth), np.array([up[1], -up[0], up[2]])
         middle = camera.cy, camera.width - 1 - camera.cx
         camera = Intrinsics(camera.height, camera.width, camera.fy, camera.fx, *middle)
-    found = find_planes(sample_rays(depth, camera, fit_noise(depth)), SIDES)
+    found = find_planes(
+        sample_rays(depth, camera, fit_noise(depth, SceneSettings().noise), 80), SIDES, SceneSettings().planes
+    )
     assert found.up @ up > np.cos(np.radians(1.0))
     assert found.camera_height == pytest.approx(HEIGHT, abs=0.02)
 
@@ -132,4 +135,4 @@ def test_a_wall_beside_is_no_floor_if_the_floor_is_not_visible() -> None:
     seen = Room((SIDE_WALL,), noise=0.002).see(PERSON)
     depth = seen.frame.metres()
     depth[85:] = 0.0  # the floor starts there
-    assert not find_planes(rays_of(depth), SIDES).has_floor
+    assert not find_planes(rays_of(depth), SIDES, SceneSettings().planes).has_floor

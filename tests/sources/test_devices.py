@@ -17,6 +17,7 @@ from gepf.common.frame import DepthFrame
 from gepf.common.protocol.frames import LIVE_END, decode_colour, decode_live
 from gepf.coordinator.cli import main
 from gepf.coordinator.results.track import read_track
+from gepf.coordinator.settings import SceneSettings
 from gepf.coordinator.sources import open_source
 from gepf.coordinator.sources.devices import device
 from gepf.coordinator.sources.devices.device import (
@@ -127,8 +128,8 @@ def test_the_measured_gravity_gives_the_vertical() -> None:
     """Without a floor in the image, up is against it."""
     gravity = np.array([0.0, np.cos(0.2), -np.sin(0.2)])
     frame = DepthFrame(0, 0.0, DEPTH[0], 1000.0, CAMERA, gravity=gravity)
-    (segmented,) = Segmenter(1000).segment(frame, [None]).views
-    np.testing.assert_allclose(segmented.view.planes.up, -gravity, atol=1e-6)
+    (segmented,) = Segmenter(1000, SceneSettings()).segment(frame, [None]).views
+    np.testing.assert_allclose(segmented.scene.planes.up, -gravity, atol=1e-6)
 
 
 LOST, BROKEN = CameraLost("no image comes"), RuntimeError("hwmon command failed")

@@ -11,9 +11,9 @@ from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions
 from gepf.common.refinement import Particles
 from gepf.common.settings import RefineSettings
-from gepf.coordinator.filters.pose_prior import pose_prior
-from gepf.coordinator.tracking.certainty.features import Features, FrameContext, measure_features
-from gepf.coordinator.tracking.certainty.surface import seen_shares
+from gepf.coordinator.filters.priors import pose_prior
+from gepf.coordinator.settings import preset
+from gepf.coordinator.tracking.certainty import Features, FrameContext, measure_features, seen_shares
 from gepf.coordinator.tracking.gating import gate_pose
 from gepf.refiners import DirectRefiner
 
@@ -25,8 +25,9 @@ def features_in(
     still, pose = msgspec.structs.replace(settings, icp_iterations=0), poses[0]
     particles = Particles(poses[:1], still, prior=pose_prior(model, still))
     found = DirectRefiner().submit(subject, model, particles).result()
-    residual = gate_pose(found.log_likelihood[0], found.residual[0], still).residual
+    residual = gate_pose(found.log_likelihood[0], found.residual[0], still, preset("default").gating).residual
     context = FrameContext(subject, pose, 1.0 / 30.0, stretch)
     joints = joint_positions(model, poses[[0, *range(len(poses))]])
-    seen_by = seen_shares(model, pose, subject, stretch)
-    return measure_features(model, pose, joints, np.ones(len(poses)), context, residual, seen_by)
+    limits = preset("default").certainty
+    seen_by = seen_shares(model, pose, subject, stretch, limits)
+    return measure_features(model, pose, joints, np.ones(len(poses)), context, residual, seen_by, limits)

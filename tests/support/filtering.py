@@ -10,9 +10,9 @@ import numpy as np
 from gepf.common.arrays import Array
 from gepf.common.body import BodyModel
 from gepf.common.refinement import Refined
-from gepf.common.settings import FilterSettings
 from gepf.coordinator.filters.belief import Observation, Proposal
 from gepf.coordinator.filters.methods import METHODS, Method
+from gepf.coordinator.settings import FilterSettings
 
 INTERVAL = 0.1  # seconds between frames
 NOTHING_SEEN = Observation(np.empty((0, 3)), INTERVAL, None, 1)

@@ -16,17 +16,16 @@ from gepf.common.body import BodyModel
 from gepf.common.camera import Intrinsics, inverse, moved
 from gepf.common.frame import DepthFrame, SubjectFrame
 from gepf.common.kinematics import joint_positions, pose_vertices
-from gepf.common.settings import Settings, preset
 from gepf.coordinator.bodies.family import Bodies
 from gepf.coordinator.bodies.human.dofs import HUMAN_DOFS
 from gepf.coordinator.bodies.human.people import PEOPLE
 from gepf.coordinator.bodies.human.shape_space import Size, shape_space
 from gepf.coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from gepf.coordinator.bodies.tracked import name_pose
+from gepf.coordinator.settings import Settings, preset
 from gepf.coordinator.synthesis.rendering import DepthRenderer
 from gepf.coordinator.tracking.candidate_refinement import Search
-from gepf.coordinator.tracking.certainty.certainty import Certainty
-from gepf.coordinator.tracking.estimate import Estimate
+from gepf.coordinator.tracking.estimate import Certainty, Estimate
 from gepf.coordinator.tracking.observation import isolate
 from gepf.coordinator.tracking.pose_candidates import Detection
 from gepf.coordinator.tracking.state import PersonState, Start

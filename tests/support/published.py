@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from gepf.common.kinematics import joint_positions
-from gepf.coordinator.tracking.certainty.certainty import Certainty, unknown_certainty
-from gepf.coordinator.tracking.estimate import Estimate, Status
+from gepf.coordinator.tracking.certainty import unknown_certainty
+from gepf.coordinator.tracking.estimate import Certainty, Estimate, Status
 from tests.support.bodies import person
 
 

@@ -13,8 +13,8 @@ from gepf.coordinator.pool.options import PoolStatistics
 from gepf.coordinator.results.log import Recorded
 from gepf.coordinator.results.recorder import Recorder
 from gepf.coordinator.scene.scene import SceneChange
-from gepf.coordinator.tracking.certainty.certainty import Certainty, unknown_certainty
-from gepf.coordinator.tracking.estimate import Estimate, Status
+from gepf.coordinator.tracking.certainty import unknown_certainty
+from gepf.coordinator.tracking.estimate import Certainty, Estimate, Status
 from gepf.coordinator.tracking.reporting import TrackedFrame, TrackedPerson
 from gepf.coordinator.tracking.state import Checkpoint, FrameState, PersonState, Start
 from gepf.coordinator.tracking.track_state import Tracked

@@ -13,10 +13,10 @@ OPTIONS = ("--dof", MOVING, "--preset", "paper", "--points", "200", "--particles
 def write_small_sequence(folder: Path, frames: int) -> None:
     """Depth, camera and start; the start is that of the first frame."""
     from gepf.common.camera import Intrinsics
+    from gepf.coordinator.scene.noise import SensorNoise
     from gepf.coordinator.sources.camera import write_camera
     from gepf.coordinator.synthesis.scenes import Scene, arm
     from gepf.coordinator.synthesis.sequence import DEPTH_SCALE, write_depth, write_start
-    from gepf.coordinator.tracking.sensor_noise import SensorNoise
 
     whole = arm()
     there = np.arange(frames) % (2 * len(whole.poses) - 2)

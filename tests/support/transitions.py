@@ -14,11 +14,10 @@ import numpy as np
 from msgspec.structs import replace
 
 from gepf.coordinator.filters.belief import USUAL_INTERVAL, Belief
+from gepf.coordinator.settings import TrackSettings
 from gepf.coordinator.tracking.gating import Gate
 from gepf.coordinator.tracking.reporting import status_of
 from gepf.coordinator.tracking.track_state import (
-    CHECK_INTERVAL_S,
-    SEARCH_INTERVAL_S,
     Absent,
     Event,
     Found,
@@ -37,7 +36,8 @@ from gepf.coordinator.tracking.track_state import (
 PAGE = Path(__file__).parents[2] / "docs" / "states.md"
 START, END = "<!-- transitions: make with tests.support.transitions -->\n", "<!-- end -->\n"
 
-POLICY = Policy(min_points=100)
+LIMITS = TrackSettings()
+POLICY = Policy(min_points=100, settings=LIMITS)
 NEVER_RECOVERS = POLICY._replace(recovers=False)
 
 BELIEF = with_fields(Belief.at(np.array([0.5])), residual=np.array([0.01]), velocities=np.array([[1.0]]))
@@ -50,8 +50,8 @@ DETECTED = Found(
 )
 RUNNING = Searching(searched_s=1.0, is_running=True)
 TRACKED = Tracked(belief=BELIEF, time_s=1.0, segmentation_pose=BELIEF.reported, age_s=0.5, pixels=900)
-DUE = replace(TRACKED, age_s=CHECK_INTERVAL_S - 0.01)
-UNSURE = replace(TRACKED, doubtful_s=CHECK_INTERVAL_S)  # since this frame
+DUE = replace(TRACKED, age_s=LIMITS.check_interval_s - 0.01)
+UNSURE = replace(TRACKED, doubtful_s=LIMITS.check_interval_s)  # since this frame
 LOST = Lost(belief=BELIEF, time_s=1.0, segmentation_pose=None, age_s=0.5, pixels=900)
 
 INTERVAL_S = 1 / 32
@@ -203,7 +203,7 @@ TRANSITIONS = [
         {
             "belief": AFTER,
             "time_s": NEXT_S,
-            "age_s": CHECK_INTERVAL_S + USUAL_INTERVAL,
+            "age_s": LIMITS.check_interval_s + USUAL_INTERVAL,
             "residual": 2.0,
             "why": "wrong",
             "unexplained_s": USUAL_INTERVAL,
@@ -219,7 +219,7 @@ TRANSITIONS = [
         {
             "belief": AFTER,
             "time_s": NEXT_S,
-            "age_s": CHECK_INTERVAL_S + USUAL_INTERVAL,
+            "age_s": LIMITS.check_interval_s + USUAL_INTERVAL,
             "residual": 1.2,
             "why": "doubt",
             "unexplained_s": USUAL_INTERVAL,
@@ -228,7 +228,7 @@ TRANSITIONS = [
     ),
     Transition(TRACKED, "", CANDIDATE, "it is seen", Tracked, {}, ("refine",)),
     Transition(
-        replace(TRACKED, age_s=SEARCH_INTERVAL_S - 0.01),
+        replace(TRACKED, age_s=LIMITS.search_interval_s - 0.01),
         "detected 0.13 s before",
         CANDIDATE,
         "it is seen",
@@ -264,7 +264,7 @@ TRANSITIONS = [
         ("search", "refine"),
     ),
     Transition(
-        replace(UNSURE, doubtful_s=3 * CHECK_INTERVAL_S),
+        replace(UNSURE, doubtful_s=3 * LIMITS.check_interval_s),
         "a joint may have been wrong for three intervals",
         CANDIDATE,
         "it is seen",
@@ -273,7 +273,7 @@ TRANSITIONS = [
         ("refine",),
     ),
     Transition(
-        replace(UNSURE, doubtful_s=4 * CHECK_INTERVAL_S),
+        replace(UNSURE, doubtful_s=4 * LIMITS.check_interval_s),
         "a joint may have been wrong for four intervals",
         CANDIDATE,
         "it is seen",
@@ -333,7 +333,7 @@ TRANSITIONS = [
             "age_s": 0.5 + INTERVAL_S,
             "residual": 0.8,
             "pixels": 800,
-            "doubtful_s": CHECK_INTERVAL_S + INTERVAL_S,
+            "doubtful_s": LIMITS.check_interval_s + INTERVAL_S,
         },
         ("report",),
     ),
@@ -444,7 +444,7 @@ TRANSITIONS = [
         {
             "belief": AFTER,
             "time_s": NEXT_S,
-            "age_s": SEARCH_INTERVAL_S - USUAL_INTERVAL,
+            "age_s": LIMITS.search_interval_s - USUAL_INTERVAL,
             "residual": 0.8,
             "pixels": 800,
             "faulty": (),

@@ -13,13 +13,13 @@ from gepf.common.camera import Intrinsics, back_project, project
 from gepf.common.errors import GepfError, InputError
 from gepf.common.kinematics import joint_positions, pose_vertices
 from gepf.coordinator.results.evaluation import read_truth
+from gepf.coordinator.scene.noise import NO_NOISE, SensorNoise
 from gepf.coordinator.sources import Source, open_source
 from gepf.coordinator.synthesis.noise import add_noise
 from gepf.coordinator.synthesis.person_scene import FPS, person
 from gepf.coordinator.synthesis.rendering import DepthRenderer
 from gepf.coordinator.synthesis.scenes import SCENES
 from gepf.coordinator.synthesis.sequence import synthesise
-from gepf.coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise
 
 CAMERA = Intrinsics(160, 120, 170.0, 180.0, 77.3, 61.8)
 

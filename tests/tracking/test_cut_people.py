@@ -14,10 +14,10 @@ from gepf.common.camera import project
 from gepf.common.frame import EMPTY, HIDDEN, SUBJECT, DepthFrame
 from gepf.coordinator.bodies.human.shape_space import Size
 from gepf.coordinator.bodies.tracked import name_pose
+from gepf.coordinator.scene.noise import NO_NOISE
 from gepf.coordinator.scene.planes import Planes
 from gepf.coordinator.tracking.detector import Detector
 from gepf.coordinator.tracking.field_of_view import in_view
-from gepf.coordinator.tracking.sensor_noise import NO_NOISE
 from gepf.refiners import DirectRefiner
 from tests.support.people import CAMERA, SETTINGS, OnePerson, complete, frame_of, people, show, subject_of
 

@@ -14,20 +14,20 @@ from gepf.common.camera import back_project
 from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions, pose_vertices
 from gepf.common.refinement import Particles, Refined
-from gepf.common.settings import preset
 from gepf.coordinator.bodies.family import Bodies
 from gepf.coordinator.bodies.human.shape_space import Size
 from gepf.coordinator.bodies.human.template import human
 from gepf.coordinator.bodies.mechanisms import MECHANISMS
 from gepf.coordinator.bodies.tracked import name_pose
 from gepf.coordinator.bodies.urdf import read_urdf
+from gepf.coordinator.scene.noise import NO_NOISE
 from gepf.coordinator.scene.planes import Planes
+from gepf.coordinator.settings import preset
 from gepf.coordinator.tracking.detector import Detector
 from gepf.coordinator.tracking.gating import Gate
 from gepf.coordinator.tracking.pose_candidates import Candidates, Detection
 from gepf.coordinator.tracking.preparation import unmoved
 from gepf.coordinator.tracking.refiner import Pending
-from gepf.coordinator.tracking.sensor_noise import NO_NOISE
 from gepf.coordinator.tracking.state import start_at
 from gepf.refiners import DirectRefiner
 from tests.support.people import (
@@ -149,7 +149,7 @@ def test_a_known_person_is_detected_elsewhere_in_slices_between_other_work() -> 
         refiner.publish(now)
     whole, found = map(complete, searches)
     np.testing.assert_array_equal(found.candidates.poses, whole.candidates.poses)
-    assert found.is_elsewhere(joint_positions(start.model, start.pose[None])[0])
+    assert found.is_elsewhere(joint_positions(start.model, start.pose[None])[0], 0.15)
     later = detector.transfer(found, now, SETTINGS.refine)
     for each, joints in zip((found, later), truth, strict=True):
         assert each.gate.passes
@@ -187,9 +187,9 @@ def candidates(log_likelihood: list[float], *turns: float) -> Candidates:
 def test_only_candidates_that_differ_go_on_and_one_that_faces_the_other_way() -> None:
     """The likeliest first; one that faces away is kept to the end, however unlikely."""
     alike = candidates([-1.0, -2.0, -3.0, -30.0, -40.0], FRONT, FRONT + 0.01, 1.0, BACK, BACK + 0.6)
-    kept = alike.distinct(MODEL, 2)
+    kept = alike.distinct(MODEL, 2, 0.05)
     assert kept.log_likelihood.tolist() == [-1.0, -3.0, -30.0]
-    assert alike.distinct(MODEL, 9).log_likelihood.tolist() == [-1.0, -3.0, -30.0, -40.0]
+    assert alike.distinct(MODEL, 9, 0.05).log_likelihood.tolist() == [-1.0, -3.0, -30.0, -40.0]
 
 
 @pytest.mark.parametrize(("behind", "ambiguous"), [(0.5, True), (20.0, False)])
@@ -200,7 +200,7 @@ def test_front_and_back_are_ambiguous_where_the_frame_does_not_tell_them_apart(
     found = candidates([-5.0, -5.0 - behind], FRONT, BACK)
     subject = subject_of(show(MODEL, found.poses[:1]).frames[0], 300)
     detection = Detection(subject, start_at(STANDING, known()), found, Gate(0.5))
-    assert detection.looks_alike(found.joints[0], -5.0) is ambiguous
+    assert detection.looks_alike(found.joints[0], -5.0, 2.0) is ambiguous
 
 
 @pytest.mark.parametrize("turn", [FRONT, BACK])
@@ -267,7 +267,7 @@ def test_a_search_in_which_no_candidate_is_visible_finds_nobody() -> None:
     for found in (first, later, detector.transfer(later, replace(subject), SETTINGS.refine)):
         assert not found.gate.passes
         assert found.gate.why == "the body does not fit the observed points"
-        assert not found.looks_alike(found.candidates.joints[0], 0.0)
+        assert not found.looks_alike(found.candidates.joints[0], 0.0, 2.0)
 
 
 def test_a_person_in_whom_no_candidate_is_visible_is_searched_for() -> None:

@@ -18,12 +18,12 @@ from gepf.coordinator.bodies.human.template import human
 from gepf.coordinator.bodies.urdf import read_urdf
 from gepf.coordinator.cli import main
 from gepf.coordinator.results.evaluation import read_truth
+from gepf.coordinator.scene.noise import NO_NOISE
 from gepf.coordinator.sources.camera import write_camera
 from gepf.coordinator.sources.joint_states import JointStates, read_joint_states
 from gepf.coordinator.synthesis.scenes import Scene, roam
 from gepf.coordinator.synthesis.sequence import DEPTH_SCALE, write_depth, write_start, write_truth
 from gepf.coordinator.tracking.particle_filter import encoder_step
-from gepf.coordinator.tracking.sensor_noise import NO_NOISE
 from tests.support.stand_ins import Direct
 
 ARM = Path(__file__).parents[2] / "examples" / "arm7.urdf"

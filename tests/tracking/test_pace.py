@@ -7,9 +7,9 @@ import pytest
 
 from gepf.common.camera import Intrinsics
 from gepf.common.frame import DepthFrame
-from gepf.common.settings import preset
-from gepf.coordinator.filters.methods import pace_iterations
+from gepf.coordinator.settings import preset
 from gepf.coordinator.tracking.observation import filter_observation
+from gepf.coordinator.tracking.particle_filter import pace_iterations
 from tests.support.people import subject_of
 
 CAMERA = Intrinsics(32, 24, 30.0, 30.0, 16.0, 12.0)
@@ -21,7 +21,7 @@ CAMERA = Intrinsics(32, 24, 30.0, 30.0, 16.0, 12.0)
 def test_iterations_go_with_the_time_between_frames(interval: float, factor: int) -> None:
     """The usual number at 30 frames a second or more, at most nine times as many; in `paper` always that."""
     for each, times in ((preset("default"), factor), (preset("paper"), 1)):
-        paced = pace_iterations(each.refine, interval, each.pace_iterations, 100)
+        paced = pace_iterations(each.refine, interval, each)
         assert paced.icp_iterations == times * each.refine.icp_iterations
 
 

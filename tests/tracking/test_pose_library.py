@@ -13,6 +13,7 @@ from gepf.common.kinematics.rotations import euler_matrix
 from gepf.coordinator.bodies.human.template import human
 from gepf.coordinator.bodies.human.typical_poses import people_poses
 from gepf.coordinator.bodies.tracked import name_pose
+from gepf.coordinator.settings import SearchSettings
 from gepf.coordinator.tracking.descriptor import COLUMNS, ROWS, VACANT, describe, fill_differences
 from gepf.coordinator.tracking.pose_library import describe_poses, displaced, look_straight
 from tests.support.people import SITTING, STANDING
@@ -66,7 +67,7 @@ def test_people_are_within_their_limits_and_seen_from_all_sides() -> None:
 @pytest.mark.parametrize("turn", [0.0, 2.0, -1.2])
 def test_a_person_resembles_poses_of_the_library(lower: dict[str, float], turn: float) -> None:
     """Of a person who raises an arm, a match is nearer than half of the distance of an average pose."""
-    library = describe_poses(MODEL, people_poses(MODEL, 3_000), CELL)
+    library = describe_poses(MODEL, people_poses(MODEL, 3_000), CELL, SearchSettings())
     pose = name_pose(MODEL, {**lower, "root_ry": turn, "r_shoulder_abduct": 1.2, "r_elbow_flexion": 0.6})
     pose[:3] = 0.1, 0.0, 2.8
     matches, _ = library.match(visible_points(MODEL, pose), [1.0], 0.0, 100)
@@ -84,7 +85,7 @@ def around_pelvis(poses: Array) -> Array:
 @pytest.mark.parametrize("roll", [0.0, 0.5 * np.pi])
 def test_a_pose_of_the_library_is_the_one_most_like_itself(roll: float) -> None:
     """Seen at any place, turned by the given roll, it comes first, at its place and its size."""
-    library = describe_poses(MODEL, people_poses(MODEL, 200), CELL)
+    library = describe_poses(MODEL, people_poses(MODEL, 200), CELL, SearchSettings())
     place = np.array([0.3, -0.2, 3.0])
     turn = look_straight(place, roll)
     for n in range(0, 200, 9):
@@ -110,7 +111,7 @@ def test_a_pose_that_was_seen_is_tried_where_points_are_seen_now() -> None:
     pose = name_pose(MODEL, STANDING)
     moved = pose.copy()
     moved[[0, 2]] += (0.5, 0.4)
-    tried = displaced(MODEL, pose, visible_points(MODEL, moved), CELL)
+    tried = displaced(MODEL, pose, visible_points(MODEL, moved), CELL, SearchSettings())
     off = joint_positions(MODEL, tried) - joint_positions(MODEL, moved[None])
     assert len(tried) == 4
     assert np.linalg.norm(off, axis=-1).mean(axis=1).min() < 0.12

@@ -10,6 +10,7 @@ from gepf.common.kinematics import pose_vertices
 from gepf.coordinator.bodies.human.template import human
 from gepf.coordinator.bodies.tracked import name_pose
 from gepf.coordinator.scene.scene import BACKGROUND
+from gepf.coordinator.settings import SceneSettings
 from gepf.coordinator.tracking.segmenter import Segmenter
 from tests.support.people import CAMERA, STANDING, frame_of, rendered
 from tests.support.rooms import HEIGHT, PERSON, TABLE, Room, along
@@ -19,7 +20,7 @@ def test_a_person_is_found_whose_body_is_not_known() -> None:
     """In a room it is the best candidate, with what hides it; the points are the subject's."""
     room = Room((TABLE,), noise=0.001)
     frame, truth = room.see(PERSON)
-    segmented = Segmenter(300).segment(frame, [None])
+    segmented = Segmenter(300, SceneSettings()).segment(frame, [None])
     (subject,) = segmented.candidates
     assert subject.kinds is not None
     assert len(subject.picked) == 300
@@ -33,12 +34,12 @@ def test_what_is_no_person_is_learned_as_room_at_once() -> None:
     """A box that touches a leg was searched too; the changes of the frame contain it."""
     room = Room((((-0.5, 0.8, 2.5), (-0.22, HEIGHT, 2.7)),), noise=0.001)
     seen = room.see((-0.15, 2.6))
-    segmenter, again = Segmenter(300), Segmenter(300)
+    segmenter, again = Segmenter(300, SceneSettings()), Segmenter(300, SceneSettings())
     segmented = segmenter.segment(seen.frame, [None])
     (subject,) = segmented.candidates
     again.recall(segmenter.learn_things(segmented, segmented.changes, subject, subject, ()))
     following = room.see((-0.15, 2.6), 1).frame
-    views = [each.segment(following, [None]).views[0].view for each in (segmenter, again)]
+    views = [each.segment(following, [None]).views[0].scene for each in (segmenter, again)]
     box = (Room().see(None).frame.depth > room.see(None).frame.depth + 60) & ~seen.mask
     assert np.mean(views[0].marks[box] == BACKGROUND) > 0.85
     np.testing.assert_array_equal(views[0].marks, views[1].marks)
@@ -57,7 +58,7 @@ def test_a_body_of_which_little_is_measured_is_not_learned_as_room(measured: str
     holes = v > rows[0] + 0.3 * len(rows) if measured == "head alone" else (3 * u + 5 * v) % 8 > 0
     poor = np.where((person > 0.0) & holes, 0.0, whole)
     frames = [poor] * 8 if measured == "head alone" else [*[whole] * 5, poor, *[whole] * 3]
-    segmenter, body = Segmenter(1_500), pose_vertices(model, pose[None])[0]
+    segmenter, body = Segmenter(1_500, SceneSettings()), pose_vertices(model, pose[None])[0]
     segmented = [segmenter.segment(frame_of(n, depth), [body]) for n, depth in enumerate(frames)]
     subjects = [each.subjects[0] for each in segmented]
     assert subjects[-1] is not None

@@ -11,12 +11,12 @@ import pytest
 from gepf.common.arrays import Array
 from gepf.common.frame import DepthFrame
 from gepf.common.kinematics import joint_positions
-from gepf.common.settings import Settings
 from gepf.coordinator.bodies.choice import choose_bodies
 from gepf.coordinator.bodies.human.measures import Measures
 from gepf.coordinator.bodies.human.shape_space import Size
 from gepf.coordinator.bodies.human.template import human_of
 from gepf.coordinator.bodies.tracked import name_pose
+from gepf.coordinator.settings import Settings
 from gepf.coordinator.tracking.state import PersonState
 from gepf.refiners import DirectRefiner
 from tests.support.people import SETTINGS, SITTING, STANDING, OnePerson, frame_of, rendered

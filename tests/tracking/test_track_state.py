@@ -104,7 +104,7 @@ RESULTS = st.builds(
     ambiguous_facing=st.sampled_from([None, True, False]),
     faulty=st.sampled_from([(), ("a",), ("a", "b")]),
     residuals=st.sampled_from([{}, {"a": 0.01, "b": 0.01}, {"a": 0.01, "b": 0.2}]),
-    noise_depth=st.just(0.01),
+    allowed_m=st.just(0.04),
     interval_s=st.sampled_from([0.03, 0.6]),
     is_slow=st.booleans(),
 )

@@ -16,13 +16,14 @@ from gepf.common.body import BodyModel
 from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions
 from gepf.common.refinement import Particles, Refined
-from gepf.common.settings import Settings
 from gepf.coordinator.bodies.human.shape_space import Size
 from gepf.coordinator.bodies.human.template import human
 from gepf.coordinator.bodies.tracked import name_pose
 from gepf.coordinator.filters.belief import Belief
 from gepf.coordinator.results.log import pack_array
+from gepf.coordinator.scene.noise import NO_NOISE
 from gepf.coordinator.scene.planes import Planes
+from gepf.coordinator.settings import CertaintySettings, Settings
 from gepf.coordinator.sources.live import LiveFrames
 from gepf.coordinator.sources.live_stream import LiveCamera
 from gepf.coordinator.stopwatch import Stopwatch
@@ -32,7 +33,6 @@ from gepf.coordinator.tracking.particle_filter import FrameBudget, Submitted
 from gepf.coordinator.tracking.refiner import Pending
 from gepf.coordinator.tracking.reporting import has_rival, report
 from gepf.coordinator.tracking.segmenter import BodyView
-from gepf.coordinator.tracking.sensor_noise import NO_NOISE
 from gepf.coordinator.tracking.state import PersonState, first_state
 from gepf.coordinator.tracking.target import TargetTracker
 from gepf.coordinator.tracking.track_state import Body
@@ -408,7 +408,7 @@ def test_a_rival_is_about_as_likely_and_has_a_joint_elsewhere(
     """Only then the pose is ambiguous."""
     joints = np.zeros((len(weights), 2, 3))
     joints[:, 1, 0] = away
-    assert has_rival(np.array(weights), joints, joints[reported]) == rival
+    assert has_rival(np.array(weights), joints, joints[reported], CertaintySettings()) == rival
 
 
 def test_points_are_picked_evenly() -> None:

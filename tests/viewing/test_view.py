@@ -24,7 +24,7 @@ from gepf.coordinator.results.track import read_track, read_tracked_body
 from gepf.coordinator.sources import open_source
 from gepf.coordinator.synthesis.scenes import ARM_DOFS, SCENES
 from gepf.coordinator.synthesis.sequence import synthesise
-from gepf.coordinator.tracking.certainty.certainty import unknown_certainty
+from gepf.coordinator.tracking.certainty import unknown_certainty
 from gepf.coordinator.tracking.estimate import Estimate
 from tests.support.live import KEY, plate_image
 from tests.support.processes.programs import in_thread

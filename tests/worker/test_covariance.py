@@ -13,7 +13,7 @@ from gepf.common.arrays import Array
 from gepf.common.body import ROTATION, BodyModel
 from gepf.common.refinement import KEYPOINT_OUTLIER, Particles, lower_triangular, triangle_size
 from gepf.common.settings import RefineSettings
-from gepf.coordinator.filters.pose_prior import pose_prior
+from gepf.coordinator.filters.priors import pose_prior
 from gepf.worker.kernel.gauss_newton import fill_covariance_root, solve
 from gepf.worker.kernel.icp import refine
 from gepf.worker.kernel.observation import observe

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from gepf.common.frame import EMPTY, SUBJECT, UNMEASURED, DepthFrame, SubjectFrame
 from gepf.common.refinement import Particles, PosePrior
-from gepf.common.settings import RefineSettings, preset
+from gepf.common.settings import RefineSettings
+from gepf.coordinator.settings import preset
 from gepf.worker.kernel.gauss_newton import fill_covariance_root
 from gepf.worker.kernel.icp import pack_batch, refine, refine_particle
 from gepf.worker.kernel.observation import observe

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gepf.common.refinement import Particles
-from gepf.coordinator.filters.pose_prior import pose_prior
+from gepf.coordinator.filters.priors import pose_prior
 from gepf.worker.kernel.icp import refine
 from gepf.worker.kernel.observation import observe
 from tests.support.kernel.equations import KernelAt

@@ -15,7 +15,7 @@ from numba.core.dispatcher import Dispatcher
 from gepf.common.camera import Intrinsics
 from gepf.common.kinematics import retract
 from gepf.common.refinement import Particles
-from gepf.coordinator.filters.pose_prior import pose_prior
+from gepf.coordinator.filters.priors import pose_prior
 from gepf.worker.kernel import icp
 from gepf.worker.kernel.gauss_newton import solve_ltl
 from gepf.worker.kernel.icp import Batch, refine, refine_some

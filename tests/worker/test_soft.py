@@ -12,12 +12,12 @@ from gepf.common.arrays import Array
 from gepf.common.body import BodyModel
 from gepf.common.camera import Intrinsics
 from gepf.common.refinement import Particles
-from gepf.common.settings import preset
 from gepf.coordinator.bodies.human.template import human
 from gepf.coordinator.bodies.tracked import name_pose
+from gepf.coordinator.scene.noise import SensorNoise
+from gepf.coordinator.settings import preset
 from gepf.coordinator.synthesis.noise import add_noise
 from gepf.coordinator.synthesis.scenes import ARM_DOFS
-from gepf.coordinator.tracking.sensor_noise import SensorNoise
 from gepf.worker.kernel.icp import refine
 from gepf.worker.kernel.observation import Observation, observe
 from tests.support.people import frame_of, rendered, subject_of

@@ -13,9 +13,9 @@ from gepf.common.arrays import Array
 from gepf.common.body import ROTATION
 from gepf.common.kinematics import joint_positions
 from gepf.common.refinement import Particles
-from gepf.common.settings import preset
 from gepf.coordinator.bodies.tracked import name_pose
-from gepf.coordinator.filters.pose_prior import pose_prior
+from gepf.coordinator.filters.priors import pose_prior
+from gepf.coordinator.settings import preset
 from gepf.worker.kernel.icp import refine
 from gepf.worker.kernel.observation import Observation, observe
 from tests.support.bodies import person

@@ -9,7 +9,7 @@ import pytest
 from rich.console import Console
 
 from gepf.coordinator.commands.progress import FrameRate, Show, counted, describe_frame
-from gepf.coordinator.tracking.certainty.certainty import unknown_certainty
+from gepf.coordinator.tracking.certainty import unknown_certainty
 from gepf.coordinator.tracking.estimate import Estimate
 
 

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from gepf.common.arrays import Array
 from gepf.common.kinematics import pose_vertices
 from gepf.common.refinement import Particles, PosePrior
-from gepf.coordinator.filters.pose_prior import pose_prior
+from gepf.coordinator.filters.priors import pose_prior
 from gepf.worker.kernel import terms
 from gepf.worker.kernel.correspondence import find_correspondences
 from gepf.worker.kernel.icp import pack_batch

@@ -14,7 +14,7 @@ from gepf.common.body import ROTATION, BodyModel
 from gepf.common.camera import Intrinsics
 from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import retract
-from gepf.common.settings import preset
+from gepf.coordinator.settings import preset
 from tests.support.bodies import puppet
 from tests.support.kernel import plain_path
 from tests.support.people import subject_of

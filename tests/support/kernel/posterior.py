@@ -20,9 +20,9 @@ from gepf.common.refinement import KEYPOINT_OUTLIER
 from gepf.common.settings import RefineSettings
 from gepf.coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from gepf.coordinator.bodies.tracked import name_pose
+from gepf.coordinator.scene.noise import SensorNoise
 from gepf.coordinator.synthesis.noise import add_noise
 from gepf.coordinator.synthesis.scenes import ARM_DOFS
-from gepf.coordinator.tracking.sensor_noise import SensorNoise
 from gepf.worker.kernel.surface import Surface
 from gepf.worker.kernel.terms.soft import OUTLIER_DENSITY, sample_window
 from gepf.worker.kernel.visibility import DepthImage

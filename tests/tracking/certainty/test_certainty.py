@@ -13,9 +13,9 @@ from gepf.common.camera import Intrinsics, project
 from gepf.common.frame import HIDDEN, SUBJECT, SubjectFrame
 from gepf.common.kinematics import joint_positions, pose_vertices
 from gepf.coordinator.bodies.tracked import name_pose
-from gepf.coordinator.tracking.certainty.certainty import FIT, FLAGGED, Certainty
-from gepf.coordinator.tracking.certainty.features import Features
-from gepf.coordinator.tracking.certainty.surface import regions_of
+from gepf.coordinator.settings import CertaintySettings
+from gepf.coordinator.tracking.certainty import Features, judge, regions_of
+from gepf.coordinator.tracking.estimate import Certainty
 from gepf.coordinator.tracking.reporting import explain_doubt, least_probability
 from tests.support.bodies import person
 from tests.support.features import features_in
@@ -45,7 +45,7 @@ def features_of(values: dict[str, float], subject: SubjectFrame, *others: dict[s
 
 def certainty_of(values: dict[str, float], subject: SubjectFrame, *others: dict[str, float]) -> Certainty:
     """The certainty from these features."""
-    return FIT.judge(features_of(values, subject, *others))
+    return judge(features_of(values, subject, *others), CertaintySettings())
 
 
 def shown_by_rendering(pose: Array) -> Array:
@@ -57,7 +57,7 @@ def shown_by_rendering(pose: Array) -> Array:
     facing = np.maximum(0.0, -np.sum(np.cross(b - a, c - a) * middles, axis=1) / middles[:, 2])
     columns, rows = np.rint(project(middles, FINE)).astype(int).T
     behind = np.where(depth > 0.0, depth, np.inf)[rows, columns]
-    area = regions_of(BODY).T * facing
+    area = regions_of(BODY, CertaintySettings().region_m).T * facing
     shares: Array = area @ (middles[:, 2] <= behind + 0.02) / area.sum(axis=1)
     return shares
 
@@ -94,10 +94,10 @@ def test_a_limb_that_is_elsewhere_is_flagged() -> None:
     right = certainty_of(STANDING, seen_as("standing"))
     wrong = certainty_of({**STANDING, "r_shoulder_abduct": 1.4}, seen_as("standing"))
     wrist, other = (BODY.joint_names.index(f"{side}_wrist") for side in ("right", "left"))
-    assert (right.off_probability < FLAGGED).all()
-    assert wrong.off_probability[wrist] > 2.0 * FLAGGED
+    assert (right.off_probability < 0.04).all()
+    assert wrong.off_probability[wrist] > 2.0 * 0.04
     assert np.argmax(wrong.off_probability) in (wrist, BODY.joint_names.index("right_elbow"))
-    assert wrong.off_probability[other] < FLAGGED
+    assert wrong.off_probability[other] < 0.04
     assert wrong.deviation[wrist] > 2.0 * right.deviation[wrist]
 
 
@@ -168,6 +168,6 @@ def test_a_frame_without_the_body_in_it_still_says_something() -> None:
 def test_doubtful_joints_are_named(off: list[float], faulty: bool, new: bool, why: str) -> None:
     """Joints in doubt are listed, the most likely to be wrong first."""
     certainty = Certainty(np.array([1.0, 1.0, 0.2]), np.array(off), np.full(3, 0.05))
-    least = least_probability(certainty, faulty=faulty, new=new)
-    doubt = explain_doubt(("head", "left_knee", "left_hip"), certainty, least)
+    least = least_probability(certainty, CertaintySettings(), faulty=faulty, new=new)
+    doubt = explain_doubt(("head", "left_knee", "left_hip"), certainty, least, 0.15)
     assert doubt == (f"may be more than 15 cm off: {why}" if why else "")

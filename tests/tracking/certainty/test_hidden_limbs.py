@@ -12,12 +12,13 @@ from gepf.common.activation import activate
 from gepf.common.arrays import Array
 from gepf.common.body import BodyModel
 from gepf.common.frame import SubjectFrame
-from gepf.common.settings import preset
 from gepf.coordinator.bodies.tracked import name_pose
+from gepf.coordinator.scene.noise import SensorNoise, assume_noise
+from gepf.coordinator.settings import CertaintySettings, preset
 from gepf.coordinator.synthesis.noise import add_noise
 from gepf.coordinator.synthesis.scenes import ARM_DOFS, arm
-from gepf.coordinator.tracking.certainty.certainty import FIT, FLAGGED, Certainty
-from gepf.coordinator.tracking.sensor_noise import SensorNoise, assume_noise
+from gepf.coordinator.tracking.certainty import judge
+from gepf.coordinator.tracking.estimate import Certainty
 from tests.support.bodies import person
 from tests.support.features import features_in
 from tests.support.people import (
@@ -97,8 +98,8 @@ def test_joints_outside_the_picture_are_much_less_sure() -> None:
     assert (cropped.seen[outside] < 0.05).all()
     assert cropped.off_probability[outside].min() > 10.0 * cropped.off_probability[inside].max()
     assert cropped.deviation[outside].min() > 2.0 * cropped.deviation[inside].max()
-    assert (cropped.off_probability[inside] < FLAGGED).all()
-    assert (whole.off_probability[outside] < FLAGGED).all()
+    assert (cropped.off_probability[inside] < 0.04).all()
+    assert (whole.off_probability[outside] < 0.04).all()
     assert (whole.seen[outside] > 0.5).all()
 
 
@@ -122,7 +123,9 @@ def certainty_of(pose: Array) -> Certainty:
     """How sure the joints are of a lone particle's pose (4,)."""
     model, _, subject = scene()
     settings = assume_noise(preset("default").refine, NOISE)
-    return FIT.judge(features_in(model, pose[None], subject, settings, NOISE.lateral / NOISE.depth))
+    return judge(
+        features_in(model, pose[None], subject, settings, NOISE.lateral / NOISE.depth), CertaintySettings()
+    )
 
 
 def test_an_arm_that_is_lost_before_the_trunk_is_flagged() -> None:
@@ -131,7 +134,7 @@ def test_an_arm_that_is_lost_before_the_trunk_is_flagged() -> None:
     moved = [model.joint_names.index(f"right_{part}") for part in ("shoulder", "elbow", "wrist")]
     held = np.setdiff1d(np.arange(len(model.joint_names)), moved)
     lost, found = certainty_of(LOST), certainty_of(true)
-    assert lost.off_probability[moved[-1]] > FLAGGED
+    assert lost.off_probability[moved[-1]] > 0.04
     assert lost.deviation[moved[-1]] > 2.0 * found.deviation[moved[-1]]
-    assert (found.off_probability < FLAGGED).all()
-    assert (lost.off_probability[held] < FLAGGED).all()
+    assert (found.off_probability < 0.04).all()
+    assert (lost.off_probability[held] < 0.04).all()

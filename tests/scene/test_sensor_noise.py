@@ -13,13 +13,13 @@ import pytest
 from gepf.common.arrays import Array
 from gepf.common.camera import Intrinsics
 from gepf.common.frame import DepthFrame
-from gepf.common.settings import preset
 from gepf.coordinator.bodies.human.template import human
 from gepf.coordinator.commands.job import choose_settings
 from gepf.coordinator.commands.options import TrackOptions
+from gepf.coordinator.scene.noise import NO_NOISE, SensorNoise, assume_noise, measure_noise
+from gepf.coordinator.settings import NoiseSettings, preset
 from gepf.coordinator.synthesis.noise import add_noise
 from gepf.coordinator.synthesis.scenes import arm
-from gepf.coordinator.tracking.sensor_noise import NO_NOISE, SensorNoise, assume_noise, measure_noise
 from tests.support.people import rendered
 
 CAMERA = Intrinsics(256, 256, 395.0, 395.0, 127.5, 127.5)
@@ -41,20 +41,22 @@ def noisy(noise: SensorNoise, seed: int = 0, scale: float = 5000.0) -> DepthFram
 @pytest.mark.parametrize(("depth", "lateral"), [(0.01, 0.0), (0.05, 0.02), (0.15, 0.0), (0.15, 0.02)])
 def test_noise_along_depth_is_measured(depth: float, lateral: float) -> None:
     """Within 10 %, noise across or not: on slopes it adds some along depth, less than this."""
-    assert measure_noise(noisy(SensorNoise(depth, lateral))).depth == pytest.approx(depth, rel=0.1)
+    assert measure_noise(noisy(SensorNoise(depth, lateral)), NoiseSettings()).depth == pytest.approx(
+        depth, rel=0.1
+    )
 
 
 @pytest.mark.parametrize("lateral", [0.015, 0.025])
 def test_noise_across_is_measured(lateral: float) -> None:
     """Within 40 %: an outline is all that shows it, and narrow gaps that noise closes make it seem more."""
-    found = measure_noise(noisy(SensorNoise(0.15, lateral)))
+    found = measure_noise(noisy(SensorNoise(0.15, lateral)), NoiseSettings())
     assert found.lateral == pytest.approx(lateral, rel=0.4)
 
 
 def test_a_clean_camera_is_assumed_no_worse_than_it_was() -> None:
     """Without noise, and with steps of a millimetre, settings are unchanged, so are the bytes."""
     for scale in (5000.0, 1000.0):
-        assert assume_noise(DEFAULT, measure_noise(noisy(NO_NOISE, scale=scale))) == DEFAULT
+        assert assume_noise(DEFAULT, measure_noise(noisy(NO_NOISE, scale=scale), NoiseSettings())) == DEFAULT
 
 
 def test_settings_take_the_noise() -> None:
@@ -70,7 +72,7 @@ def test_of_an_image_of_points_the_usual_noise_is_assumed() -> None:
     """Where no three pixels in a row are measured, it is what depth cameras have at that distance."""
     depth = np.zeros((9, 9), dtype=np.uint16)
     depth[::3, ::3] = 2000
-    measured = measure_noise(DepthFrame(0, 0.0, depth, 1000.0, CAMERA))
+    measured = measure_noise(DepthFrame(0, 0.0, depth, 1000.0, CAMERA), NoiseSettings())
     assert measured.depth == pytest.approx(0.007, abs=0.003)
 
 
@@ -80,7 +82,7 @@ def test_rounding_is_noise() -> None:
     inverse = 1.0 / np.clip(person(), 1e-6, None)
     rounded = np.where(person() > 0.0, 1.0 / (np.rint(inverse / 2.85e-3) * 2.85e-3), 0.0)
     frame = DepthFrame(0, 0.0, np.rint(1000.0 * rounded).astype(np.uint16), 1000.0, CAMERA)
-    found = measure_noise(frame)
+    found = measure_noise(frame, NoiseSettings())
     expected = step * (found.distance / 2.8) ** 2
     assert expected / np.sqrt(12.0) < found.depth < 1.2 * expected / np.sqrt(6.0)
 
@@ -88,12 +90,12 @@ def test_rounding_is_noise() -> None:
 def test_noise_grows_with_distance() -> None:
     """Along with its square, across in proportion; a noise without a distance is the same at any."""
     near = SensorNoise(0.011, 0.004, 2.0)
-    far = near.at(4.0)
+    far = near.at(4.0, 0.001)
     assert far.distance == pytest.approx(4.0, rel=0.1)
     assert far.depth == pytest.approx(0.001 + 0.010 * (far.distance / 2.0) ** 2)
     assert far.lateral == pytest.approx(0.004 * far.distance / 2.0)
-    assert near.at(2.01) == near
-    assert SensorNoise(0.15, 0.01).at(3.0) == SensorNoise(0.15, 0.01)
+    assert near.at(2.01, 0.001) == near
+    assert SensorNoise(0.15, 0.01).at(3.0, 0.001) == SensorNoise(0.15, 0.01)
 
 
 def test_densities_begin_as_sharp_as_costs_end() -> None:

@@ -1,0 +1,281 @@
+"""Typed settings of all stages of tracking, with the presets `paper` and `default`.
+
+They are stored with every result (`summary.json`), and the page docs/settings.md lists them. Each stage is
+given its own struct. A quantity is in the unit that its name ends with: metres `_m`, square metres `_m2`,
+seconds `_s`, degrees `_deg`, pixels `_px`, standard deviations `_deviations`, natural logarithms of a ratio
+of likelihoods `_nats`. A `_share` and a `_probability` are from 0 to 1; all other numbers are counts.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import msgspec
+
+from gepf.common.errors import InputError, check_choice
+from gepf.common.settings import RefineSettings
+
+Quantity = Annotated[float, msgspec.Meta(gt=0.0, lt=1e5)]
+"""Metres, seconds, pixels, deviations, nats, or a ratio: larger than 0."""
+Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
+"""A part of a whole, or a probability."""
+Degrees = Annotated[float, msgspec.Meta(gt=0.0, lt=180.0)]
+Count = Annotated[int, msgspec.Meta(ge=1)]
+
+
+class NoiseSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The noise of depth by distance z: floor + growth z^2, and how it is measured in a frame."""
+
+    floor_m: Quantity = 0.001  #: standard deviation at any distance
+    min_growth_m: Quantity = 0.0003  #: standard deviation that is added at 1 m: the smallest that is believed
+    max_growth_m: Quantity = 0.03  #: the largest that is believed
+    usual_growth_m: Quantity = 0.0015  #: of usual depth cameras; where none could be measured
+    margin_deviations: Quantity = 4.0  #: smaller differences are noise; 1 of 16 000 is beyond
+    outline_blur_px: Quantity = 4.0  #: an outline that is averaged over them is smooth
+
+
+class PlaneSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Floor and walls, by RANSAC."""
+
+    points_across: Count = 80  #: points in a row of the image
+    samples: Count = 2_000  #: of three points each
+    refined_samples: Count = 40  #: the best of them
+    min_points: Count = 30  #: on a plane
+    max_beyond_share: Share = 0.01  #: of points behind a wall or below a floor
+    max_camera_tilt_deg: Degrees = 50.0  #: of the camera against the floor
+    max_wall_tilt_deg: Degrees = 20.0  #: of a wall against the vertical
+    min_floor_width_m: Quantity = 0.2  #: smallest width of what is seen of a floor
+    min_floor_area_m2: Quantity = 0.3  #: smallest area of it
+    min_wall_width_m: Quantity = 0.7  #: smallest width of what is seen of a wall
+    min_wall_area_m2: Quantity = 1.5  #: smallest area of it
+    resting_height_m: Quantity = 0.3  #: above a floor, at which a point counts 1 / e for resting on it
+    min_resting_share: Share = 0.1  #: of things at all heights up to 3 m; needed if the usual up has no floor
+    outlier_percent: Quantity = 1.0  #: of the points at each end do not count for an extent
+
+
+class SegmentationSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The pixels of a posed body."""
+
+    near_m: Quantity = 0.12  #: from the surface; nearer foreground is the subject, and not learned
+    cell_m: Quantity = 0.04  #: of the field of distances; at less, body and room cannot be distinguished
+    reach_cells: Count = 7  #: largest distance of the subject from the surface, in cells
+    step_m: Quantity = 0.03  #: largest step in depth between neighbours on one surface, without noise
+    min_person_m2: Quantity = 0.1  #: visible area of a person; no limb shows as much
+
+    @property
+    def reach_m(self) -> float:
+        """The largest distance of the subject from the surface, metres."""
+        return self.cell_m * self.reach_cells
+
+
+class CandidateSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What may be a person in the foreground."""
+
+    max_person_m2: Quantity = 1.6  #: largest visible area of a person
+    min_length_m: Quantity = 0.6  #: smallest length of a person in any pose
+    max_length_m: Quantity = 2.5  #: largest length of a person; a frame that extends farther shows a room
+    max_limb_step_m: Quantity = 0.8  #: in depth, from the outline of a body to its own limb
+    same_spot_m: Quantity = 0.35  #: horizontal distance of a further part of a person, beside an occluder
+    same_person_m: Quantity = 0.5  #: between a person's middles in two images, which show different sides
+    min_part_m2: Quantity = 0.008  #: visible area of the smallest part of a person or of furniture
+    max_flat_share: Share = 0.5  #: of points in one plane; with more, an object is furniture
+    flat_points: Count = 800  #: of an object, for planes
+    flat_samples: Count = 400  #: of RANSAC, of three points each
+    min_moved_share: Share = 0.2  #: of the pixels of a person who moved: those with a known background
+
+
+class SceneSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The known scene of a camera, and the people in front of it."""
+
+    settled_frames: Annotated[int, msgspec.Meta(ge=1, le=255)] = 30
+    """Until something nearer that does not move becomes background; also between searches for planes."""
+    noise: NoiseSettings = NoiseSettings()
+    planes: PlaneSettings = PlaneSettings()
+    segmentation: SegmentationSettings = SegmentationSettings()
+    candidates: CandidateSettings = CandidateSettings()
+
+
+class GatingSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Whether a pose explains a frame."""
+
+    max_residual_m: Quantity = 0.03  #: mean distance of observed points, in addition to the camera's noise
+    max_misfit_m: Quantity = 0.0235  #: root of the mean cost, which includes model surface in empty space
+    min_pixels: Count = 150  #: that can show a body
+
+
+class TrackSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """When a body is lost, searched for and checked, and which pixels may be its own."""
+
+    lost_residual: Quantity = 1.3  #: normalised; usual frames are below 1.2; with more one is not explained
+    patience_s: Quantity = 0.1  #: a body that explains no frame for so long is lost
+    search_interval_s: Quantity = 4 / 30  #: between searches for an unknown body; until the first check
+    check_interval_s: Quantity = 1 / 3  #: between checks while the pose is doubtful
+    max_searches: Count = 8  #: for an unknown body, until what detects nobody is learned as the room
+    max_lookahead_s: Quantity = 0.1  #: between frames; people move too far in longer intervals
+    max_motion_m: Quantity = 0.8  #: of a body between two frames
+    gone_share: Share = 0.35  #: of the pixels in the last good frame; with fewer the body may have left
+    whole_share: Share = 0.85  #: of the pixels in which it was detected; with fewer a part is missing
+    camera_confirmed_s: Quantity = 0.5  #: until a fault is reported, and cameras that agree are believed
+
+
+class SearchSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The stages of a search for a body."""
+
+    library_poses: Count = 3_000  #: that are compared with the frame
+    library_vertices: Count = 1_700  #: of the surface; enough to fill the cells of a descriptor
+    max_cell_difference: Quantity = 4.0  #: of the depth of two descriptors, in cells; an empty cell has it
+    min_upright_share: Share = 0.3  #: cosine of the camera's pitch; with less no direction is upright
+    candidates: Count = 100  #: in the first orientation
+    further_candidates: Count = 15  #: in each other orientation, and for each wider mask
+    points: Count = 1_000  #: on which the first candidates are refined
+    rough_iterations: Count = 3  #: of the first candidates
+    rough_kept: Count = 16  #: distinct ones that remain
+    iterations: Count = 12  #: until they converge; the last stage has half of these
+    kept: Count = 4  #: distinct ones that remain then
+    recombined: Count = 2  #: candidates that get limbs of others
+    request_iterations: Count = 150  #: in one request: about 10 ms on one lane
+    distinct_m: Quantity = 0.05  #: mean distance of the joints; nearer candidates are the same
+    surer_nats: Quantity = 1.0  #: by which a detection must explain a frame better than the track
+    alike_nats: Quantity = 2.0  #: least difference that distinguishes two poses
+    end_m: Quantity = 0.06  #: depth of a person's end at the side of an image: a cell of a descriptor
+    cut_gap_m: Quantity = 0.03  #: largest distance in the image between a person and what cuts them
+    cut_share: Share = 0.5  #: least share of the end that is cut
+
+
+class FeatureWeights(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Log odds that a joint is wrong, for each unit of a feature, see `coordinator/tracking/certainty.py`."""
+
+    seen: float = -4.104  #: visible share of the surface around it
+    residual: float = 5.663  #: normalised residual of the body
+    misfit: float = 31.40  #: mean distance of the points around it from the surface, metres
+    spread: float = 0.4338  #: logarithm of the spread of the hypotheses
+    speed: float = 0.1079  #: logarithm of the speed
+    bend: float = 0.2408  #: sum of the squared angles above it
+    folding: float = 0.8651  #: of the body
+    crowding: float = 0.8829  #: number of joints nearby
+    protrusion: float = 3.825  #: in front of or behind the mean joint
+
+
+class CertaintyFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Log odds that a joint is wrong, linear in its features, and its deviation, a function of them.
+
+    Fitted by `python -m benchmarks.certainty --fit`.
+    """
+
+    intercept: float = -3.709  #: log odds
+    weights: FeatureWeights = FeatureWeights()
+    log_deviation: float = -1.669  #: logarithm of the deviation in metres
+    log_deviation_odds: float = 0.3051  #: of the same, for each unit of the log odds
+    log_deviation_hidden: float = 0.2034  #: of the same, for the hidden share
+
+
+class CertaintySettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The certainty of each joint, and the status of a frame."""
+
+    wrong_m: Quantity = 0.15  #: from the true joint; farther is wrong
+    flagged_probability: Share = 0.04  #: of a wrong joint; 4 to 9 % of the correct joints are flagged
+    ambiguous_probability: Share = 0.15  #: of a wrong joint; with more the frame is ambiguous
+    out_of_view_nats: float = 1.0  #: log odds beyond a joint that the body hides; people cut at the hips
+    max_nats: Quantity = 10.0  #: log odds beyond which nothing was measured
+    spread_floor_m: Quantity = 0.005  #: added to the spread of hypotheses before the logarithm
+    speed_floor_m_s: Quantity = 0.1  #: added to the speed before the logarithm; metres per second
+    crowded_m: Quantity = 0.2  #: deviation of the weight of a neighbouring joint by distance
+    region_m: Quantity = 0.12  #: deviation of the weight of the surface around a joint by distance
+    agrees_m: Quantity = 0.08  #: largest difference between the surface and the depth measured there
+    aside_m: Quantity = 0.03  #: radius across the line of sight in which measured depth is searched
+    hidden_share: Share = 0.5  #: a joint of which less is seen is hidden
+    rival_share: Share = 0.5  #: least weight of a rival, relative to the most likely hypothesis
+    information: Quantity = 44.0  #: of points of a known body; fitted to rendered robots, a Kinect's noise
+    max_hypotheses: Count = 100  #: of an estimate, the most likely ones
+    fit: CertaintyFit = CertaintyFit()
+
+
+class ExplorationSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Proposals for single limbs."""
+
+    min_particles: Count = 8  #: of a frame that the prediction explains; with 5, hidden limbs are worse
+    data_driven_share: Share = 0.4  #: of the particles
+    vertices: Count = 400  #: of the body, for the comparison with observed points
+    near_m: Quantity = 0.08  #: largest distance of an explained point from a vertex
+    max_unexplained_share: Share = 0.05  #: of points, for which all particles are used; 2 to 10 % are as good
+    draws: Count = 80  #: per limb; twice as many do not explain more points
+
+
+class FilterSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Steps 1-3, 6 and 7 of the filter."""
+
+    particles: int = 20  #: of `annealed`: per layer
+    merge_angle_deg: float = 4.0  #: d; with `explore` covariances decide, unless correspondences are soft
+    velocity_time_s: float | None = None  #: in which a velocity decays to 1 / e; None: never
+    explore: bool = False  #: proposals for single limbs, see coordinator/filters/exploration.py
+    merge_variances: Quantity = 2.0 / 3.0  #: squared Mahalanobis distance per degree of freedom
+    reduction_share: Share = 0.1  #: by which step 7 reduces every covariance in each frame
+    first_deviation_m: Quantity = 0.02  #: of the initial values of prismatic joints
+    usual_speed_m_s: Quantity = 1.8  #: root mean square over the joints; metres per second
+    unexpected_turn_deg: Degrees = 15.0  #: deviation of a joint from its prediction after a usual interval
+    exploration: ExplorationSettings = ExplorationSettings()
+
+
+class ShapeSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The shape of a body, estimated over time."""
+
+    error_time_s: Quantity = 1.0  #: in which errors of the shape in successive frames are the same
+    curvature_share: Share = 0.1
+    """Of the information of the Gauss-Newton matrix: with more, a wrong first stature of rendered people was
+    not corrected, and deviations were too small."""
+
+
+class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Everything that determines the results of a run, apart from the input."""
+
+    preset: str = "default"  #: `default` or `paper`: the values that were chosen together
+    method: str = "gepf"  #: of `coordinator/filters/methods.py`
+    seed: int = 0  #: of all random numbers
+    points: int = 10_000  #: largest number of observed points
+    measure_noise: bool = True  #: in the first frame; the noise of `refine` is the minimum
+    pace_iterations: float = 0.0  #: growth of iterations with the time between frames
+    max_pace: Quantity = 3.0  #: the largest factor on the iterations is `max_pace ** pace_iterations`
+    measure_person: bool = True  #: stature, from the first frames that show a person
+    recover: bool = True  #: redetect the body if it is lost or in doubt
+    rotate_deg: int | None = None  #: clockwise, makes a person upright; None to find it
+    refine: RefineSettings = RefineSettings()
+    filter: FilterSettings = FilterSettings()
+    shape: ShapeSettings = ShapeSettings()
+    scene: SceneSettings = SceneSettings()
+    search: SearchSettings = SearchSettings()
+    gating: GatingSettings = GatingSettings()
+    track: TrackSettings = TrackSettings()
+    certainty: CertaintySettings = CertaintySettings()
+
+
+PRESETS = {
+    "default": Settings(
+        preset="default",
+        points=3_000,
+        pace_iterations=2.0,
+        refine=RefineSettings(
+            icp_iterations=4,
+            descent="accelerated",
+            sensor="camera",
+            likelihood_scale=0.004,
+            pose_deviation=1.6,
+        ),
+        filter=FilterSettings(velocity_time_s=0.05, explore=True),
+    ),
+    "paper": Settings(preset="paper", measure_person=False, recover=False),
+}
+
+
+def preset(name: str) -> Settings:
+    """Settings of a preset; InputError lists the valid ones."""
+    check_choice("preset", name, PRESETS)
+    return PRESETS[name]
+
+
+def check_settings(settings: Settings) -> None:
+    """InputError that names the setting for a value of a wrong type, or out of its range."""
+    try:
+        msgspec.convert(msgspec.to_builtins(settings), Settings)
+    except msgspec.ValidationError as error:
+        what, _, place = str(error).rpartition(" - at ")
+        raise InputError(f"setting {place.strip('`$.')} is not valid: {what[:1].lower()}{what[1:]}") from None

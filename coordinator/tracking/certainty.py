@@ -1,0 +1,281 @@
+"""The certainty of each joint in a frame: a logistic function of nine features, fitted to people.
+
+Three features come from the frame: the visible share of the surface around the joint that faces the camera,
+the normalised residual of the body, and the distance of the observed points around the joint from the
+surface. Two come from the filter: the spread of the hypotheses, and the speed of
+the joint. Four come from the pose: joints are wrong more often in bent limbs and folded bodies, near other
+joints, and far in front of or behind the body.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from gepf.common.activation import nearest_in
+from gepf.common.arrays import Array, Mask
+from gepf.common.body import ROOT_DOFS, ROTATION, BodyModel
+from gepf.common.camera import Pinhole
+from gepf.common.compiling import numba
+from gepf.common.frame import SubjectFrame
+from gepf.common.kinematics import joint_positions, pose_vertices
+from gepf.coordinator.settings import CertaintySettings
+from gepf.coordinator.tracking.estimate import Certainty
+from gepf.coordinator.tracking.observation import POINTS, camera_points
+
+STILL_M = 1e-9  # rounding of the place of a joint that does not move
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FrameContext:
+    """The data from which the pose of a frame was estimated, apart from the hypotheses."""
+
+    subject: SubjectFrame
+    past: Array  # (D,) the pose reported before
+    interval: float  # seconds since then
+    stretch: float  # ratio of lateral to depth noise
+    first: bool = False  # the pose before is only a guess
+
+
+class Features(NamedTuple):
+    """Features of each joint (J,). Features of the whole body are the same for all joints."""
+
+    seen: Array  # visible share of the surface around it that faces the camera that sees it best
+    residual: Array  # normalised residual of the body
+    misfit: Array  # mean distance of the observed points around the joint from the surface, metres
+    spread: Array  # logarithm of the root mean square distance of the hypotheses, metres
+    speed: Array  # logarithm, metres per second
+    bend: Array  # sum of the squared angles from the root to the joint, rad^2
+    folding: Array  # of the body: mean change of the distances between joints since the pose at rest, metres
+    crowding: Array  # number of nearby joints minus that in the pose at rest
+    protrusion: Array  # metres in front of or behind the mean joint
+
+
+def log_odds(features: Features, settings: CertaintySettings) -> Array:
+    """Log odds that joints are wrong, for features of any shape."""
+    weights = msgspec.structs.asdict(settings.fit.weights)
+    odds = sum((weight * getattr(features, name) for name, weight in weights.items()), settings.fit.intercept)
+    return np.asarray(np.clip(odds, -settings.max_nats, settings.max_nats))
+
+
+def judge(features: Features, settings: CertaintySettings, in_view: Mask | None = None) -> Certainty:
+    """The certainty of joints (J,); those that are not `in_view` are outside of the image, or hidden."""
+    fit, odds = settings.fit, log_odds(features, settings)
+    hidden = fit.log_deviation_hidden * (1.0 - features.seen)
+    deviation = np.exp(fit.log_deviation + fit.log_deviation_odds * odds + hidden)
+    if in_view is not None:
+        odds = odds + np.where(in_view, 0.0, settings.out_of_view_nats)
+    return Certainty(features.seen, 1.0 / (1.0 + np.exp(-odds)), deviation)
+
+
+def unknown_certainty(joints: int) -> Certainty:
+    """The certainty in a frame without a known pose."""
+    return Certainty(*np.full((3, joints), np.nan))
+
+
+def measure_features(
+    model: BodyModel,
+    pose: Array,
+    joints: Array,
+    weights: Array,
+    context: FrameContext,
+    residual: float,
+    seen_by: Array,
+    settings: CertaintySettings,
+) -> Features:
+    """The features of a reported pose (D,) with this normalised residual, and with shares `seen_by` (C, J).
+
+    `joints` (1 + M, J, 3) are those of the pose and of the hypotheses, which have `weights` (M,).
+    """
+    (at_rest, upstream), past = rest_of(model), joint_positions(model, context.past[None])[0]
+    joints, hypotheses = joints[0], joints[1:]
+    squares = np.sum((hypotheses - joints) ** 2, axis=-1)
+    spread = np.sqrt(weights @ squares / weights.sum())
+    speed = np.linalg.norm(joints - past, axis=1) / context.interval
+    distances = between(joints)
+    ahead = context.subject.frame.to_camera(joints)[:, 2]
+    folding = np.sqrt(np.mean((distances - at_rest) ** 2, axis=1)).mean()
+    return Features(
+        seen=seen_by.max(axis=0),
+        residual=np.full(len(joints), residual),
+        misfit=misfits(model, pose, joints, context.subject, context.stretch, settings),
+        spread=np.log(spread + settings.spread_floor_m),
+        speed=np.log(speed + settings.speed_floor_m_s),
+        bend=upstream @ pose**2,
+        folding=np.full(len(joints), folding),
+        crowding=count_near(distances, settings.crowded_m) - count_near(at_rest, settings.crowded_m),
+        protrusion=np.abs(ahead - ahead.mean()),
+    )
+
+
+def between(joints: Array) -> Array:
+    """Distances (J, J) between joints (J, 3)."""
+    return np.asarray(np.linalg.norm(joints[:, None] - joints, axis=-1))
+
+
+def count_near(distances: Array, near_m: float) -> Array:
+    """Number of joints near each joint (J,), from their distances (J, J)."""
+    return np.asarray(np.exp(-0.5 * (distances / near_m) ** 2).sum(axis=1))
+
+
+@lru_cache(maxsize=16)
+def movable_joints(model: BodyModel) -> Mask:
+    """Which joints (J,) a degree of freedom moves; not those of a held base, nor the first on it."""
+    poses = np.stack([np.zeros(len(model.kinds)), np.linspace(0.3, 0.7, len(model.kinds))])
+    rest, pose = joint_positions(model, poses)
+    return np.asarray(np.linalg.norm(pose - rest, axis=1) > STILL_M)
+
+
+@lru_cache(maxsize=16)
+def rest_of(model: BodyModel) -> tuple[Array, Mask]:
+    """Of a body's joints at rest: distances (J, J), metres, and which angles (J, D) are above each joint."""
+    count = len(model.kinds)
+    turns = (model.kinds == ROTATION) & ~np.isin(model.dof_names, ROOT_DOFS)
+    upstream = np.zeros((count + 1, count), dtype=np.bool_)  # the last is for fixed joints
+    for dof, parent in enumerate(model.parents):
+        upstream[dof] = upstream[parent]
+        upstream[dof, dof] = turns[dof]
+    at_rest = joint_positions(model, np.zeros((1, count)))[0]
+    return between(at_rest), upstream[model.link_dofs[model.joint_links]]
+
+
+class Tolerance(NamedTuple):
+    """When measured depth agrees with a surface."""
+
+    agrees_m: float  # largest difference of depth, after multiplication by `stretch`
+    stretch: float
+    aside_m: float  # radius across the line of sight
+
+
+def seen_shares(
+    model: BodyModel, pose: Array, subject: SubjectFrame, stretch: float, settings: CertaintySettings
+) -> Array:
+    """Visible share (C, J) of the surface around each joint of pose (D,) that faces each camera.
+
+    A triangle is visible if the subject's depth was measured at its position. `stretch`, the ratio of lateral
+    to depth noise, scales differences of depth.
+    """
+    vertices, regions = pose_vertices(model, pose[None])[0], regions_of(model, settings.region_m)
+    tolerance = Tolerance(settings.agrees_m, stretch, settings.aside_m)
+    areas = np.zeros((len(subject.views), 2, regions.shape[1]))
+    for view, seen in zip(subject.views, areas, strict=True):
+        frame = view.frame
+        add_areas(
+            np.ascontiguousarray(frame.to_camera(vertices)),
+            model.triangles,
+            regions,
+            np.array(frame.depth, order="C"),  # a kernel is compiled for one memory layout
+            frame.depth_scale,
+            frame.intrinsics.pinhole,
+            tolerance,
+            seen,
+        )
+    return np.asarray(areas[:, 1] / np.maximum(areas[:, 0], np.finfo(float).tiny))
+
+
+def misfits(
+    model: BodyModel,
+    pose: Array,
+    joints: Array,
+    subject: SubjectFrame,
+    stretch: float,
+    settings: CertaintySettings,
+) -> Array:
+    """Mean distance (J,) in metres of the observed points around each joint (J, 3) of pose (D,).
+
+    From the nearest vertex, with lengths along the line of sight scaled by `stretch`. Points farther than a
+    wrong joint count alike; without points around it a joint has none.
+    """
+    vertices, scale = pose_vertices(model, pose[None])[0], np.array([1.0, 1.0, stretch])
+    weights, sums = np.ones(len(joints)), np.zeros(len(joints))
+    every = max(1, sum(len(view.picked) for view in subject.views) // POINTS)
+    for view in subject.views:
+        points = camera_points(view, every) * scale
+        nearest, _ = cKDTree(view.frame.to_camera(vertices) * scale).query(points)
+        aside = points[:, None] - view.frame.to_camera(joints) * scale
+        near = np.exp(-0.5 * np.sum(aside**2, axis=-1) / settings.region_m**2)
+        weights += near.sum(axis=0)
+        sums += np.minimum(nearest, settings.wrong_m) @ near
+    return np.asarray(sums / weights)
+
+
+@numba.njit(cache=True, nogil=True)
+def add_areas(
+    vertices: Array,
+    triangles: NDArray[np.integer],
+    regions: Array,
+    depth: NDArray[np.uint16],
+    scale: float,
+    lens: Pinhole,
+    tolerance: Tolerance,
+    areas: Array,
+) -> None:
+    """Add the area that faces the camera and its visible part to areas (2, J), with weights (T, J)."""
+    middle, normal = np.empty(3), np.empty(3)
+    for t in range(len(triangles)):
+        a, b, c = vertices[triangles[t, 0]], vertices[triangles[t, 1]], vertices[triangles[t, 2]]
+        for i in range(3):
+            j, k = (i + 1) % 3, (i + 2) % 3
+            middle[i] = (a[i] + b[i] + c[i]) / 3.0
+            normal[i] = (b[j] - a[j]) * (c[k] - a[k]) - (b[k] - a[k]) * (c[j] - a[j])
+        x, y, z = middle
+        if z <= 0.0:
+            continue
+        towards = -(normal[0] * x + normal[1] * y + normal[2] * z)
+        if towards <= 0.0:
+            continue
+        towards /= np.sqrt(x * x + y * y + z * z)
+        shown = 1.0 if is_shown(x, y, z, depth, scale, lens, tolerance) else 0.0
+        for joint in range(regions.shape[1]):
+            areas[0, joint] += regions[t, joint] * towards
+            areas[1, joint] += regions[t, joint] * towards * shown
+
+
+@numba.njit(cache=True, nogil=True)
+def is_shown(
+    x: float, y: float, z: float, depth: NDArray[np.uint16], scale: float, lens: Pinhole, tolerance: Tolerance
+) -> bool:
+    """Whether the subject's depth (H, W) was measured at a point or next to it."""
+    aside_m = tolerance.aside_m
+    fx, fy, cx, cy = lens
+    for aside in (-aside_m, 0.0, aside_m):
+        row = int(np.floor(cy + fy * (y + aside) / z + 0.5))
+        if row < 0 or row >= depth.shape[0]:
+            continue
+        for along in (-aside_m, 0.0, aside_m):
+            column = int(np.floor(cx + fx * (x + along) / z + 0.5))
+            if column < 0 or column >= depth.shape[1] or depth[row, column] == 0:
+                continue
+            if abs(depth[row, column] / scale - z) * tolerance.stretch <= tolerance.agrees_m:
+                return True
+    return False
+
+
+@lru_cache(maxsize=16)
+def regions_of(model: BodyModel, region_m: float) -> Array:
+    """The weight of each triangle for each joint (T, J): it is near the joint and on a link at the joint.
+
+    `region_m` is the standard deviation of the weight by distance, metres.
+    """
+    joints = joint_positions(model, np.zeros((1, len(model.kinds))))[0]
+    middles, links = model.vertices[model.triangles].mean(axis=1), model.skin_links[model.triangles[:, 0], 0]
+    carried = np.unique(links)
+    # the first link with triangles that each degree of freedom moves
+    first = {int(model.link_dofs[link]): int(link) for link in carried[::-1]}
+    dofs = model.link_dofs.tolist()
+    # the nearest degree of freedom above each link that moves one of them
+    ends = [d if d < 0 else nearest_in(model, first, int(model.parents[d])) for d in dofs]
+    above = np.array([-1 if d < 0 else first.get(end, -1) for d, end in zip(dofs, ends, strict=True)])
+    weights = np.zeros((len(links), len(joints)))
+    for j, link in enumerate(model.joint_links):
+        meet = (links == link) | (links == above[link]) | (above[links] == link)
+        near = np.flatnonzero(meet | ~meet.any())
+        squares = np.sum((middles[near] - joints[j]) ** 2, axis=1)
+        weights[near, j] = np.exp(-0.5 * (squares - squares.min()) / region_m**2)
+    return weights

@@ -1,1 +1,0 @@
-"""The certainty of each joint in a frame."""
