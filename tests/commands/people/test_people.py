@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-import msgpack
+import msgspec
 import numpy as np
 import pytest
 
@@ -159,7 +159,7 @@ def until_tracked(heard: Listener, results: list[str]) -> Iterator[dict[str, byt
     """
 
     def tracked(key: str) -> bool:
-        return any(msgpack.unpackb(message)["status"] == "tracked" for message in heard.on(key))
+        return any(msgspec.msgpack.decode(message)["status"] == "tracked" for message in heard.on(key))
 
     shown, _ = pair()
     last = FRAMES - 1

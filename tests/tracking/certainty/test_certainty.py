@@ -114,14 +114,14 @@ def test_points_that_the_body_does_not_explain_are_doubts_of_the_joints_beside_t
     """A skirt's width of points around the knees: their distance is told for the knees, not for the head."""
     subject = seen_as("standing")
     depth, row = subject.frame.depth.copy(), knee_row(subject)
-    shin = depth[row - 3 : row + 3]
+    shin = depth[row - 10 : row + 10]
     columns = np.flatnonzero(shin.any(axis=0))
-    reach = slice(max(0, columns[0] - 12), columns[-1] + 13)
+    reach = slice(max(0, columns[0] - 20), columns[-1] + 21)
     shin[:, reach] = np.where(shin[:, reach] > 0, shin[:, reach], np.median(shin[shin > 0]))
     wide = subject_of(replace(frame_of(0, depth / 1000.0), intrinsics=subject.frame.intrinsics), 4_000)
     plain, skirt = features_of(STANDING, subject), features_of(STANDING, wide)
     knees = np.isin(BODY.joint_names, ("right_knee", "left_knee"))
-    assert (skirt.misfit[knees] > plain.misfit[knees] + 0.01).all()
+    assert (skirt.misfit[knees] > 1.5 * plain.misfit[knees]).all()
     head = BODY.joint_names.index("head")
     assert skirt.misfit[head] == pytest.approx(plain.misfit[head], abs=0.002)
     assert (plain.misfit < 0.02).all()
