@@ -276,7 +276,7 @@ def test_a_person_who_moves_during_a_live_search_is_tracked_soon_after(rates: di
         submitted = target.submit(BodyView(frame, subject_of(frame, 2000), Planes()), Stopwatch(), budget)
         target.search.finish()
         if isinstance(submitted, Submitted):
-            estimates.append(report(target.update(submitted, {}), {}).estimate)
+            estimates.append(report(target.update(submitted, {}), {}, SETTINGS).estimate)
     off = [apart(each, joints[-1]).max() for each in estimates]
     assert off[-1] < 0.05
     later = zip(off[1:], estimates[1:], strict=True)
