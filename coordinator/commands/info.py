@@ -101,8 +101,9 @@ def find_people(source: Source) -> tuple[SceneView, list[Candidate]]:
     """
     from gepf.coordinator.scene.candidates import candidates
     from gepf.coordinator.scene.scene import Scene
+    from gepf.coordinator.settings import SceneSettings
 
-    scene = Scene(up=None if source.gravity is None else -source.gravity)
+    scene = Scene(SceneSettings(), up=None if source.gravity is None else -source.gravity)
     for number in source.numbers[:60]:
         view = scene.see(source.frame(number))
         found = candidates(view)
@@ -115,8 +116,6 @@ def find_people(source: Source) -> tuple[SceneView, list[Candidate]]:
 
 def describe_scene(view: SceneView, found: list[Candidate]) -> dict[str, object]:
     """Facts by name: floor, walls and candidates."""
-    from gepf.coordinator.scene.noise import sigma
-
     planes = view.planes
     walls = planes.coefficients[1 if planes.has_floor else 0 :]
     down = -planes.up
@@ -131,7 +130,7 @@ def describe_scene(view: SceneView, found: list[Candidate]) -> dict[str, object]
         },
         "walls_m": [round(float(1.0 / np.linalg.norm(wall)), 2) for wall in walls],
         "room": view.furnished,
-        "noise_mm": round(1000.0 * float(sigma(np.array(2.0), view.growth)), 1),
+        "noise_mm": round(1000.0 * float(view.noise.sigma(np.array(2.0))), 1),
         "people": [
             {
                 "may_be": "a person" if n == 0 and each.score > PROMISING else "a person or furniture",
