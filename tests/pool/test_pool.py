@@ -246,7 +246,7 @@ def test_work_goes_on_after_nobody_came(endpoint: str) -> None:
             refined_bytes(refiner, 1)
         refiner.submit(frame(1), MODEL, PARTICLES).cancel()
         with serving(endpoint, "w"):
-            time.sleep(0.2)  # for its coming to be waiting to be handled
+            wait_until(lambda: not refiner._client._inbox.empty())  # its coming waits to be handled
             assert refined_bytes(refiner, 2, POSES[:7]) == expected(2, POSES[:7])
         assert refiner.statistics.counts["batches_sent"] == 1
 

@@ -201,9 +201,11 @@ def test_workers_of_another_kind_are_not_used(endpoint: str) -> None:
     said = list[str]()
     options = Pool(0, listen=endpoint, worker_timeout=1.0)
     with ZenohRefiner(options, said.append) as refiner, serving(endpoint, "gpu", kernel_of("cuda", "h100")):
+        wait_until(lambda: not refiner._client._inbox.empty())  # its coming waits to be handled
         with pytest.raises(NoWorkers, match=r"gepf-worker --kind cpu --connect .*, or give --kind cuda"):
             refined_bytes(refiner, 1)
         with serving(endpoint, "w"):
+            wait_until(lambda: not refiner._client._inbox.empty())
             assert refined_bytes(refiner, 1) == expected(1)
         assert refiner.statistics.workers_seen == ("w",)
     assert not any("gpu joined" in line for line in said)

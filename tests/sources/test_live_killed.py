@@ -3,56 +3,57 @@
 from __future__ import annotations
 
 import json
+from itertools import count
 from pathlib import Path
 
 import pytest
 
+from gepf.common.protocol.frames import encode_live
 from gepf.coordinator.cli import main
 from gepf.coordinator.results.track import read_track
 from tests.support.live import (
     KEY,
     at_work,
+    plate_image,
+    publishing,
     recorded_frames,
     recording,  # noqa: F401 a fixture
     summary_of,
     tracking,
+    until_recorded,
 )
 from tests.support.processes.programs import GEPF, started, wait_until
 
 
 def test_a_killed_live_run_is_exported_and_reported(
-    endpoint: str,
-    recording: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    caplog: pytest.LogCaptureFixture,
+    endpoint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
 ) -> None:
-    """`gepf publish` into `gepf track zenoh:`, which is killed by SIGKILL: all frames that it had recorded.
+    """`gepf track zenoh:`, which is killed by SIGKILL while frames come: all frames that it had recorded.
 
     A second run in its folder is refused first. The first command that reads it finishes it and says so.
     """
     run, log = tmp_path / "run", tmp_path / "run" / "live.mcap"
     track = tracking(f"zenoh:{KEY}", run, "--no-pictures", listen=endpoint)
     with at_work(endpoint), started(*track, command=GEPF) as tracker:
-        play = ["publish", str(recording), "--key", KEY, "--connect", endpoint, "--rate", "5"]
-        with started(*play, command=GEPF):
+        frames = ({KEY: encode_live(plate_image(number))} for number in count())
+        with publishing(endpoint, [KEY], frames, until_recorded(run)):
             wait_until(lambda: log.exists() and recorded_frames(run) > 4, 120.0)
             tracker.kill()
             tracker.wait(60.0)
-    count = recorded_frames(run)
+    kept = recorded_frames(run)
     assert main(track) == 2
     assert f"{run} holds a live run that was killed; gepf report {run} finishes it" in capsys.readouterr().err
     csv = tmp_path / "run.csv"
     assert main(["export", str(run), "--to", "csv", "--out", str(csv)]) == 0
-    assert caplog.messages == [f"the live run in {run} was killed; its {count} frames are now finished"]
+    assert caplog.messages == [f"the live run in {run} was killed; its {kept} frames are now finished"]
     assert main(["report", str(run)]) == 0
     assert main(["info", str(run), "--json"]) == 0
     assert len(caplog.messages) == 1
-    assert json.loads(capsys.readouterr().out)["frames"] == count
-    assert len(csv.read_text().splitlines()) == count + 1
-    assert len(read_track(run).frame) == count
+    assert json.loads(capsys.readouterr().out)["frames"] == kept
+    assert len(csv.read_text().splitlines()) == kept + 1
+    assert len(read_track(run).frame) == kept
     summary = summary_of(run)
-    assert (summary["complete"], summary["frames"], summary["pool"]["listen"]) == (False, count, endpoint)
+    assert (summary["complete"], summary["frames"], summary["pool"]["listen"]) == (False, kept, endpoint)
     assert (run / "report.html").exists()
     assert not log.exists()
 
