@@ -23,7 +23,6 @@ from gepf.common.protocol.messages import decode_refusal, encode_refusal, encode
 from gepf.common.protocol.wire import PROTOCOL
 from gepf.common.refinement import Particles
 from gepf.common.settings import RefineSettings
-from gepf.common.transport.bus import Bus
 from gepf.common.transport.channels import IncomingRequest
 from gepf.common.transport.opening import open_coordinator, open_worker
 from gepf.coordinator.pool.options import Pool
@@ -37,6 +36,7 @@ from tests.support.processes.serving import (
     POSES,
     REQUEST,
     SETTINGS,
+    WatchedBus,
     expected,
     frame,
     pool,
@@ -66,24 +66,6 @@ def test_frame_may_be_refined_more_than_once(endpoint: str) -> None:
         two = refiner.submit(subject, other, PARTICLES).result()
         assert as_bytes(one.result()) == expected(3, POSES[:1])
     assert as_bytes(two) == as_bytes(refine(other, observe(frame(3)), PARTICLES))
-
-
-class WatchedBus:
-    """A bus on which fetching fails as often as `in_vain` yields, and which records the fetched keys."""
-
-    def __init__(self, bus: Bus, in_vain: Iterator[int], fetched: SimpleQueue[str]) -> None:
-        self._bus = bus
-        self._in_vain = in_vain
-        self._fetched = fetched
-
-    def fetch(self, key: str) -> bytes | None:
-        """What is stored under a key, or nothing."""
-        self._fetched.put(key)
-        return self._bus.fetch(key) if next(self._in_vain, None) is None else None
-
-    def __getattr__(self, name: str) -> Any:
-        """All else is the bus's own."""
-        return getattr(self._bus, name)
 
 
 def test_frames_of_one_number_are_not_mixed_up(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -22,7 +22,6 @@ from gepf.common.transport.opening import open_router, open_worker
 from gepf.coordinator.pool.options import Pool
 from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
 from gepf.worker.service import Service
-from tests.pool.test_pool import WatchedBus
 from tests.support.answers import as_bytes
 from tests.support.processes.instant_worker import observe, refine
 from tests.support.processes.programs import wait_until
@@ -31,6 +30,7 @@ from tests.support.processes.serving import (
     PARTICLES,
     POSES,
     SETTINGS,
+    WatchedBus,
     expected,
     frame,
     pool,

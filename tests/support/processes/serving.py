@@ -6,6 +6,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from queue import SimpleQueue
 from typing import Any
 
 import numpy as np
@@ -63,6 +64,24 @@ def running(service: Service, seconds: float = 60.0) -> Iterator[Service]:
         service.stop()
         thread.join(seconds)
         assert not thread.is_alive()
+
+
+class WatchedBus:
+    """A bus on which fetching fails as often as `in_vain` yields, and which records the fetched keys."""
+
+    def __init__(self, bus: Bus, in_vain: Iterator[int], fetched: SimpleQueue[str]) -> None:
+        self._bus = bus
+        self._in_vain = in_vain
+        self._fetched = fetched
+
+    def fetch(self, key: str) -> bytes | None:
+        """What is stored under a key, or nothing."""
+        self._fetched.put(key)
+        return self._bus.fetch(key) if next(self._in_vain, None) is None else None
+
+    def __getattr__(self, name: str) -> Any:
+        """All else is the bus's own."""
+        return getattr(self._bus, name)
 
 
 def pool(endpoint: str, **options: Any) -> ZenohRefiner:
