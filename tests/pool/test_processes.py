@@ -26,10 +26,10 @@ from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
 from gepf.coordinator.tracking.preparation import unmoved
 from gepf.worker.cli import exit_with, serve
 from gepf.worker.connection import Identity
+from tests.support.processes import warm_processes as warm
 from tests.support.processes.instant_worker import DISTURBANCES, disturb
 from tests.support.processes.programs import INSTANT, is_alive, started, wait_until
 from tests.support.processes.serving import MODEL, PARTICLES, expected, frame, pool, refined_bytes
-from tests.support.processes.warm_processes import end, start
 
 
 def local(lanes: int, report: Callable[[str], None] = lambda _: None, **options: Any) -> ZenohRefiner:
@@ -50,7 +50,7 @@ def test_killed_worker_is_replaced(lanes: int, outside: int, endpoint: str, tmp_
     with local(lanes, said.append, listen=endpoint, worker_command=command) as refiner, ExitStack() as stack:
         if outside:
             asked = ("--connect", endpoint, "--lanes", str(outside))
-            stack.enter_context(started(*asked, command=INSTANT))
+            stack.enter_context(warm.started(warm.work_instantly, *asked, log=tmp_path.with_suffix(".log")))
         refiner.wait_for(lanes + outside)
         assert refined_bytes(refiner, 0) == expected(0)
         name, pid = f"{keys.last_of(refiner.run)}-0", refiner.local_pid
@@ -74,7 +74,7 @@ def test_a_frozen_worker_is_worked_around(endpoint: str, tmp_path: Path) -> None
     said, command = list[str](), disturbed(tmp_path)
     with (
         local(1, said.append, listen=endpoint, worker_command=command) as refiner,
-        started("--connect", endpoint, command=INSTANT),
+        warm.started(warm.work_instantly, "--connect", endpoint, log=tmp_path.with_suffix(".log")),
     ):
         refiner.wait_for(2)
         assert refined_bytes(refiner, 0) == expected(0)
@@ -168,9 +168,12 @@ def test_outside_worker_serves_until_a_signal(endpoint: str) -> None:
         assert sum(line.startswith(serves) for line in lines) == 1
 
 
-def test_idle_worker_is_idle(endpoint: str) -> None:
+def test_idle_worker_is_idle(endpoint: str, tmp_path: Path) -> None:
     """A worker without requests uses almost no processor time."""
-    with pool(endpoint) as refiner, started("--connect", endpoint, command=INSTANT) as process:
+    with (
+        pool(endpoint) as refiner,
+        warm.started(warm.work_instantly, "--connect", endpoint, log=tmp_path / "log") as process,
+    ):
         refiner.wait_for(1)
         wait_until(
             lambda: psutil.Process(process.pid).cpu_percent(1.0) < 10.0
@@ -197,12 +200,12 @@ def test_a_worker_whose_signal_is_swallowed_ends_after_the_request(
     """A library that hides exceptions does not keep it alive; the request is answered."""
     endpoint, asked = f"unixsock-stream/{tmp_path / 'bus'}", tmp_path / "asked"
     with pool(endpoint) as refiner:
-        worker = start(serve_without_hearing, endpoint, asked, log=tmp_path / "log")
+        worker = warm.start(serve_without_hearing, endpoint, asked, log=tmp_path / "log")
         try:
             refiner.wait_for(1)
             pending = refiner.submit(frame(1), MODEL, PARTICLES)
             wait_until(asked.exists, 60.0)
-            assert end(worker, number) == 0
+            assert warm.end(worker, number) == 0
             assert np.array_equal(pending.result().poses, PARTICLES.poses)
         finally:
             worker.kill()

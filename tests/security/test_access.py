@@ -19,6 +19,7 @@ from gepf.coordinator.pool.options import Pool
 from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
 from gepf.coordinator.security.certificates import make_certificates
 from gepf.worker.connection import Identity, check_admission
+from tests.support.processes import warm_processes as warm
 from tests.support.processes.certificates import (
     STRANGER,
     WORKERS,
@@ -191,16 +192,19 @@ def test_a_coordinator_that_a_router_does_not_list_reads_what_to_do(place: str, 
         room(STRANGER, place, ours)
 
 
-def test_worker_process_with_a_certificate(place: str, ours: Folder) -> None:
+def test_worker_process_with_a_certificate(place: str, ours: Folder, tmp_path: Path) -> None:
     """A real process has the name of its certificate, serves, and continues after its coordinator ends."""
-    with started("--connect", place, *ours.options("w1"), command=INSTANT) as process:
+    with warm.started(
+        warm.work_instantly, "--connect", place, *ours.options("w1"), log=tmp_path / "log"
+    ) as process:
         for number in range(2):
             with listening(place, ours) as refiner:
                 refiner.wait_for(1)
                 assert refined_bytes(refiner, number) == expected(number)
                 assert refiner.statistics.workers_seen == ("w1",)
         process.terminate()
-        assert process.wait(60.0) in (0, -15)
+        process.join()
+        assert process.exitcode in (0, -15)
 
 
 def test_router_file_is_what_a_router_takes(tmp_path: Path, ours: Folder) -> None:

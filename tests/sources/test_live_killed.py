@@ -22,7 +22,8 @@ from tests.support.live import (
     tracking,
     until_recorded,
 )
-from tests.support.processes.programs import GEPF, started, wait_until
+from tests.support.processes.programs import wait_until
+from tests.support.processes.warm_processes import gepf, started
 
 
 def test_a_killed_live_run_is_exported_and_reported(
@@ -34,12 +35,12 @@ def test_a_killed_live_run_is_exported_and_reported(
     """
     run, log = tmp_path / "run", tmp_path / "run" / "live.mcap"
     track = tracking(f"zenoh:{KEY}", run, "--no-pictures", listen=endpoint)
-    with at_work(endpoint), started(*track, command=GEPF) as tracker:
+    with at_work(endpoint), started(gepf, *track, log=tmp_path / "log") as tracker:
         frames = ({KEY: encode_live(plate_image(number))} for number in count())
         with publishing(endpoint, [KEY], frames, until_recorded(run)):
             wait_until(lambda: log.exists() and recorded_frames(run) > 4, 120.0)
             tracker.kill()
-            tracker.wait(60.0)
+            tracker.join()
     kept = recorded_frames(run)
     assert main(track) == 2
     assert f"{run} holds a live run that was killed; gepf report {run} finishes it" in capsys.readouterr().err
@@ -64,13 +65,16 @@ def test_a_live_run_needs_no_folder(endpoint: str, recording: Path, tmp_path: Pa
     folder.mkdir()
     track = tracking(f"zenoh:{KEY}", folder / "run", "--no-pictures", listen=endpoint)
     at = track.index("--out")
-    with at_work(endpoint), started(*track[:at], *track[at + 2 :], command=GEPF) as tracker:
-        play = ["publish", str(recording), "--key", KEY, "--connect", endpoint, "--frames", "0:6"]
-        with started(*play, command=GEPF) as publisher:
-            assert publisher.wait(120.0) == 0
-        assert tracker.wait(120.0) == 0
-        assert tracker.stderr is not None
-        said = tracker.stderr.read()
+    play = ["publish", str(recording), "--key", KEY, "--connect", endpoint, "--frames", "0:6"]
+    with (
+        at_work(endpoint),
+        started(gepf, *track[:at], *track[at + 2 :], log=tmp_path / "log") as tracker,
+        started(gepf, *play, log=tmp_path / "publisher") as publisher,
+    ):
+        for process in (publisher, tracker):
+            process.join()
+            assert process.exitcode == 0
+    said = (tmp_path / "log").read_text()
     stored = f"results are published on {KEY}/results, not stored (--out DIR stores them)"
     assert f"listening on {KEY}; {stored}\n" in said
     assert " frames were tracked, and not stored: " in said

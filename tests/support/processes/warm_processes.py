@@ -6,8 +6,8 @@ import multiprocessing
 import os
 import signal
 import sys
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from types import MappingProxyType
@@ -29,6 +29,17 @@ def start(do: Callable[..., None], *arguments: object, log: Path) -> BaseProcess
     process = CONTEXT.Process(target=run, args=(do, arguments, log))
     process.start()
     return process
+
+
+@contextmanager
+def started(do: Callable[..., None], *arguments: object, log: Path) -> Iterator[BaseProcess]:
+    """The same; it is killed if it is left running."""
+    process = start(do, *arguments, log=log)
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.join()
 
 
 def run(do: Callable[..., None], arguments: tuple[object, ...], log: Path) -> None:
