@@ -153,7 +153,7 @@ def test_turns_are_taken_within_a_large_request(endpoint: str) -> None:
         served.put(len(particles.poses))
         if len(particles.poses) == 4 and not began.is_set():
             began.set()
-            assert resume.wait(60.0)
+            assert resume.wait(300.0)
         return refine(model, seen, particles)
 
     with ExitStack() as stack:
@@ -165,13 +165,13 @@ def test_turns_are_taken_within_a_large_request(endpoint: str) -> None:
         assert refined_bytes(one, 1, POSES[:1]) == expected(1, POSES[:1])
         assert refined_bytes(two, 1, POSES[:2]) == expected(1, POSES[:2])
         large = one.submit(frame(2), MODEL, PARTICLES)
-        assert began.wait(60.0)
+        assert began.wait(300.0)
         small = two.submit(frame(2), MODEL, Particles(POSES[:3], SETTINGS))
         wait_until(lambda: service._turns.count(two.run) > 0)
         resume.set()
         assert as_bytes(small.result()) == expected(2, POSES[:3])
         assert as_bytes(large.result()) == expected(2)
-        sizes = [served.get(timeout=60.0) for _ in range(8)]
+        sizes = [served.get(timeout=300.0) for _ in range(8)]
     assert sizes == [1, 2, 4, 3, 4, 4, 4, 4]
 
 
@@ -181,7 +181,7 @@ def test_a_search_is_served_beside_anothers_tracking_that_never_pauses(endpoint:
 
     def refine_urgent(model: Any, seen: Any, particles: Particles) -> Refined:
         if particles.spare:
-            assert never.wait(60.0)
+            assert never.wait(300.0)
         return refine(model, seen, particles)
 
     with ExitStack() as stack:
@@ -256,7 +256,7 @@ def test_more_than_sixteen_runs_at_a_worker_do_not_thrash(
     endpoint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Each fetches its first frame and body; the others come, and only to a worker that has had requests."""
-    monkeypatch.setattr("gepf.worker.memory.FRAME_DELAY_S", 60.0)
+    monkeypatch.setattr("gepf.worker.memory.FRAME_DELAY_S", 300.0)
     fetched, idle = SimpleQueue[str](), SimpleQueue[str]()
     with ExitStack() as stack:
         stack.enter_context(open_router([endpoint]))

@@ -46,7 +46,7 @@ def test_encrypted_live_input_arrives(way: str, place: str, ours: Folder, tmp_pa
 @pytest.mark.parametrize("way", ["listen", pytest.param("router", marks=pytest.mark.slow)])
 def test_a_tracker_has_workers_with_certificates(way: str, place: str, ours: Folder) -> None:
     """Workers that come to a pool that listens, and workers behind a router."""
-    workers: gepf.Pool | str = gepf.Pool(0, listen=place, worker_timeout=60.0) if way == "listen" else place
+    workers: gepf.Pool | str = gepf.Pool(0, listen=place, worker_timeout=300.0) if way == "listen" else place
     with ExitStack() as stack:
         if way == "router":
             stack.enter_context(open_router([place], (), ours.routing))

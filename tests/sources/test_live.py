@@ -137,7 +137,7 @@ def test_publisher_and_tracker_start_in_either_order(
         assert one.is_alive()
         other = start(gepf, *commands[second], log=tmp_path / "log")
         for process in (one, other):
-            process.join(90.0)
+            process.join(300.0)
             assert process.exitcode == 0, (tmp_path / "log").read_text()
     track, summary = read_track(tmp_path / "run"), summary_of(tmp_path / "run")
     assert track.frame[-1] == 5
@@ -155,9 +155,9 @@ def test_a_run_whose_stream_breaks_off_is_complete(
         play = ["publish", str(recording), "--key", KEY, "--connect", endpoint, "--rate", "2"]
         with started(*play, command=GEPF) as publisher:
             log = tmp_path / "run" / "live.mcap"
-            wait_until(lambda: log.exists() and recorded_frames(tmp_path / "run") > 2, 60.0)
+            wait_until(lambda: log.exists() and recorded_frames(tmp_path / "run") > 2, 300.0)
             publisher.kill() if publisher_dies else tracker.send_signal(signal.SIGINT)
-            assert tracker.wait(60.0) == 0
+            assert tracker.wait(300.0) == 0
         assert tracker.stderr is not None
         assert (f"no frame came on {KEY} for 2 s; ending\n" in tracker.stderr.read()) == publisher_dies
     summary = summary_of(tmp_path / "run")
@@ -191,10 +191,10 @@ def test_a_recording_with_gaps_is_published_in_real_time(endpoint: str, recordin
 def arrivals(endpoint: str, recording: Path, *options: str) -> list[float]:
     """When the three frames of a recording that is published, and its end, come; seconds."""
     with listening(endpoint, KEY, opened=open_coordinator) as listener:
-        listener.ready.wait(60.0)
+        listener.ready.wait(300.0)
         play = ["publish", str(recording), "--key", KEY, "--connect", endpoint, *options]
         with started(*play, command=GEPF) as publisher:
-            assert publisher.wait(60.0) == 0
+            assert publisher.wait(300.0) == 0
     assert len(listener.heard) == 4
     return [when for _, when, _ in listener.heard]
 
@@ -207,7 +207,7 @@ def test_an_interrupt_before_the_first_frame_leaves_nothing(endpoint: str, tmp_p
         assert tracker.stderr is not None
         assert any(line.startswith("listening on") for line in tracker.stderr)
         tracker.send_signal(signal.SIGINT)
-        assert tracker.wait(60.0) == 130
+        assert tracker.wait(300.0) == 130
     assert not (tmp_path / "run").exists()
 
 

@@ -38,7 +38,7 @@ def test_a_killed_live_run_is_exported_and_reported(
     with at_work(endpoint), started(gepf, *track, log=tmp_path / "log") as tracker:
         frames = ({KEY: encode_live(plate_image(number))} for number in count())
         with publishing(endpoint, [KEY], frames, until_recorded(run)):
-            wait_until(lambda: log.exists() and recorded_frames(run) > 4, 120.0)
+            wait_until(lambda: log.exists() and recorded_frames(run) > 4, 300.0)
             tracker.kill()
             tracker.join()
     kept = recorded_frames(run)

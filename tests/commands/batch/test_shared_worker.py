@@ -32,7 +32,7 @@ def jobs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Job]:
     for name in NAMES:
         write_small_sequence(tmp_path / name, FRAMES)
     settings = settings_for("gepf", "paper", 6, 200, 0)
-    pool = Pool(1, worker_command=INSTANT, worker_timeout=60.0)
+    pool = Pool(1, worker_command=INSTANT, worker_timeout=300.0)
     job = Job(tmp_path, tmp_path, settings, pool, pictures=False)
     return [
         replace(

@@ -54,7 +54,7 @@ def serving(
 
 
 @contextmanager
-def running(service: Service, seconds: float = 60.0) -> Iterator[Service]:
+def running(service: Service, seconds: float = 300.0) -> Iterator[Service]:
     """A service in a thread, which must end within the time when it is stopped."""
     thread = threading.Thread(target=service.run)
     thread.start()
@@ -86,7 +86,7 @@ class WatchedBus:
 
 def pool(endpoint: str, **options: Any) -> ZenohRefiner:
     """A coordinator without workers of its own."""
-    return ZenohRefiner(Pool(workers=0, listen=endpoint, worker_timeout=60.0, **options))
+    return ZenohRefiner(Pool(workers=0, listen=endpoint, worker_timeout=300.0, **options))
 
 
 def refined_bytes(refiner: ZenohRefiner, number: int, poses: Array = POSES) -> list[bytes]:

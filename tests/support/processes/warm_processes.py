@@ -48,7 +48,7 @@ def run(do: Callable[..., None], arguments: tuple[object, ...], log: Path) -> No
     do(*arguments)
 
 
-def end(process: BaseProcess, number: signal.Signals = signal.SIGINT, seconds: float = 60.0) -> int | None:
+def end(process: BaseProcess, number: signal.Signals = signal.SIGINT, seconds: float = 300.0) -> int | None:
     """The exit code of a process after a signal; None if it goes on."""
     assert process.pid is not None
     os.kill(process.pid, number)
