@@ -21,6 +21,7 @@ from benchmarks.tracking import near_percent
 from gepf.common.arrays import Array
 from gepf.coordinator.files import TRUTH_FILE
 from gepf.coordinator.synthesis.sequence import PERSON, synthesise
+from gepf.coordinator.tracking.certainty.certainty import OFF
 
 ROWS = (
     Row("gepf, 20 particles"),
@@ -28,7 +29,6 @@ ROWS = (
     Row("one particle (--method gradient)", ("method=gradient",)),
     Row("one particle, preset paper", ("preset=paper", "method=gradient")),
 )
-FAR_M = 0.15
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -63,7 +63,7 @@ def render(folder: Path, seed: int) -> Recording:
 def describe(errors: Sequence[Array]) -> str:
     """Mean error, share within 10 cm and its worst sequence, share of frames with a joint off by 15 cm."""
     near = [near_percent(one) for one in errors]
-    off = [100.0 * np.mean(np.max(one, axis=1) > FAR_M) for one in errors]
+    off = [100.0 * np.mean(np.max(one, axis=1) > OFF) for one in errors]
     centimetres = 100.0 * np.mean([np.nanmean(one) for one in errors])
     return f"{centimetres:8.1f}{np.mean(near):8.1f}{min(near):8.1f}{np.mean(off):14.1f}"
 

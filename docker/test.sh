@@ -53,7 +53,7 @@ done
 
 say "no kernel is compiled anew"
 run_image gepf-worker sh -c \
-    'python -c "from gepf.worker.cli import load_kernel; load_kernel()" && diff -r /opt/gepf/kernels /tmp/kernels'
+    'python -c "from gepf.worker.cli import load_kernel; load_kernel(None)" && diff -r /opt/gepf/kernels /tmp/kernels'
 
 say "the same run inside one container"
 run_image gepf-coordinator "${track[@]}" --out /data/together --workers 2

@@ -30,7 +30,7 @@ ARG KERNEL_CPU=x86-64-v3
 ENV NUMBA_CPU_NAME=${KERNEL_CPU} \
     NUMBA_CPU_FEATURES="" \
     NUMBA_CACHE_DIR=/opt/gepf/kernels
-RUN /opt/gepf/bin/python -I -c "from gepf.worker.cli import load_kernel; load_kernel()"
+RUN /opt/gepf/bin/python -I -c "from gepf.worker.cli import load_kernel; load_kernel(None)"
 
 # Only the files are copied, so files that the steps above removed are in no layer of the image.
 FROM scratch

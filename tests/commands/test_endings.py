@@ -65,7 +65,7 @@ def test_without_workers_it_says_so_and_waits(place: Place, out: Path, tmp_path:
         time.sleep(0.5)
         assert recorded(out) == kept < FRAMES
         workers.start("a")
-        run.join(60.0)
+        run.join(300.0)
     assert run.exitcode == 0
 
 

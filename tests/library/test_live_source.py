@@ -6,7 +6,6 @@ import re
 import subprocess
 import sys
 import threading
-import time
 from pathlib import Path
 
 import msgspec
@@ -73,12 +72,10 @@ def test_an_iteration_that_is_left_can_be_gone_on_with(endpoint: str) -> None:
 
 def test_silence_and_close_end_the_iteration(endpoint: str) -> None:
     """Without a publisher: after the timeout, or by `close` from another thread."""
-    began = time.monotonic()
     assert list(gepf.live(KEY, listen=endpoint, idle_timeout=0.2)) == []
     with gepf.live(KEY, listen=endpoint) as live:
         threading.Timer(0.2, live.close).start()
         assert list(live) == []
-    assert time.monotonic() - began < 60.0
 
 
 def test_the_example_runs(endpoint: str, tmp_path: Path) -> None:
@@ -89,8 +86,8 @@ def test_the_example_runs(endpoint: str, tmp_path: Path) -> None:
     play = ("publish", str(tmp_path / "seq"), "--key", KEY, "--connect", endpoint, "--rate", "30")
     with subprocess.Popen(tracking, cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
         publisher = start(gepf_command, *play, log=tmp_path / "publisher.log")
-        lines = process.communicate(timeout=120.0)[0].splitlines()
-        publisher.join(60.0)
+        lines = process.communicate(timeout=300.0)[0].splitlines()
+        publisher.join(300.0)
     assert publisher.exitcode == 0
     assert re.match(r"frame \d tracked: ", lines[0])  # the newest that came; on a busy machine not frame 0
     assert lines[-2].startswith("frame 5 ")

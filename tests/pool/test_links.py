@@ -3,27 +3,15 @@
 from __future__ import annotations
 
 import subprocess
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
-from multiprocessing.process import BaseProcess
+from contextlib import ExitStack
 from pathlib import Path
 
 from tests.support.processes.certificates import free_port
 from tests.support.processes.programs import WORKER, wait_until
-from tests.support.processes.warm_processes import end, gepf, start, work
+from tests.support.processes.warm_processes import end, gepf, started, work
 from tests.support.small_sequence import OPTIONS, write_small_sequence
 
 LONG = 300.0  # seconds: the machine may be busy, and kernels may have to be compiled
-
-
-@contextmanager
-def started(process: BaseProcess) -> Iterator[BaseProcess]:
-    """A process that is killed if it is left running."""
-    try:
-        yield process
-    finally:
-        process.kill()
-        process.join()
 
 
 def test_a_worker_speaks_while_nobody_answers_and_gives_up() -> None:
@@ -59,14 +47,14 @@ def test_a_router_that_went_is_named_by_run_and_worker(tmp_path: Path) -> None:
         return logs[name].exists() and line in logs[name].read_text()
 
     with ExitStack() as stack:
-        first = stack.enter_context(started(start(gepf, *router, log=logs["router"])))
-        run = stack.enter_context(started(start(gepf, *track, *alone, log=logs["run"])))
+        first = stack.enter_context(started(gepf, *router, log=logs["router"]))
+        run = stack.enter_context(started(gepf, *track, *alone, log=logs["run"]))
         wait_until(lambda: says("run", "no worker is connected"), LONG)
         first.kill()
         wait_until(lambda: says("run", f"{endpoint} is gone; trying to reach it again"), LONG)
-        worker = stack.enter_context(started(start(work, (endpoint,), "w", log=logs["worker"])))
+        worker = stack.enter_context(started(work, (endpoint,), "w", log=logs["worker"]))
         wait_until(lambda: says("worker", f"no answer at {endpoint} yet"), LONG)
-        second = stack.enter_context(started(start(gepf, *router, log=logs["router"])))
+        second = stack.enter_context(started(gepf, *router, log=logs["router"]))
         wait_until(lambda: says("run", f"{endpoint} is back"), LONG)
         wait_until(lambda: says("run", "joined"), LONG)
         second.kill()

@@ -151,15 +151,15 @@ def test_one_worker_serves_two_runs_and_forgets_who_is_gone(endpoint: str, throu
     released.set()
 
     def hold(*given: Any, **options: Any) -> Refined:
-        assert released.wait(60.0)
+        assert released.wait(300.0)
         return refine(*given, **options)
 
     own = [endpoint, f"{endpoint}-2"]
     connect = [endpoint] if through == "a router" else own
     options = [
-        Pool(workers=0, connect=endpoint, worker_timeout=60.0)
+        Pool(workers=0, connect=endpoint, worker_timeout=300.0)
         if through == "a router"
-        else Pool(workers=0, listen=each, worker_timeout=60.0)
+        else Pool(workers=0, listen=each, worker_timeout=300.0)
         for each in own
     ]
     with ExitStack() as stack:
@@ -176,7 +176,7 @@ def test_one_worker_serves_two_runs_and_forgets_who_is_gone(endpoint: str, throu
         assert len(service._memory) == 2
         released.clear()
         held = two.submit(frame(98), MODEL, PARTICLES)
-        sender = one._bus.request_sender(keys.of_worker("w", "refine/coordinator"), 60.0)
+        sender = one._bus.request_sender(keys.of_worker("w", "refine/coordinator"), 300.0)
         for _ in range(100):
             spare = replace(REQUEST, run=one.run, particles=replace(REQUEST.particles, spare=True))
             sender.send(encode_request(spare), lambda *_: None)

@@ -23,7 +23,6 @@ from gepf.common.protocol.messages import decode_refusal, encode_refusal, encode
 from gepf.common.protocol.wire import PROTOCOL
 from gepf.common.refinement import Particles
 from gepf.common.settings import RefineSettings
-from gepf.common.transport.bus import Bus
 from gepf.common.transport.channels import IncomingRequest
 from gepf.common.transport.opening import open_coordinator, open_worker
 from gepf.coordinator.pool.options import Pool
@@ -37,6 +36,7 @@ from tests.support.processes.serving import (
     POSES,
     REQUEST,
     SETTINGS,
+    WatchedBus,
     expected,
     frame,
     pool,
@@ -68,30 +68,12 @@ def test_frame_may_be_refined_more_than_once(endpoint: str) -> None:
     assert as_bytes(two) == as_bytes(refine(other, observe(frame(3)), PARTICLES))
 
 
-class WatchedBus:
-    """A bus on which fetching fails as often as `in_vain` yields, and which records the fetched keys."""
-
-    def __init__(self, bus: Bus, in_vain: Iterator[int], fetched: SimpleQueue[str]) -> None:
-        self._bus = bus
-        self._in_vain = in_vain
-        self._fetched = fetched
-
-    def fetch(self, key: str) -> bytes | None:
-        """What is stored under a key, or nothing."""
-        self._fetched.put(key)
-        return self._bus.fetch(key) if next(self._in_vain, None) is None else None
-
-    def __getattr__(self, name: str) -> Any:
-        """All else is the bus's own."""
-        return getattr(self._bus, name)
-
-
 def test_frames_of_one_number_are_not_mixed_up(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """A repeated number, as in a second sequence on the same pool, is a new frame, which is sent.
 
     Only the body and the first frame are fetched: the worker receives the others.
     """
-    monkeypatch.setattr("gepf.worker.memory.FRAME_DELAY_S", 60.0)
+    monkeypatch.setattr("gepf.worker.memory.FRAME_DELAY_S", 300.0)
     fetched = SimpleQueue[str]()
     with (
         pool(endpoint) as refiner,
@@ -139,8 +121,8 @@ def test_a_frame_sent_ahead_is_ready_when_its_turn_comes(endpoint: str) -> None:
         pending = refiner.submit(present, MODEL, PARTICLES)
         refiner.publish(coming)
         one = pending.result()
-        assert {observed.get(timeout=60.0) for _ in range(2)} == {1, 2}
-        assert prepared.get(timeout=60.0) == SETTINGS
+        assert {observed.get(timeout=300.0) for _ in range(2)} == {1, 2}
+        assert prepared.get(timeout=300.0) == SETTINGS
         again = refiner.submit(present, MODEL, PARTICLES).result()
         two = refiner.submit(coming, MODEL, PARTICLES).result()
     assert as_bytes(one) == as_bytes(again) == expected(1)
@@ -162,7 +144,7 @@ def test_a_frame_that_comes_again_is_not_sent_again(endpoint: str) -> None:
             for each in pending:
                 each.result()
             refiner.submit(first, MODEL, PARTICLES).result()
-            assert {observed.get(timeout=60.0) for _ in range(10)} == {*range(2, 12)}
+            assert {observed.get(timeout=300.0) for _ in range(10)} == {*range(2, 12)}
             assert observed.empty()
         with serving(endpoint, "late", Kernel(telling(observed), refine)):
             assert as_bytes(refiner.submit(first, MODEL, PARTICLES).result()) == expected(1)
@@ -214,7 +196,7 @@ def test_a_frame_sent_ahead_that_makes_no_sense_harms_its_own_turn_alone(endpoin
         pending = refiner.submit(frame(1), MODEL, PARTICLES)
         refiner.publish(coming)
         one = pending.result()
-        assert {tried.get(timeout=60.0) for _ in range(2)} == {1, 2}
+        assert {tried.get(timeout=300.0) for _ in range(2)} == {1, 2}
         with pytest.raises(ProtocolError, match="it hurts"):
             refiner.submit(coming, MODEL, PARTICLES).result()
         three = refined_bytes(refiner, 3)
@@ -226,7 +208,7 @@ def test_run_outlasts_a_time_in_which_it_is_not_found(endpoint: str) -> None:
     said: list[str] = []
     in_vain = iter(range(6))
     with (
-        ZenohRefiner(Pool(workers=0, listen=endpoint, worker_timeout=60.0), said.append) as refiner,
+        ZenohRefiner(Pool(workers=0, listen=endpoint, worker_timeout=300.0), said.append) as refiner,
         serving(endpoint, "one", through=lambda bus: WatchedBus(bus, in_vain, SimpleQueue())),
         serving(endpoint, "two", through=lambda bus: WatchedBus(bus, in_vain, SimpleQueue())),
     ):
@@ -246,7 +228,7 @@ def test_work_goes_on_after_nobody_came(endpoint: str) -> None:
             refined_bytes(refiner, 1)
         refiner.submit(frame(1), MODEL, PARTICLES).cancel()
         with serving(endpoint, "w"):
-            time.sleep(0.2)  # for its coming to be waiting to be handled
+            wait_until(lambda: not refiner._client._inbox.empty())  # its coming waits to be handled
             assert refined_bytes(refiner, 2, POSES[:7]) == expected(2, POSES[:7])
         assert refiner.statistics.counts["batches_sent"] == 1
 
@@ -346,11 +328,11 @@ def test_of_many_answers_the_first_counts(endpoint: str) -> None:
     with open_coordinator([endpoint]) as bus, answering(endpoint, "chatterer", chatter):
         alive = threading.Event()
         bus.watch(keys.of_worker("*", "offer/**"), lambda _, there: alive.set() if there else None)
-        assert alive.wait(60.0)
+        assert alive.wait(300.0)
         sender = bus.request_sender(keys.of_worker("chatterer", "refine/coordinator"), 5.0)
         for _ in range(3):  # when one is answered, all answers to those before have come
             sender.send(b"", lambda _, answer: answers.put(answer))
-            assert answers.get(timeout=60.0) == b"0"
+            assert answers.get(timeout=300.0) == b"0"
     assert answers.empty()
 
 
@@ -372,7 +354,7 @@ def test_a_request_that_cannot_be_served_gets_a_reason(endpoint: str) -> None:
             ),
         ):
             sender.send(payload, lambda *how: came.put(how))
-            kind, answer = came.get(timeout=60.0)
+            kind, answer = came.get(timeout=300.0)
             assert kind == "refusal"
             assert re.match(reason, decode_refusal(answer).reason)
         assert refined_bytes(refiner, 2) == expected(2)

@@ -22,7 +22,6 @@ from gepf.common.transport.opening import open_router, open_worker
 from gepf.coordinator.pool.options import Pool
 from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
 from gepf.worker.service import Service
-from tests.pool.test_pool import WatchedBus
 from tests.support.answers import as_bytes
 from tests.support.processes.instant_worker import observe, refine
 from tests.support.processes.programs import wait_until
@@ -31,6 +30,7 @@ from tests.support.processes.serving import (
     PARTICLES,
     POSES,
     SETTINGS,
+    WatchedBus,
     expected,
     frame,
     pool,
@@ -153,7 +153,7 @@ def test_turns_are_taken_within_a_large_request(endpoint: str) -> None:
         served.put(len(particles.poses))
         if len(particles.poses) == 4 and not began.is_set():
             began.set()
-            assert resume.wait(60.0)
+            assert resume.wait(300.0)
         return refine(model, seen, particles)
 
     with ExitStack() as stack:
@@ -165,13 +165,13 @@ def test_turns_are_taken_within_a_large_request(endpoint: str) -> None:
         assert refined_bytes(one, 1, POSES[:1]) == expected(1, POSES[:1])
         assert refined_bytes(two, 1, POSES[:2]) == expected(1, POSES[:2])
         large = one.submit(frame(2), MODEL, PARTICLES)
-        assert began.wait(60.0)
+        assert began.wait(300.0)
         small = two.submit(frame(2), MODEL, Particles(POSES[:3], SETTINGS))
         wait_until(lambda: service._turns.count(two.run) > 0)
         resume.set()
         assert as_bytes(small.result()) == expected(2, POSES[:3])
         assert as_bytes(large.result()) == expected(2)
-        sizes = [served.get(timeout=60.0) for _ in range(8)]
+        sizes = [served.get(timeout=300.0) for _ in range(8)]
     assert sizes == [1, 2, 4, 3, 4, 4, 4, 4]
 
 
@@ -181,7 +181,7 @@ def test_a_search_is_served_beside_anothers_tracking_that_never_pauses(endpoint:
 
     def refine_urgent(model: Any, seen: Any, particles: Particles) -> Refined:
         if particles.spare:
-            assert never.wait(60.0)
+            assert never.wait(300.0)
         return refine(model, seen, particles)
 
     with ExitStack() as stack:
@@ -201,9 +201,11 @@ def test_workers_of_another_kind_are_not_used(endpoint: str) -> None:
     said = list[str]()
     options = Pool(0, listen=endpoint, worker_timeout=1.0)
     with ZenohRefiner(options, said.append) as refiner, serving(endpoint, "gpu", kernel_of("cuda", "h100")):
+        wait_until(lambda: not refiner._client._inbox.empty())  # its coming waits to be handled
         with pytest.raises(NoWorkers, match=r"gepf-worker --kind cpu --connect .*, or give --kind cuda"):
             refined_bytes(refiner, 1)
         with serving(endpoint, "w"):
+            wait_until(lambda: not refiner._client._inbox.empty())
             assert refined_bytes(refiner, 1) == expected(1)
         assert refiner.statistics.workers_seen == ("w",)
     assert not any("gpu joined" in line for line in said)
@@ -254,7 +256,7 @@ def test_more_than_sixteen_runs_at_a_worker_do_not_thrash(
     endpoint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Each fetches its first frame and body; the others come, and only to a worker that has had requests."""
-    monkeypatch.setattr("gepf.worker.memory.FRAME_DELAY_S", 60.0)
+    monkeypatch.setattr("gepf.worker.memory.FRAME_DELAY_S", 300.0)
     fetched, idle = SimpleQueue[str](), SimpleQueue[str]()
     with ExitStack() as stack:
         stack.enter_context(open_router([endpoint]))

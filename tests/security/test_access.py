@@ -19,6 +19,7 @@ from gepf.coordinator.pool.options import Pool
 from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
 from gepf.coordinator.security.certificates import make_certificates
 from gepf.worker.connection import Identity, check_admission
+from tests.support.processes import warm_processes as warm
 from tests.support.processes.certificates import (
     STRANGER,
     WORKERS,
@@ -35,7 +36,7 @@ SHORT = 0.3  # seconds in which something that must not happen would have happen
 
 def test_run_over_tls_gives_the_same_bytes(place: str, ours: Folder) -> None:
     """Directly, with certificates on both sides, and with a local worker, which needs none."""
-    options = Pool(1, listen=place, security=ours.listening, worker_command=INSTANT, worker_timeout=60.0)
+    options = Pool(1, listen=place, security=ours.listening, worker_command=INSTANT, worker_timeout=300.0)
     with ZenohRefiner(options) as refiner, secure_worker(place, ours, "w0"), secure_worker(place, ours, "w1"):
         refiner.wait_for(3)
         for number in range(3):
@@ -45,7 +46,7 @@ def test_run_over_tls_gives_the_same_bytes(place: str, ours: Folder) -> None:
 
 def test_run_through_a_router_gives_the_same_bytes(place: str, ours: Folder) -> None:
     """Through a router with access control, a late worker included, the result is that of the kernel."""
-    options = Pool(workers=0, connect=place, security=Security(ours.of("coordinator")), worker_timeout=60.0)
+    options = Pool(workers=0, connect=place, security=Security(ours.of("coordinator")), worker_timeout=300.0)
     with open_router([place], (), ours.routing), ZenohRefiner(options) as refiner:
         with secure_worker(place, ours, "w0"):
             assert refined_bytes(refiner, 0) == expected(0)
@@ -104,7 +105,7 @@ def test_worker_opens_its_own_keys_only(place: str, ours: Folder) -> None:
             sender = bus.request_sender(keys.of_worker("w0", "refine/coordinator"), 1.0)
             sender.send(encode_request(REQUEST), lambda *how: answers.put(how))
             bus.publish(keys.of_run(refiner.run, "frame")).put(b"forged")
-            assert answers.get(timeout=60.0) == ("nothing", b"")
+            assert answers.get(timeout=300.0) == ("nothing", b"")
             time.sleep(SHORT)
             assert not seen
             assert refined_bytes(refiner, 2) == expected(2)
@@ -115,7 +116,7 @@ def test_worker_opens_its_own_keys_only(place: str, ours: Folder) -> None:
 def room(name: str, place: str, ours: Folder) -> ZenohRefiner:
     """A coordinator at a router."""
     security = Security(ours.of(name))
-    return ZenohRefiner(Pool(workers=0, connect=place, security=security, worker_timeout=60.0))
+    return ZenohRefiner(Pool(workers=0, connect=place, security=security, worker_timeout=300.0))
 
 
 def test_coordinators_share_a_router_and_its_workers(place: str, ours: Folder) -> None:
@@ -168,7 +169,7 @@ def test_a_coordinator_opens_its_own_keys_only(place: str, ours: Folder) -> None
         ):
             sender = intruder.request_sender(keys.of_worker("w0", f"refine/{name}"), 5.0)
             sender.send(encode_request(replace(REQUEST, run=run)), lambda *how: answers.put(how))
-            ending_of, payload = answers.get(timeout=60.0)
+            ending_of, payload = answers.get(timeout=300.0)
             assert ending_of == ends
             if (name, run) == ("room-2", victim.run):
                 assert decode_refusal(payload).reason == f"run {run} is not one of room-2"
@@ -191,16 +192,19 @@ def test_a_coordinator_that_a_router_does_not_list_reads_what_to_do(place: str, 
         room(STRANGER, place, ours)
 
 
-def test_worker_process_with_a_certificate(place: str, ours: Folder) -> None:
+def test_worker_process_with_a_certificate(place: str, ours: Folder, tmp_path: Path) -> None:
     """A real process has the name of its certificate, serves, and continues after its coordinator ends."""
-    with started("--connect", place, *ours.options("w1"), command=INSTANT) as process:
+    with warm.started(
+        warm.work_instantly, "--connect", place, *ours.options("w1"), log=tmp_path / "log"
+    ) as process:
         for number in range(2):
             with listening(place, ours) as refiner:
                 refiner.wait_for(1)
                 assert refined_bytes(refiner, number) == expected(number)
                 assert refiner.statistics.workers_seen == ("w1",)
         process.terminate()
-        assert process.wait(60.0) in (0, -15)
+        process.join()
+        assert process.exitcode in (0, -15)
 
 
 def test_router_file_is_what_a_router_takes(tmp_path: Path, ours: Folder) -> None:
@@ -208,7 +212,7 @@ def test_router_file_is_what_a_router_takes(tmp_path: Path, ours: Folder) -> Non
     settings = msgspec.json.decode((ours.path / "router.json5").read_bytes())
     place = f"tls/127.0.0.1:{free_port()}"
     settings["listen"]["endpoints"] = [place]
-    options = Pool(workers=0, connect=place, security=Security(ours.of("coordinator")), worker_timeout=60.0)
+    options = Pool(workers=0, connect=place, security=Security(ours.of("coordinator")), worker_timeout=300.0)
     with open_session(settings), ZenohRefiner(options) as refiner, secure_worker(place, ours, "w0"):
         assert refined_bytes(refiner, 1) == expected(1)
     make_certificates(tmp_path, ("w0",), (), 1, Path("/certificates"))
@@ -222,8 +226,8 @@ def test_router_process_routes_until_a_signal(place: str, ours: Folder) -> None:
     with started("router", "--listen", place, *ours.options("router"), command=GEPF) as process:
         security = Security(ours.of("coordinator"))
         with secure_worker(place, ours, "w0"):
-            options = Pool(workers=0, connect=place, security=security, worker_timeout=60.0)
+            options = Pool(workers=0, connect=place, security=security, worker_timeout=300.0)
             with ZenohRefiner(options) as refiner:
                 assert refined_bytes(refiner, 1) == expected(1)
         process.terminate()
-        assert process.wait(60.0) == 0
+        assert process.wait(300.0) == 0

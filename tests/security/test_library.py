@@ -13,7 +13,8 @@ import gepf
 from gepf.common.transport.opening import open_coordinator, open_router
 from tests.support.people import SETTINGS, STANDING, shown
 from tests.support.processes.certificates import Folder, secure_worker
-from tests.support.processes.programs import GEPF, started
+from tests.support.processes.warm_processes import gepf as gepf_command
+from tests.support.processes.warm_processes import started
 from tests.support.refusals import refused
 from tests.support.small_sequence import write_small_sequence
 
@@ -35,7 +36,7 @@ def test_encrypted_live_input_arrives(way: str, place: str, ours: Folder, tmp_pa
     live = gepf.live(KEY, **ends, tls=files_of(ours, "coordinator"), idle_timeout=60.0)
     with (
         open_router([place], (), ours.routing) if way == "connect" else nullcontext(),
-        started(*playing, *ours.options("coordinator"), command=GEPF),
+        started(gepf_command, *playing, *ours.options("coordinator"), log=tmp_path / "log"),
     ):
         numbers = [frame.number for frame in live]
     assert numbers[-1] == 2
@@ -45,7 +46,7 @@ def test_encrypted_live_input_arrives(way: str, place: str, ours: Folder, tmp_pa
 @pytest.mark.parametrize("way", ["listen", pytest.param("router", marks=pytest.mark.slow)])
 def test_a_tracker_has_workers_with_certificates(way: str, place: str, ours: Folder) -> None:
     """Workers that come to a pool that listens, and workers behind a router."""
-    workers: gepf.Pool | str = gepf.Pool(0, listen=place, worker_timeout=60.0) if way == "listen" else place
+    workers: gepf.Pool | str = gepf.Pool(0, listen=place, worker_timeout=300.0) if way == "listen" else place
     with ExitStack() as stack:
         if way == "router":
             stack.enter_context(open_router([place], (), ours.routing))

@@ -125,7 +125,7 @@ def test_refused_process_says_so_in_one_line(
     with open_coordinator([place], (), ours.listening) as bus:
         bus.watch(keys.of_worker("*", "offer/**"), lambda key, _: seen.append(key))
         process = start(work_instantly, "--connect", place, *options, log=tmp_path / "log")
-        process.join(60.0)
+        process.join(300.0)
         assert process.exitcode == 2
     lines = (tmp_path / "log").read_text().splitlines()
     progress = (

@@ -141,7 +141,7 @@ def test_a_running_listener_uses_a_renewed_certificate(listener: str, place: str
     """Of a new authority even: the run goes on, its worker comes back, and another with a new one joins."""
     folder = make_folder(tmp_path)
     routed = listener == "router"
-    connected = Pool(0, connect=place, security=Security(folder.of("coordinator")), worker_timeout=60.0)
+    connected = Pool(0, connect=place, security=Security(folder.of("coordinator")), worker_timeout=300.0)
     with (
         open_router([place], (), folder.routing) if routed else nullcontext(),
         ZenohRefiner(connected) if routed else listening(place, folder) as refiner,

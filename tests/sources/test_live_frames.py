@@ -244,7 +244,7 @@ class Together(threading.Condition):
         """Release the lock, and wait for the other thread."""
         super().__exit__(*raised)  # type: ignore[arg-type]
         if threading.current_thread() is not threading.main_thread():
-            self.barrier.wait(60.0)
+            self.barrier.wait(300.0)
 
 
 def test_malformed_messages_of_two_cameras_at_once_are_reported_once(monkeypatch: pytest.MonkeyPatch) -> None:

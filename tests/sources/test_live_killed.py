@@ -3,56 +3,58 @@
 from __future__ import annotations
 
 import json
+from itertools import count
 from pathlib import Path
 
 import pytest
 
+from gepf.common.protocol.frames import encode_live
 from gepf.coordinator.cli import main
 from gepf.coordinator.results.track import read_track
 from tests.support.live import (
     KEY,
     at_work,
+    plate_image,
+    publishing,
     recorded_frames,
     recording,  # noqa: F401 a fixture
     summary_of,
     tracking,
+    until_recorded,
 )
-from tests.support.processes.programs import GEPF, started, wait_until
+from tests.support.processes.programs import wait_until
+from tests.support.processes.warm_processes import gepf, started
 
 
 def test_a_killed_live_run_is_exported_and_reported(
-    endpoint: str,
-    recording: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    caplog: pytest.LogCaptureFixture,
+    endpoint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
 ) -> None:
-    """`gepf publish` into `gepf track zenoh:`, which is killed by SIGKILL: all frames that it had recorded.
+    """`gepf track zenoh:`, which is killed by SIGKILL while frames come: all frames that it had recorded.
 
     A second run in its folder is refused first. The first command that reads it finishes it and says so.
     """
     run, log = tmp_path / "run", tmp_path / "run" / "live.mcap"
     track = tracking(f"zenoh:{KEY}", run, "--no-pictures", listen=endpoint)
-    with at_work(endpoint), started(*track, command=GEPF) as tracker:
-        play = ["publish", str(recording), "--key", KEY, "--connect", endpoint, "--rate", "5"]
-        with started(*play, command=GEPF):
-            wait_until(lambda: log.exists() and recorded_frames(run) > 4, 120.0)
+    with at_work(endpoint), started(gepf, *track, log=tmp_path / "log") as tracker:
+        frames = ({KEY: encode_live(plate_image(number))} for number in count())
+        with publishing(endpoint, [KEY], frames, until_recorded(run)):
+            wait_until(lambda: log.exists() and recorded_frames(run) > 4, 300.0)
             tracker.kill()
-            tracker.wait(60.0)
-    count = recorded_frames(run)
+            tracker.join()
+    kept = recorded_frames(run)
     assert main(track) == 2
     assert f"{run} holds a live run that was killed; gepf report {run} finishes it" in capsys.readouterr().err
     csv = tmp_path / "run.csv"
     assert main(["export", str(run), "--to", "csv", "--out", str(csv)]) == 0
-    assert caplog.messages == [f"the live run in {run} was killed; its {count} frames are now finished"]
+    assert caplog.messages == [f"the live run in {run} was killed; its {kept} frames are now finished"]
     assert main(["report", str(run)]) == 0
     assert main(["info", str(run), "--json"]) == 0
     assert len(caplog.messages) == 1
-    assert json.loads(capsys.readouterr().out)["frames"] == count
-    assert len(csv.read_text().splitlines()) == count + 1
-    assert len(read_track(run).frame) == count
+    assert json.loads(capsys.readouterr().out)["frames"] == kept
+    assert len(csv.read_text().splitlines()) == kept + 1
+    assert len(read_track(run).frame) == kept
     summary = summary_of(run)
-    assert (summary["complete"], summary["frames"], summary["pool"]["listen"]) == (False, count, endpoint)
+    assert (summary["complete"], summary["frames"], summary["pool"]["listen"]) == (False, kept, endpoint)
     assert (run / "report.html").exists()
     assert not log.exists()
 
@@ -63,13 +65,16 @@ def test_a_live_run_needs_no_folder(endpoint: str, recording: Path, tmp_path: Pa
     folder.mkdir()
     track = tracking(f"zenoh:{KEY}", folder / "run", "--no-pictures", listen=endpoint)
     at = track.index("--out")
-    with at_work(endpoint), started(*track[:at], *track[at + 2 :], command=GEPF) as tracker:
-        play = ["publish", str(recording), "--key", KEY, "--connect", endpoint, "--frames", "0:6"]
-        with started(*play, command=GEPF) as publisher:
-            assert publisher.wait(120.0) == 0
-        assert tracker.wait(120.0) == 0
-        assert tracker.stderr is not None
-        said = tracker.stderr.read()
+    play = ["publish", str(recording), "--key", KEY, "--connect", endpoint, "--frames", "0:6"]
+    with (
+        at_work(endpoint),
+        started(gepf, *track[:at], *track[at + 2 :], log=tmp_path / "log") as tracker,
+        started(gepf, *play, log=tmp_path / "publisher") as publisher,
+    ):
+        for process in (publisher, tracker):
+            process.join()
+            assert process.exitcode == 0
+    said = (tmp_path / "log").read_text()
     stored = f"results are published on {KEY}/results, not stored (--out DIR stores them)"
     assert f"listening on {KEY}; {stored}\n" in said
     assert " frames were tracked, and not stored: " in said

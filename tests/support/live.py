@@ -18,13 +18,15 @@ from gepf.common.body import BodyModel
 from gepf.common.frame import DepthFrame
 from gepf.common.kernel import Kernel
 from gepf.common.refinement import Particles, Refined
+from gepf.common.transport.bus import Bus
 from gepf.common.transport.opening import open_worker
 from gepf.coordinator.results.live_recorder import read_frames
 from gepf.coordinator.tracking.preparation import unmoved
+from gepf.worker.service import Service
 from gepf.worker.warm_up import tiny_frame
 from tests.support.processes.instant_worker import KERNEL
 from tests.support.processes.programs import in_thread
-from tests.support.processes.serving import serving
+from tests.support.processes.serving import running
 from tests.support.recordings import write_open3d
 
 KEY = "camera/depth"
@@ -57,13 +59,23 @@ class Finder:
         return unmoved(replace(particles, poses=np.tile(AT_TWO_METRES, (count, 1))))
 
 
+def joined(where: str, stop: threading.Event) -> Bus:
+    """A session that waits for a listener, until the event is set; then the thread ends."""
+
+    def give_up() -> None:
+        if stop.is_set():
+            raise SystemExit
+
+    return open_worker([where], on_silence=give_up)
+
+
 @contextmanager
 def at_work(where: str, worker: Finder | None = None) -> Iterator[None]:
     """A worker that joins when there is a listener."""
     kernel = Kernel(KERNEL.observe, (worker or Finder()).refine)
 
     def work(stop: threading.Event) -> None:
-        with serving(where, "w", kernel):
+        with joined(where, stop) as bus, running(Service(bus, "w", kernel)):
             stop.wait()
 
     with in_thread(work):
@@ -78,7 +90,7 @@ def publishing(
 
     def publish(stop: threading.Event) -> None:
         with ExitStack() as stack:
-            publishers = {key: stack.enter_context(open_worker([where])).publish(key) for key in keys}
+            publishers = {key: stack.enter_context(joined(where, stop)).publish(key) for key in keys}
 
             def heard() -> bool:
                 return all(each.has_subscriber for each in publishers.values()) or stop.wait(0.01)

@@ -59,6 +59,7 @@ NEXT_S, LATER_S = 1.0 + INTERVAL_S, 2.0
 CANDIDATE = Segmented(NEXT_S, pixels=900, points=500)
 NOTHING, DARK = Segmented(NEXT_S), Segmented(NEXT_S, has_depth=False)
 FITS = Refined(AFTER, Gate(0.8), pixels=800, time_s=NEXT_S)
+AS_REFINED = {"belief": AFTER, "time_s": NEXT_S, "age_s": 0.5 + INTERVAL_S, "residual": 0.8, "pixels": 800}
 DOUBTFUL = with_fields(FITS, gate=Gate(1.2, "doubt"))  # above the limit, but explained
 WRONG = with_fields(FITS, gate=Gate(2.0, "wrong"))
 ENDED = SearchEnded()
@@ -360,15 +361,7 @@ TRANSITIONS = [
         FITS,
         "its pose is refined and explains the frame",
         Tracked,
-        {
-            "belief": AFTER,
-            "time_s": NEXT_S,
-            "age_s": 0.5 + INTERVAL_S,
-            "residual": 0.8,
-            "why": "",
-            "unexplained_s": 0.0,
-            "pixels": 800,
-        },
+        {**AS_REFINED, "why": "", "unexplained_s": 0.0},
         ("report",),
     ),
     Transition(
@@ -377,14 +370,7 @@ TRANSITIONS = [
         with_fields(FITS, is_slow=True),
         "its pose is refined and explains the frame, long after the frame before",
         Tracked,
-        {
-            "belief": AFTER,
-            "time_s": NEXT_S,
-            "age_s": 0.5 + INTERVAL_S,
-            "residual": 0.8,
-            "pixels": 800,
-            "segmentation_pose": AFTER.reported,
-        },
+        {**AS_REFINED, "segmentation_pose": AFTER.reported},
         ("report",),
     ),
     Transition(
@@ -512,14 +498,7 @@ TRANSITIONS = [
         FITS,
         "its pose is refined and explains the frame",
         Tracked,
-        {
-            "belief": AFTER,
-            "time_s": NEXT_S,
-            "age_s": 0.5 + INTERVAL_S,
-            "residual": 0.8,
-            "pixels": 800,
-            "unexplained_s": 0.0,
-        },
+        {**AS_REFINED, "unexplained_s": 0.0},
         ("report",),
     ),
     Transition(

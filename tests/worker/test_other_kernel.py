@@ -61,7 +61,7 @@ def test_a_worker_serves_with_the_kernel_of_another_package(lanes: int | None, e
 def test_a_kind_that_is_not_installed_is_refused_in_one_line(endpoint: str) -> None:
     """With the kinds that are."""
     with started("--connect", endpoint, "--kind", "cuda", command=WORKER) as process:
-        _, err = process.communicate(timeout=60.0)
+        _, err = process.communicate(timeout=300.0)
     assert process.returncode == 2
     assert err.splitlines()[-1] == (
         "gepf-worker: no kernel of kind 'cuda' is installed; install its package, or give cpu, toy"

@@ -35,7 +35,7 @@ def test_an_interrupt_while_libraries_load_ends_the_process_at_once(tmp_path: Pa
     begun = tmp_path / "begun"
     process = start(load_for_ever, begun, log=tmp_path / "log")
     try:
-        wait_until(begun.exists, 60.0)
+        wait_until(begun.exists, 300.0)
         assert end(process) == -signal.SIGINT
     finally:
         process.kill()
@@ -106,7 +106,7 @@ def test_info_interrupted_between_its_facts_and_the_scene(sequence: Path) -> Non
         assert process.stdout is not None
         process.stdout.readline()
         process.send_signal(signal.SIGINT)
-        process.communicate(timeout=60.0)
+        process.communicate(timeout=300.0)
     assert process.returncode in (130, -signal.SIGINT)
 
 

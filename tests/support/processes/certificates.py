@@ -81,4 +81,4 @@ def secure_worker(place: str, folder: Folder, name: str, claim: str | None = Non
 
 def listening(place: str, folder: Folder) -> ZenohRefiner:
     """A coordinator that lets workers in."""
-    return ZenohRefiner(Pool(workers=0, listen=place, security=folder.listening, worker_timeout=60.0))
+    return ZenohRefiner(Pool(workers=0, listen=place, security=folder.listening, worker_timeout=300.0))

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import math
 import os
+import signal
 import time
 from functools import partial
+from itertools import count
+from pathlib import Path
 
 import numpy as np
 
@@ -18,6 +21,23 @@ from gepf.common.refinement import Particles, Refined
 from gepf.common.settings import RefineSettings
 from gepf.worker import cli
 
+DISTURBANCES = "DISTURBANCES"  # environment variable: a folder
+_requests = count()
+
+
+def disturb(folder: Path, number: signal.Signals) -> None:
+    """Have the next process with this folder, after its first request, get a signal within another one."""
+    (folder / f"{time.monotonic_ns()}.{number.name}").touch()
+
+
+def suffer() -> None:
+    """Signal this process, if it has been told to."""
+    if DISTURBANCES in os.environ and next(_requests) > 0:
+        for told in Path(os.environ[DISTURBANCES]).iterdir():
+            told.unlink()
+            os.kill(os.getpid(), signal.Signals[told.suffix[1:]])
+            return
+
 
 def observe(subject: SubjectFrame, settings: RefineSettings | None = None) -> float:
     """Mean depth of the picked pixels, for any settings."""
@@ -27,6 +47,7 @@ def observe(subject: SubjectFrame, settings: RefineSettings | None = None) -> fl
 
 def refine(model: BodyModel, observation: float, particles: Particles, lanes: int = 1) -> Refined:
     """Something that depends on all that a result may depend on, particle by particle."""
+    suffer()
     poses = particles.poses
     time.sleep(float(os.environ.get("SECONDS_PER_PARTICLE", "0")) * math.ceil(len(poses) / lanes))
     moved = np.sin(poses * particles.settings.damping + observation) + model.vertices.sum()

@@ -26,7 +26,7 @@ def is_alive(pid: int) -> bool:
     return state != "Z"
 
 
-def wait_until(condition: Callable[[], bool], seconds: float = 60.0) -> None:
+def wait_until(condition: Callable[[], bool], seconds: float = 300.0) -> None:
     """Poll until the condition holds; fail if it does not within the time."""
     deadline = time.monotonic() + seconds
     while not condition():
@@ -69,4 +69,4 @@ def in_thread(act: Callable[[threading.Event], None]) -> Iterator[None]:
         yield
     finally:
         stop.set()
-        thread.join(60.0)
+        thread.join(300.0)

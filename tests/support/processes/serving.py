@@ -6,6 +6,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from queue import SimpleQueue
 from typing import Any
 
 import numpy as np
@@ -53,7 +54,7 @@ def serving(
 
 
 @contextmanager
-def running(service: Service, seconds: float = 60.0) -> Iterator[Service]:
+def running(service: Service, seconds: float = 300.0) -> Iterator[Service]:
     """A service in a thread, which must end within the time when it is stopped."""
     thread = threading.Thread(target=service.run)
     thread.start()
@@ -65,9 +66,27 @@ def running(service: Service, seconds: float = 60.0) -> Iterator[Service]:
         assert not thread.is_alive()
 
 
+class WatchedBus:
+    """A bus on which fetching fails as often as `in_vain` yields, and which records the fetched keys."""
+
+    def __init__(self, bus: Bus, in_vain: Iterator[int], fetched: SimpleQueue[str]) -> None:
+        self._bus = bus
+        self._in_vain = in_vain
+        self._fetched = fetched
+
+    def fetch(self, key: str) -> bytes | None:
+        """What is stored under a key, or nothing."""
+        self._fetched.put(key)
+        return self._bus.fetch(key) if next(self._in_vain, None) is None else None
+
+    def __getattr__(self, name: str) -> Any:
+        """All else is the bus's own."""
+        return getattr(self._bus, name)
+
+
 def pool(endpoint: str, **options: Any) -> ZenohRefiner:
     """A coordinator without workers of its own."""
-    return ZenohRefiner(Pool(workers=0, listen=endpoint, worker_timeout=60.0, **options))
+    return ZenohRefiner(Pool(workers=0, listen=endpoint, worker_timeout=300.0, **options))
 
 
 def refined_bytes(refiner: ZenohRefiner, number: int, poses: Array = POSES) -> list[bytes]:

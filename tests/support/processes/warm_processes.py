@@ -6,8 +6,8 @@ import multiprocessing
 import os
 import signal
 import sys
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from types import MappingProxyType
@@ -31,13 +31,24 @@ def start(do: Callable[..., None], *arguments: object, log: Path) -> BaseProcess
     return process
 
 
+@contextmanager
+def started(do: Callable[..., None], *arguments: object, log: Path) -> Iterator[BaseProcess]:
+    """The same; it is killed if it is left running."""
+    process = start(do, *arguments, log=log)
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.join()
+
+
 def run(do: Callable[..., None], arguments: tuple[object, ...], log: Path) -> None:
     """The body of every process: standard error goes to the file."""
     os.dup2(os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND), 2)
     do(*arguments)
 
 
-def end(process: BaseProcess, number: signal.Signals = signal.SIGINT, seconds: float = 60.0) -> int | None:
+def end(process: BaseProcess, number: signal.Signals = signal.SIGINT, seconds: float = 300.0) -> int | None:
     """The exit code of a process after a signal; None if it goes on."""
     assert process.pid is not None
     os.kill(process.pid, number)

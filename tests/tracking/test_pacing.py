@@ -1,0 +1,80 @@
+"""What is done between the images of a live stream."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from itertools import count
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from gepf.coordinator.sources.live import LiveFrames
+from gepf.coordinator.tracking.pacing import Live, Lookahead
+from gepf.coordinator.tracking.search import BodySearch
+
+STAGES = 8
+
+
+class Asked:
+    """A request whose answer is there when it has been asked for a while."""
+
+    def __init__(self) -> None:
+        self._looks = count()
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether it is answered."""
+        return next(self._looks) > 3
+
+
+class Shown:
+    """A stream whose next image comes after so many looks; None: it does not come."""
+
+    def __init__(self, shown: int | None) -> None:
+        self.shown = shown
+        self._looks = count()
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether it has come."""
+        return self.shown is not None and next(self._looks) > self.shown
+
+    def wait(self, _: float) -> None:
+        """It does not come sooner."""
+
+
+def person(*, is_tracked: bool, searches: bool) -> Any:
+    """A person, perhaps with a search of some stages under way."""
+    begun = list[int]()
+
+    def stages() -> Generator[tuple[Asked, ...], None, str]:
+        for number in range(STAGES):
+            begun.append(number)
+            yield (Asked(),)
+        return "detected"
+
+    search = BodySearch()
+    if searches:
+        search.begin(cast("Any", stages()), cast("Any", "somebody"))
+    return SimpleNamespace(search=search, is_tracked=is_tracked, needs_frame=is_tracked, begun=begun)
+
+
+@pytest.mark.parametrize("shown", [None, 5])
+def test_a_search_goes_on_between_the_images_of_a_slow_camera(shown: int | None) -> None:
+    """All its stages while no image comes, beside a person who is tracked, however slow the camera is.
+
+    An image that comes is attended to at once, and the search goes on after it.
+    """
+    frames = Shown(shown)
+    people = [person(is_tracked=True, searches=False), person(is_tracked=False, searches=True)]
+    pacing = Live(cast("LiveFrames", frames), Lookahead(iter([])))
+    pacing.end_frame(people)
+    found = people[1].search
+    if shown is not None:
+        assert found.is_running
+        assert 0 < len(people[1].begun) < STAGES
+        frames.shown = None
+        pacing.end_frame(people)
+    assert len(people[1].begun) == STAGES
+    assert found.take() == "detected"
