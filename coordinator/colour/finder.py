@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
-from itertools import combinations
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -16,10 +16,11 @@ from gepf.common.body import BodyModel
 from gepf.common.camera import project
 from gepf.common.frame import DepthFrame, SubjectFrame
 from gepf.common.kinematics import keypoint_positions, pose_vertices
+from gepf.common.packages import MissingPackage
 from gepf.common.refinement import KEYPOINT_OUTLIER
 from gepf.coordinator.colour.crop import Crop, crop_of_body
 from gepf.coordinator.colour.keypoints import HIPS, SHOULDERS, find_keypoints
-from gepf.coordinator.colour.network import PoseNetwork
+from gepf.coordinator.colour.network import PoseNetwork, check_installed
 
 SAME_PERSON = 3.0  # median distance of keypoints, in deviations
 
@@ -34,6 +35,11 @@ class ExpectedBody(NamedTuple):
     pose: Array  # (D,)
 
 
+def without_colour(missing: MissingPackage) -> str:
+    """What to say if the extra `color` is not installed."""
+    return f"colour is not used, which corrects many limbs, and exchanged left and right: {missing}"
+
+
 class KeypointFinder:
     """Looks at each person once in each image, one after another.
 
@@ -41,14 +47,22 @@ class KeypointFinder:
     """
 
     def __init__(self) -> None:
-        self._network = PoseNetwork()
+        check_installed()
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="keypoints")
+
+    @cached_property
+    def _network(self) -> PoseNetwork:
+        return PoseNetwork()
+
+    def prepare(self) -> None:
+        """Load the network, which the first frame with colour would else wait for."""
+        self._thread.submit(lambda: self._network).result()
 
     def submit(self, frame: DepthFrame, bodies: Sequence[ExpectedBody | None]) -> Future[list[Keypoints]]:
         """Begin to look for people, each around an expected body; without one, or without colour: nothing."""
 
         def look() -> list[Keypoints]:
-            return keep_nearest(bodies, [self._look(frame, body) for body in bodies], frame)
+            return assign(bodies, [self._look(frame, body) for body in bodies], frame)
 
         return self._thread.submit(look)
 
@@ -63,24 +77,31 @@ class KeypointFinder:
         return found
 
 
-def keep_nearest(
+def assign(
     bodies: Sequence[ExpectedBody | None], seen: Sequence[Keypoints], frame: DepthFrame
 ) -> list[Keypoints]:
-    """Keypoints of bodies; of bodies with the same ones, only the nearest keeps them.
+    """Keypoints of bodies: each person in an image is that of the nearest body, and a body is one person.
 
-    Around a body that is hidden or wrong, the network may see another person.
+    Around a body that is hidden or wrong, the network may see another person, who may be another body.
     """
-    kept = [dict(keypoints) for keypoints in seen]
+    given = [dict[str, NDArray[np.float32]]() for _ in bodies]
     for view in frame.views:
-        away = [
-            np.inf if body is None else distance_of(in_view(body, view), keypoints.get(view.camera))
-            for body, keypoints in zip(bodies, seen, strict=True)
-        ]
-        for a, b in combinations(np.argsort(away, kind="stable"), 2):
-            mine, other = kept[a].get(view.camera), kept[b].get(view.camera)
-            if mine is not None and other is not None and distance_of(mine[:, :2], other) < SAME_PERSON:
-                del kept[b][view.camera]
-    return list[Keypoints](kept)
+        people = [keypoints[view.camera] for keypoints in seen if view.camera in keypoints]
+        places = [None if body is None else in_view(body, view) for body in bodies]
+        away = {
+            (b, p): distance_of(place, person)
+            for b, place in enumerate(places)
+            for p, person in enumerate(people)
+            if place is not None
+        }
+        free, taken = set(range(len(bodies))), list[NDArray[np.float32]]()
+        for b, p in sorted(away, key=away.__getitem__):
+            is_taken = any(distance_of(people[p][:, :2], other) < SAME_PERSON for other in taken)
+            if b in free and not is_taken:
+                given[b][view.camera] = people[p]
+                free.remove(b)
+                taken.append(people[p])
+    return list[Keypoints](given)
 
 
 def in_view(body: ExpectedBody, view: DepthFrame) -> Array:
@@ -89,10 +110,8 @@ def in_view(body: ExpectedBody, view: DepthFrame) -> Array:
     return project(places, view.intrinsics)
 
 
-def distance_of(pixels: Array, keypoints: NDArray[np.float32] | None) -> float:
-    """The median distance of pixels (17, 2) from keypoints, in their deviations; infinite without them."""
-    if keypoints is None:
-        return np.inf
+def distance_of(pixels: NDArray[np.floating], keypoints: NDArray[np.float32]) -> float:
+    """The median distance of pixels (17, 2) from keypoints, in their deviations."""
     off = np.linalg.norm(pixels - keypoints[:, :2], axis=1)
     return float(np.median(off * np.sqrt(keypoints[:, 2])))
 
@@ -120,6 +139,17 @@ def with_keypoints(subject: SubjectFrame | None, found: Keypoints) -> SubjectFra
         for each in subject.views
     )
     wider = (with_keypoints(each, found) for each in subject.wider)
+    return replace(first, others=tuple(others), wider=tuple(each for each in wider if each is not None))
+
+
+def without_keypoints(subject: SubjectFrame | None, cameras: Collection[str]) -> SubjectFrame | None:
+    """The subject of a frame without the keypoints of these cameras."""
+    if subject is None:
+        return None
+    first, *others = (
+        replace(each, keypoints=None) if each.frame.camera in cameras else each for each in subject.views
+    )
+    wider = (without_keypoints(each, cameras) for each in subject.wider)
     return replace(first, others=tuple(others), wider=tuple(each for each in wider if each is not None))
 
 

@@ -9,7 +9,8 @@ from typing import NamedTuple
 from gepf.common.frame import DepthFrame
 from gepf.common.settings import Settings
 from gepf.coordinator.bodies.family import Bodies
-from gepf.coordinator.colour.finder import KeypointFinder, with_keypoints
+from gepf.coordinator.colour.agreement import compare, unused
+from gepf.coordinator.colour.finder import KeypointFinder, Keypoints, with_keypoints, without_keypoints
 from gepf.coordinator.scene.scope import Scope
 from gepf.coordinator.sources.live import LiveFrames
 from gepf.coordinator.stopwatch import Stopwatch
@@ -31,7 +32,7 @@ MAX_SEARCHES = 8  # for an unknown body, until what detects nobody is learned as
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ready:
-    """A segmented frame, the state of its cameras, and a stopwatch for each person.
+    """A segmented frame, the state of its cameras, and a stopwatch and keypoints for each person.
 
     is_slow: the time since the frame before is longer than MAX_LOOKAHEAD_S.
     """
@@ -40,6 +41,8 @@ class Ready:
     cameras: CameraStates
     is_slow: bool
     clocks: Sequence[Stopwatch]
+    keypoints: Sequence[Keypoints]
+    interval_s: float
 
 
 class SubmittedFrame(NamedTuple):
@@ -47,6 +50,7 @@ class SubmittedFrame(NamedTuple):
 
     people: list[Submitted | Updated]
     state: FrameState
+    ready: Ready
 
 
 class UpdatedFrame(NamedTuple):
@@ -100,6 +104,8 @@ class Tracker:
     def prepare(self) -> None:
         """Load and build in advance what the first frames need."""
         self._targets[0].prepare()
+        if self._colour is not None:
+            self._colour.prepare()
         warm_up(self._settings, self._bodies)
 
     def track(self, frame: DepthFrame) -> TrackedFrame:
@@ -148,7 +154,7 @@ class Tracker:
             tracks = [target.track for target in self._targets]
             excluded = [track.excluded if isinstance(track, Body) else () for track in tracks]
             self._cameras, frame = watch(self._cameras, frame, set().union(*excluded))
-            is_slow = self._time_s is not None and frame.time_s - self._time_s > MAX_LOOKAHEAD_S + ROUNDING_S
+            interval_s = 0.0 if self._time_s is None else frame.time_s - self._time_s
             self._time_s = frame.time_s
             bodies = [target.expected_body for target in self._targets]
             looking = None if self._colour is None else self._colour.submit(frame, bodies)
@@ -159,14 +165,21 @@ class Tracker:
                 rejected=any(isinstance(t, Searching) and t.searches > MAX_SEARCHES for t in tracks),
                 find=any(target.needs_candidates for target in self._targets),
             )
+        keypoints: Sequence[Keypoints] = [{} for _ in self._targets]
         if looking is not None:
             with clocks[0].stage("keypoints"):
-                subjects = map(with_keypoints, segmented.subjects, looking.result())
+                keypoints = looking.result()
+                subjects = map(with_keypoints, segmented.subjects, keypoints)
                 segmented = replace(segmented, subjects=tuple(subjects))
-        return Ready(segmented, self._cameras, is_slow, clocks)
+        is_slow = interval_s > MAX_LOOKAHEAD_S + ROUNDING_S
+        return Ready(segmented, self._cameras, is_slow, clocks, keypoints, interval_s)
 
     def _submit(self, ready: Ready, budget: FrameBudget | None) -> SubmittedFrame:
         """Predict the particles of each person, and send them to the workers."""
+        colours = self._frame.colours
+        if against := unused(colours):
+            subjects = (without_keypoints(subject, against) for subject in ready.segmented.subjects)
+            ready = replace(ready, segmented=replace(ready.segmented, subjects=tuple(subjects)))
         segmented, scenes = ready.segmented, ready.segmented.changes
         assignment = Assignment(self._targets, self._segmenter, segmented)
         submitted = list[Submitted | Updated]()
@@ -176,8 +189,8 @@ class Tracker:
             if (detected := target.take_detected()) is not None:
                 beside = assignment.people_beside(place, detected.searched)
                 scenes = self._segmenter.learn_things(segmented, scenes, *detected, beside)
-        self._frame = FrameState(scenes, ready.cameras, segmented.frame.time_s)
-        return SubmittedFrame(submitted, self._frame)
+        self._frame = FrameState(scenes, ready.cameras, colours, segmented.frame.time_s)
+        return SubmittedFrame(submitted, self._frame, ready)
 
     def _send_ahead(self, ready: Ready | None) -> None:
         """Send the workers the people's pixels of the next frame before their turn."""
@@ -194,7 +207,12 @@ class Tracker:
             target.update(person, frame.state.cameras) if isinstance(person, Submitted) else person
             for target, person in zip(self._targets, frame.people, strict=True)
         ]
-        return UpdatedFrame(people, frame.state)
+        if any(frame.ready.keypoints):
+            bodies = [target.explained_body for target in self._targets]
+            seen, shown = frame.ready.keypoints, frame.ready.segmented.frame
+            colours = compare(frame.state.colours, shown, bodies, seen, frame.ready.interval_s)
+            self._frame = replace(frame.state, colours=colours)
+        return UpdatedFrame(people, self._frame)
 
 
 def reported(updated: list[UpdatedFrame]) -> Iterator[TrackedFrame]:
