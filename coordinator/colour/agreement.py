@@ -13,7 +13,7 @@ from typing import Self
 from gepf.common.frame import DepthFrame
 from gepf.coordinator.colour.finder import SAME_PERSON, ExpectedBody, Keypoints, distance_of, in_view
 
-PERSISTENT_S = 2.0  # by which disagreement outlasts agreement until colour is not used; and the reverse
+PERSISTENT_S = 4.0  # by which disagreement outlasts agreement until colour is not used; and the reverse
 LONGEST_STEP_S = 0.5  # between two frames, that counts
 REMEDY = "is it registered to depth, and taken at the same time? --no-color uses depth alone"
 

@@ -311,7 +311,8 @@ class LiveInput(Input):
             if self._attached is not None:
                 self._attach(self._attached, workers.speak(self.keys), stack)
             elif node is not None and is_topic(self.keys):
-                DepthTopic(node, self.keys, self.live)
+                DepthTopic(node, self.keys, self.live, colour=self.finder is not None)
+                self._say_unused()
                 if isinstance(self.job.joint_states, JointTopic):
                     self.job.joint_states.listen(node, self.bodies.dof_names, self._show.say)
             else:

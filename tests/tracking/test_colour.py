@@ -160,7 +160,7 @@ def test_keypoints_of_another_tracked_person_are_that_persons() -> None:
 
 
 def test_colour_that_is_elsewhere_is_not_used_until_it_agrees() -> None:
-    """Two seconds of images shifted by half a metre end the use, two seconds of right ones begin it again.
+    """Four seconds of images shifted by half a metre end the use, four seconds of right ones begin it again.
 
     With `follow`, with `track`, and from any recorded state, the same frames have keypoints.
     """
@@ -168,8 +168,8 @@ def test_colour_that_is_elsewhere_is_not_used_until_it_agrees() -> None:
     assert still.colours is not None
     shifted = np.roll(still.colours, 54, axis=1)
     frames = [
-        replace(still, number=n, time_s=0.5 * n, colours=shifted if n < 8 else still.colours)
-        for n in range(16)
+        replace(still, number=n, time_s=0.5 * n, colours=shifted if n < 12 else still.colours)
+        for n in range(24)
     ]
     following = looking()
     for tracked in following.follow(frames):
@@ -180,9 +180,9 @@ def test_colour_that_is_elsewhere_is_not_used_until_it_agrees() -> None:
         restarted = looking(state=restarted.state)
     assert resumed == used
     ended, begun = used.index(False), used.index(True, used.index(False))
-    assert 2.0 <= frames[ended].time_s <= 3.0
-    assert 2.0 <= frames[begun].time_s - 0.5 * 8 <= 3.0
-    assert used == [n < ended or n >= begun for n in range(16)]
+    assert 4.0 <= frames[ended].time_s <= 5.0
+    assert 4.0 <= frames[begun].time_s - 0.5 * 12 <= 5.0
+    assert used == [n < ended or n >= begun for n in range(24)]
     assert [line[:22] for line in describe_changes({}, {"a": ColourState(2.0, used=False)})] == [
         "colour of camera a sho"
     ]
