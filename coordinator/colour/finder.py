@@ -48,6 +48,7 @@ class KeypointFinder:
 
     def __init__(self) -> None:
         check_installed()
+        self.left_out = 0  # frames, for want of time
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="keypoints")
 
     @cached_property
@@ -57,6 +58,12 @@ class KeypointFinder:
     def prepare(self) -> None:
         """Load the network, which the first frame with colour would else wait for."""
         self._thread.submit(lambda: self._network).result()
+
+    def leave_out(self, frame: DepthFrame, bodies: Sequence[ExpectedBody | None]) -> bool:
+        """Count a frame that is not looked at for want of time; whether there was anything to look at."""
+        is_of_use = any(view.colours is not None for view in frame.views) and any(bodies)
+        self.left_out += is_of_use
+        return is_of_use
 
     def submit(self, frame: DepthFrame, bodies: Sequence[ExpectedBody | None]) -> Future[list[Keypoints]]:
         """Begin to look for people, each around an expected body; without one, or without colour: nothing."""

@@ -119,7 +119,9 @@ class Input:
         said = describe_frame(first, per_second, rate.latency_s) + others
         counts = {} if self.live is None else self.live.counts
         left_out = ", ".join(f"{counts[kind]} {why}" for kind, why in LEFT_OUT.items() if counts.get(kind))
-        return said + (f"; left out: {left_out}" if left_out else "")
+        said += f"; left out: {left_out}" if left_out else ""
+        unseen = 0 if self.finder is None else self.finder.left_out
+        return said + (f"; colour of {counted(unseen, 'frame')} left out under load" if unseen else "")
 
     def configure(self, recording: Mapping[str, object]) -> RunConfiguration:
         """The configuration of the run: what is tracked, and all options that affect the results."""
@@ -386,6 +388,8 @@ class LiveInput(Input):
     def facts(self) -> dict[str, object]:
         """Counts of the messages, after the frames are written."""
         facts: dict[str, object] = {f"frames_{name}": count for name, count in self.live.counts.items()}
+        if self.finder is not None:
+            facts["frames_without_keypoints"] = self.finder.left_out
         if self._attached is not None:
             facts["frames_dropped"] = self._attached.dropped
         if self._recorder is not None:

@@ -93,6 +93,7 @@ class Tracker:
         self._colour, self._segmenter = colour, Segmenter(settings.points, scope)
         self._segmenter.recall(state.frame.scenes)
         self._frame = state.frame
+        self._is_late = self._looked = False  # the last live frame; whether its colour was looked at
         self._cameras, self._time_s = state.frame.cameras, state.frame.time_s  # of the last segmented frame
         self._targets = [TargetTracker(refiner, settings, bodies, person, motion) for person in state.people]
 
@@ -120,14 +121,17 @@ class Tracker:
 
         The results are those of `track`. If a frame fails, the frame before is still reported. Without
         `look_ahead`, each frame is reported at once. So is each `live` frame, see `Live`. A frame is
-        segmented around the pose of two frames before; at low rates, around that of the frame before.
+        segmented around the pose of two frames before; at low rates, around that of the frame before. While
+        live frames are late, every second one is tracked without keypoints.
         """
         upcoming = Lookahead(map(self._segment, frames))  # read, segment
         pacing = Recorded(look_ahead=look_ahead) if live is None else Live(live, upcoming)
         updated = list[UpdatedFrame]()  # at most one frame, which is not reported yet
         try:
             for ready in upcoming:
-                submitted = self._submit(ready, pacing.begin_frame(self._targets))  # predict, refine
+                budget = pacing.begin_frame(self._targets)
+                self._is_late = budget is not None and budget.is_late
+                submitted = self._submit(ready, budget)  # predict, refine
                 # the workers are busy from here until the update
                 yield from reported(updated)
                 if pacing.looks_ahead and not ready.is_slow:
@@ -157,7 +161,9 @@ class Tracker:
             interval_s = 0.0 if self._time_s is None else frame.time_s - self._time_s
             self._time_s = frame.time_s
             bodies = [target.expected_body for target in self._targets]
-            looking = None if self._colour is None else self._colour.submit(frame, bodies)
+            hurries, self._looked, looking = self._is_late and self._looked, False, None
+            if self._colour is not None and not (hurries and self._colour.leave_out(frame, bodies)):
+                looking, self._looked = self._colour.submit(frame, bodies), True
             segmented = self._segmenter.segment(
                 frame,
                 [target.segmentation_surface for target in self._targets],

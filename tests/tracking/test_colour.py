@@ -28,6 +28,8 @@ from gepf.coordinator.colour.finder import (
 )
 from gepf.coordinator.pool.options import PoolStatistics
 from gepf.coordinator.results.log import Entry, Opening, append_records, assemble, read_log
+from gepf.coordinator.sources.live import LiveFrames
+from gepf.coordinator.sources.live_stream import LiveCamera
 from gepf.coordinator.tracking.observation import isolate
 from gepf.refiners import DirectRefiner
 from tests.support.coloured import coloured
@@ -186,3 +188,26 @@ def test_colour_that_is_elsewhere_is_not_used_until_it_agrees() -> None:
     assert [line[:22] for line in describe_changes({}, {"a": ColourState(2.0, used=False)})] == [
         "colour of camera a sho"
     ]
+
+
+class Hurried(LiveFrames):
+    """Live frames of which the next one always waits."""
+
+    def __init__(self) -> None:
+        super().__init__([LiveCamera("camera")], print)
+
+    @property
+    def is_ready(self) -> bool:
+        """Always."""
+        return True
+
+
+def test_under_load_frames_are_tracked_without_keypoints() -> None:
+    """Every second one while frames are late; they are counted. Recorded frames never are."""
+    finder = KeypointFinder()
+    hurried = OnePerson(DirectRefiner(), SETTINGS, known(), colour=finder, start=STANDING)
+    said = [
+        bool(tracked.people[0].estimate.keypoints) for tracked in hurried.follow(coloured(), live=Hurried())
+    ]
+    assert said == [True, False, True, False]
+    assert finder.left_out == 2
