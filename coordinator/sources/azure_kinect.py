@@ -70,7 +70,7 @@ def read_azure_kinect(path: Path, given: GivenCamera) -> Source:
             lens = lens_of(calibration, depth_camera(calibration, stream, path))
         camera = None if colour is None else colour_camera(calibration, colour)
         pictures = Frames(path, stamps, stream.index)
-        coloured = Frames(path, seen, colour.index, COLOURS) if seen else None
+        coloured = Frames(path, seen, colour.index, COLOURS) if colour is not None and seen else None
     times = [stamp - stamps[0] for stamp in stamps]
 
     def read(place: int) -> NDArray[np.uint16]:

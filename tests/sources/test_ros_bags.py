@@ -278,7 +278,7 @@ def test_frames_have_the_colour_of_the_same_camera(tmp_path: Path, name: str, en
         assert np.abs(frame.colours[0, -1].astype(int) - (10 * n, 50, 93)).max() <= tolerance
     mirrored = open_source(path, GivenCamera(mirrored=True), color=True).frame(3).colours
     assert mirrored is not None
-    assert np.array_equal(mirrored, frames[3].colours[:, ::-1])  # type: ignore[index]
+    assert np.array_equal(mirrored, frames[3].colours[:, ::-1])
 
 
 def test_colour_loses_the_distortion_that_depth_loses(tmp_path: Path) -> None:
