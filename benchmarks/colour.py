@@ -23,7 +23,7 @@ from gepf.common.arrays import Array
 from gepf.common.body import KEYPOINTS
 from gepf.common.frame import DepthFrame
 from gepf.common.kinematics import joint_positions, pose_vertices
-from gepf.coordinator.colour.finder import ExpectedBody, KeypointFinder, Keypoints
+from gepf.coordinator.colour.finder import ExpectedBody, KeypointFinder, Sight
 from gepf.coordinator.filters.methods import settings_for
 from gepf.coordinator.sources.source import to_units
 from gepf.coordinator.synthesis.clothes import dress
@@ -133,16 +133,16 @@ class DisturbedFinder(KeypointFinder):
         self._disturb, self._past = disturb, dict[float, Seen]()
         self._rng = np.random.default_rng([seed, 59])
 
-    def submit(self, frame: DepthFrame, bodies: Sequence[ExpectedBody | None]) -> Future[list[Keypoints]]:
+    def submit(self, frame: DepthFrame, bodies: Sequence[ExpectedBody | None]) -> Future[Sight]:
         """Disturbed keypoints."""
-        (found,) = super().submit(frame, bodies).result()
-        future = Future[list[Keypoints]]()
+        (found,), doubles = super().submit(frame, bodies).result()
+        future = Future[Sight]()
         if "" in found:
             self._past[frame.time_s] = found[""]
             per_metre = frame.intrinsics.fx / float(np.median(frame.metres()[frame.depth > 0]))
             seen = self._disturb(Moment(frame, found[""], self._past, per_metre, self._rng))
             found = {} if seen is None else {"": seen.astype(np.float32)}
-        future.set_result([found])
+        future.set_result(Sight([found], doubles))
         return future
 
 

@@ -23,6 +23,7 @@ from gepf.coordinator.colour.keypoints import HIPS, SHOULDERS, find_keypoints
 from gepf.coordinator.colour.network import PoseNetwork, check_installed
 
 SAME_PERSON = 3.0  # median distance of keypoints, in deviations
+TRUNK_M = 0.2  # thickness of a trunk: the mean distance of two people's keypoints is above it
 
 Keypoints = Mapping[str, NDArray[np.float32]]
 """Keypoints (17, 3) of a person in the image of each camera: column, row, inverse variance (1 / pixels^2)."""
@@ -38,6 +39,13 @@ class ExpectedBody(NamedTuple):
 def without_colour(missing: MissingPackage) -> str:
     """What to say if the extra `color` is not installed."""
     return f"colour is not used, which corrects many limbs, and exchanged left and right: {missing}"
+
+
+class Sight(NamedTuple):
+    """What colour shows of people: the keypoints of each, and who follows the person of another body."""
+
+    keypoints: Sequence[Keypoints]
+    doubles: Sequence[bool]
 
 
 class KeypointFinder:
@@ -65,11 +73,13 @@ class KeypointFinder:
         self.left_out += is_of_use
         return is_of_use
 
-    def submit(self, frame: DepthFrame, bodies: Sequence[ExpectedBody | None]) -> Future[list[Keypoints]]:
+    def submit(self, frame: DepthFrame, bodies: Sequence[ExpectedBody | None]) -> Future[Sight]:
         """Begin to look for people, each around an expected body; without one, or without colour: nothing."""
 
-        def look() -> list[Keypoints]:
-            return assign(bodies, [self._look(frame, body) for body in bodies], frame)
+        def look() -> Sight:
+            seen = [self._look(frame, body) for body in bodies]
+            given = assign(bodies, seen, frame)
+            return Sight(given, find_doubles(bodies, seen, given))
 
         return self._thread.submit(look)
 
@@ -109,6 +119,30 @@ def assign(
                 free.remove(b)
                 taken.append(people[p])
     return list[Keypoints](given)
+
+
+def find_doubles(
+    bodies: Sequence[ExpectedBody | None], seen: Sequence[Keypoints], given: Sequence[Keypoints]
+) -> list[bool]:
+    """Whether bodies are where another one is, and the person whom the network saw there is that one's."""
+    places = [None if body is None else keypoint_positions(body.model, body.pose[None])[0] for body in bodies]
+
+    def is_double(mine: int, other: int) -> bool:
+        a, b = places[mine], places[other]
+        return (
+            a is not None
+            and b is not None
+            and float(np.linalg.norm(a - b, axis=1).mean()) < TRUNK_M
+            and any(
+                camera not in given[mine]
+                and camera in given[other]
+                and distance_of(keypoints[:, :2], given[other][camera]) < SAME_PERSON
+                for camera, keypoints in seen[mine].items()
+            )
+        )
+
+    people = range(len(bodies))
+    return [any(is_double(mine, other) for other in people if other != mine) for mine in people]
 
 
 def in_view(body: ExpectedBody, view: DepthFrame) -> Array:

@@ -10,7 +10,7 @@ from gepf.common.frame import DepthFrame
 from gepf.common.settings import Settings
 from gepf.coordinator.bodies.family import Bodies
 from gepf.coordinator.colour.agreement import compare, unused
-from gepf.coordinator.colour.finder import KeypointFinder, Keypoints, with_keypoints, without_keypoints
+from gepf.coordinator.colour.finder import KeypointFinder, Sight, with_keypoints, without_keypoints
 from gepf.coordinator.scene.scope import Scope
 from gepf.coordinator.sources.live import LiveFrames
 from gepf.coordinator.stopwatch import Stopwatch
@@ -32,7 +32,7 @@ MAX_SEARCHES = 8  # for an unknown body, until what detects nobody is learned as
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ready:
-    """A segmented frame, the state of its cameras, and a stopwatch and keypoints for each person.
+    """A segmented frame, the state of its cameras, what colour shows, and a stopwatch for each person.
 
     is_slow: the time since the frame before is longer than MAX_LOOKAHEAD_S.
     """
@@ -41,7 +41,7 @@ class Ready:
     cameras: CameraStates
     is_slow: bool
     clocks: Sequence[Stopwatch]
-    keypoints: Sequence[Keypoints]
+    sight: Sight
     interval_s: float
 
 
@@ -171,14 +171,14 @@ class Tracker:
                 rejected=any(isinstance(t, Searching) and t.searches > MAX_SEARCHES for t in tracks),
                 find=any(target.needs_candidates for target in self._targets),
             )
-        keypoints: Sequence[Keypoints] = [{} for _ in self._targets]
+        sight = Sight([{} for _ in self._targets], [False for _ in self._targets])
         if looking is not None:
             with clocks[0].stage("keypoints"):
-                keypoints = looking.result()
-                subjects = map(with_keypoints, segmented.subjects, keypoints)
+                sight = looking.result()
+                subjects = map(with_keypoints, segmented.subjects, sight.keypoints)
                 segmented = replace(segmented, subjects=tuple(subjects))
         is_slow = interval_s > MAX_LOOKAHEAD_S + ROUNDING_S
-        return Ready(segmented, self._cameras, is_slow, clocks, keypoints, interval_s)
+        return Ready(segmented, self._cameras, is_slow, clocks, sight, interval_s)
 
     def _submit(self, ready: Ready, budget: FrameBudget | None) -> SubmittedFrame:
         """Predict the particles of each person, and send them to the workers."""
@@ -191,6 +191,8 @@ class Tracker:
         submitted = list[Submitted | Updated]()
         for place, (target, clock) in enumerate(zip(self._targets, ready.clocks, strict=True)):
             view = replace(assignment.view_of(place), is_slow=ready.is_slow)
+            if ready.sight.doubles[place] and not against:  # it is lost, and looked for elsewhere
+                view = replace(view, subject=None)
             submitted.append(target.submit(view, clock, budget))
             if (detected := target.take_detected()) is not None:
                 beside = assignment.people_beside(place, detected.searched)
@@ -213,9 +215,9 @@ class Tracker:
             target.update(person, frame.state.cameras) if isinstance(person, Submitted) else person
             for target, person in zip(self._targets, frame.people, strict=True)
         ]
-        if any(frame.ready.keypoints):
+        if any(frame.ready.sight.keypoints):
             bodies = [target.explained_body for target in self._targets]
-            seen, shown = frame.ready.keypoints, frame.ready.segmented.frame
+            seen, shown = frame.ready.sight.keypoints, frame.ready.segmented.frame
             colours = compare(frame.state.colours, shown, bodies, seen, frame.ready.interval_s)
             self._frame = replace(frame.state, colours=colours)
         return UpdatedFrame(people, self._frame)

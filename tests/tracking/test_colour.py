@@ -31,6 +31,7 @@ from gepf.coordinator.results.log import Entry, Opening, append_records, assembl
 from gepf.coordinator.sources.live import LiveFrames
 from gepf.coordinator.sources.live_stream import LiveCamera
 from gepf.coordinator.tracking.observation import isolate
+from gepf.coordinator.tracking.tracker import Tracker
 from gepf.refiners import DirectRefiner
 from tests.support.coloured import coloured
 from tests.support.people import (
@@ -96,7 +97,7 @@ def test_workers_weigh_what_the_coordinator_says() -> None:
     """The log likelihood changes by the cost of the keypoints, which go over the wire with the frame."""
     frame, whole = coloured()[0], known().tracked(known().usual_size, STANDING)
     subject = isolate(frame, 500)
-    (found,) = KeypointFinder().submit(frame, [ExpectedBody(*whole)]).result()
+    (found,) = KeypointFinder().submit(frame, [ExpectedBody(*whole)]).result().keypoints
     seen = with_keypoints(subject, found)
     assert subject is not None
     assert seen is not None
@@ -131,11 +132,12 @@ def test_a_person_in_the_image_is_one_body() -> None:
     bodies, frame = [ExpectedBody(model, each) for each in (pose, beside)], coloured()[0]
     finder = KeypointFinder()
     for body in bodies:
-        (alone,) = finder.submit(frame, [body]).result()
+        (alone,) = finder.submit(frame, [body]).result().keypoints
         assert alone
     for pair, holder in ((bodies, 0), (bodies[::-1], 1)):
         found = finder.submit(frame, pair).result()
-        assert [bool(keypoints) for keypoints in found] == [place == holder for place in range(2)]
+        assert not any(found.doubles)  # one of them may be a hidden person
+        assert [bool(keypoints) for keypoints in found.keypoints] == [place == holder for place in range(2)]
 
 
 def test_keypoints_of_another_tracked_person_are_that_persons() -> None:
@@ -159,6 +161,19 @@ def test_keypoints_of_another_tracked_person_are_that_persons() -> None:
         for mine, expected in zip(found, given, strict=True):
             for camera in mine:
                 assert np.array_equal(mine[camera], expected[camera])
+
+
+def test_a_second_body_on_the_same_person_is_given_up() -> None:
+    """Two bodies begin at one person: by depth both stay, with colour one does, and the other is lost."""
+
+    def statuses(colour: KeypointFinder | None) -> list[list[str]]:
+        two = Tracker(DirectRefiner(), SETTINGS, known(), people=2, start=STANDING, colour=colour)
+        return [[person.estimate.status for person in each.people] for each in two.follow(coloured())]
+
+    assert all(set(each) <= {"tracked", "ambiguous"} for each in statuses(None))
+    for first, second in statuses(KeypointFinder())[1:]:
+        assert first in {"tracked", "ambiguous"}
+        assert second not in {"tracked", "ambiguous"}
 
 
 def test_colour_that_is_elsewhere_is_not_used_until_it_agrees() -> None:
