@@ -1,8 +1,9 @@
-"""Live input as a camera sends it: python -m benchmarks.live [--entries N | --minutes M].
+"""Live input as a camera sends it: python -m benchmarks.live [--colour | --entries N | --minutes M].
 
 A camera of its own publishes recorded frames at their rate, and a listener notes when each result comes. By
 default each sequence is shown once; a frame is known if its result is tracked or ambiguous; errors of known
-frames are compared with those of a recorded run. With --entries
+frames are compared with those of a recorded run. With --colour a rendered person is shown by depth alone
+and with colour, alternately. With --entries
 each room of --only is shown without people, which costs processor time, and then with N people who appear in
 it, each in another pose, at another place, and to a tracker that starts again. With --minutes the first
 sequence is shown for so long, through a router and two workers, while the camera stalls, restarts,
@@ -18,9 +19,10 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field, replace
+from io import BytesIO
 from itertools import chain, cycle
 from pathlib import Path
 from typing import Any
@@ -30,17 +32,20 @@ import numpy as np
 import psutil  # type: ignore[import-untyped]
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from PIL import Image
 
+from benchmarks.colour import rendered
 from benchmarks.costs.service import processor_seconds
 from benchmarks.running import add_data, command_line, keep
 from gepf.common.arrays import Array
 from gepf.common.camera import Intrinsics
 from gepf.common.frame import DepthFrame
-from gepf.common.protocol.frames import LIVE_END, encode_live
+from gepf.common.protocol.frames import LIVE_END, encode_colour, encode_live
 from gepf.common.transport.bus import Bus
 from gepf.common.transport.opening import open_worker
 from gepf.coordinator.results.track import read_track
 from gepf.coordinator.sources import open_source
+from gepf.coordinator.sources.live_stream import colour_key
 from gepf.coordinator.sources.picture_folders import read_depth
 
 KEY, RESULTS = "camera/depth", "camera/results"
@@ -87,6 +92,7 @@ class Camera:
     log: Log
     number: int = 0
     time_s: float = 0.0
+    pictures: Mapping[int, bytes] = field(default_factory=dict)  # JPEG files by number
 
     def restart(self) -> None:
         """Begin a new stream: number and time start from zero."""
@@ -94,12 +100,16 @@ class Camera:
 
     def show(self, count: int, fps: float, shown: Iterator[DepthFrame] | None = None) -> None:
         """Publish so many frames; each is dropped if the link is busy."""
-        publisher, began = self.bus.publish(KEY), time.monotonic()
+        publisher, coloured = self.bus.publish(KEY), self.bus.publish(colour_key(KEY))
+        began = time.monotonic()
         of = iter(self.frames) if shown is None else shown
         for k in range(count):
             time.sleep(max(0.0, began + k / fps - time.monotonic()))
+            frame = replace(next(of), number=self.number, time_s=self.time_s)
+            if frame.number in self.pictures:
+                coloured.put(encode_colour(frame.number, self.pictures[frame.number]))
             self.log.sent.append((time.monotonic(), self.number))
-            publisher.put(encode_live(replace(next(of), number=self.number, time_s=self.time_s)))
+            publisher.put(encode_live(frame))
             self.number, self.time_s = self.number + 1, self.time_s + 1.0 / fps
 
     def end(self) -> None:
@@ -114,6 +124,7 @@ def main() -> int:
     parser.add_argument("--only", nargs="+", default=list(SEQUENCES), metavar="SEQ")
     parser.add_argument("--runs", type=int, default=1, metavar="N")
     parser.add_argument("--busy", action="store_true", help="one busy loop runs beside")
+    parser.add_argument("--colour", action="store_true", help="a rendered person by depth and with colour")
     parser.add_argument("--entries", type=int, metavar="N", help="people who enter each room of --only")
     parser.add_argument("--minutes", type=float, help="show the first sequence so long, with disturbances")
     parser.add_argument(
@@ -125,6 +136,19 @@ def main() -> int:
             stack.callback(subprocess.Popen([sys.executable, "-c", "while True: pass"]).kill)
         if chosen.minutes:
             return endure(chosen)
+        if chosen.colour:
+            whole = rendered("turn", 0, None).frames
+            pictures = {frame.number: as_jpeg(frame) for frame in whole}
+            frames = [replace(frame, colours=None) for frame in whole]
+            keep(
+                [
+                    show_frames(f"turn {name}", frames, 30.0, pictures=seen)[0]
+                    for _ in range(chosen.runs)
+                    for name, seen in (("by depth", {}), ("with colour", pictures))
+                ],
+                chosen.out,
+            )
+            return 0
         if chosen.entries:
             rooms = [name for name in chosen.only if name.startswith("rooms/")]
             keep([enter(chosen.data, name, chosen.entries) for name in rooms], chosen.out)
@@ -135,26 +159,42 @@ def main() -> int:
 
 
 def show(data: Path, name: str) -> dict[str, Any]:
-    """How many frames of a sequence are known, and how soon."""
-    frames = list(open_source(data / name))
+    """How many frames of a sequence are known, and how soon; errors live and recorded."""
+    frames, people = list(open_source(data / name)), 2 if name == "rooms/second" else 1
     fps = 4.0 if name.startswith("real_rooms") else 30.0
     with tempfile.TemporaryDirectory() as folder:
-        people = 2 if name == "rooms/second" else 1
+        result, live = show_frames(name, frames, fps, Path(folder), people)
+        given = "--people", str(people), "--no-pictures", "--no-color"
+        start("track", str(data / name), "--out", f"{folder}/recorded", *given).wait()
+        person = Path("person1" if people > 1 else "")
+        result["errors_cm"] = errors_of(live / person, Path(folder, "recorded", person), data / name)
+    return result
+
+
+def show_frames(
+    name: str,
+    frames: Sequence[DepthFrame],
+    fps: float,
+    kept: Path | None = None,
+    people: int = 1,
+    pictures: Mapping[int, bytes] | None = None,
+) -> tuple[dict[str, Any], Path]:
+    """Show frames once, with colour if there are `pictures`: what came of them, and the folder of the run."""
+    with tempfile.TemporaryDirectory() as folder:
         endpoint, log = f"unixsock-stream/{folder}/bus", Log(people)
-        given = "--out", f"{folder}/run", "--listen", endpoint, "--people", str(people)
+        run_folder = (kept or Path(folder)) / "run"
+        given = "--out", str(run_folder), "--listen", endpoint, "--people", str(people)
         run = start("track", f"zenoh:{KEY}", *given, *TRACKED)
         bus = open_worker([endpoint])
         bus.subscribe(f"{RESULTS}/**", log.receive)
         time.sleep(READY_S)
-        camera = Camera(bus, frames, log)
+        camera = Camera(bus, frames, log, pictures=pictures or {})
         camera.show(len(frames), fps)
         time.sleep(2.0)
         camera.end()
         code = run.wait(60.0)
         bus.close()
-        start("track", str(data / name), "--out", f"{folder}/recorded", *given[4:], "--no-pictures").wait()
-        person = Path("person1" if people > 1 else "")
-        errors = errors_of(Path(folder, "run", person), Path(folder, "recorded", person), data / name)
+        seen = read_track(run_folder / ("person1" if people > 1 else "")).keypoint
     answers = log.answers()
     late = [1e3 * delay for _, delay, _ in answers if delay < np.inf]
     first = next((k for k, (_, _, known) in enumerate(answers) if known), len(frames))
@@ -165,12 +205,19 @@ def show(data: Path, name: str) -> dict[str, Any]:
         "first_known_s": sum(answers[first][:2]) - answers[0][0] if first < len(frames) else None,
         "known_in_time_percent": share(answers[first:], IN_TIME_S),
         "within_100_ms_percent": share(answers[first:], 0.1),
-        "errors_cm": errors,
+        "with_keypoints": 0 if seen is None else int(np.isfinite(seen).all(axis=(1, 2, 3)).sum()),
         "median_ms": float(np.median(late)) if late else None,
         "exit": code,
     }
     print(result, flush=True)
-    return result
+    return result, run_folder
+
+
+def as_jpeg(frame: DepthFrame) -> bytes:
+    """The file of a frame's colour."""
+    file = BytesIO()
+    Image.fromarray(frame.colours).save(file, "JPEG", quality=90)
+    return file.getvalue()
 
 
 def share(answers: Sequence[tuple[float, float, bool]], seconds: float) -> float:

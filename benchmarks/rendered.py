@@ -13,6 +13,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from gepf.coordinator.tracking.certainty.certainty import OFF
 
 from benchmarks.people import Row, Trial, run_trials
 from benchmarks.recordings import Recording
@@ -21,7 +22,6 @@ from benchmarks.tracking import near_percent
 from gepf.common.arrays import Array
 from gepf.coordinator.files import TRUTH_FILE
 from gepf.coordinator.synthesis.sequence import PERSON, synthesise
-from gepf.coordinator.tracking.certainty.certainty import OFF
 
 ROWS = (
     Row("gepf, 20 particles"),

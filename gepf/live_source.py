@@ -17,7 +17,7 @@ from gepf.common.transport.session import holder_name
 from gepf.coordinator.pool.options import Pool
 from gepf.coordinator.security.access import TlsFiles, choose_security
 from gepf.coordinator.sources.live import LiveFrames, from_first_seen
-from gepf.coordinator.sources.live_stream import LiveCamera
+from gepf.coordinator.sources.live_stream import LiveCamera, colour_key
 from gepf.coordinator.sources.rig import live_cameras
 from gepf.refiners import said_in_python
 
@@ -36,9 +36,11 @@ class LiveSource(LiveFrames, Closing):
     A context manager, for iterations that are neither finished nor left by a `for`.
     """
 
-    def __init__(self, cameras: Sequence[LiveCamera], reached: Pool, idle: float | None) -> None:
+    def __init__(
+        self, cameras: Sequence[LiveCamera], reached: Pool, idle: float | None, *, color: bool
+    ) -> None:
         super().__init__(cameras, log.info, idle=idle)
-        self._reached = reached
+        self._reached, self._color = reached, color
         self._session: Bus | None = None  # of the present iteration
 
     def __iter__(self) -> Iterator[DepthFrame]:
@@ -48,12 +50,17 @@ class LiveSource(LiveFrames, Closing):
         with opened as bus:
             self._session = bus
             for place, camera in enumerate(self.cameras):
+                if self._color:
+                    bus.subscribe(colour_key(camera.key), partial(self._hear_colour, place))
                 bus.subscribe(camera.key, partial(self._hear, place))
                 log.info("listening on %s", camera.key)
             yield from from_first_seen(super().__iter__(), log.info)
 
     def _hear(self, place: int, _: str, payload: bytes) -> None:
         self.receive(payload, place=place)
+
+    def _hear_colour(self, place: int, _: str, payload: bytes) -> None:
+        self.receive_colour(payload, place=place)
 
     def close(self) -> None:
         """Stop receiving, and end the iteration after the waiting image, if any; callable from any thread."""
@@ -68,6 +75,7 @@ def live(
     connect: str | None = None,
     *,
     idle_timeout: float | None = None,
+    color: bool = True,
     tls: TlsFiles | None = None,
     insecure: bool = False,
 ) -> LiveSource:
@@ -79,6 +87,7 @@ def live(
         listen: Endpoint at which the publisher may connect, such as tcp/127.0.0.1:7447.
         connect: Endpoint of a router or publisher, which may start later.
         idle_timeout: Seconds without an image after which the stream ends; None to wait for ever.
+        color: Whether colour images on KEY/color join their frames, if they come before them.
         tls: The authority's certificate, the coordinator's, and its key, for endpoints such as tls/HOST:7447.
         insecure: Reach other hosts without encryption; anyone there could publish, or read the images.
 
@@ -98,4 +107,4 @@ def live(
         check_stream(camera.key, holder_name(security))
     if not cameras:
         raise InputError(f"{key} is not a rig with live cameras (zenoh:KEY); open_source reads recordings")
-    return LiveSource(cameras, reached, idle_timeout)
+    return LiveSource(cameras, reached, idle_timeout, color=color)

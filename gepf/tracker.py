@@ -21,6 +21,7 @@ from gepf.common.closing import Closing
 from gepf.common.cores import usable_cores
 from gepf.common.errors import InputError
 from gepf.common.frame import DepthFrame
+from gepf.common.packages import MissingPackage
 from gepf.coordinator.bodies.choice import choose_bodies, choose_model
 from gepf.coordinator.bodies.family import Bodies
 from gepf.coordinator.bodies.human.dofs import HUMAN
@@ -28,6 +29,8 @@ from gepf.coordinator.bodies.human.measures import Measures
 from gepf.coordinator.bodies.human.people import PEOPLE
 from gepf.coordinator.bodies.human.shape_space import Size
 from gepf.coordinator.bodies.mechanisms import MECHANISMS
+from gepf.coordinator.colour.agreement import ColourStates, describe_changes
+from gepf.coordinator.colour.finder import KeypointFinder, without_colour
 from gepf.coordinator.files import with_parent
 from gepf.coordinator.filters.methods import apply_method
 from gepf.coordinator.results.log import assemble, floor_up
@@ -55,7 +58,7 @@ Start = Mapping[str, float] | str | Path
 class FrameLoop(Closing):
     """Base class of the trackers of one body and of several people: frames in, estimates out."""
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 one parameter an input
         self,
         bodies: Bodies,
         settings: Settings,
@@ -65,13 +68,23 @@ class FrameLoop(Closing):
         depth_scale: float | None,
         people: int = 1,
         start: Mapping[str, float] | None = None,
+        *,
+        color: bool,
     ) -> None:
+        finder, self._unused = None, ""  # why colour is not used, until that is said
+        if color and bodies.family.has_keypoints and settings.refine.sensor == "camera":
+            try:
+                finder = KeypointFinder()
+            except MissingPackage as missing:
+                self._unused = f"{without_colour(missing)}; or color=False"
         self._settings, self._frames = settings, 0
         self._camera, self._depth_scale, self._cameras = camera, depth_scale, dict[str, Intrinsics]()
         self._stack = ExitStack()
         refiner = open_refiner(workers, tls, self._stack)
-        self._make = partial(tracking.Tracker, refiner, settings, bodies, people=people, start=start)
-        self._tracker = self._make()
+        self._make = partial(
+            tracking.Tracker, refiner, settings, bodies, people=people, start=start, colour=finder
+        )
+        self._tracker, self._colours = self._make(), ColourStates()
 
     def close(self) -> None:
         """Stop the workers that this tracker started, and leave the pool."""
@@ -84,7 +97,8 @@ class FrameLoop(Closing):
     def _follow(self, frames: Iterable[DepthFrame], *, look_ahead: bool = True) -> Iterator[list[Estimate]]:
         """Track a source. Each stream of live input has a new tracker, and is tracked as it comes."""
         live = frames if isinstance(frames, LiveSource) else None
-        frames = frames if live is not None else (check_frame(each, self._cameras) for each in frames)
+        checked = frames if live is not None else (check_frame(each, self._cameras) for each in frames)
+        frames = map(self._say_unused, checked)
         if live is not None and self._frames == 0:  # no frame waits for loading or for the frame before
             self._tracker.prepare()
         last = 0 if live is None else live.stream
@@ -92,8 +106,18 @@ class FrameLoop(Closing):
             if stream != last:
                 self._tracker, last = self._make(), stream
             for tracked in self._tracker.follow(part, look_ahead=look_ahead, live=live):
+                for line in describe_changes(self._colours, tracked.state.colours):
+                    log.warning(line)
+                self._colours = tracked.state.colours
                 self._frames += 1
                 yield [named(p.estimate, p.state.body, p.state.start.held) for p in tracked.people]
+
+    def _say_unused(self, frame: DepthFrame) -> DepthFrame:
+        """The frame; says once why its colour is not used."""
+        if self._unused and any(view.colours is not None for view in frame.views):
+            log.warning(self._unused)
+            self._unused = ""
+        return frame
 
     def _frame_of(self, depth: DepthFrame | ArrayLike, time_s: float | None) -> DepthFrame:
         """The frame itself, or the next frame from an array (H, W)."""
@@ -135,13 +159,14 @@ class Tracker(FrameLoop):
         active: Degrees of freedom to track; None for the default ones.
         camera: Matrix (3, 3), fx 0 cx, 0 fy cy, 0 0 1 in pixels; needed only for arrays.
         depth_scale: Units per metre of integer arrays.
+        color: Whether colour of frames is used, for people; needs the extra `color`.
         tls: The authority's certificate, the coordinator's, and its key, for workers at tls/HOST:PORT.
 
     A context manager: its workers end with it, or with `close`. Raises InputError for an invalid model, start
     or setting.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 one parameter an input
         self,
         model: Body = HUMAN,
         settings: Settings | None = None,
@@ -151,6 +176,7 @@ class Tracker(FrameLoop):
         active: tuple[str, ...] | None = None,
         camera: ArrayLike | None = None,
         depth_scale: float | None = None,
+        color: bool = True,
         tls: TlsFiles | None = None,
     ) -> None:
         settings = apply_method(settings or preset("default"))
@@ -158,7 +184,7 @@ class Tracker(FrameLoop):
         given = read_start(Path(start), bodies.dof_names) if isinstance(start, str | Path) else start
         if given is not None:
             start_at(given, bodies)  # checked before any worker starts
-        super().__init__(bodies, settings, workers, tls, camera, depth_scale, start=given)
+        super().__init__(bodies, settings, workers, tls, camera, depth_scale, start=given, color=color)
 
     @property
     def model(self) -> BodyModel:
@@ -221,6 +247,7 @@ class PeopleTracker(FrameLoop):
         active: Degrees of freedom to track; None for the default ones.
         camera: Matrix (3, 3) in pixels; needed only for arrays.
         depth_scale: Units per metre of integer arrays.
+        color: Whether colour of frames is used, for people; needs the extra `color`.
         tls: The authority's certificate, the coordinator's, and its key, for workers at tls/HOST:PORT.
 
     A context manager: its workers end with it, or with `close`. People are numbered in the order of their
@@ -236,13 +263,14 @@ class PeopleTracker(FrameLoop):
         active: tuple[str, ...] | None = None,
         camera: ArrayLike | None = None,
         depth_scale: float | None = None,
+        color: bool = True,
         tls: TlsFiles | None = None,
     ) -> None:
         if people < 1:
             raise InputError(f"people={people} would track no one; give 1 or more")
         settings = apply_method(settings or preset("default"))
         bodies = choose_bodies(active, settings.preset, HUMAN)
-        super().__init__(bodies, settings, workers, tls, camera, depth_scale, people)
+        super().__init__(bodies, settings, workers, tls, camera, depth_scale, people, color=color)
 
     @property
     def found(self) -> int:
@@ -275,23 +303,30 @@ class PeopleTracker(FrameLoop):
 
 
 def track(
-    recording: str | Path, out: str | Path | None = None, *, quiet: bool = False, **options: Any
+    recording: str | Path,
+    out: str | Path | None = None,
+    *,
+    color: bool | str | Path = True,
+    quiet: bool = False,
+    **options: Any,
 ) -> Run:
     """Track a recording, with a progress bar, and return its run.
 
     Args:
         recording: Any format that `open_source` opens.
         out: New folder for the run; None for a temporary one.
+        color: Whether colour of the recording is used, for people; or a folder of other colour images.
         quiet: Show no progress.
         options: Arguments of `Tracker`; `workers` is one lane per core by default.
 
     Raises InputError for a recording or options that are wrong, before anything is tracked. After a
     later error or interrupt, the folder holds the run of the frames before it.
     """
-    source = open_source(recording)
+    source = open_source(recording, color=color)
     folder = Path(tempfile.mkdtemp(prefix="gepf-")) / "run" if out is None else Path(out)
     with_parent(folder)
-    with Tracker(**{"workers": usable_cores(), "start": source.init} | options) as tracker:
+    options = {"workers": usable_cores(), "start": source.init, "color": color is not False} | options
+    with Tracker(**options) as tracker:
         frames = tracker.follow(source)
         estimates = list[Estimate]()
         try:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
-from itertools import combinations
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -16,12 +16,14 @@ from gepf.common.body import BodyModel
 from gepf.common.camera import project
 from gepf.common.frame import DepthFrame, SubjectFrame
 from gepf.common.kinematics import keypoint_positions, pose_vertices
+from gepf.common.packages import MissingPackage
 from gepf.common.refinement import KEYPOINT_OUTLIER
 from gepf.coordinator.colour.crop import Crop, crop_of_body
 from gepf.coordinator.colour.keypoints import HIPS, SHOULDERS, find_keypoints
-from gepf.coordinator.colour.network import PoseNetwork
+from gepf.coordinator.colour.network import PoseNetwork, check_installed
 
 SAME_PERSON = 3.0  # median distance of keypoints, in deviations
+TRUNK_M = 0.2  # thickness of a trunk: the mean distance of two people's keypoints is above it
 
 Keypoints = Mapping[str, NDArray[np.float32]]
 """Keypoints (17, 3) of a person in the image of each camera: column, row, inverse variance (1 / pixels^2)."""
@@ -34,6 +36,18 @@ class ExpectedBody(NamedTuple):
     pose: Array  # (D,)
 
 
+def without_colour(missing: MissingPackage) -> str:
+    """What to say if the extra `color` is not installed."""
+    return f"colour is not used, which corrects many limbs, and exchanged left and right: {missing}"
+
+
+class Sight(NamedTuple):
+    """What colour shows of people: the keypoints of each, and who follows the person of another body."""
+
+    keypoints: Sequence[Keypoints]
+    doubles: Sequence[bool]
+
+
 class KeypointFinder:
     """Looks at each person once in each image, one after another.
 
@@ -41,14 +55,31 @@ class KeypointFinder:
     """
 
     def __init__(self) -> None:
-        self._network = PoseNetwork()
+        check_installed()
+        self.left_out = 0  # frames, for want of time
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="keypoints")
 
-    def submit(self, frame: DepthFrame, bodies: Sequence[ExpectedBody | None]) -> Future[list[Keypoints]]:
+    @cached_property
+    def _network(self) -> PoseNetwork:
+        return PoseNetwork()
+
+    def prepare(self) -> None:
+        """Load the network, which the first frame with colour would else wait for."""
+        self._thread.submit(lambda: self._network).result()
+
+    def leave_out(self, frame: DepthFrame, bodies: Sequence[ExpectedBody | None]) -> bool:
+        """Count a frame that is not looked at for want of time; whether there was anything to look at."""
+        is_of_use = any(view.colours is not None for view in frame.views) and any(bodies)
+        self.left_out += is_of_use
+        return is_of_use
+
+    def submit(self, frame: DepthFrame, bodies: Sequence[ExpectedBody | None]) -> Future[Sight]:
         """Begin to look for people, each around an expected body; without one, or without colour: nothing."""
 
-        def look() -> list[Keypoints]:
-            return keep_nearest(bodies, [self._look(frame, body) for body in bodies], frame)
+        def look() -> Sight:
+            seen = [self._look(frame, body) for body in bodies]
+            given = assign(bodies, seen, frame)
+            return Sight(given, find_doubles(bodies, seen, given))
 
         return self._thread.submit(look)
 
@@ -63,24 +94,55 @@ class KeypointFinder:
         return found
 
 
-def keep_nearest(
+def assign(
     bodies: Sequence[ExpectedBody | None], seen: Sequence[Keypoints], frame: DepthFrame
 ) -> list[Keypoints]:
-    """Keypoints of bodies; of bodies with the same ones, only the nearest keeps them.
+    """Keypoints of bodies: each person in an image is that of the nearest body, and a body is one person.
 
-    Around a body that is hidden or wrong, the network may see another person.
+    Around a body that is hidden or wrong, the network may see another person, who may be another body.
     """
-    kept = [dict(keypoints) for keypoints in seen]
+    given = [dict[str, NDArray[np.float32]]() for _ in bodies]
     for view in frame.views:
-        away = [
-            np.inf if body is None else distance_of(in_view(body, view), keypoints.get(view.camera))
-            for body, keypoints in zip(bodies, seen, strict=True)
-        ]
-        for a, b in combinations(np.argsort(away, kind="stable"), 2):
-            mine, other = kept[a].get(view.camera), kept[b].get(view.camera)
-            if mine is not None and other is not None and distance_of(mine[:, :2], other) < SAME_PERSON:
-                del kept[b][view.camera]
-    return list[Keypoints](kept)
+        people = [keypoints[view.camera] for keypoints in seen if view.camera in keypoints]
+        places = [None if body is None else in_view(body, view) for body in bodies]
+        away = {
+            (b, p): distance_of(place, person)
+            for b, place in enumerate(places)
+            for p, person in enumerate(people)
+            if place is not None
+        }
+        free, taken = set(range(len(bodies))), list[NDArray[np.float32]]()
+        for b, p in sorted(away, key=away.__getitem__):
+            is_taken = any(distance_of(people[p][:, :2], other) < SAME_PERSON for other in taken)
+            if b in free and not is_taken:
+                given[b][view.camera] = people[p]
+                free.remove(b)
+                taken.append(people[p])
+    return list[Keypoints](given)
+
+
+def find_doubles(
+    bodies: Sequence[ExpectedBody | None], seen: Sequence[Keypoints], given: Sequence[Keypoints]
+) -> list[bool]:
+    """Whether bodies are where another one is, and the person whom the network saw there is that one's."""
+    places = [None if body is None else keypoint_positions(body.model, body.pose[None])[0] for body in bodies]
+
+    def is_double(mine: int, other: int) -> bool:
+        a, b = places[mine], places[other]
+        return (
+            a is not None
+            and b is not None
+            and float(np.linalg.norm(a - b, axis=1).mean()) < TRUNK_M
+            and any(
+                camera not in given[mine]
+                and camera in given[other]
+                and distance_of(keypoints[:, :2], given[other][camera]) < SAME_PERSON
+                for camera, keypoints in seen[mine].items()
+            )
+        )
+
+    people = range(len(bodies))
+    return [any(is_double(mine, other) for other in people if other != mine) for mine in people]
 
 
 def in_view(body: ExpectedBody, view: DepthFrame) -> Array:
@@ -89,10 +151,8 @@ def in_view(body: ExpectedBody, view: DepthFrame) -> Array:
     return project(places, view.intrinsics)
 
 
-def distance_of(pixels: Array, keypoints: NDArray[np.float32] | None) -> float:
-    """The median distance of pixels (17, 2) from keypoints, in their deviations; infinite without them."""
-    if keypoints is None:
-        return np.inf
+def distance_of(pixels: NDArray[np.floating], keypoints: NDArray[np.float32]) -> float:
+    """The median distance of pixels (17, 2) from keypoints, in their deviations."""
     off = np.linalg.norm(pixels - keypoints[:, :2], axis=1)
     return float(np.median(off * np.sqrt(keypoints[:, 2])))
 
@@ -120,6 +180,17 @@ def with_keypoints(subject: SubjectFrame | None, found: Keypoints) -> SubjectFra
         for each in subject.views
     )
     wider = (with_keypoints(each, found) for each in subject.wider)
+    return replace(first, others=tuple(others), wider=tuple(each for each in wider if each is not None))
+
+
+def without_keypoints(subject: SubjectFrame | None, cameras: Collection[str]) -> SubjectFrame | None:
+    """The subject of a frame without the keypoints of these cameras."""
+    if subject is None:
+        return None
+    first, *others = (
+        replace(each, keypoints=None) if each.frame.camera in cameras else each for each in subject.views
+    )
+    wider = (without_keypoints(each, cameras) for each in subject.wider)
     return replace(first, others=tuple(others), wider=tuple(each for each in wider if each is not None))
 
 

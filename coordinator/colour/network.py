@@ -8,8 +8,13 @@ that is not used here. As in MediaPipe, landmarks are moved to the nearest peak 
 
 from __future__ import annotations
 
+import os
+import sys
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +26,7 @@ from gepf.common.packages import needs
 from gepf.coordinator.colour.crop import SIDE_PX, Colours
 
 NETWORK = "BlazePose lite 0.5.1675469404"
+PACKAGE, PURPOSE = "ai_edge_litert", "finding keypoints in colour"
 FILE = Path(__file__).with_name("pose_landmark_lite.tflite")
 LANDMARKS, VALUES = 39, 5
 CELL_PX = 4  # of the heatmaps
@@ -45,6 +51,27 @@ class Landmarks:
     presence: float
 
 
+def check_installed() -> None:
+    """Raise MissingPackage if the extra `color` is not installed, without loading it."""
+    with needs("color", PURPOSE):
+        if find_spec(PACKAGE) is None:
+            raise ModuleNotFoundError(name=PACKAGE)
+
+
+@contextmanager
+def quiet_stderr() -> Iterator[None]:
+    """Drop what compiled code writes to stderr: LiteRT announces its delegate, and has no option for that."""
+    sys.stderr.flush()
+    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nowhere)
+
+
 class PoseNetwork:
     """The network in memory; the number of `threads` does not change its outputs. It locks itself.
 
@@ -52,10 +79,11 @@ class PoseNetwork:
     """
 
     def __init__(self, threads: int = 1) -> None:
-        with needs("color", "finding keypoints in colour images"):
+        with needs("color", PURPOSE):
             from ai_edge_litert.interpreter import Interpreter
         self._interpreter = Interpreter(model_path=str(FILE), num_threads=threads)
-        self._interpreter.allocate_tensors()
+        with quiet_stderr():
+            self._interpreter.allocate_tensors()
         (self._input,) = (each["index"] for each in self._interpreter.get_input_details())
         outputs = self._interpreter.get_output_details()
         found = {OUTPUTS.get(tuple(each["shape"].tolist())): each["index"] for each in outputs}

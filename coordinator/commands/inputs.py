@@ -18,11 +18,12 @@ import numpy as np
 from gepf.common.camera import Intrinsics
 from gepf.common.errors import InputError
 from gepf.common.frame import DepthFrame
+from gepf.common.packages import MissingPackage
 from gepf.common.protocol.keys import check_stream, of_live
 from gepf.common.transport.channels import Publisher
 from gepf.common.transport.session import holder_name
 from gepf.coordinator.bodies.choice import choose_bodies
-from gepf.coordinator.colour.finder import KeypointFinder
+from gepf.coordinator.colour.finder import KeypointFinder, without_colour
 from gepf.coordinator.colour.network import NETWORK
 from gepf.coordinator.commands.job import Job
 from gepf.coordinator.commands.progress import FrameRate, Show, counted, describe_frame
@@ -45,7 +46,7 @@ from gepf.coordinator.scene.scope import Scope
 from gepf.coordinator.sources import Source, open_source
 from gepf.coordinator.sources.background import check_size, read_background
 from gepf.coordinator.sources.camera import AS_RECORDED
-from gepf.coordinator.sources.colour_folder import ColourFolder, with_colours
+from gepf.coordinator.sources.colour_folder import ColourFolder
 from gepf.coordinator.sources.devices.device import AttachedCamera, vendor_of
 from gepf.coordinator.sources.doubts import find_doubts
 from gepf.coordinator.sources.frame_recorder import FrameRecorder
@@ -63,6 +64,7 @@ logger = logging.getLogger(__name__)
 Streams = Generator[Iterator[DepthFrame], None, None]
 
 MEND_STREAM = "is its publisher running, with this key and endpoint, and is its depth above 0?"
+EXAMINED = 10  # frames of a recording, for colour
 LEFT_OUT = {"skipped": "for newer frames", "rejected": "do not fit the stream", "malformed": "malformed"}
 """Counts of live input that are shown, and why these messages were left out."""
 
@@ -87,11 +89,14 @@ class Input:
             up = first.T_rig_camera[:3, :3] @ np.array([-np.sin(turn), -np.cos(turn), 0.0])
         elif source is not None and source.gravity is not None:
             up = -source.gravity
-        is_possible = self.bodies.family.has_keypoints and job.settings.refine.sensor == "camera"
-        if job.keypoints and not is_possible:
-            raise InputError("--keypoints is for people, and not for preset paper; leave it out")
         background = None if job.background is None else read_background(job.background, source)
         self.scope = replace(job.scope, background=background, up=up, camera=first.camera)
+
+    @property
+    def may_use_colour(self) -> bool:
+        """Whether keypoints in colour are of use: for people, unless the user or the method excludes them."""
+        has_keypoints = self.bodies.family.has_keypoints
+        return has_keypoints and self.job.settings.refine.sensor == "camera" and not self.job.no_color
 
     def announce(self, _done: int) -> str:
         """A message on how it is tracked; some frames are already recorded."""
@@ -99,7 +104,12 @@ class Input:
         people = f", up to {job.people} people" if job.people > 1 else ""
         particles = counted(job.settings.filter.particles, "particle")
         into = "" if job.out is None else f" into {job.out}"
-        return f"tracking {job.sequence}{into}: {job.settings.method}, {particles}{people}"
+        return f"tracking {job.sequence}{into} by {self.by}: {job.settings.method}, {particles}{people}"
+
+    @property
+    def by(self) -> str:
+        """What it is tracked by."""
+        return "depth alone" if self.finder is None else "depth and colour"
 
     def describe(self, tracked: TrackedFrame, rate: FrameRate) -> str:
         """A tracked frame in a short line; for live input, also what was left out and why."""
@@ -109,7 +119,9 @@ class Input:
         said = describe_frame(first, per_second, rate.latency_s) + others
         counts = {} if self.live is None else self.live.counts
         left_out = ", ".join(f"{counts[kind]} {why}" for kind, why in LEFT_OUT.items() if counts.get(kind))
-        return said + (f"; left out: {left_out}" if left_out else "")
+        said += f"; left out: {left_out}" if left_out else ""
+        unseen = 0 if self.finder is None else self.finder.left_out
+        return said + (f"; colour of {counted(unseen, 'frame')} left out under load" if unseen else "")
 
     def configure(self, recording: Mapping[str, object]) -> RunConfiguration:
         """The configuration of the run: what is tracked, and all options that affect the results."""
@@ -153,14 +165,15 @@ class RecordedInput(Input):
     total: int
 
     def __init__(self, job: Job) -> None:
-        self.source = source = open_source(job.sequence, job.given)
+        color = not job.no_color if job.color is None else job.color
+        coloured = open_source(job.sequence, job.given, color=color)
+        self.source = source = coloured.without_colours()
         self.numbers = numbers = select_frames(source.numbers, job.frames)
         self.total = len(numbers)
         check_pixels(job.scope, source.intrinsics)
         super().__init__(job, source, source)
-        if job.keypoints:
-            self.source = source = self._with_colours()
-            self.finder = KeypointFinder()
+        if self.may_use_colour:
+            self.source = source = self._choose(coloured)
         if isinstance(job.joint_states, JointStates):
             job.joint_states.check_names(self.bodies.dof_names)
         # with several people, the sequence's truth does not say whose it is
@@ -180,6 +193,9 @@ class RecordedInput(Input):
             "first_frame": digest_frame(first),
             "frame_range": f"{numbers[0]}:{numbers[-1] + 1}",
         }
+        if self.finder is not None:
+            images = (view.colours.tobytes() for view in first.views if view.colours is not None)
+            recording["first_colour"] = digest(b"".join(images))
         if first.camera:
             views = [(each.camera, each.T_rig_camera.tolist(), digest_frame(each)) for each in first.views]
             recording["rig"] = digest(repr(views).encode())
@@ -192,17 +208,29 @@ class RecordedInput(Input):
             }
         self.configuration = self.configure(recording)
 
-    def _with_colours(self) -> Source:
-        """The recording with its colour images; InputError if there are none."""
-        coloured, first = with_colours(self.source, self.job.color), self.numbers[0]
-        if not any(view.colours for view in coloured.views):
-            raise InputError(
-                "--keypoints finds no color/ beside the depth; give --color DIR, or leave it out"
-            )
-        if all(view.colours is None or view.colours(first) is None for view in coloured.views):
+    def _choose(self, coloured: Source) -> Source:
+        """The recording with its colour images; without them, and with one line, if they are of no use."""
+        fit = list[bool]()
+        for view in coloured.views:
+            numbers = self.numbers if view is coloured else view.numbers
+            places = np.unique(np.linspace(0, len(numbers) - 1, EXAMINED).astype(int))
+            if view.colours is not None:
+                fit += [view.colours(numbers[place]) is not None for place in places]
+        if not fit:
+            return self.source
+        if not any(fit):
             logger.warning(
-                "frame %d has no colour image that fits; such frames are tracked by depth alone", first
+                "colour is not used: no image of the examined frames has the shape of depth; register colour "
+                "to depth, or give --no-color"
             )
+            return self.source
+        if not all(fit):
+            logger.warning("some frames have no colour image; they are tracked by depth alone")
+        try:
+            self.finder = KeypointFinder()
+        except MissingPackage as missing:
+            logger.warning("%s; or give --no-color", without_colour(missing))
+            return self.source
         return coloured
 
     def announce(self, done: int) -> str:
@@ -259,14 +287,19 @@ class LiveInput(Input):
         if job.record is not None:
             with_parent(job.record)
         super().__init__(job, None, cameras[0])
-        if job.keypoints:
-            self.finder = KeypointFinder()
+        self._unused = ""  # why colour is not used, until that is said
+        if self.may_use_colour:
+            try:
+                self.finder = KeypointFinder()
+            except MissingPackage as missing:
+                self._unused = f"{without_colour(missing)}; or give --no-color"
         self.live: LiveFrames = LiveFrames(cameras, show.say, idle=job.idle_timeout)
         rig = {c.camera: [c.key, c.T_rig_camera.tolist(), c.offset_s] for c in cameras if c.camera}
         self.configuration = self.configure({"sequence": str(job.sequence), **({"rig": rig} if rig else {})})
         self._attached = None
         if vendor_of(job.sequence):
             self._attached = AttachedCamera(job.sequence, show.say, colour=self.finder is not None)
+            self._say_unused()
         self._failure: Exception | None = None  # of the attached camera
         self._recorder = None if job.record is None else FrameRecorder(job.record, cameras, show.say)
 
@@ -280,12 +313,13 @@ class LiveInput(Input):
             if self._attached is not None:
                 self._attach(self._attached, workers.speak(self.keys), stack)
             elif node is not None and is_topic(self.keys):
-                DepthTopic(node, self.keys, self.live)
+                DepthTopic(node, self.keys, self.live, colour=self.finder is not None)
+                self._say_unused()
                 if isinstance(self.job.joint_states, JointTopic):
                     self.job.joint_states.listen(node, self.bodies.dof_names, self._show.say)
             else:
                 for place, camera in enumerate(self.live.cameras):
-                    if self._recorder is not None or self.finder is not None:
+                    if self._recorder is not None or self.finder is not None or self._unused:
                         put = partial(self._put_colour, place, camera.camera)
                         workers.listen(colour_key(camera.key), put)
                     workers.listen(camera.key, partial(self.live.receive, place=place))
@@ -293,6 +327,11 @@ class LiveInput(Input):
                 yield map(self._take, from_first_seen(frames, self._show.say))
         if self._failure is not None:
             raise self._failure
+
+    @property
+    def by(self) -> str:
+        """What it is tracked by; no frame waits for colour."""
+        return "depth alone" if self.finder is None else "depth, and colour if it comes"
 
     @property
     def _not_stored(self) -> str:
@@ -329,6 +368,13 @@ class LiveInput(Input):
             self._recorder.put_colour(camera, payload)
         if self.finder is not None:
             self.live.receive_colour(payload, place=place)
+        self._say_unused()
+
+    def _say_unused(self) -> None:
+        """Say once why colour is not used."""
+        if self._unused:
+            self._show.say(self._unused)
+            self._unused = ""
 
     def _take(self, frame: DepthFrame) -> DepthFrame:
         """The frame, which is recorded; InputError if the room without people has another size."""
@@ -342,6 +388,8 @@ class LiveInput(Input):
     def facts(self) -> dict[str, object]:
         """Counts of the messages, after the frames are written."""
         facts: dict[str, object] = {f"frames_{name}": count for name, count in self.live.counts.items()}
+        if self.finder is not None:
+            facts["frames_without_keypoints"] = self.finder.left_out
         if self._attached is not None:
             facts["frames_dropped"] = self._attached.dropped
         if self._recorder is not None:

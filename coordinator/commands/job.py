@@ -44,8 +44,8 @@ class Job:
     init: str | None = None  # a file, AUTOMATIC, or None for the sequence's own file, if there is one
     frames: str | None = None
     resume: bool = False
-    color: Path | None = None  # colour frames for pictures, and for keypoints if they are not beside depth
-    keypoints: bool = False  # of people in colour images are used
+    color: Path | None = None  # colour frames, also for pictures; None: those beside depth, if there are any
+    no_color: bool = False  # depth alone
     given: GivenCamera = AS_RECORDED
     results: str | None = None  # key or topic on which they are published
     results_json: bool = False
@@ -108,6 +108,8 @@ def choose_job(options: TrackOptions, camera: CameraOptions, security: SecurityO
         raise InputError("--people is for people whose size is measured; leave --model out")
     if job.people > 1 and job.init not in (None, AUTOMATIC):
         raise InputError("--init is the pose of one person; with --people all are detected, so leave it out")
+    if job.color is not None and job.no_color:
+        raise InputError("--color and --no-color exclude each other; leave one of them out")
     check_outputs(job, several=is_several(options))
     check_folder(job, several=is_several(options), as_json=options.as_json)
     return job

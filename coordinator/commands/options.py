@@ -113,13 +113,10 @@ class TrackOptions:
     rotate: str = input_option(
         "0|90|180|270|auto", "Clockwise degrees to upright (default: found).", default="auto"
     )
-    color: Path | None = input_option("DIR", "Colour frames to draw results over, and for --keypoints.")
-    keypoints: bool = input_option(
-        "",
-        "Also use people's keypoints in colour: --color, SEQ/color or KEY/color.",
-        "--keypoints",
-        default=False,
+    color: Path | None = input_option(
+        "DIR", "Colour frames to use and to draw over (default: use SEQ/color)."
     )
+    no_color: bool = input_option("", "Use depth alone.", "--no-color", default=False)
     person: str = scene_option(
         "X,Y|nearest|largest|moving", "The person to track; X,Y is a pixel.", default="best"
     )

@@ -12,6 +12,7 @@ import numpy as np
 
 from gepf.common.errors import InputError, SilentWorkers
 from gepf.coordinator.bodies.human.people import PEOPLE
+from gepf.coordinator.colour.agreement import describe_changes as describe_colours
 from gepf.coordinator.commands.console import INTERRUPTS
 from gepf.coordinator.commands.finished import draw_pictures
 from gepf.coordinator.commands.inputs import MEND_STREAM, LiveInput, RecordedInput
@@ -32,7 +33,6 @@ from gepf.coordinator.sources.live_stream import is_topic, live_key
 from gepf.coordinator.sources.rig import live_cameras
 from gepf.coordinator.sources.ros2 import Node
 from gepf.coordinator.tracking.cameras import describe_changes
-from gepf.coordinator.tracking.estimate import Fault
 from gepf.coordinator.tracking.reporting import TrackedFrame
 from gepf.coordinator.tracking.tracker import Tracker
 
@@ -125,7 +125,7 @@ def track_frames(
     frames of a recording.
     """
     job, before, goes_on = given.job, recorder.frames, False
-    faults: Mapping[str, tuple[Fault, float]] = {}
+    latest: TrackedFrame | None = None
     with (
         open_node(job, show) as node,
         connect(job.pool, show.say) as workers,
@@ -152,11 +152,11 @@ def track_frames(
             for frames in streams:
                 for tracked in make().follow(frames, live=given.live):
                     publish(tracked, outlets)
-                    first, live = tracked.people[0].estimate, given.live
-                    for line in describe_changes(faults, first.faults):
+                    for line in changes(latest, tracked):
                         show.say(line)
-                    faults = first.faults
-                    rate.count(None if live is None else live.received_at(first.frame))
+                    latest, live = tracked, given.live
+                    number = tracked.people[0].estimate.frame
+                    rate.count(None if live is None else live.received_at(number))
                     recorder.append(tracked, workers.statistics, rate.seconds)
                     advance(recorder.frames, given.total, given.describe(tracked, rate))
                     if recorder.frames == before + 2:
@@ -172,6 +172,16 @@ def track_frames(
                 for outlet in outlets:
                     outlet.end()
     return not goes_on
+
+
+def changes(before: TrackedFrame | None, now: TrackedFrame) -> list[str]:
+    """Messages on what a frame changed in the cameras and in the use of their colour."""
+    faults = {} if before is None else before.people[0].estimate.faults
+    colours = {} if before is None else before.state.colours
+    return [
+        *describe_changes(faults, now.people[0].estimate.faults),
+        *describe_colours(colours, now.state.colours),
+    ]
 
 
 def publish(tracked: TrackedFrame, outlets: Sequence[LiveResults]) -> None:

@@ -10,6 +10,7 @@ from gepf.common.errors import InputError
 from gepf.coordinator.sources.arrays import ArraySource, read_npy, read_npz
 from gepf.coordinator.sources.bag import is_bag
 from gepf.coordinator.sources.camera import AS_RECORDED, GivenCamera
+from gepf.coordinator.sources.colour_folder import with_colours
 from gepf.coordinator.sources.picture_folders import holds_pictures, is_tum, read_pictures
 from gepf.coordinator.sources.point_clouds import SUFFIXES, read_clouds
 from gepf.coordinator.sources.rig import read_rig
@@ -63,13 +64,23 @@ FORMATS = (
 DEPTH_PNG = "write depth/000000.png, ... of 16-bit millimetres, and add --intrinsics fx,fy,cx,cy"
 
 
-def open_source(path: Path | str, given: GivenCamera = AS_RECORDED) -> Source:
+def open_source(
+    path: Path | str, given: GivenCamera = AS_RECORDED, *, color: bool | Path | str = False
+) -> Source:
     """Open the sequence at `path`, in any format; `given` can replace its camera and units.
 
-    Reads only the camera and the numbers of the frames. Raises InputError if there is no sequence, or if its
-    description is damaged.
+    With `color`, its frames have those colour images that fit the depth, or those of a folder. Reads only the
+    camera and the numbers of the frames. Raises InputError if there is no sequence, or if its description is
+    damaged.
     """
-    path = Path(path)
+    source = open_recording(Path(path), given)
+    if color is False:
+        return source.without_colours()
+    return with_colours(source, None if color is True else Path(color))
+
+
+def open_recording(path: Path, given: GivenCamera = AS_RECORDED) -> Source:
+    """The sequence at `path` with the colour that its file holds."""
     source = find_format(path).open(path, given)
     if given.mirrored is None:
         return source

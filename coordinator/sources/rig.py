@@ -121,7 +121,7 @@ def live_cameras(sequence: Path) -> tuple[LiveCamera, ...]:
 
 def read_rig(path: Path, given: GivenCamera) -> Source:
     """Open the recordings of a rig as one source: frames of the first camera, with those of the others."""
-    from gepf.coordinator.sources import open_source
+    from gepf.coordinator.sources import open_recording
 
     if given != AS_RECORDED:
         raise InputError(
@@ -135,7 +135,7 @@ def read_rig(path: Path, given: GivenCamera) -> Source:
         if recording.suffix.lower() == ".json" and recording.is_file():
             raise InputError(f"{path}: '{camera.name}' is a rig itself; list its cameras instead")
         try:
-            source = open_source(recording)
+            source = open_recording(recording)
         except InputError as error:
             raise InputError(f"{path}: '{camera.name}': {error}") from error
         gravity = None if source.gravity is None else pose[:3, :3] @ source.gravity

@@ -18,6 +18,7 @@ from gepf.coordinator.sources.joint_states import STATES, JointStates
 from gepf.coordinator.sources.lens import Lens
 from gepf.coordinator.sources.live import LiveFrames
 from gepf.coordinator.sources.ros2 import SECOND_NS, Node, nanoseconds
+from gepf.coordinator.sources.ros2_colour import ColourTopic
 from gepf.coordinator.sources.ros_camera import CAMERA, lens_in
 from gepf.coordinator.sources.ros_images import COMPRESSED, IMAGE, PICTURES, TRANSPORT, pixels
 from gepf.coordinator.sources.source import UNITS_PER_METRE, to_units
@@ -30,8 +31,9 @@ class DepthTopic:
     before it are left out. Images without a stamp have the time of their reception.
     """
 
-    def __init__(self, node: Node, topic: str, frames: LiveFrames) -> None:
+    def __init__(self, node: Node, topic: str, frames: LiveFrames, *, colour: bool = False) -> None:
         self._node, self._topic, self._frames = node, topic, frames
+        self._colour = ColourTopic(node, topic) if colour else None
         self._kind = COMPRESSED if topic.endswith((TRANSPORT, PICTURES)) else IMAGE
         raw = topic.removesuffix(TRANSPORT).removesuffix(PICTURES)
         self._raw, self._camera_topic = raw, raw.rpartition("/")[0] + "/camera_info"
@@ -73,8 +75,12 @@ class DepthTopic:
             self._stamped = False
         node.began_ns, node.frame_id = node.began_ns or now, message.header.frame_id or node.frame_id
         time_s = (now - node.began_ns) / SECOND_NS
-        image = lens.undistort(depth.astype(np.uint16))
-        return DepthFrame(next(self._numbers), time_s, image, scale, camera)
+        image, colours = lens.undistort(depth.astype(np.uint16)), None
+        if self._colour is not None:
+            colours = self._colour.near(message, lens)
+            if doubt := self._colour.take_doubt():
+                self._frames.say(doubt)
+        return DepthFrame(next(self._numbers), time_s, image, scale, camera, colours=colours)
 
     def _choose_lens(self, payload: bytes) -> Lens:
         """The lens of a camera_info; its table of pixels is made once."""

@@ -18,6 +18,7 @@ from gepf.coordinator.sources.bag import SECOND_NS, Bag
 from gepf.coordinator.sources.camera import MILLIMETRES, GivenCamera
 from gepf.coordinator.sources.lens import Lens
 from gepf.coordinator.sources.ros_camera import CAMERA, is_camera_of, lens_in
+from gepf.coordinator.sources.ros_colour import colours_in
 from gepf.coordinator.sources.ros_images import (
     COMPRESSED,
     ENCODINGS,
@@ -54,7 +55,8 @@ def read_ros_bag(path: Path, given: GivenCamera) -> Source:
     times = ((clock.times_ns - clock.times_ns[0]) / SECOND_NS).tolist()
     scale = given.depth_scale or (1.0 if floats else units_of(bag, topic))
     fps = rate_of(times)
-    return Source(path.stem, lens.camera, range(len(times)), read, scale, fps, times, mirrored=False)
+    source = Source(path.stem, lens.camera, range(len(times)), read, scale, fps, times, mirrored=False)
+    return source.changed(colours=colours_in(bag, first, clock, lens, 0.5 / fps))
 
 
 def depth_topic(bag: Bag) -> str:

@@ -108,13 +108,24 @@ class Source:
 
     def mirrored_back(self) -> Source:
         """The same sequence with left and right exchanged."""
-        camera, read = self.intrinsics, self.read
+        camera, read, colours = self.intrinsics, self.read, self.colours
+
+        def mirrored(number: int) -> NDArray[np.uint8] | None:
+            found = None if colours is None else colours(number)
+            return None if found is None else np.ascontiguousarray(found[:, ::-1])
+
         return self.changed(
             read=lambda place: read(place)[:, ::-1],
+            colours=None if colours is None else mirrored,
             intrinsics=msgspec.structs.replace(camera, cx=camera.width - 1 - camera.cx),
             gravity=None if self.gravity is None else self.gravity * [-1.0, 1.0, 1.0],
             mirrored=True,
         )
+
+    def without_colours(self) -> Source:
+        """The same sequence without colour."""
+        others = tuple(each.without_colours() for each in self.others)
+        return self.changed(colours=None, others=others)
 
     def nearest(self, time_s: float, within_s: float) -> int | None:
         """The place of the frame nearest to a time of the rig, or the later of two; None if it is far off."""

@@ -15,6 +15,7 @@ from gepf.common.bounds import LARGEST
 from gepf.common.errors import InputError
 from gepf.coordinator.bodies.families import family_of
 from gepf.coordinator.bodies.family import Bodies, BodyFamily, BodySize
+from gepf.coordinator.colour.agreement import ColourStates
 from gepf.coordinator.files import read_json
 from gepf.coordinator.filters.methods import initial_belief
 from gepf.coordinator.scene.noise import NO_NOISE, SensorNoise
@@ -151,6 +152,7 @@ class FrameState:
 
     scenes: SceneChanges = field(default_factory=dict)  # changes by the frame; in a resumed run, all of them
     cameras: CameraStates = field(default_factory=dict)
+    colours: ColourStates = field(default_factory=dict)
     time_s: float | None = None
 
 

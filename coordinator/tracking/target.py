@@ -46,6 +46,7 @@ from gepf.coordinator.tracking.track_state import (
     Refined,
     SearchEnded,
     Segmented,
+    Tracked,
     step,
 )
 
@@ -119,6 +120,15 @@ class TargetTracker:
         """The person around whom the next frame is segmented; None if there is none, or it is no person."""
         pose = self.track.segmentation_pose if isinstance(self.track, Body) else None
         return None if pose is None or not len(self.model.keypoint_links) else ExpectedBody(self.model, pose)
+
+    @property
+    def explained_body(self) -> ExpectedBody | None:
+        """The person in the pose of the last frame; None if depth does not explain it, or it is no person."""
+        track = self.track
+        if not isinstance(track, Tracked) or track.unexplained_s or track.residual > 1.0:
+            return None
+        is_person = len(self.model.keypoint_links) > 0
+        return ExpectedBody(self.model, track.belief.reported) if is_person else None
 
     @property
     def last_seen(self) -> Array:

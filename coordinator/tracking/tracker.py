@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 from gepf.common.frame import DepthFrame
 from gepf.coordinator.bodies.family import Bodies
-from gepf.coordinator.colour.finder import KeypointFinder, with_keypoints
+from gepf.coordinator.colour.agreement import compare, unused
+from gepf.coordinator.colour.finder import KeypointFinder, Sight, with_keypoints, without_keypoints
 from gepf.coordinator.scene.scope import Scope
 from gepf.coordinator.settings import Settings
 from gepf.coordinator.sources.live import LiveFrames
@@ -28,7 +29,7 @@ from gepf.coordinator.tracking.track_state import ROUNDING_S, Body, Searching
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ready:
-    """A segmented frame, the state of its cameras, and a stopwatch for each person.
+    """A segmented frame, the state of its cameras, what colour shows, and a stopwatch for each person.
 
     is_slow: the time since the frame before is longer than `max_lookahead_s`.
     """
@@ -37,6 +38,8 @@ class Ready:
     cameras: CameraStates
     is_slow: bool
     clocks: Sequence[Stopwatch]
+    sight: Sight
+    interval_s: float
 
 
 class SubmittedFrame(NamedTuple):
@@ -44,6 +47,7 @@ class SubmittedFrame(NamedTuple):
 
     people: list[Submitted | Updated]
     state: FrameState
+    ready: Ready
 
 
 class UpdatedFrame(NamedTuple):
@@ -86,6 +90,7 @@ class Tracker:
         self._colour, self._segmenter = colour, Segmenter(settings.points, settings.scene, scope)
         self._segmenter.recall(state.frame.scenes)
         self._frame = state.frame
+        self._is_late = self._looked = False  # the last live frame; whether its colour was looked at
         self._cameras, self._time_s = state.frame.cameras, state.frame.time_s  # of the last segmented frame
         self._targets = [TargetTracker(refiner, settings, bodies, person, motion) for person in state.people]
 
@@ -97,6 +102,8 @@ class Tracker:
     def prepare(self) -> None:
         """Load and build in advance what the first frames need."""
         self._targets[0].prepare()
+        if self._colour is not None:
+            self._colour.prepare()
         warm_up(self._settings, self._bodies)
 
     def track(self, frame: DepthFrame) -> TrackedFrame:
@@ -111,14 +118,17 @@ class Tracker:
 
         The results are those of `track`. If a frame fails, the frame before is still reported. Without
         `look_ahead`, each frame is reported at once. So is each `live` frame, see `Live`. A frame is
-        segmented around the pose of two frames before; at low rates, around that of the frame before.
+        segmented around the pose of two frames before; at low rates, around that of the frame before. While
+        live frames are late, every second one is tracked without keypoints.
         """
         upcoming = Lookahead(map(self._segment, frames))  # read, segment
         pacing = Recorded(look_ahead=look_ahead) if live is None else Live(live, upcoming)
         updated = list[UpdatedFrame]()  # at most one frame, which is not reported yet
         try:
             for ready in upcoming:
-                submitted = self._submit(ready, pacing.begin_frame(self._targets))  # predict, refine
+                budget = pacing.begin_frame(self._targets)
+                self._is_late = budget is not None and budget.is_late
+                submitted = self._submit(ready, budget)  # predict, refine
                 # the workers are busy from here until the update
                 yield from reported(updated, self._settings)
                 if pacing.looks_ahead and not ready.is_slow:
@@ -145,11 +155,12 @@ class Tracker:
             tracks = [target.track for target in self._targets]
             excluded = [track.excluded if isinstance(track, Body) else () for track in tracks]
             self._cameras, frame = watch(self._cameras, frame, set().union(*excluded))
-            longest = settings.max_lookahead_s + ROUNDING_S
-            is_slow = self._time_s is not None and frame.time_s - self._time_s > longest
+            interval_s = 0.0 if self._time_s is None else frame.time_s - self._time_s
             self._time_s = frame.time_s
             bodies = [target.expected_body for target in self._targets]
-            looking = None if self._colour is None else self._colour.submit(frame, bodies)
+            hurries, self._looked, looking = self._is_late and self._looked, False, None
+            if self._colour is not None and not (hurries and self._colour.leave_out(frame, bodies)):
+                looking, self._looked = self._colour.submit(frame, bodies), True
             segmented = self._segmenter.segment(
                 frame,
                 [target.segmentation_surface for target in self._targets],
@@ -157,25 +168,34 @@ class Tracker:
                 rejected=any(isinstance(t, Searching) and t.searches > settings.max_searches for t in tracks),
                 find=any(target.needs_candidates for target in self._targets),
             )
+        sight = Sight([{} for _ in self._targets], [False for _ in self._targets])
         if looking is not None:
             with clocks[0].stage("keypoints"):
-                subjects = map(with_keypoints, segmented.subjects, looking.result())
+                sight = looking.result()
+                subjects = map(with_keypoints, segmented.subjects, sight.keypoints)
                 segmented = replace(segmented, subjects=tuple(subjects))
-        return Ready(segmented, self._cameras, is_slow, clocks)
+        is_slow = interval_s > settings.max_lookahead_s + ROUNDING_S
+        return Ready(segmented, self._cameras, is_slow, clocks, sight, interval_s)
 
     def _submit(self, ready: Ready, budget: FrameBudget | None) -> SubmittedFrame:
         """Predict the particles of each person, and send them to the workers."""
+        colours = self._frame.colours
+        if against := unused(colours):
+            subjects = (without_keypoints(subject, against) for subject in ready.segmented.subjects)
+            ready = replace(ready, segmented=replace(ready.segmented, subjects=tuple(subjects)))
         segmented, scenes = ready.segmented, ready.segmented.changes
         assignment = Assignment(self._targets, self._segmenter, segmented)
         submitted = list[Submitted | Updated]()
         for place, (target, clock) in enumerate(zip(self._targets, ready.clocks, strict=True)):
             view = replace(assignment.view_of(place), is_slow=ready.is_slow)
+            if ready.sight.doubles[place] and not against:  # it is lost, and looked for elsewhere
+                view = replace(view, subject=None)
             submitted.append(target.submit(view, clock, budget))
             if (detected := target.take_detected()) is not None:
                 beside = assignment.people_beside(place, detected.searched)
                 scenes = self._segmenter.learn_things(segmented, scenes, *detected, beside)
-        self._frame = FrameState(scenes, ready.cameras, segmented.frame.time_s)
-        return SubmittedFrame(submitted, self._frame)
+        self._frame = FrameState(scenes, ready.cameras, colours, segmented.frame.time_s)
+        return SubmittedFrame(submitted, self._frame, ready)
 
     def _send_ahead(self, ready: Ready | None) -> None:
         """Send the workers the people's pixels of the next frame before their turn."""
@@ -192,7 +212,12 @@ class Tracker:
             target.update(person, frame.state.cameras) if isinstance(person, Submitted) else person
             for target, person in zip(self._targets, frame.people, strict=True)
         ]
-        return UpdatedFrame(people, frame.state)
+        if any(frame.ready.sight.keypoints):
+            bodies = [target.explained_body for target in self._targets]
+            seen, shown = frame.ready.sight.keypoints, frame.ready.segmented.frame
+            colours = compare(frame.state.colours, shown, bodies, seen, frame.ready.interval_s)
+            self._frame = replace(frame.state, colours=colours)
+        return UpdatedFrame(people, self._frame)
 
 
 def reported(updated: list[UpdatedFrame], settings: Settings) -> Iterator[TrackedFrame]:

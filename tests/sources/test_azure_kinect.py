@@ -6,14 +6,21 @@ import gc
 import os
 from pathlib import Path
 
+import av
 import numpy as np
 import pytest
 
-from gepf.common.camera import Intrinsics
+from gepf.common.camera import Intrinsics, points_of
 from gepf.common.errors import InputError
 from gepf.coordinator.results.track import read_track
 from gepf.coordinator.sources import open_source
-from gepf.coordinator.sources.azure_kinect import Calibration, gravity_of, lens_of
+from gepf.coordinator.sources.azure_kinect import (
+    Calibration,
+    colour_camera,
+    gravity_of,
+    lens_of,
+    read_calibration,
+)
 from gepf.coordinator.sources.camera import AS_RECORDED, GivenCamera
 from tests.support.stand_ins import StillWorkers
 
@@ -152,3 +159,32 @@ def test_a_camera_without_samples_has_no_gravity() -> None:
     assert np.allclose(gravity, [0.0, 1.0, 0.0])
     assert gravity_of(calibration, np.empty((0, 3))) is None
     assert gravity_of(None, np.ones((9, 3))) is None
+
+
+def test_colour_is_registered_by_the_factory_calibration(recording: Path) -> None:
+    """Each pixel with depth has the colour of the place where OpenCV projects its point, and others none."""
+    cv = pytest.importorskip("cv2", reason="OpenCV is not installed")
+    frame = open_source(recording, color=True).frame(0)
+    assert open_source(recording).frame(0).colours is None
+    assert frame.colours is not None
+    assert frame.colours.shape == (576, 640, 3)
+    assert not frame.colours[frame.depth == 0].any()
+    with av.open(str(recording)) as container:
+        picture = next(container.decode(container.streams.video[0])).to_ndarray(format="rgb24")
+        calibration = read_calibration(container, recording)
+        assert calibration is not None
+        camera = colour_camera(calibration, container.streams.video[0])
+    assert camera is not None
+    lens = camera.lens.camera
+    assert (lens.fx, lens.fy) == pytest.approx((0.4779651165 * 1280, 0.6374239326 * 960))
+    assert (lens.cx, lens.cy) == pytest.approx((0.4998471439 * 1280 - 0.5, 0.5066176057 * 960 - 120.5))
+    points = points_of(frame.metres(), frame.intrinsics, frame.depth > 0)[::500].astype(np.float64)
+    matrix = np.array([[lens.fx, 0, lens.cx], [0, lens.fy, lens.cy], [0, 0, 1.0]])
+    turn, shift = cv.Rodrigues(camera.T_colour_depth[:3, :3])[0], camera.T_colour_depth[:3, 3]
+    at = cv.projectPoints(points, turn, shift, matrix, np.array(camera.lens.coefficients))[0][:, 0]
+    columns, rows = np.rint(at).astype(int).T
+    inside = (columns >= 0) & (columns < 1280) & (rows >= 0) & (rows < 720)
+    expected = picture[rows[inside], columns[inside]]
+    found = frame.colours[frame.depth > 0][::500][inside]
+    assert inside.mean() > 0.9
+    assert np.mean(np.all(found == expected, axis=1)) > 0.99  # but for rounding

@@ -111,14 +111,14 @@ METRES = np.array([[0.0, np.nan, 1.5], [np.inf, 2.0, -1.0]], dtype=np.float32)
 
 @contextmanager
 def listening(
-    ours: Node, robot: Node, *limits: float, topic: str = TOPIC, kind: str = IMAGE
+    ours: Node, robot: Node, *limits: float, topic: str = TOPIC, kind: str = IMAGE, colour: bool = False
 ) -> Iterator[tuple[LiveFrames, list[str], Any]]:
     """Live frames of the topic, what is reported meanwhile, and a function that publishes."""
     reports, sent = list[str](), {topic: kind, "/camera/depth/camera_info": CAMERA}
     frames = LiveFrames([LiveCamera(topic)], reports.append, *limits)
-    DepthTopic(ours, topic, frames)
+    DepthTopic(ours, topic, frames, colour=colour)
     publishers = [robot.advertise(*named) for named in sent.items()]
-    wait_until(lambda: all(each.has_subscriber for each in publishers) and ours.topics(kind) == [topic])
+    wait_until(lambda: all(each.has_subscriber for each in publishers) and topic in ours.topics(kind))
 
     def publish(message: Any, camera: Any = None) -> None:
         if camera is not None:
@@ -205,6 +205,50 @@ def test_compressed_live_depth_is_read_unless_it_is_jpeg(endpoint: str) -> None:
                 publish(message, camera_info(robot))
         np.testing.assert_array_equal(next(iter(frames)).depth, DEPTH % 65535)
         assert "it is depth as JPEG (16UC1; jpeg compressed mono8), which has lost it; use" in reports[0]
+
+
+@pytest.mark.parametrize("frame_id", ["optical", "other"])
+@pytest.mark.parametrize("name", ["/camera/color/image_raw", "/camera/color/image_raw/compressed"])
+def test_colour_of_the_camera_joins_its_depth(endpoint: str, name: str, frame_id: str) -> None:
+    """Raw or compressed, if it has come before. That of another frame is not used, and a line says so."""
+    values = np.full((4, 6, 3), (200, 40, 10), np.uint8)
+    with meeting(endpoint) as (_, robot, ours):
+        robot.began_ns, robot.frame_id = 1_764_000_000_123_456_789, "optical"
+        is_raw, sent = name.endswith("raw"), 0
+        pictures = robot.advertise(name, IMAGE if is_raw else COMPRESSED)
+        infrared = robot.advertise("/camera/infra1/image_raw", IMAGE)
+        wait_until(lambda: bool(ours.topics(IMAGE, COMPRESSED)))
+        with listening(ours, robot, topic=TOPIC, colour=True) as (frames, reports, publish):
+            found, alone = None, False
+            while found is None and not reports:
+                sent += 1
+                header = robot.header(sent / 30)
+                header.frame_id = frame_id
+                packed = BytesIO()
+                Image.fromarray(values).save(packed, "PNG")
+                data = np.frombuffer(packed.getvalue(), np.uint8)
+                ordered = np.ascontiguousarray(values[:, :, ::-1])
+                message = (
+                    image_of(TYPES, header, ordered.reshape(4, 18), "bgr8")
+                    if is_raw
+                    else TYPES[COMPRESSED](header, "bgr8; png compressed bgr8", data)
+                )
+                if is_raw:
+                    message.width = 6
+                pictures.put(message)
+                before = frames.counts["received"]
+                publish(image(robot, DEPTH, sent / 30), camera_info(robot))
+                if frames.counts["received"] > before:
+                    found = next(iter(frames)).colours
+                    alone |= found is None
+            assert alone  # before its topic was known
+            assert not infrared.has_subscriber
+            if frame_id == "optical":
+                assert np.array_equal(found, values)
+            else:
+                assert found is None
+                (line,) = reports
+                assert line.startswith(f"colour is of the frame 'other', not that of {TOPIC}, and not used")
 
 
 def test_a_topic_that_nobody_publishes_is_named_beside_those_that_exist(endpoint: str) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from rosbags.rosbag2 import StoragePlugin
 
 from gepf.common.camera import Intrinsics
@@ -226,3 +227,80 @@ def test_joint_states_have_the_clock_of_the_images(tmp_path: Path) -> None:
             states.append(Message("/joint_states", STAMPS[n] + (late_ns if stamped else 0), content))
         write(path, [camera(path), *images(path, STAMPS, STAMPS), *states])
         assert read_joint_states(path).at(0.033) == pytest.approx([0.1])
+
+
+COLOUR, LATE_NS = "/camera/color/image_raw", 4_000_000
+
+
+def picture(number: int) -> NDArray[np.uint8]:
+    """Of twice the depth's size; red tells which it is, blue the column."""
+    values = np.full((2 * SMALL.height, 2 * SMALL.width, 3), (10 * number, 50, 0), np.uint8)
+    values[:, :, 2] = 3 * np.arange(2 * SMALL.width)
+    return values
+
+
+def pictures(path: Path, frame_id: str, encoding: str, kept: slice = slice(None)) -> list[Message]:
+    """Colour, a little later than depth."""
+    make, messages = types_of(path).types, []
+    for n, stamp in [*enumerate(STAMPS)][kept]:
+        header = header_of(make, frame_id, *divmod(stamp + LATE_NS, 1_000_000_000))
+        values = picture(n)
+        if encoding in ("rgb8; jpeg compressed bgr8", "png"):
+            data = encoded(values, "JPEG" if "jpeg" in encoding else "PNG")
+            kind = make["sensor_msgs/msg/CompressedImage"]
+            content = kind(header, encoding, np.frombuffer(data, np.uint8))
+        else:
+            ordered = np.ascontiguousarray(values if encoding == "rgb8" else values[:, :, ::-1])
+            if encoding == "bgra8":
+                ordered = np.pad(ordered, ((0, 0), (0, 0), (0, 1)))
+            content = make["sensor_msgs/msg/Image"](
+                header, *ordered.shape[:2], encoding, 0, ordered[0].nbytes, ordered.ravel()
+            )
+        messages.append(Message(COLOUR, stamp + LATE_NS, content))
+    return messages
+
+
+@pytest.mark.parametrize("name", BAGS)
+@pytest.mark.parametrize("encoding", ["rgb8", "bgr8", "bgra8", "rgb8; jpeg compressed bgr8", "png"])
+def test_frames_have_the_colour_of_the_same_camera(tmp_path: Path, name: str, encoding: str) -> None:
+    """Of the nearest image in time; none where it is missing, and none if it is not asked for."""
+    path = tmp_path / name
+    write(
+        path, [camera(path), *images(path, STAMPS, STAMPS), *pictures(path, "depth", encoding, slice(2, 9))]
+    )
+    assert all(frame.colours is None for frame in open_source(path))
+    frames = [*open_source(path, color=True)]
+    assert [frame.colours is not None for frame in frames] == [2 <= n < 9 for n in range(FRAMES)]
+    for n, frame in [*enumerate(frames)][2:9]:
+        assert frame.colours is not None
+        assert frame.colours.shape == (2 * SMALL.height, 2 * SMALL.width, 3)
+        tolerance = 12 if "jpeg" in encoding else 0
+        assert np.abs(frame.colours[0, -1].astype(int) - (10 * n, 50, 93)).max() <= tolerance
+    mirrored = open_source(path, GivenCamera(mirrored=True), color=True).frame(3).colours
+    assert mirrored is not None
+    assert np.array_equal(mirrored, frames[3].colours[:, ::-1])
+
+
+def test_colour_loses_the_distortion_that_depth_loses(tmp_path: Path) -> None:
+    """Both images of the aligned camera are bent by its lens; a pixel of both shows the same place."""
+    path, bent = tmp_path / "walk", (8.0, 0.0, 0.0, 0.0, 0.0)
+    write(
+        path, [camera(path, distortion=bent), *images(path, STAMPS, STAMPS), *pictures(path, "depth", "rgb8")]
+    )
+    colours = open_source(path, color=True).frame(1).colours
+    assert colours is not None
+    twice = Intrinsics(32, 24, 100.0, 102.0, 15.5, 11.5)
+    straight = [Lens(twice, bent).undistort(channel) for channel in np.moveaxis(picture(1), 2, 0)]
+    assert np.array_equal(colours, np.stack(straight, axis=-1))
+    assert not np.array_equal(colours, picture(1))
+
+
+@pytest.mark.parametrize("name", BAGS)
+def test_colour_of_another_camera_is_not_used(
+    tmp_path: Path, name: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    """That is said in a line; infrared images are no colour, and nothing is said of them."""
+    path = tmp_path / name
+    write(path, [camera(path), *images(path, STAMPS, STAMPS), *pictures(path, "color", "rgb8")])
+    assert all(frame.colours is None for frame in open_source(path, color=True))
+    assert f"colour on {COLOUR} is of another camera than depth, and not used" in caplog.text

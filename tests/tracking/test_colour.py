@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 
 import msgspec
@@ -11,26 +10,30 @@ import numpy as np
 import pytest
 
 from gepf.common.camera import project
-from gepf.common.frame import DepthFrame
-from gepf.common.kinematics import keypoint_positions, pose_vertices
+from gepf.common.kinematics import keypoint_positions
 from gepf.common.protocol.frames import decode_frame, encode_frame
 from gepf.common.refinement import Particles
 from gepf.coordinator.bodies.human.template import human
 from gepf.coordinator.bodies.tracked import name_pose
+from gepf.coordinator.colour.agreement import ColourState, describe_changes
 from gepf.coordinator.colour.finder import (
     ExpectedBody,
     KeypointFinder,
+    assign,
     crop_of,
     in_image,
+    in_view,
     keypoint_cost,
     with_keypoints,
 )
 from gepf.coordinator.pool.options import PoolStatistics
 from gepf.coordinator.results.log import Entry, Opening, append_records, assemble, read_log
-from gepf.coordinator.synthesis.clothes import dress
-from gepf.coordinator.synthesis.rendering import ColouredSurface, DepthRenderer
+from gepf.coordinator.sources.live import LiveFrames
+from gepf.coordinator.sources.live_stream import LiveCamera
 from gepf.coordinator.tracking.observation import isolate
+from gepf.coordinator.tracking.tracker import Tracker
 from gepf.refiners import DirectRefiner
+from tests.support.coloured import coloured
 from tests.support.people import (
     CAMERA,
     FRAMES,
@@ -45,20 +48,6 @@ from tests.support.people import (
 )
 
 pytest.importorskip("ai_edge_litert", reason="the extra color is not installed")
-
-
-@cache
-def coloured() -> list[DepthFrame]:
-    """The frames of a person who raises the left arm, with colour."""
-    model, frames = human(1.82), list[DepthFrame]()
-    clothes = dress(model, np.random.default_rng(0))
-    with DepthRenderer(CAMERA) as renderer:
-        for number, frame in enumerate(shown("standing").frames):
-            pose = name_pose(model, raised(STANDING, number))
-            surface = ColouredSurface(pose_vertices(model, pose[None])[0], model.triangles, clothes)
-            image = renderer.colours(surface, np.array([0.6, 0.6, 0.5]), np.array([0.3, -0.5, -1.0]))
-            frames.append(replace(frame, colours=image))
-    return frames
 
 
 def looking(**others: object) -> OnePerson:
@@ -108,7 +97,7 @@ def test_workers_weigh_what_the_coordinator_says() -> None:
     """The log likelihood changes by the cost of the keypoints, which go over the wire with the frame."""
     frame, whole = coloured()[0], known().tracked(known().usual_size, STANDING)
     subject = isolate(frame, 500)
-    (found,) = KeypointFinder().submit(frame, [ExpectedBody(*whole)]).result()
+    (found,) = KeypointFinder().submit(frame, [ExpectedBody(*whole)]).result().keypoints
     seen = with_keypoints(subject, found)
     assert subject is not None
     assert seen is not None
@@ -136,15 +125,104 @@ def test_nobody_is_looked_for_outside_the_image() -> None:
 
 
 def test_a_person_in_the_image_is_one_body() -> None:
-    """Of two bodies around whom the network sees the same person, the nearer one keeps the keypoints."""
+    """Of two bodies around whom the network sees the same person, the nearer one gets the keypoints."""
     model, pose = known().tracked(known().usual_size, STANDING)
     beside = pose.copy()
     beside[model.dof("root_tx")] += 0.3
     bodies, frame = [ExpectedBody(model, each) for each in (pose, beside)], coloured()[0]
     finder = KeypointFinder()
     for body in bodies:
-        (alone,) = finder.submit(frame, [body]).result()
+        (alone,) = finder.submit(frame, [body]).result().keypoints
         assert alone
     for pair, holder in ((bodies, 0), (bodies[::-1], 1)):
         found = finder.submit(frame, pair).result()
-        assert [bool(keypoints) for keypoints in found] == [place == holder for place in range(2)]
+        assert not any(found.doubles)  # one of them may be a hidden person
+        assert [bool(keypoints) for keypoints in found.keypoints] == [place == holder for place in range(2)]
+
+
+def test_keypoints_of_another_tracked_person_are_that_persons() -> None:
+    """Even if the network sees nobody, or somebody else, around the body of that person."""
+    model, pose = known().tracked(known().usual_size, STANDING)
+    beside = pose.copy()
+    beside[model.dof("root_tx")] += 0.6
+    bodies, frame = [ExpectedBody(model, each) for each in (pose, beside)], coloured()[0]
+    first, second = (
+        {"": np.column_stack([in_view(body, frame), np.full(17, 0.1)]).astype(np.float32)} for body in bodies
+    )
+    for seen, given in (
+        ([{}, first], [first, {}]),
+        ([second, first], [first, second]),
+        ([first, second], [first, second]),
+        ([{}, second], [{}, second]),
+        ([{}, {}], [{}, {}]),
+    ):
+        found = assign(bodies, seen, frame)
+        assert [list(each) for each in found] == [list(each) for each in given]
+        for mine, expected in zip(found, given, strict=True):
+            for camera in mine:
+                assert np.array_equal(mine[camera], expected[camera])
+
+
+def test_a_second_body_on_the_same_person_is_given_up() -> None:
+    """Two bodies begin at one person: by depth both stay, with colour one does, and the other is lost."""
+
+    def statuses(colour: KeypointFinder | None) -> list[list[str]]:
+        two = Tracker(DirectRefiner(), SETTINGS, known(), people=2, start=STANDING, colour=colour)
+        return [[person.estimate.status for person in each.people] for each in two.follow(coloured())]
+
+    assert all(set(each) <= {"tracked", "ambiguous"} for each in statuses(None))
+    for first, second in statuses(KeypointFinder())[1:]:
+        assert first in {"tracked", "ambiguous"}
+        assert second not in {"tracked", "ambiguous"}
+
+
+def test_colour_that_is_elsewhere_is_not_used_until_it_agrees() -> None:
+    """Four seconds of images shifted by half a metre end the use, four seconds of right ones begin it again.
+
+    With `follow`, with `track`, and from any recorded state, the same frames have keypoints.
+    """
+    still, used, resumed = coloured()[0], list[bool](), list[bool]()
+    assert still.colours is not None
+    shifted = np.roll(still.colours, 54, axis=1)
+    frames = [
+        replace(still, number=n, time_s=0.5 * n, colours=shifted if n < 12 else still.colours)
+        for n in range(24)
+    ]
+    following = looking()
+    for tracked in following.follow(frames):
+        used.append(bool(tracked.people[0].estimate.keypoints))
+    restarted = looking()
+    for frame in frames:
+        resumed.append(bool(restarted.track(frame).keypoints))
+        restarted = looking(state=restarted.state)
+    assert resumed == used
+    ended, begun = used.index(False), used.index(True, used.index(False))
+    assert 4.0 <= frames[ended].time_s <= 5.0
+    assert 4.0 <= frames[begun].time_s - 0.5 * 12 <= 5.0
+    assert used == [n < ended or n >= begun for n in range(24)]
+    assert [line[:22] for line in describe_changes({}, {"a": ColourState(2.0, used=False)})] == [
+        "colour of camera a sho"
+    ]
+
+
+class Hurried(LiveFrames):
+    """Live frames of which the next one always waits."""
+
+    def __init__(self) -> None:
+        super().__init__([LiveCamera("camera")], print)
+
+    @property
+    def is_ready(self) -> bool:
+        """Always."""
+        return True
+
+
+def test_under_load_frames_are_tracked_without_keypoints() -> None:
+    """Every second one while frames are late; they are counted. Recorded frames never are."""
+    finder = KeypointFinder()
+    hurried = OnePerson(DirectRefiner(), SETTINGS, known(), colour=finder, start=STANDING)
+    said = [
+        bool(tracked.people[0].estimate.keypoints) for tracked in hurried.follow(coloured(), live=Hurried())
+    ]
+    assert said == [True, False, True, False]
+    assert finder.left_out == 2

@@ -23,7 +23,7 @@ def open_device(which: str, colour: bool) -> Camera | None:
     if which.endswith(".mkv"):
         raise InputError(f"azure-kinect: has no playback; gepf publish {which} publishes a recording")
     resolution = pyk4a.ColorResolution.RES_720P if colour else pyk4a.ColorResolution.OFF
-    config = pyk4a.Config(color_resolution=resolution, synchronized_images_only=colour)
+    config = pyk4a.Config(color_resolution=resolution, synchronized_images_only=False)
     for number in range(pyk4a.connected_device_count()):
         device = pyk4a.PyK4A(config, device_id=number)
         with suppress(pyk4a.K4AException):  # no permission, or it is in use

@@ -46,9 +46,10 @@ def configured(device: Any, *, colour: bool, playback: bool) -> Camera:
     depths = pipeline.get_stream_profile_list(ob.OBSensorType.DEPTH_SENSOR)
     depth = depths.get_default_video_stream_profile()
     config.enable_stream(depth)
-    if colour:
-        profiles = pipeline.get_stream_profile_list(ob.OBSensorType.COLOR_SENSOR)
-        config.enable_stream(profiles.get_video_stream_profile(0, 0, ob.OBFormat.RGB, 0))
+    with suppress(*FAILURES):  # it may have none
+        if colour:
+            profiles = pipeline.get_stream_profile_list(ob.OBSensorType.COLOR_SENSOR)
+            config.enable_stream(profiles.get_video_stream_profile(0, 0, ob.OBFormat.RGB, 0))
     with suppress(*FAILURES):  # it has none
         device.get_sensor(ob.OBSensorType.ACCEL_SENSOR)
         config.enable_accel_stream()

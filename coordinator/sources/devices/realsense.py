@@ -30,8 +30,6 @@ def open_device(which: str, colour: bool) -> Camera | None:
         config.enable_device(which)
     pipeline = rs.pipeline(rs.context())
     config.enable_stream(rs.stream.depth)
-    if colour:
-        config.enable_stream(rs.stream.color)
     try:
         device = config.resolve(pipeline).get_device()
     except RuntimeError as error:
@@ -39,8 +37,13 @@ def open_device(which: str, colour: bool) -> Camera | None:
             raise InputError(f"realsense: cannot play {which} back: {error}; record it again") from error
         return None
     profiles = (p for sensor in device.query_sensors() for p in sensor.get_stream_profiles())
-    if any(profile.stream_type() == rs.stream.accel for profile in profiles):
+    streams = {profile.stream_type() for profile in profiles}
+    if rs.stream.accel in streams:
         config.enable_stream(rs.stream.accel)
+    if colour and rs.stream.color in streams:
+        config.enable_stream(rs.stream.color)
+        if not config.can_resolve(pipeline):  # its bus is too slow for both
+            config.disable_stream(rs.stream.color)
     profile = config.resolve(pipeline)
     depth = profile.get_stream(rs.stream.depth).as_video_stream_profile()
     name, number = map(device.get_info, (rs.camera_info.name, rs.camera_info.serial_number))
