@@ -16,7 +16,6 @@ from typing import NamedTuple
 
 import numpy as np
 from gepf.coordinator.tracking.certainty.certainty import OFF
-from gepf.coordinator.tracking.sensor_noise import SensorNoise
 from numpy.typing import NDArray
 
 from benchmarks.running import command_line, keep
@@ -27,6 +26,7 @@ from gepf.common.frame import DepthFrame
 from gepf.common.kinematics import joint_positions, pose_vertices
 from gepf.coordinator.colour.finder import ExpectedBody, KeypointFinder, Sight
 from gepf.coordinator.filters.methods import settings_for
+from gepf.coordinator.scene.noise import SensorNoise
 from gepf.coordinator.sources.source import to_units
 from gepf.coordinator.synthesis.clothes import dress
 from gepf.coordinator.synthesis.noise import add_noise
@@ -199,7 +199,8 @@ def score(of: Rendered, disturb: Disturb | None, seed: int) -> Score:
     off = (apart > OFF) | ~known[:, None]
     tracked = np.array([each.status == "tracked" for each in estimates])
     used = np.mean([bool(each.keypoints) for each in estimates])
-    return Score(off.mean(), apart[known].mean(), known.mean(), (tracked & off.any(axis=1)).mean(), used)
+    wrong = float(np.mean(tracked & off.any(axis=1)))
+    return Score(float(off.mean()), float(apart[known].mean()), float(known.mean()), wrong, float(used))
 
 
 if __name__ == "__main__":

@@ -215,6 +215,7 @@ def show_frames(
 
 def as_jpeg(frame: DepthFrame) -> bytes:
     """The file of a frame's colour."""
+    assert frame.colours is not None
     file = BytesIO()
     Image.fromarray(frame.colours).save(file, "JPEG", quality=90)
     return file.getvalue()
