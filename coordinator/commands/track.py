@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import gc
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
+from itertools import chain
 
 import numpy as np
 
 from gepf.common.errors import InputError, SilentWorkers
+from gepf.common.frame import DepthFrame
 from gepf.coordinator.bodies.human.people import PEOPLE
 from gepf.coordinator.colour.agreement import describe_changes as describe_colours
 from gepf.coordinator.commands.console import INTERRUPTS
@@ -29,6 +31,7 @@ from gepf.coordinator.results.ros_humans import HumanBodies
 from gepf.coordinator.results.summary import PERSON, folder_of
 from gepf.coordinator.results.tally import Outcome, describe_counts
 from gepf.coordinator.sources.doubts import describe_range, measured_depth
+from gepf.coordinator.sources.live import LiveFrames
 from gepf.coordinator.sources.live_stream import is_topic, live_key
 from gepf.coordinator.sources.rig import live_cameras
 from gepf.coordinator.sources.ros2 import Node
@@ -121,8 +124,8 @@ def track_frames(
 ) -> bool:
     """Track the frames; each is recorded while the workers refine the next one, live only if that waits.
 
-    Each stream of live input has a new tracker. Returns False if all workers stopped answering after some
-    frames of a recording.
+    Each stream of live input has a new tracker, and so have the frames that follow if no worker answers for
+    long. Returns False if all workers stopped answering after some frames of a recording.
     """
     job, before, goes_on = given.job, recorder.frames, False
     latest: TrackedFrame | None = None
@@ -149,18 +152,17 @@ def track_frames(
             workers.wait_for(1)
             gc.freeze()  # garbage collection of the loaded modules would take 0.1 s each time
         try:
-            for frames in streams:
-                for tracked in make().follow(frames, live=given.live):
-                    publish(tracked, outlets)
-                    for line in changes(latest, tracked):
-                        show.say(line)
-                    latest, live = tracked, given.live
-                    number = tracked.people[0].estimate.frame
-                    rate.count(None if live is None else live.received_at(number))
-                    recorder.append(tracked, workers.statistics, rate.seconds)
-                    advance(recorder.frames, given.total, given.describe(tracked, rate))
-                    if recorder.frames == before + 2:
-                        gc.freeze()
+            for tracked in chain.from_iterable(follow(make, frames, given.live, show) for frames in streams):
+                publish(tracked, outlets)
+                for line in changes(latest, tracked):
+                    show.say(line)
+                latest, live = tracked, given.live
+                number = tracked.people[0].estimate.frame
+                rate.count(None if live is None else live.received_at(number))
+                recorder.append(tracked, workers.statistics, rate.seconds)
+                advance(recorder.frames, given.total, given.describe(tracked, rate))
+                if recorder.frames == before + 2:
+                    gc.freeze()
         except SilentWorkers:
             goes_on = given.total is not None and recorder.frames > before
             if not goes_on:
@@ -172,6 +174,27 @@ def track_frames(
                 for outlet in outlets:
                     outlet.end()
     return not goes_on
+
+
+def follow(
+    make: Callable[[], Tracker], frames: Iterator[DepthFrame], live: LiveFrames | None, show: Show
+) -> Iterator[TrackedFrame]:
+    """Track the frames of a stream; live ones again with a new tracker after workers that did not answer.
+
+    Raises SilentWorkers in a recording, and if no worker has answered since the tracker began.
+    """
+    while True:
+        answered = False
+        try:
+            for tracked in make().follow(frames, live=live):
+                yield tracked
+                answered = True
+        except SilentWorkers as error:
+            if live is None or not answered:
+                raise
+            show.say(f"{error}; tracking begins anew with the next frame")
+        else:
+            return
 
 
 def changes(before: TrackedFrame | None, now: TrackedFrame) -> list[str]:

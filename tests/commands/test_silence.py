@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import count, takewhile
 from pathlib import Path
 
 import msgspec
+import numpy as np
 import pytest
 from rich.console import Console
 
@@ -16,9 +19,11 @@ from gepf.common.errors import SilentWorkers
 from gepf.common.frame import SubjectFrame
 from gepf.common.offer import Offer
 from gepf.common.protocol import keys
+from gepf.common.protocol.frames import LIVE_END, encode_live
 from gepf.common.refinement import Particles
 from gepf.common.transport.channels import IncomingRequest
 from gepf.common.transport.opening import open_router, open_worker
+from gepf.coordinator.cli import main
 from gepf.coordinator.commands.job import Job
 from gepf.coordinator.commands.progress import Show
 from gepf.coordinator.commands.track import track
@@ -28,7 +33,8 @@ from gepf.coordinator.pool.rpc_client import Refinement
 from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
 from gepf.coordinator.results.live_results import END, KIND
 from gepf.coordinator.results.track import read_track
-from tests.support.live import listening
+from tests.support.live import KEY as CAMERA_KEY
+from tests.support.live import at_work, listening, plate_image, publishing, tracking
 from tests.support.processes.programs import INSTANT, wait_until
 from tests.support.processes.serving import MODEL, PARTICLES, frame
 from tests.support.stand_ins import sequence  # noqa: F401 fixture
@@ -79,6 +85,42 @@ def test_a_run_connects_anew_and_has_the_same_bytes(sequence: Path, endpoint: st
     assert "going on with frame" in written.getvalue()
     assert heard().count(KIND) > 0
     assert heard().index(END) == len(heard()) - 1
+
+
+class SilentOnce(FallsSilent):
+    """Real workers that do not answer one request."""
+
+    def submit(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Refinement:
+        """Send requests, except one."""
+        if self._left < 0:
+            self._left = sys.maxsize
+        return super().submit(subject, model, particles)
+
+
+def test_a_live_run_goes_on_with_a_new_track(
+    endpoint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A run of days does not end with one outage: it says so, and later frames are tracked and stored."""
+
+    def frames() -> Iterator[dict[str, bytes]]:
+        for number in takewhile(lambda _: len(listener.heard) < 12, count()):
+            yield {CAMERA_KEY: encode_live(plate_image(number))}
+        yield {CAMERA_KEY: LIVE_END}
+
+    def connect(pool: Pool, report: Callable[[str], None]) -> ZenohRefiner:
+        return SilentOnce(pool, report, 3)
+
+    with (
+        listening(endpoint, f"{CAMERA_KEY}/results") as listener,
+        publishing(endpoint, [CAMERA_KEY], frames(), lambda stop: stop.wait(0.05)),
+        at_work(endpoint),
+    ):
+        options = tracking(f"zenoh:{CAMERA_KEY}", tmp_path / "run", listen=endpoint, particles=20)
+        assert main(options, connect) == 0
+    tracked = read_track(tmp_path / "run")
+    assert len(tracked.frame) >= 12
+    assert np.all(np.diff(tracked.frame) > 0)
+    assert capsys.readouterr().err.count("tracking begins anew with the next frame") == 1
 
 
 def test_it_gives_up_at_last_and_keeps_what_there_is(sequence: Path, tmp_path: Path) -> None:

@@ -60,7 +60,7 @@ def heading(group: str) -> str:
     for name in filter(None, group.split(".")):
         struct = getattr(struct, name)
     title = f"`{group}`" if group else "The run"
-    return f"### {title}\n\n{' '.join((inspect.getdoc(type(struct)) or '').split())}"
+    return f"## {title}\n\n{' '.join((inspect.getdoc(type(struct)) or '').split())}"
 
 
 def table(settings: list[Setting]) -> str:
