@@ -1,5 +1,7 @@
 # `make demo` and `make test` are all that a fresh machine needs; each sets up first what is missing.
 SHELL := /bin/bash
+# Bytecode is kept, also where the environment says otherwise: each process that starts would compile all anew.
+export PYTHONDONTWRITEBYTECODE :=
 BIN := .venv/bin
 STAMP := .venv/.installed
 PACKAGES := common worker coordinator gepf benchmarks docs examples tests
@@ -17,9 +19,9 @@ setup: $(STAMP) ## virtual environment in .venv with gepf, gepf-worker and the t
 $(STAMP): pyproject.toml constraints.txt .ci/setup
 	@.ci/setup .venv
 	@# pip compiles nothing: what is loaded here starts in half the time from now on
-	@PYTHONDONTWRITEBYTECODE= $(BIN)/python -c 'import open3d, gepf.coordinator.commands.demo, gepf.worker.service'
+	@$(BIN)/python -c 'import open3d, gepf.coordinator.commands.demo, gepf.worker.service'
 	@echo 'setup: compiling the kernels, about a minute' >&2
-	@export PYTHONDONTWRITEBYTECODE=; $(KERNELS)
+	@$(KERNELS)
 	@touch $@
 
 demo: setup ## people who move fast, tracked with one particle and with many; table and pictures in demo/
