@@ -216,6 +216,7 @@ def show_frames(
 def as_jpeg(frame: DepthFrame) -> bytes:
     """The file of a frame's colour."""
     file = BytesIO()
+    assert frame.colours is not None
     Image.fromarray(frame.colours).save(file, "JPEG", quality=90)
     return file.getvalue()
 

@@ -228,7 +228,7 @@ def test_colour_of_the_camera_joins_its_depth(endpoint: str, name: str, frame_id
                 Image.fromarray(values).save(packed, "PNG")
                 data = np.frombuffer(packed.getvalue(), np.uint8)
                 ordered = np.ascontiguousarray(values[:, :, ::-1])
-                message = (
+                message: Any = (
                     image_of(TYPES, header, ordered.reshape(4, 18), "bgr8")
                     if is_raw
                     else TYPES[COMPRESSED](header, "bgr8; png compressed bgr8", data)
@@ -244,6 +244,7 @@ def test_colour_of_the_camera_joins_its_depth(endpoint: str, name: str, frame_id
             assert alone  # before its topic was known
             assert not infrared.has_subscriber
             if frame_id == "optical":
+                assert found is not None
                 assert np.array_equal(found, values)
             else:
                 assert found is None
