@@ -21,10 +21,9 @@ from numpy.typing import NDArray
 from benchmarks.running import command_line, keep
 from benchmarks.tracking import bodies_of, follow, prepare
 from gepf.common.arrays import Array
-from gepf.common.body import KEYPOINTS
 from gepf.common.frame import DepthFrame
 from gepf.common.kinematics import joint_positions, pose_vertices
-from gepf.coordinator.colour.finder import ExpectedBody, KeypointFinder, Sight
+from gepf.coordinator.colour.finder import EXCHANGED, ExpectedBody, KeypointFinder, Sight
 from gepf.coordinator.filters.methods import settings_for
 from gepf.coordinator.scene.noise import SensorNoise
 from gepf.coordinator.sources.source import to_units
@@ -42,13 +41,6 @@ BACKGROUND, LIGHT = np.array([0.6, 0.6, 0.5]), np.array([0.3, -0.5, -1.0])
 IMAGE_NOISE = 4.0  # of 255
 SHARE, MOVED_M, LATE_S, MIRRORED_S = 0.15, 0.26, 1.0, (1.0, 4.0)
 SHIFTED_M = 0.1  # of colour that is not registered
-MIRROR = [
-    KEYPOINTS.index(
-        name.replace("left", "?").replace("right", "left").replace("?", "right")
-    )
-    for name in KEYPOINTS
-]  # fmt: skip
-
 Seen = NDArray[np.float32]
 """Keypoints (17, 3) of an image."""
 
@@ -107,13 +99,13 @@ def sometimes(disturb: Disturb) -> Disturb:
 
 def mirrored_for_a_while(moment: Moment) -> Seen:
     """Left and right are exchanged for three seconds."""
-    return moment.seen[MIRROR] if MIRRORED_S[0] <= moment.frame.time_s < MIRRORED_S[1] else moment.seen
+    return moment.seen[EXCHANGED] if MIRRORED_S[0] <= moment.frame.time_s < MIRRORED_S[1] else moment.seen
 
 
 ROWS: dict[str, Disturb | None] = {
     "depth alone": None,
     "with colour": lambda moment: moment.seen,
-    "15 % mirrored": sometimes(lambda moment: moment.seen[MIRROR]),
+    "15 % mirrored": sometimes(lambda moment: moment.seen[EXCHANGED]),
     "15 % moved by 26 cm": sometimes(lambda moment: shifted(moment.seen, MOVED_M * moment.per_metre)),
     "15 % missing": sometimes(lambda _: None),
     "15 % of another person": sometimes(of_another),
@@ -198,9 +190,9 @@ def score(of: Rendered, disturb: Disturb | None, seed: int) -> Score:
     apart = np.linalg.norm(np.array([each.joint_positions for each in estimates]) - of.joints, axis=-1)
     off = (apart > OFF) | ~known[:, None]
     tracked = np.array([each.status == "tracked" for each in estimates])
-    used = np.mean([bool(each.keypoints) for each in estimates])
+    used = float(np.mean([bool(each.keypoints) for each in estimates]))
     wrong = float(np.mean(tracked & off.any(axis=1)))
-    return Score(float(off.mean()), float(apart[known].mean()), float(known.mean()), wrong, float(used))
+    return Score(float(off.mean()), float(apart[known].mean()), float(known.mean()), wrong, used)
 
 
 if __name__ == "__main__":

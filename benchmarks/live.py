@@ -217,6 +217,7 @@ def as_jpeg(frame: DepthFrame) -> bytes:
     """The file of a frame's colour."""
     assert frame.colours is not None
     file = BytesIO()
+    assert frame.colours is not None
     Image.fromarray(frame.colours).save(file, "JPEG", quality=90)
     return file.getvalue()
 

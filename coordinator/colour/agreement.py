@@ -10,10 +10,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Self
 
+import numpy as np
+from numpy.typing import NDArray
+
+from gepf.common.arrays import Array
 from gepf.common.frame import DepthFrame
 from gepf.coordinator.colour.finder import SAME_PERSON, ExpectedBody, Keypoints, distance_of, in_view
 
 PERSISTENT_S = 4.0  # by which disagreement outlasts agreement until colour is not used; and the reverse
+SHIFTED = 1.5  # median of the offsets of keypoints, in deviations; of real people 0.8, rarely above 1.5
 LONGEST_STEP_S = 0.5  # between two frames, that counts
 REMEDY = "is it registered to depth, and taken at the same time? --no-color uses depth alone"
 
@@ -30,11 +35,11 @@ class ColourState:
     used: bool = True
     since_s: float = 0.0
 
-    def after(self, distances: Sequence[float], interval_s: float, time_s: float) -> Self:
-        """The state after a frame; distances of keypoints from bodies that depth explains, in deviations."""
-        if not distances:
+    def after(self, against: Sequence[bool], interval_s: float, time_s: float) -> Self:
+        """The state after a frame in which keypoints are against poses that explain depth, or for them."""
+        if not against:
             return self
-        apart = sum(1.0 if distance > SAME_PERSON else -1.0 for distance in distances) / len(distances)
+        apart = sum(1.0 if each else -1.0 for each in against) / len(against)
         against_s = self.against_s + apart * min(interval_s, LONGEST_STEP_S)
         against_s = min(max(against_s, 0.0), PERSISTENT_S)
         used = against_s < PERSISTENT_S if self.used else against_s == 0.0
@@ -58,15 +63,25 @@ def compare(
     """
     after = dict(states)
     for view in frame.views:
-        distances = [
-            distance_of(in_view(body, view), keypoints[view.camera])
+        against = [
+            are_elsewhere(in_view(body, view), keypoints[view.camera])
             for body, keypoints in zip(bodies, found, strict=True)
             if body is not None and view.camera in keypoints
         ]
-        if distances:
+        if against:
             before = states.get(view.camera, ColourState())
-            after[view.camera] = before.after(distances, interval_s, frame.time_s)
+            after[view.camera] = before.after(against, interval_s, frame.time_s)
     return after
+
+
+def are_elsewhere(pixels: Array, keypoints: NDArray[np.float32]) -> bool:
+    """Whether keypoints are not where a body has them (17, 2), or all shifted to one side.
+
+    A shift below SHIFTED is also that of other clothes; the pose follows a larger one half of the way.
+    """
+    off = (keypoints[:, :2] - pixels) * np.sqrt(keypoints[:, 2:])
+    shift = float(np.linalg.norm(np.median(off, axis=0)))
+    return shift > SHIFTED or distance_of(pixels, keypoints) > SAME_PERSON
 
 
 def unused(states: ColourStates) -> frozenset[str]:

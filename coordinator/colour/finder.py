@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gepf.common.arrays import Array
-from gepf.common.body import BodyModel
+from gepf.common.body import KEYPOINTS, BodyModel
 from gepf.common.camera import project
 from gepf.common.frame import DepthFrame, SubjectFrame
 from gepf.common.kinematics import keypoint_positions, pose_vertices
@@ -24,6 +24,12 @@ from gepf.coordinator.colour.network import PoseNetwork, check_installed
 
 SAME_PERSON = 3.0  # median distance of keypoints, in deviations
 TRUNK_M = 0.2  # thickness of a trunk: the mean distance of two people's keypoints is above it
+
+SIDES = {"left": "right", "right": "left"}
+EXCHANGED = [
+    KEYPOINTS.index("_".join(SIDES.get(part, part) for part in name.split("_"))) for name in KEYPOINTS
+]
+"""The place of each keypoint with left and right exchanged."""
 
 Keypoints = Mapping[str, NDArray[np.float32]]
 """Keypoints (17, 3) of a person in the image of each camera: column, row, inverse variance (1 / pixels^2)."""
@@ -192,6 +198,27 @@ def without_keypoints(subject: SubjectFrame | None, cameras: Collection[str]) ->
     )
     wider = (without_keypoints(each, cameras) for each in subject.wider)
     return replace(first, others=tuple(others), wider=tuple(each for each in wider if each is not None))
+
+
+def with_sides_of(subject: SubjectFrame | None, body: ExpectedBody) -> SubjectFrame | None:
+    """The subject with left and right keypoints exchanged where only that fits a body whose facing is known.
+
+    Networks exchange left and right of people seen from behind or poorly; a body does not turn in a frame.
+    """
+    if subject is None or all(each.keypoints is None for each in subject.views):
+        return subject
+
+    def sided(view: SubjectFrame) -> SubjectFrame:
+        if view.keypoints is None:
+            return view
+        pixels, exchanged = in_view(body, view.frame), view.keypoints[EXCHANGED]
+        is_exchanged = distance_of(pixels, exchanged) < SAME_PERSON < distance_of(pixels, view.keypoints)
+        return replace(view, keypoints=exchanged) if is_exchanged else view
+
+    views = tuple(map(sided, subject.views))
+    if all(after is before for after, before in zip(views, subject.views, strict=True)):
+        return subject  # as it was sent to the workers
+    return replace(views[0], others=views[1:])
 
 
 def in_crop(subject: SubjectFrame, keypoints: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -131,6 +131,13 @@ class TargetTracker:
         return ExpectedBody(self.model, track.belief.reported) if is_person else None
 
     @property
+    def body_of_known_facing(self) -> ExpectedBody | None:
+        """The person in the last pose, if depth and some frames before leave no doubt which side is left."""
+        body, track = self.explained_body, self.track
+        is_sure = isinstance(track, Tracked) and not track.is_new and not track.ambiguous_facing
+        return body if is_sure else None
+
+    @property
     def last_seen(self) -> Array:
         """The last known centre (3,) of the body, camera frame, metres."""
         pose = self.track.belief.reported if isinstance(self.track, Body) else self.start.pose

@@ -6,10 +6,16 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import DepthFrame, SubjectFrame
 from gepf.coordinator.bodies.family import Bodies
 from gepf.coordinator.colour.agreement import compare, unused
-from gepf.coordinator.colour.finder import KeypointFinder, Sight, with_keypoints, without_keypoints
+from gepf.coordinator.colour.finder import (
+    KeypointFinder,
+    Sight,
+    with_keypoints,
+    with_sides_of,
+    without_keypoints,
+)
 from gepf.coordinator.scene.scope import Scope
 from gepf.coordinator.settings import Settings
 from gepf.coordinator.sources.live import LiveFrames
@@ -183,7 +189,11 @@ class Tracker:
         if against := unused(colours):
             subjects = (without_keypoints(subject, against) for subject in ready.segmented.subjects)
             ready = replace(ready, segmented=replace(ready.segmented, subjects=tuple(subjects)))
-        segmented, scenes = ready.segmented, ready.segmented.changes
+        sided = list[SubjectFrame | None]()
+        for target, subject in zip(self._targets, ready.segmented.subjects, strict=True):
+            body = target.body_of_known_facing
+            sided.append(subject if body is None else with_sides_of(subject, body))
+        segmented, scenes = replace(ready.segmented, subjects=tuple(sided)), ready.segmented.changes
         assignment = Assignment(self._targets, self._segmenter, segmented)
         submitted = list[Submitted | Updated]()
         for place, (target, clock) in enumerate(zip(self._targets, ready.clocks, strict=True)):

@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from gepf.common.body import KEYPOINTS
 from gepf.common.camera import project
 from gepf.common.kinematics import keypoint_positions
 from gepf.common.protocol.frames import decode_frame, encode_frame
@@ -17,6 +18,7 @@ from gepf.coordinator.bodies.human.template import human
 from gepf.coordinator.bodies.tracked import name_pose
 from gepf.coordinator.colour.agreement import ColourState, describe_changes
 from gepf.coordinator.colour.finder import (
+    EXCHANGED,
     ExpectedBody,
     KeypointFinder,
     assign,
@@ -25,6 +27,7 @@ from gepf.coordinator.colour.finder import (
     in_view,
     keypoint_cost,
     with_keypoints,
+    with_sides_of,
 )
 from gepf.coordinator.pool.options import PoolStatistics
 from gepf.coordinator.results.log import Entry, Opening, append_records, assemble, read_log
@@ -177,13 +180,13 @@ def test_a_second_body_on_the_same_person_is_given_up() -> None:
 
 
 def test_colour_that_is_elsewhere_is_not_used_until_it_agrees() -> None:
-    """Four seconds of images shifted by half a metre end the use, four seconds of right ones begin it again.
+    """Four seconds of images shifted by 10 cm end the use, four seconds of right ones begin it again.
 
     With `follow`, with `track`, and from any recorded state, the same frames have keypoints.
     """
     still, used, resumed = coloured()[0], list[bool](), list[bool]()
     assert still.colours is not None
-    shifted = np.roll(still.colours, 54, axis=1)
+    shifted = np.roll(still.colours, 11, axis=1)
     frames = [
         replace(still, number=n, time_s=0.5 * n, colours=shifted if n < 12 else still.colours)
         for n in range(24)
@@ -197,7 +200,7 @@ def test_colour_that_is_elsewhere_is_not_used_until_it_agrees() -> None:
         restarted = looking(state=restarted.state)
     assert resumed == used
     ended, begun = used.index(False), used.index(True, used.index(False))
-    assert 4.0 <= frames[ended].time_s <= 5.0
+    assert 4.0 <= frames[ended].time_s <= 6.0
     assert 4.0 <= frames[begun].time_s - 0.5 * 12 <= 5.0
     assert used == [n < ended or n >= begun for n in range(24)]
     assert [line[:22] for line in describe_changes({}, {"a": ColourState(2.0, used=False)})] == [
@@ -215,6 +218,23 @@ class Hurried(LiveFrames):
     def is_ready(self) -> bool:
         """Always."""
         return True
+
+
+def test_left_and_right_are_those_of_a_body_whose_facing_is_known() -> None:
+    """Keypoints with both exchanged are taken as if they were not; of another pose they stay as they are."""
+    model, pose = known().tracked(known().usual_size, STANDING)
+    body, frame = ExpectedBody(model, pose), coloured()[0]
+    subject = isolate(frame, 500)
+    right = np.column_stack([in_view(body, frame), np.full(17, 0.1)]).astype(np.float32)
+    for seen, taken in ((right, right), (right[EXCHANGED], right), (right + 40.0, right + 40.0)):
+        before = with_keypoints(subject, {"": seen})
+        sided = with_sides_of(before, body)
+        assert sided is not None
+        assert (sided is before) == (seen is taken or np.array_equal(seen, taken))
+        np.testing.assert_allclose(in_image(sided)[""][:, :2], taken[:, :2], atol=1e-3)
+    names = [KEYPOINTS[place] for place in EXCHANGED]
+    assert names[:3] == ["nose", "right_eye", "left_eye"]
+    assert [KEYPOINTS.index(name) for name in names] == EXCHANGED
 
 
 def test_under_load_frames_are_tracked_without_keypoints() -> None:
