@@ -134,7 +134,11 @@ class TargetTracker:
     def body_of_known_facing(self) -> ExpectedBody | None:
         """The person in the last pose, if depth and some frames before leave no doubt which side is left."""
         body, track = self.explained_body, self.track
-        is_sure = isinstance(track, Tracked) and not track.is_new(self._settings.track) and not track.ambiguous_facing
+        is_sure = (
+            isinstance(track, Tracked)
+            and not track.is_new(self._settings.track)
+            and not track.ambiguous_facing
+        )
         return body if is_sure else None
 
     @property
