@@ -15,7 +15,6 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from gepf.coordinator.tracking.certainty.certainty import OFF
 from numpy.typing import NDArray
 
 from benchmarks.running import command_line, keep
@@ -26,6 +25,7 @@ from gepf.common.kinematics import joint_positions, pose_vertices
 from gepf.coordinator.colour.finder import EXCHANGED, ExpectedBody, KeypointFinder, Sight
 from gepf.coordinator.filters.methods import settings_for
 from gepf.coordinator.scene.noise import SensorNoise
+from gepf.coordinator.settings import CertaintySettings
 from gepf.coordinator.sources.source import to_units
 from gepf.coordinator.synthesis.clothes import dress
 from gepf.coordinator.synthesis.noise import add_noise
@@ -188,7 +188,7 @@ def score(of: Rendered, disturb: Disturb | None, seed: int) -> Score:
     estimates = [person.estimate for person in follow(tracker, frames)[0]]
     known = np.array([each.status not in POSE_UNKNOWN for each in estimates])
     apart = np.linalg.norm(np.array([each.joint_positions for each in estimates]) - of.joints, axis=-1)
-    off = (apart > OFF) | ~known[:, None]
+    off = (apart > CertaintySettings().wrong_m) | ~known[:, None]
     tracked = np.array([each.status == "tracked" for each in estimates])
     used = float(np.mean([bool(each.keypoints) for each in estimates]))
     wrong = float(np.mean(tracked & off.any(axis=1)))

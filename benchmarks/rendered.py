@@ -13,7 +13,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from gepf.coordinator.tracking.certainty.certainty import OFF
 
 from benchmarks.people import Row, Trial, run_trials
 from benchmarks.recordings import Recording
@@ -21,6 +20,7 @@ from benchmarks.running import add_processes, command_line, keep, measured
 from benchmarks.tracking import near_percent
 from gepf.common.arrays import Array
 from gepf.coordinator.files import TRUTH_FILE
+from gepf.coordinator.settings import CertaintySettings
 from gepf.coordinator.synthesis.sequence import PERSON, synthesise
 
 ROWS = (
@@ -63,7 +63,7 @@ def render(folder: Path, seed: int) -> Recording:
 def describe(errors: Sequence[Array]) -> str:
     """Mean error, share within 10 cm and its worst sequence, share of frames with a joint off by 15 cm."""
     near = [near_percent(one) for one in errors]
-    off = [100.0 * np.mean(np.max(one, axis=1) > OFF) for one in errors]
+    off = [100.0 * np.mean(np.max(one, axis=1) > CertaintySettings().wrong_m) for one in errors]
     centimetres = 100.0 * np.mean([np.nanmean(one) for one in errors])
     return f"{centimetres:8.1f}{np.mean(near):8.1f}{min(near):8.1f}{np.mean(off):14.1f}"
 
