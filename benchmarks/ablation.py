@@ -94,6 +94,7 @@ def choose_rows(only: Sequence[str] | None = None) -> list[Row]:
         key: f"{key}={text(other(value, paper[part][key]))}"
         for part in ("refine", "filter")
         for key, value in default[part].items()
+        if not isinstance(value, dict)
     }
     if unknown := [name for name in only or () if name not in changes]:
         raise InputError(f"no setting '{unknown[0]}'; choose from {', '.join(changes)}")

@@ -145,28 +145,30 @@ class SearchSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class FeatureWeights(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Log odds that a joint is wrong, for each unit of a feature, see `coordinator/tracking/certainty.py`."""
 
-    seen: float = -4.104  #: visible share of the surface around it
-    residual: float = 5.663  #: normalised residual of the body
-    misfit: float = 31.40  #: mean distance of the points around it from the surface, metres
-    spread: float = 0.4338  #: logarithm of the spread of the hypotheses
-    speed: float = 0.1079  #: logarithm of the speed
-    bend: float = 0.2408  #: sum of the squared angles above it
-    folding: float = 0.8651  #: of the body
-    crowding: float = 0.8829  #: number of joints nearby
-    protrusion: float = 3.825  #: in front of or behind the mean joint
+    seen: float = -4.674  #: visible share of the surface around it
+    residual: float = 5.210  #: normalised residual of the body
+    misfit: float = 44.22  #: mean distance of the points around it from the surface, metres
+    spread: float = 0.3435  #: logarithm of the spread of the hypotheses
+    speed: float = 0.3432  #: logarithm of the speed
+    bend: float = 0.2535  #: sum of the squared angles above it
+    folding: float = 2.254  #: of the body
+    crowding: float = 1.437  #: number of joints nearby
+    protrusion: float = 5.038  #: in front of or behind the mean joint
 
 
 class CertaintyFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Log odds that a joint is wrong, linear in its features, and its deviation, a function of them.
 
-    Fitted by `python -m benchmarks.certainty --fit`.
+    Fitted by `python -m benchmarks.certainty --fit`. The intercept, the weight of `misfit` and the deviation
+    were fitted later, with clothed people: with all weights fitted to these, limbs that jump were doubted
+    less.
     """
 
-    intercept: float = -3.709  #: log odds
+    intercept: float = -4.092  #: log odds
     weights: FeatureWeights = FeatureWeights()
-    log_deviation: float = -1.669  #: logarithm of the deviation in metres
-    log_deviation_odds: float = 0.3051  #: of the same, for each unit of the log odds
-    log_deviation_hidden: float = 0.2034  #: of the same, for the hidden share
+    log_deviation: float = -1.772  #: logarithm of the deviation in metres
+    log_deviation_odds: float = 0.2661  #: of the same, for each unit of the log odds
+    log_deviation_hidden: float = 0.2835  #: of the same, for the hidden share
 
 
 class CertaintySettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -116,7 +116,7 @@ def report(updated: Updated, cameras: CameraStates, settings: Settings) -> Track
             views = [view.frame.camera for view in context.subject.views]
             seen = dict(zip(views, judgement.seen_by, strict=True))
             faulty = any(state.fault for state in cameras.values())
-            new = len(cameras) > 1 and followed.is_new(settings.track)
+            new = followed.is_new(settings.track)
             limit = least_probability(certainty, limits, faulty=faulty, new=new)
             disputed = followed.agreement.dispute(views, confirmed_s)
             in_doubt = np.where(judgement.in_sight, limit, 1.0)
@@ -186,8 +186,8 @@ def certainty_of(
 def least_probability(certainty: Certainty, settings: CertaintySettings, *, faulty: bool, new: bool) -> Array:
     """Probabilities (J,) of being wrong above which joints are in doubt.
 
-    While a camera is `faulty`, hidden joints are doubted sooner, as the others may not show them. All are if
-    the body of several cameras is `new`: detected a few frames before, or a camera has come back.
+    A body is doubted sooner while it is `new`: detected a few frames before, or a camera has come back. While
+    a camera is `faulty`, hidden joints are, as the others may not show them.
     """
     sooner = new | (faulty & (certainty.seen < settings.hidden_share))
     return np.where(sooner, settings.flagged_probability, settings.ambiguous_probability)

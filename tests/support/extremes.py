@@ -183,6 +183,7 @@ class Extremes:
             descent=self._one_of(("plain", "accelerated")),
             damping=self._one_of(ANY_SETTING),
             sensor=self._one_of(("distance", "camera")),
+            outside_weight=self._one_of(ANY_SETTING),
             pose_deviation=self._one_of(ANY_SETTING),
             noise_depth=self._one_of(POSITIVE),
             noise_lateral=self._one_of(POSITIVE),

@@ -58,7 +58,7 @@ def test_a_hidden_arm_is_not_said_to_be_known() -> None:
     wrist = follower.model.joint_names.index("right_wrist")
     for estimate in estimates[3:8]:
         assert estimate.certainty is not None
-        assert estimate.certainty.off_probability[wrist] > 0.06
+        assert estimate.certainty.off_probability[wrist] > 0.05
     assert np.linalg.norm(estimates[-1].joint_positions[wrist] - joints[-1, wrist]) < 0.1
 
 
