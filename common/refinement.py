@@ -16,12 +16,6 @@ WEAK_TURN, WEAK_SLIDE, WEAK_SHAPE = float(np.radians(30.0)), 0.05, 1.0
 KEYPOINT_OUTLIER = 3.0
 """Scale of the robust kernel of keypoints, in their standard deviations."""
 
-KEYPOINT_WEIGHT = 0.125
-"""Of a keypoint in the log posterior: the 17 errors in an image have a common cause, and count as two.
-
-With weight 1, rendered people whom depth shows well were worse by 0.5 to 0.8 cm, with this one better.
-"""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PosePrior:
