@@ -163,7 +163,7 @@ def until_tracked(heard: Listener, results: list[str]) -> Iterator[dict[str, byt
 
     shown, _ = pair()
     last = FRAMES - 1
-    for number in range(300):
+    for number in range(900):
         image = shown.frames[last - abs(number % (2 * last) - last)]
         yield {KEY: encode_live(replace(image, number=number, time_s=number / 2))}
         if all(map(tracked, results)):
