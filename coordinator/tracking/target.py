@@ -74,7 +74,7 @@ class TargetTracker:
         motion: Encoders | None = None,
     ) -> None:
         self._refiner = refiner
-        self._settings = settings = for_family(apply_method(settings), bodies.family)
+        self._settings = settings = resolve(settings, bodies.family)
         self._filter = ParticleFilter(refiner, settings, motion)
         self._filter.rng.bit_generator.state = json.loads(state.checkpoint.generator)
         self._detector = Detector(bodies, refiner, settings)
@@ -369,8 +369,14 @@ class TargetTracker:
         )
 
 
-def for_family(settings: Settings, family: BodyFamily) -> Settings:
-    """The settings for bodies of a family, which may wear clothes."""
+def resolve(settings: Settings, family: BodyFamily) -> Settings:
+    """The settings with what the method fixes, and what follows from the bodies where nothing is set.
+
+    These are used, and stored with runs. Raises InputError as `apply_method`.
+    """
+    settings = apply_method(settings)
+    if settings.refine.outside_weight is not None:
+        return settings
     refine = msgspec.structs.replace(settings.refine, outside_weight=family.outside_weight)
     return msgspec.structs.replace(settings, refine=refine)
 
