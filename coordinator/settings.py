@@ -115,6 +115,7 @@ class TrackSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     max_motion_m: Quantity = 0.8  #: of a body between two frames
     gone_share: Share = 0.35  #: of the pixels in the last good frame; with fewer the body may have left
     whole_share: Share = 0.85  #: of the pixels in which it was detected; with fewer a part is missing
+    unshown_s: Quantity = 1.0  #: until a body ends that colour has never shown, where it has shown people
     camera_confirmed_s: Quantity = 0.5  #: until a fault is reported, and cameras that agree are believed
 
 

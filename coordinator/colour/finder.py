@@ -6,23 +6,25 @@ from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
 
 from gepf.common.arrays import Array
 from gepf.common.body import KEYPOINTS, BodyModel
-from gepf.common.camera import project
+from gepf.common.camera import points_of, project
 from gepf.common.frame import DepthFrame, SubjectFrame
 from gepf.common.kinematics import keypoint_positions, pose_vertices
 from gepf.common.packages import MissingPackage
 from gepf.common.refinement import KEYPOINT_OUTLIER
-from gepf.coordinator.colour.crop import Crop, crop_of_body
+from gepf.coordinator.colour.crop import Crop, crop_of_body, crop_of_points
 from gepf.coordinator.colour.keypoints import HIPS, SHOULDERS, find_keypoints
 from gepf.coordinator.colour.network import PoseNetwork, check_installed
 
 SAME_PERSON = 3.0  # median distance of keypoints, in deviations
+NEAR_PX = 3  # to which keypoints at an outline may be off it
 TRUNK_M = 0.2  # thickness of a trunk: the mean distance of two people's keypoints is above it
 
 SIDES = {"left": "right", "right": "left"}
@@ -52,6 +54,13 @@ class Sight(NamedTuple):
 
     keypoints: Sequence[Keypoints]
     doubles: Sequence[bool]
+    candidates: Sequence[Keypoints] = ()  # those of each candidate in the frame, if they were looked at
+    looked_in: Sequence[Collection[str]] = ()  # the cameras in which each person was looked for
+
+    @classmethod
+    def of_nobody(cls, people: int) -> Self:
+        """Without colour."""
+        return cls([{}] * people, [False] * people, (), [()] * people)
 
 
 class KeypointFinder:
@@ -85,9 +94,37 @@ class KeypointFinder:
         def look() -> Sight:
             seen = [self._look(frame, body) for body in bodies]
             given = assign(bodies, seen, frame)
-            return Sight(given, find_doubles(bodies, seen, given))
+            cameras = [
+                [view.camera for view in frame.views if view.colours is not None and crop_of(body, view)]
+                for body in bodies
+            ]
+            return Sight(given, find_doubles(bodies, seen, given), (), cameras)
 
         return self._thread.submit(look)
+
+    def look_at(
+        self, candidates: Sequence[SubjectFrame], frame: DepthFrame, upward: Mapping[str, Array]
+    ) -> list[Keypoints]:
+        """The keypoints of candidates, each of whom is a person if the person is where the candidate is.
+
+        `upward` (3,) are directions in the camera's frame, by its name.
+        """
+
+        def look(candidate: SubjectFrame) -> Keypoints:
+            shown = dict[str, NDArray[np.float32]]()
+            images = {view.camera: view for view in frame.views}
+            for view in candidate.views:
+                image = images[view.frame.camera]
+                points = points_of(view.frame.metres(), view.frame.intrinsics, view.frame.depth > 0)
+                if image.colours is None or not len(points):
+                    continue
+                crop = crop_of_points(points, upward[image.camera], image.intrinsics)
+                keypoints = find_keypoints(self._network, image.colours, image.depth > 0, crop)
+                if keypoints is not None and are_on(view, keypoints):
+                    shown[image.camera] = keypoints
+            return shown
+
+        return self._thread.submit(lambda: [look(candidate) for candidate in candidates]).result()
 
     def _look(self, frame: DepthFrame, body: ExpectedBody | None) -> Keypoints:
         found = dict[str, NDArray[np.float32]]()
@@ -221,6 +258,40 @@ def with_sides_of(subject: SubjectFrame | None, body: ExpectedBody) -> SubjectFr
     return replace(views[0], others=views[1:])
 
 
+def are_on(view: SubjectFrame, keypoints: NDArray[np.float32]) -> bool:
+    """Whether most keypoints that a network sees are on the pixels of a subject, and not on those of others.
+
+    They weigh by their precision; those outside of the image are of no account.
+    """
+    left, top, right, bottom = view.view
+    places = in_crop(view, keypoints)
+    columns, rows = np.rint(places[:, 0]).astype(int), np.rint(places[:, 1]).astype(int)
+    in_image = (left <= columns) & (columns < right) & (top <= rows) & (rows < bottom)
+    shape = view.frame.depth.shape
+    in_window = (columns >= 0) & (columns < shape[1]) & (rows >= 0) & (rows < shape[0])
+    on = np.zeros(len(places), dtype=np.bool_)
+    near = binary_dilation(view.frame.depth > 0, iterations=NEAR_PX)
+    on[in_window] = near[rows[in_window], columns[in_window]]
+    weights = np.where(in_image, places[:, 2], 0.0)
+    return bool(weights @ on > 0.5 * weights.sum())
+
+
+def with_people(
+    candidates: Sequence[SubjectFrame], shown: Sequence[Keypoints], trusted: Collection[str]
+) -> tuple[SubjectFrame, ...]:
+    """Candidates in whom colour shows a person, with the keypoints, before the others.
+
+    The others are left out if a `trusted` camera has looked at them.
+    """
+    people = [with_keypoints(who, seen) for who, seen in zip(candidates, shown, strict=True) if seen]
+    others = [
+        who
+        for who, seen in zip(candidates, shown, strict=True)
+        if not seen and all(view.frame.camera not in trusted for view in who.views)
+    ]
+    return (*(who for who in people if who is not None), *others)
+
+
 def in_crop(subject: SubjectFrame, keypoints: NDArray[np.float32]) -> NDArray[np.float32]:
     """Keypoints of the whole image (17, 3) in pixels of a crop."""
     moved: NDArray[np.float32] = keypoints + np.array([*subject.view[:2], 0.0], np.float32)
@@ -234,6 +305,21 @@ def in_image(subject: SubjectFrame) -> Keypoints:
         for each in subject.views
         if each.keypoints is not None
     }
+
+
+def is_shown(model: BodyModel, pose: Array, subject: SubjectFrame, *, looked_at: bool) -> bool | None:
+    """Whether colour shows a person in this pose (D,), whichever way the person faces.
+
+    False only if colour that shows people was `looked_at`; None if it does not tell.
+    """
+    body = ExpectedBody(model, pose)
+    for view in subject.views:
+        if view.keypoints is not None:
+            pixels = in_view(body, view.frame)
+            sides = view.keypoints, view.keypoints[EXCHANGED]
+            if min(distance_of(pixels, keypoints) for keypoints in sides) < SAME_PERSON:
+                return True
+    return False if looked_at else None
 
 
 def keypoint_cost(model: BodyModel, pose: Array, subject: SubjectFrame) -> float:

@@ -83,6 +83,7 @@ class BodyView:
 
     excluded: what the cameras show that are not used for it. is_elsewhere: not where the body was expected.
     is_slow: it is long since the frame before, so the next one is segmented when this one is refined.
+    is_looked_at: for the person, in colour that shows people.
     """
 
     frame: DepthFrame
@@ -91,6 +92,7 @@ class BodyView:
     excluded: SubjectFrame | None = None
     is_elsewhere: bool = False
     is_slow: bool = False
+    is_looked_at: bool = False
 
 
 class Segmenter:

@@ -19,7 +19,7 @@ from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions, pose_vertices
 from gepf.common.settings import RefineSettings
 from gepf.coordinator.bodies.family import Bodies, BodyFamily
-from gepf.coordinator.colour.finder import ExpectedBody, keypoint_cost
+from gepf.coordinator.colour.finder import ExpectedBody, is_shown, keypoint_cost
 from gepf.coordinator.filters.belief import USUAL_INTERVAL, Belief
 from gepf.coordinator.filters.methods import apply_method
 from gepf.coordinator.scene.noise import NO_NOISE, SensorNoise, assume_noise, measure_noise
@@ -45,6 +45,7 @@ from gepf.coordinator.tracking.track_state import (
     Policy,
     Refined,
     SearchEnded,
+    Searching,
     Segmented,
     Tracked,
     step,
@@ -164,6 +165,12 @@ class TargetTracker:
             return self.track.segmentation_pose is None
         return not self.search.is_running
 
+    def takes_candidate(self, time_s: float) -> bool:
+        """Whether a candidate of a frame at this time is searched, or taken for the body."""
+        if isinstance(self.track, Searching):
+            return self.track.is_due(time_s, self._settings.track)
+        return not isinstance(self.track, Body) or self.track.segmentation_pose is None
+
     def prepare(self) -> None:
         """Build what a first detection needs, unless the body is known already."""
         if not isinstance(self.track, Body):
@@ -197,6 +204,8 @@ class TargetTracker:
         self._distance = distance_to(subject)
         with clock.stage("search"):
             todo = self._segmented(view, subject)
+            if "stop searching" in todo:
+                self.search.drop()
             if subject is not None:
                 if "search" in todo:
                     self._begin_search(view, subject)
@@ -366,6 +375,7 @@ class TargetTracker:
             # the interval of the first frame includes the search, in which no cameras were compared
             interval_s=USUAL_INTERVAL if context.first else submitted.proposal.interval,
             is_slow=view.is_slow,
+            is_shown=is_shown(self.model, belief.poses[0], context.subject, looked_at=view.is_looked_at),
         )
 
 

@@ -20,6 +20,7 @@ from gepf.coordinator.settings import TrackSettings
 from gepf.coordinator.tracking.cameras import Agreement
 from gepf.coordinator.tracking.gating import Gate
 
+LONGEST_STEP_S = 0.5  # between two frames, that counts as time without a person in colour
 ROUNDING_S = 1e-3  # of times in files
 FACING_DOUBT = "front and back look alike: it may face the other way"
 
@@ -61,6 +62,7 @@ class Body(msgspec.Struct, frozen=True, kw_only=True):
     excluded: tuple[str, ...] = ()  # cameras that are not used for it when the next frame is segmented
     agreement: Agreement = msgspec.field(default_factory=Agreement)  # of the cameras, by the last pose
     is_searched: bool = False  # a search for it is running
+    unshown_s: float | None = 0.0  # since the detection, without a person in colour; None: it was shown
 
 
 class Found(Body, frozen=True, kw_only=True, tag="found"):
@@ -148,7 +150,7 @@ class Refined:
     `redetected`: the pose is that of a search, and not where the body was tracked. `ambiguous_facing`: front
     and back look alike in that search; None without one. `faulty` cameras are left out; the others have
     residuals in metres, as `Agreement.after` takes them, and up to `allowed_m` agree. `is_slow`: the next
-    frame is not segmented yet.
+    frame is not segmented yet. `is_shown`: whether colour shows the person; None if it does not tell.
     """
 
     belief: Belief
@@ -158,6 +160,7 @@ class Refined:
     redetected: bool = False
     ambiguous_facing: bool | None = None
     is_doubtful: bool = False
+    is_shown: bool | None = None
     faulty: tuple[str, ...] = ()
     residuals: Mapping[str, float] = field(default_factory=dict)
     allowed_m: float = 0.0
@@ -191,6 +194,8 @@ def step(state: TrackState, event: Event, policy: Policy) -> tuple[TrackState, I
 def _segmented(state: TrackState, event: Segmented, policy: Policy) -> tuple[TrackState, Instructions]:
     if not isinstance(state, Body):
         return _look_for_anybody(state, event, policy)
+    if policy.recovers and (state.unshown_s or 0.0) > policy.settings.unshown_s - ROUNDING_S:
+        return Absent(), ("stop searching", "report")
     if event.is_elsewhere and isinstance(state, Followed):
         state = _lose(state, policy)
     if not event.pixels:
@@ -326,6 +331,7 @@ def _refined(
             before.ambiguous_facing if event.ambiguous_facing is None else event.ambiguous_facing
         ),
         faulty=event.faulty,
+        unshown_s=_unshown(before, event, interval),
     )
     if event.is_slow:
         pose = _segmentation_pose(after, policy)
@@ -335,6 +341,13 @@ def _refined(
         after = replace(after, age_s=settings.search_interval_s - USUAL_INTERVAL, is_searched=False)
         return after, ("stop searching", "report")
     return after, ("report",)
+
+
+def _unshown(state: Found | Tracked | Lost, event: Refined, interval_s: float) -> float | None:
+    """Seconds since its detection for which colour has not shown a body; None if it has once."""
+    if event.is_shown or state.unshown_s is None:
+        return None
+    return state.unshown_s + (0.0 if event.is_shown is None else min(interval_s, LONGEST_STEP_S))
 
 
 def _followed(state: Found | Tracked | Lost, settings: TrackSettings) -> Tracked | Lost:

@@ -8,11 +8,12 @@ from typing import NamedTuple
 
 from gepf.common.frame import DepthFrame, SubjectFrame
 from gepf.coordinator.bodies.family import Bodies
-from gepf.coordinator.colour.agreement import compare, unused
+from gepf.coordinator.colour.agreement import compare, trusted, unused
 from gepf.coordinator.colour.finder import (
     KeypointFinder,
     Sight,
     with_keypoints,
+    with_people,
     with_sides_of,
     without_keypoints,
 )
@@ -174,12 +175,17 @@ class Tracker:
                 rejected=any(isinstance(t, Searching) and t.searches > settings.max_searches for t in tracks),
                 find=any(target.needs_candidates for target in self._targets),
             )
-        sight = Sight([{} for _ in self._targets], [False for _ in self._targets])
+        sight = Sight.of_nobody(len(self._targets))
         if looking is not None:
             with clocks[0].stage("keypoints"):
                 sight = looking.result()
                 subjects = map(with_keypoints, segmented.subjects, sight.keypoints)
                 segmented = replace(segmented, subjects=tuple(subjects))
+                if any(target.takes_candidate(frame.time_s) for target in self._targets):
+                    assert self._colour is not None
+                    upward = {view.frame.camera: view.scene.planes.up for view in segmented.views}
+                    people = self._colour.look_at(segmented.candidates, frame, upward)
+                    sight = sight._replace(candidates=people)
         is_slow = interval_s > settings.max_lookahead_s + ROUNDING_S
         return Ready(segmented, self._cameras, is_slow, clocks, sight, interval_s)
 
@@ -194,10 +200,18 @@ class Tracker:
             body = target.body_of_known_facing
             sided.append(subject if body is None else with_sides_of(subject, body))
         segmented, scenes = replace(ready.segmented, subjects=tuple(sided)), ready.segmented.changes
+        shows_people = trusted(colours, segmented.frame.time_s)
+        if ready.sight.candidates and not against:
+            people = with_people(segmented.candidates, ready.sight.candidates, shows_people)
+            segmented = replace(segmented, candidates=people)
         assignment = Assignment(self._targets, self._segmenter, segmented)
         submitted = list[Submitted | Updated]()
         for place, (target, clock) in enumerate(zip(self._targets, ready.clocks, strict=True)):
-            view = replace(assignment.view_of(place), is_slow=ready.is_slow)
+            view = replace(
+                assignment.view_of(place),
+                is_slow=ready.is_slow,
+                is_looked_at=not shows_people.isdisjoint(ready.sight.looked_in[place]),
+            )
             if ready.sight.doubles[place] and not against:  # it is lost, and looked for elsewhere
                 view = replace(view, subject=None)
             submitted.append(target.submit(view, clock, budget))

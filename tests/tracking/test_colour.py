@@ -9,14 +9,16 @@ import msgspec
 import numpy as np
 import pytest
 
+from gepf.common.arrays import Array
 from gepf.common.body import KEYPOINTS
 from gepf.common.camera import project
+from gepf.common.frame import DepthFrame
 from gepf.common.kinematics import keypoint_positions
 from gepf.common.protocol.frames import decode_frame, encode_frame
 from gepf.common.refinement import Particles
 from gepf.coordinator.bodies.human.template import human
 from gepf.coordinator.bodies.tracked import name_pose
-from gepf.coordinator.colour.agreement import ColourState, describe_changes
+from gepf.coordinator.colour.agreement import ColourState, describe_changes, trusted
 from gepf.coordinator.colour.finder import (
     EXCHANGED,
     ExpectedBody,
@@ -27,6 +29,7 @@ from gepf.coordinator.colour.finder import (
     in_view,
     keypoint_cost,
     with_keypoints,
+    with_people,
     with_sides_of,
 )
 from gepf.coordinator.pool.options import PoolStatistics
@@ -44,9 +47,12 @@ from tests.support.people import (
     STANDING,
     OnePerson,
     as_bytes,
+    frame_of,
     known,
     raised,
+    rendered,
     shown,
+    subject_of,
     tracker,
 )
 
@@ -177,6 +183,68 @@ def test_a_second_body_on_the_same_person_is_given_up() -> None:
     for first, second in statuses(KeypointFinder())[1:]:
         assert first in {"tracked", "ambiguous"}
         assert second not in {"tracked", "ambiguous"}
+
+
+def with_a_dummy() -> list[DepthFrame]:
+    """A person, and beside the person something of the same shape, which colour does not show."""
+    still, model = coloured()[0], human(1.82)
+    (dummy,) = rendered(model, moved_pose())
+    depth = np.where(still.depth > 0, still.depth, (1000.0 * dummy).astype(np.uint16))
+    return [replace(still, depth=depth, number=n, time_s=0.25 * n) for n in range(10)]
+
+
+def test_a_body_that_only_depth_shows_ends_where_colour_shows_people() -> None:
+    """By depth both are people. With colour the dummy ends within a second or so, and does not come back."""
+
+    def known_bodies(colour: KeypointFinder | None, **without: object) -> list[int]:
+        two = Tracker(DirectRefiner(), SETTINGS, known(), people=2, colour=colour)
+        frames = [replace(frame, **without) for frame in with_a_dummy()]
+        statuses = [[person.estimate.status for person in each.people] for each in two.follow(frames)]
+        return [sum(status in {"tracked", "ambiguous"} for status in each) for each in statuses]
+
+    assert known_bodies(None)[-4:] == [2] * 4
+    assert known_bodies(KeypointFinder(), colours=None)[-4:] == [2] * 4
+    assert known_bodies(KeypointFinder())[-4:] == [1] * 4
+
+
+def test_colour_that_shows_nobody_denies_nobody() -> None:
+    """In the dark, depth alone decides, from the first frame on or after the light has gone out."""
+    lit = with_a_dummy()
+    assert lit[0].colours is not None
+    dark = np.zeros_like(lit[0].colours)
+    frames = [replace(lit[0], number=n, time_s=0.5 * n, colours=dark) for n in range(4)]
+    two = Tracker(DirectRefiner(), SETTINGS, known(), people=2, colour=KeypointFinder())
+    for tracked in two.follow(frames):
+        assert {person.estimate.status for person in tracked.people} <= {"tracked", "ambiguous", "searching"}
+    assert {person.estimate.status for person in tracked.people} <= {"tracked", "ambiguous"}
+    agreed = ColourState().after([False], 0.5, 10.0)
+    assert trusted({"": agreed}, 10.5) == {""}
+    assert not trusted({"": agreed}, 60.0)
+    assert not trusted({"": ColourState().after([True], 0.5, 10.0)}, 10.0)
+
+
+def test_candidates_whom_colour_shows_come_first() -> None:
+    """They get their keypoints, if these are on their pixels; the others stay unless colour is trusted."""
+    person, beside = (
+        subject_of(replace(frame, colours=None), 500)
+        for frame in (coloured()[0], frame_of(0, rendered(human(1.82), moved_pose())[0]))
+    )
+    finder, up = KeypointFinder(), {"": np.array([0.0, -1.0, 0.0])}
+    candidates = [beside, person]
+    found = finder.look_at(candidates, coloured()[0], up)
+    assert [bool(keypoints) for keypoints in found] == [False, True]
+    model, pose = known().tracked(known().usual_size, STANDING)
+    places = in_view(ExpectedBody(model, pose), coloured()[0])
+    assert np.median(np.linalg.norm(found[1][""][:, :2] - places, axis=1)) < 6.0  # pixels
+    first, second = with_people(candidates, found, ())
+    assert first.keypoints is not None
+    assert second is beside
+    assert len(with_people(candidates, found, {""})) == 1
+
+
+def moved_pose() -> Array:
+    """The standing person, 1.1 m to the side (1, D)."""
+    return name_pose(human(1.82), {**STANDING, "root_tx": 1.1})[None]
 
 
 def test_colour_that_is_elsewhere_is_not_used_until_it_agrees() -> None:
