@@ -380,13 +380,11 @@ class TargetTracker:
 
 
 def resolve(settings: Settings, family: BodyFamily) -> Settings:
-    """The settings with what the method fixes, and what follows from the bodies where nothing is set.
+    """The settings with what the method fixes, and what follows from the bodies.
 
     These are used, and stored with runs. Raises InputError as `apply_method`.
     """
     settings = apply_method(settings)
-    if settings.refine.outside_weight is not None:
-        return settings
     refine = msgspec.structs.replace(settings.refine, outside_weight=family.outside_weight)
     return msgspec.structs.replace(settings, refine=refine)
 

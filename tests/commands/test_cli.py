@@ -102,7 +102,6 @@ def test_settings_that_follow_from_the_body_are_stored(tracked: Tracked) -> None
     """People wear clothes: what `summary.json` and the library's runs state is what the workers get."""
     _, summary = tracked()
     weight = summary["settings"]["refine"]["outside_weight"]
-    assert weight is not None
     assert weight == PEOPLE.outside_weight < 1.0
 
 

@@ -88,5 +88,5 @@ def pack_parameters(settings: RefineSettings, points: int) -> KernelParameters:
         OUTLIER_DISTANCE_M**2 if camera else 0.0,
         settings.noise_depth,
         settings.noise_lateral,
-        settings.outside_weight if camera and settings.outside_weight is not None else 1.0,
+        settings.outside_weight if camera else 1.0,
     )

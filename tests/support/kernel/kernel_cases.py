@@ -24,9 +24,7 @@ TRUTH = np.array(
     [0.02, -0.03, 2.0, 0.1, 0.4, -0.1, 0.1, -0.2, 0.15, 0.3, 0.2, 0.4, -0.4, 0.5, 0.4, 0.2, -0.5, 0.03, 0.2]
 )  # of the puppet
 POINTS = 1500
-PAPER, DEFAULT = (
-    msgspec.structs.replace(preset(name).refine, outside_weight=1.0) for name in ("paper", "default")
-)
+PAPER, DEFAULT = preset("paper").refine, preset("default").refine
 SETTINGS = {
     "paper": PAPER,
     "default": DEFAULT,
