@@ -28,13 +28,13 @@ class ColourState:
     """Whether the colour of a camera is used.
 
     against_s: seconds of disagreement less those of agreement, from 0 to PERSISTENT_S. since_s: time of the
-    frame in which the use ended or began. agreed_s: that of the last one in
+    frame in which the use last ended or began. agreed_s: that of the last one in
     which it showed a person where depth does.
     """
 
     against_s: float = 0.0
     used: bool = True
-    since_s: float = 0.0
+    since_s: float | None = None
     agreed_s: float | None = None
 
     def after(self, against: Sequence[bool], interval_s: float, time_s: float) -> Self:
@@ -91,9 +91,14 @@ def are_elsewhere(pixels: Array, keypoints: NDArray[np.float32]) -> bool:
     return shift > SHIFTED or distance_of(pixels, keypoints) > SAME_PERSON
 
 
-def unused(states: ColourStates) -> frozenset[str]:
-    """The cameras whose colour is not used."""
-    return frozenset(name for name, state in states.items() if not state.used)
+def unused(states: ColourStates, before_s: float | None = None) -> frozenset[str]:
+    """The cameras whose colour is not used, now or before what the frame at a time has changed."""
+
+    def is_used(state: ColourState) -> bool:
+        just_changed = before_s is not None and state.since_s is not None and state.since_s >= before_s
+        return state.used != just_changed
+
+    return frozenset(name for name, state in states.items() if not is_used(state))
 
 
 def trusted(states: ColourStates, time_s: float) -> frozenset[str]:

@@ -105,16 +105,16 @@ class TargetTracker:
             recovers=self._settings.recover and self.start.is_free,
         )
 
-    @property
-    def segmentation_surface(self) -> Array | None:
+    def segmentation_surface(self, step_m: Array | None = None) -> Array | None:
         """The vertices (V, 3) around which the next frame is segmented; None if the body may be anywhere.
 
         The present frame may still be refined. So they are those of the pose of the frame before, unless
-        frames are slow.
+        frames are slow. `step_m` (3,) is the motion since then, if it is known.
         """
         if not isinstance(self.track, Body) or self.track.segmentation_pose is None:
             return None
-        return np.asarray(pose_vertices(self.model, self.track.segmentation_pose[None])[0])
+        vertices = np.asarray(pose_vertices(self.model, self.track.segmentation_pose[None])[0])
+        return vertices if step_m is None else vertices + step_m
 
     @property
     def expected_body(self) -> ExpectedBody | None:
@@ -254,7 +254,9 @@ class TargetTracker:
         if first and budget is not None:  # with few particles, hypotheses of the detection would be lost
             budget = replace(budget, is_late=False)
         with clock.stage("draw"):
-            proposal = self._filter.propose(self.model, belief, subject, self.track.time_s, budget)
+            proposal = self._filter.propose(
+                self.model, belief, subject, self.track.time_s, budget, view.step_m
+            )
         with clock.stage("refine"):
             settings = self._filter.scale_iterations(self._refine_settings, proposal.interval, budget)
             context = FrameContext(subject, belief.reported, proposal.interval, settings.stretch, first)

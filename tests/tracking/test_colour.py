@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from gepf.common.arrays import Array
-from gepf.common.body import KEYPOINTS
+from gepf.common.body import KEYPOINTS, ROOT_DOFS
 from gepf.common.camera import project
 from gepf.common.frame import DepthFrame
 from gepf.common.kinematics import keypoint_positions
@@ -32,6 +32,7 @@ from gepf.coordinator.colour.finder import (
     with_people,
     with_sides_of,
 )
+from gepf.coordinator.colour.motion import trunk_step
 from gepf.coordinator.pool.options import PoolStatistics
 from gepf.coordinator.results.log import Entry, Opening, append_records, assemble, read_log
 from gepf.coordinator.sources.live import LiveFrames
@@ -221,6 +222,21 @@ def test_colour_that_shows_nobody_denies_nobody() -> None:
     assert trusted({"": agreed}, 10.5) == {""}
     assert not trusted({"": agreed}, 60.0)
     assert not trusted({"": ColourState().after([True], 0.5, 10.0)}, 10.0)
+
+
+def test_a_person_is_segmented_where_colour_shows_the_person() -> None:
+    """At a low rate a person moves out of reach of depth alone. The way is that of the trunk's keypoints."""
+    frame, (model, pose) = coloured()[0], known().tracked(known().usual_size, STANDING)
+    for step in ([0.0, 0.0, 0.0], [0.4, 0.0, 0.0], [-0.3, 0.0, 0.3], [0.1, 0.1, -0.4]):
+        before = pose.copy()
+        before[[model.dof(name) for name in ROOT_DOFS[:3]]] -= step
+        body = ExpectedBody(model, before)
+        (keypoints,) = KeypointFinder().submit(frame, [body]).result().keypoints
+        moved = trunk_step(body, keypoints, frame, 0.8)
+        assert moved is not None
+        np.testing.assert_allclose(moved, step, atol=0.06)
+        assert trunk_step(body, {}, frame, 0.8) is None
+        assert np.linalg.norm(step) < 0.3 or trunk_step(body, keypoints, frame, 0.2) is None
 
 
 def test_candidates_whom_colour_shows_come_first() -> None:
