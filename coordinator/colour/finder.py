@@ -196,8 +196,13 @@ def in_view(body: ExpectedBody, view: DepthFrame) -> Array:
 
 def distance_of(pixels: NDArray[np.floating], keypoints: NDArray[np.float32]) -> float:
     """The median distance of pixels (17, 2) from keypoints, in their deviations."""
+    return float(np.median(deviations_of(pixels, keypoints)))
+
+
+def deviations_of(pixels: NDArray[np.floating], keypoints: NDArray[np.float32]) -> Array:
+    """The distance of each pixel (17, 2) from its keypoint, in deviations of the keypoint."""
     off = np.linalg.norm(pixels - keypoints[:, :2], axis=1)
-    return float(np.median(off * np.sqrt(keypoints[:, 2])))
+    return np.asarray(off * np.sqrt(keypoints[:, 2]))
 
 
 def crop_of(body: ExpectedBody | None, view: DepthFrame) -> Crop | None:
@@ -320,6 +325,17 @@ def is_shown(model: BodyModel, pose: Array, subject: SubjectFrame, *, looked_at:
             if min(distance_of(pixels, keypoints) for keypoints in sides) < SAME_PERSON:
                 return True
     return False if looked_at else None
+
+
+def shown_sides(model: BodyModel, pose: Array, subject: SubjectFrame) -> int:
+    """1 if keypoints show left and right as in this pose (D,), -1 if exchanged, 0 if they do not tell."""
+    for view in subject.views:
+        if view.keypoints is not None:
+            pixels = in_view(ExpectedBody(model, pose), view.frame)
+            sides = distance_of(pixels, view.keypoints), distance_of(pixels, view.keypoints[EXCHANGED])
+            if min(sides) < SAME_PERSON < max(sides):
+                return 1 if sides[0] < sides[1] else -1
+    return 0
 
 
 def keypoint_cost(model: BodyModel, pose: Array, subject: SubjectFrame) -> float:

@@ -84,7 +84,7 @@ class BodyView:
     excluded: what the cameras show that are not used for it. is_elsewhere: not where the body was expected.
     is_slow: it is long since the frame before, so the next one is segmented when this one is refined.
     is_looked_at: for the person, in colour that shows people. step_m: the motion (3,) since the frame before
-    by colour, if it tells.
+    by colour, if it tells. is_exchanged: left and right in colour were exchanged, to be as those of the body.
     """
 
     frame: DepthFrame
@@ -95,6 +95,7 @@ class BodyView:
     is_slow: bool = False
     is_looked_at: bool = False
     step_m: Array | None = None
+    is_exchanged: bool = False
 
 
 class Segmenter:

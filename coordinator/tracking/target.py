@@ -19,7 +19,7 @@ from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions, pose_vertices
 from gepf.common.settings import RefineSettings
 from gepf.coordinator.bodies.family import Bodies, BodyFamily
-from gepf.coordinator.colour.finder import ExpectedBody, is_shown, keypoint_cost
+from gepf.coordinator.colour.finder import ExpectedBody, is_shown, keypoint_cost, shown_sides
 from gepf.coordinator.filters.belief import USUAL_INTERVAL, Belief
 from gepf.coordinator.filters.methods import apply_method
 from gepf.coordinator.scene.noise import NO_NOISE, SensorNoise, assume_noise, measure_noise
@@ -40,6 +40,7 @@ from gepf.coordinator.tracking.state import Checkpoint, PersonState
 from gepf.coordinator.tracking.track_state import (
     Body,
     Event,
+    Followed,
     Found,
     Instructions,
     Policy,
@@ -138,9 +139,13 @@ class TargetTracker:
         is_sure = (
             isinstance(track, Tracked)
             and not track.is_new(self._settings.track)
-            and not track.ambiguous_facing
+            and track.knows_facing(self._settings.track)
         )
         return body if is_sure else None
+
+    @property
+    def _knows_facing(self) -> bool:
+        return isinstance(self.track, Followed) and self.track.knows_facing(self._settings.track)
 
     @property
     def last_seen(self) -> Array:
@@ -351,16 +356,22 @@ class TargetTracker:
         gate = gate_pose(by_depth, belief.residual[0], submitted.settings, settings.gating)
         redetected, ambiguous_facing = False, None
         if detection is not None:
-            if detection.candidates.log_likelihood[0] > belief.log_weights[0] + settings.search.surer_nats:
-                joints = joint_positions(self.model, belief.poses[:1])[0]
+            joints = joint_positions(self.model, belief.poses[:1])[0]
+            depth_alone = detection.by_depth()
+            gain = detection.candidates.log_likelihood[0] - belief.log_weights[0]
+            if (
+                detection.faces_away(joints)[0] and self._knows_facing
+            ):  # keypoints of a frame may be exchanged
+                gain = depth_alone[0] - by_depth
+            if gain > settings.search.surer_nats:
+                by_depth = depth_alone[0]
                 redetected = self.track.is_lost or detection.is_elsewhere(joints, settings.certainty.wrong_m)
                 redetected_as = self._filter.believe(self.model, detection.candidates)
                 belief = replace(redetected_as, shape_precision=belief.shape_precision)
                 gate = detection.gate
             joints = joint_positions(self.model, belief.poses[:1])[0]
-            ambiguous_facing = detection.looks_alike(
-                joints, belief.log_weights[0], settings.search.alike_nats
-            )
+            turned = detection.faces_away(joints)
+            ambiguous_facing = bool(np.any(depth_alone[turned] > by_depth - settings.search.alike_nats))
         view = submitted.view
         allowed_m = settings.gating.max_residual_m + submitted.settings.noise_depth
         views = [*context.subject.views, *(view.excluded.views if view.excluded is not None else ())]
@@ -378,6 +389,7 @@ class TargetTracker:
             interval_s=USUAL_INTERVAL if context.first else submitted.proposal.interval,
             is_slow=view.is_slow,
             is_shown=is_shown(self.model, belief.poses[0], context.subject, looked_at=view.is_looked_at),
+            sides=-1 if view.is_exchanged else shown_sides(self.model, belief.poses[0], context.subject),
         )
 
 

@@ -216,8 +216,8 @@ class Tracker:
         if against := unused(colours):
             subjects = (without_keypoints(subject, against) for subject in ready.segmented.subjects)
             ready = replace(ready, segmented=replace(ready.segmented, subjects=tuple(subjects)))
-        sided = list[SubjectFrame | None]()
-        for target, subject in zip(self._targets, ready.segmented.subjects, strict=True):
+        before, sided = ready.segmented.subjects, list[SubjectFrame | None]()
+        for target, subject in zip(self._targets, before, strict=True):
             body = target.body_of_known_facing
             sided.append(subject if body is None else with_sides_of(subject, body))
         segmented, scenes = replace(ready.segmented, subjects=tuple(sided)), ready.segmented.changes
@@ -228,8 +228,10 @@ class Tracker:
         assignment = Assignment(self._targets, self._segmenter, segmented)
         submitted = list[Submitted | Updated]()
         for place, (target, clock) in enumerate(zip(self._targets, ready.clocks, strict=True)):
+            view = assignment.view_of(place)
             view = replace(
-                assignment.view_of(place),
+                view,
+                is_exchanged=view.subject is sided[place] and sided[place] is not before[place],
                 is_slow=ready.is_slow,
                 step_m=ready.steps[place],
                 is_looked_at=not shows_people.isdisjoint(ready.sight.looked_in[place]),
