@@ -24,6 +24,7 @@ from gepf.coordinator.colour.keypoints import HIPS, SHOULDERS, find_keypoints
 from gepf.coordinator.colour.network import PoseNetwork, check_installed
 
 SAME_PERSON = 3.0  # median distance of keypoints, in deviations
+MOST_CANDIDATES = 4  # that are looked at in a frame
 NEAR_PX = 3  # to which keypoints at an outline may be off it
 TRUNK_M = 0.2  # thickness of a trunk: the mean distance of two people's keypoints is above it
 
@@ -105,7 +106,7 @@ class KeypointFinder:
     def look_at(
         self, candidates: Sequence[SubjectFrame], frame: DepthFrame, upward: Mapping[str, Array]
     ) -> list[Keypoints]:
-        """The keypoints of candidates, each of whom is a person if the person is where the candidate is.
+        """The keypoints of the first candidates; none where the network sees no person.
 
         `upward` (3,) are directions in the camera's frame, by its name.
         """
@@ -124,7 +125,7 @@ class KeypointFinder:
                     shown[image.camera] = keypoints
             return shown
 
-        return self._thread.submit(lambda: [look(candidate) for candidate in candidates]).result()
+        return self._thread.submit(lambda: [look(who) for who in candidates[:MOST_CANDIDATES]]).result()
 
     def _look(self, frame: DepthFrame, body: ExpectedBody | None) -> Keypoints:
         found = dict[str, NDArray[np.float32]]()
@@ -286,15 +287,16 @@ def with_people(
 ) -> tuple[SubjectFrame, ...]:
     """Candidates in whom colour shows a person, with the keypoints, before the others.
 
-    The others are left out if a `trusted` camera has looked at them.
+    `shown` are the keypoints of those that were looked at, the first. Of these, the others are left out if a
+    `trusted` camera has looked.
     """
-    people = [with_keypoints(who, seen) for who, seen in zip(candidates, shown, strict=True) if seen]
-    others = [
-        who
-        for who, seen in zip(candidates, shown, strict=True)
-        if not seen and all(view.frame.camera not in trusted for view in who.views)
-    ]
-    return (*(who for who in people if who is not None), *others)
+    people, others = list[SubjectFrame | None](), list[SubjectFrame]()
+    for who, seen in zip(candidates, shown, strict=False):
+        if seen:
+            people.append(with_keypoints(who, seen))
+        elif all(view.frame.camera not in trusted for view in who.views):
+            others.append(who)
+    return (*filter(None, people), *others, *candidates[len(shown) :])
 
 
 def in_crop(subject: SubjectFrame, keypoints: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -256,6 +256,7 @@ def test_candidates_whom_colour_shows_come_first() -> None:
     assert first.keypoints is not None
     assert second is beside
     assert len(with_people(candidates, found, {""})) == 1
+    assert with_people(candidates, found[:1], {""}) == (person,)  # who was not looked at
 
 
 def moved_pose() -> Array:
