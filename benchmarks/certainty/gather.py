@@ -90,7 +90,7 @@ def gather(
     rows: list[tuple[Array, Array, Mask, str]] = []
     for frame in frames[::every]:
         tracker.begin_frame()
-        segmented = segmenter.segment(frame, [tracker.segmentation_surface])
+        segmented = segmenter.segment(frame, [tracker.segmentation_surface()])
         (subject,) = segmented.candidates[:1] or segmented.subjects
         submitted = tracker.submit(BodyView(frame, subject, segmented.planes(subject)), Stopwatch())
         if isinstance(submitted, Updated):  # nothing was refined
