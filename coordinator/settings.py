@@ -117,7 +117,7 @@ class TrackSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     whole_share: Share = 0.85  #: of the pixels in which it was detected; with fewer a part is missing
     facing_s: Quantity = 1.0  #: of colour that shows left and right, until it tells front from back
     exchanged_s: Quantity = 4.0  #: of colour that shows left and right exchanged, until depth is doubted
-    unshown_s: Quantity = 1.0  #: until a body ends that colour has never shown, where it has shown people
+    unshown_s: Quantity = 1.0  #: after which a new body ends that colour has not confirmed
     camera_confirmed_s: Quantity = 0.5  #: until a fault is reported, and cameras that agree are believed
 
 
@@ -181,7 +181,7 @@ class CertaintySettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True)
     flagged_probability: Share = 0.04  #: of a wrong joint; 4 to 9 % of the correct joints are flagged
     ambiguous_probability: Share = 0.15  #: of a wrong joint; with more the frame is ambiguous
     out_of_view_nats: float = 1.0  #: log odds beyond a joint that the body hides; people cut at the hips
-    shown_nats: Quantity = 2.0  #: log odds below, for a joint that colour shows there; rendered people: 4
+    shown_nats: Quantity = 2.0  #: less log odds of a joint that colour confirms; 4 fits rendered people
     max_nats: Quantity = 10.0  #: log odds beyond which nothing was measured
     spread_floor_m: Quantity = 0.005  #: added to the spread of hypotheses before the logarithm
     speed_floor_m_s: Quantity = 0.1  #: added to the speed before the logarithm; metres per second

@@ -32,7 +32,6 @@ from gepf.coordinator.bodies.mechanisms import MECHANISMS
 from gepf.coordinator.colour.agreement import ColourStates, describe_changes
 from gepf.coordinator.colour.finder import KeypointFinder, without_colour
 from gepf.coordinator.files import with_parent
-from gepf.coordinator.filters.methods import apply_method
 from gepf.coordinator.results.log import assemble, floor_up
 from gepf.coordinator.results.recorder import save_run
 from gepf.coordinator.results.summary import PERSON
@@ -72,13 +71,14 @@ class FrameLoop(Closing):
         *,
         color: bool,
     ) -> None:
+        settings = resolve(settings, bodies.family)
         finder, self._unused = None, ""  # why colour is not used, until that is said
         if color and bodies.family.has_keypoints and settings.refine.sensor == "camera":
             try:
                 finder = KeypointFinder()
             except MissingPackage as missing:
                 self._unused = f"{without_colour(missing)}; or color=False"
-        self._settings, self._frames = resolve(settings, bodies.family), 0
+        self._settings, self._frames = settings, 0
         self._camera, self._depth_scale, self._cameras = camera, depth_scale, dict[str, Intrinsics]()
         self._stack = ExitStack()
         refiner = open_refiner(workers, tls, self._stack)
@@ -180,7 +180,7 @@ class Tracker(FrameLoop):
         color: bool = True,
         tls: TlsFiles | None = None,
     ) -> None:
-        settings = apply_method(settings or preset("default"))
+        settings = settings or preset("default")
         bodies = bodies_to_track(model, active, settings.preset)
         given = read_start(Path(start), bodies.dof_names) if isinstance(start, str | Path) else start
         if given is not None:
@@ -269,7 +269,7 @@ class PeopleTracker(FrameLoop):
     ) -> None:
         if people < 1:
             raise InputError(f"people={people} would track no one; give 1 or more")
-        settings = apply_method(settings or preset("default"))
+        settings = settings or preset("default")
         bodies = choose_bodies(active, settings.preset, HUMAN)
         super().__init__(bodies, settings, workers, tls, camera, depth_scale, people, color=color)
 

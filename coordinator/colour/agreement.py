@@ -15,7 +15,14 @@ from numpy.typing import NDArray
 
 from gepf.common.arrays import Array
 from gepf.common.frame import DepthFrame
-from gepf.coordinator.colour.finder import SAME_PERSON, ExpectedBody, Keypoints, distance_of, keypoint_pixels
+from gepf.coordinator.colour.finder import (
+    EXCHANGED,
+    SAME_PERSON,
+    ExpectedBody,
+    Keypoints,
+    distance_of,
+    keypoint_pixels,
+)
 
 PERSISTENT_S = 4.0  # by which disagreement outlasts agreement until colour is not used; and the reverse
 SHIFTED = 1.5  # median of the offsets of keypoints, in deviations; of real people 0.8, rarely above 1.5
@@ -82,17 +89,19 @@ def compare(
 
 
 def are_elsewhere(pixels: Array, keypoints: NDArray[np.float32]) -> bool:
-    """Whether keypoints are not where a body has them (17, 2), or all shifted to one side.
+    """Whether keypoints are not where a body has them (17, 2), whichever way it faces, or all shifted.
 
     A shift below SHIFTED is also that of other clothes; the pose follows a larger one half of the way.
     """
+    sides = keypoints, keypoints[EXCHANGED]
+    keypoints = min(sides, key=lambda shown: distance_of(pixels, shown))
     off = (keypoints[:, :2] - pixels) * np.sqrt(keypoints[:, 2:])
     shift = float(np.linalg.norm(np.median(off, axis=0)))
     return shift > SHIFTED or distance_of(pixels, keypoints) > SAME_PERSON
 
 
 def unused(states: ColourStates, before_s: float | None = None) -> frozenset[str]:
-    """The cameras whose colour is not used, now or before what the frame at a time has changed."""
+    """The cameras whose colour is not used; with `before_s`, as before the frame at that time."""
 
     def is_used(state: ColourState) -> bool:
         just_changed = before_s is not None and state.since_s is not None and state.since_s >= before_s

@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from functools import cached_property
+from types import MappingProxyType
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -24,7 +25,7 @@ from gepf.coordinator.colour.keypoints import HIPS, SHOULDERS, find_keypoints
 from gepf.coordinator.colour.network import PoseNetwork, check_installed
 
 SAME_PERSON = 3.0  # median distance of keypoints, in deviations
-MOST_CANDIDATES = 4  # that are looked at in a frame
+CANDIDATES_PER_S = 40.0  # that are looked at: half of the time of a processor core
 NEAR_PX = 3  # to which keypoints at an outline may be off it
 TRUNK_M = 0.2  # thickness of a trunk: the mean distance of two people's keypoints is above it
 
@@ -55,13 +56,15 @@ class Sight(NamedTuple):
 
     keypoints: Sequence[Keypoints]
     doubles: Sequence[bool]
-    candidates: Sequence[Keypoints] = ()  # those of each candidate in the frame, if they were looked at
-    looked_in: Sequence[Collection[str]] = ()  # the cameras in which each person was looked for
+    looked_in: Sequence[Collection[str]]  # the cameras in which each person was looked for
+    candidates: Mapping[int, Keypoints] = MappingProxyType(
+        {}
+    )  # of candidates in the frame that were looked at, by place
 
     @classmethod
     def of_nobody(cls, people: int) -> Self:
         """Without colour."""
-        return cls([{}] * people, [False] * people, (), [()] * people)
+        return cls([{}] * people, [False] * people, [()] * people)
 
 
 class KeypointFinder:
@@ -95,25 +98,35 @@ class KeypointFinder:
         def look() -> Sight:
             seen = [self._look(frame, body) for body in bodies]
             given = assign(bodies, seen, frame)
-            cameras = [
-                [view.camera for view in frame.views if view.colours is not None and crop_of(body, view)]
-                for body in bodies
+            looked_in = [
+                [
+                    view.camera
+                    for view in frame.views
+                    if body is not None and would_show(body, view, around, given)
+                ]
+                for body, around in zip(bodies, seen, strict=True)
             ]
-            return Sight(given, find_doubles(bodies, seen, given), (), cameras)
+            return Sight(given, find_doubles(bodies, seen, given), looked_in)
 
         return self._thread.submit(look)
 
     def look_at(
-        self, candidates: Sequence[SubjectFrame], frame: DepthFrame, upward: Mapping[str, Array]
-    ) -> list[Keypoints]:
-        """The keypoints of the first candidates; none where the network sees no person.
+        self,
+        candidates: Sequence[SubjectFrame],
+        frame: DepthFrame,
+        upward: Mapping[str, Array],
+        interval_s: float,
+    ) -> dict[int, Keypoints]:
+        """The keypoints of some candidates, by their place; none where the network sees no person.
 
-        `upward` (3,) are directions in the camera's frame, by its name.
+        Each has its turn, as many in a frame as the `interval_s` since the one before allows; in the first
+        frame all. `upward` (3,) are directions in the camera's frame, by its name.
         """
 
         def look(candidate: SubjectFrame) -> Keypoints:
             shown = dict[str, NDArray[np.float32]]()
             images = {view.camera: view for view in frame.views}
+            whole = {view.frame.camera: view for part in (candidate, candidate.widest) for view in part.views}
             for view in candidate.views:
                 image = images[view.frame.camera]
                 points = points_of(view.frame.metres(), view.frame.intrinsics, view.frame.depth > 0)
@@ -121,11 +134,14 @@ class KeypointFinder:
                     continue
                 crop = crop_of_points(points, upward[image.camera], image.intrinsics)
                 keypoints = find_keypoints(self._network, image.colours, image.depth > 0, crop)
-                if keypoints is not None and are_on(view, keypoints):
+                if keypoints is not None and are_on(whole[image.camera], keypoints):
                     shown[image.camera] = keypoints
             return shown
 
-        return self._thread.submit(lambda: [look(who) for who in candidates[:MOST_CANDIDATES]]).result()
+        count = len(candidates)
+        most = min(count, max(1, round(CANDIDATES_PER_S * interval_s))) if interval_s > 0.0 else count
+        turns = [(frame.number * most + n) % count for n in range(most)]
+        return self._thread.submit(lambda: {turn: look(candidates[turn]) for turn in turns}).result()
 
     def _look(self, frame: DepthFrame, body: ExpectedBody | None) -> Keypoints:
         found = dict[str, NDArray[np.float32]]()
@@ -136,6 +152,20 @@ class KeypointFinder:
                 if keypoints is not None:
                     found[view.camera] = keypoints
         return found
+
+
+def would_show(body: ExpectedBody, view: DepthFrame, around: Keypoints, given: Sequence[Keypoints]) -> bool:
+    """Whether a colour image that was looked at would show a body, with the keypoints seen `around` it.
+
+    Not if they are those that another body is `given`: that person may hide it.
+    """
+    if view.colours is None or crop_of(body, view) is None:
+        return False
+    seen = around.get(view.camera)
+    owners = (own[view.camera] for own in given if view.camera in own)
+    return seen is None or not any(
+        seen is not own and distance_of(seen[:, :2], own) < SAME_PERSON for own in owners
+    )
 
 
 def assign(
@@ -282,21 +312,18 @@ def are_on(view: SubjectFrame, keypoints: NDArray[np.float32]) -> bool:
     return bool(weights @ on > 0.5 * weights.sum())
 
 
-def with_people(
-    candidates: Sequence[SubjectFrame], shown: Sequence[Keypoints], trusted: Collection[str]
-) -> tuple[SubjectFrame, ...]:
-    """Candidates in whom colour shows a person, with the keypoints, before the others.
+def possible_people(candidates: Sequence[SubjectFrame], trusted: Collection[str]) -> list[SubjectFrame]:
+    """Candidates in whom colour shows a person, who have keypoints, before the others.
 
-    `shown` are the keypoints of those that were looked at, the first. Of these, the others are left out if a
-    `trusted` camera has looked.
+    The others are left out if they are in the image of a `trusted` camera.
     """
-    people, others = list[SubjectFrame | None](), list[SubjectFrame]()
-    for who, seen in zip(candidates, shown, strict=False):
-        if seen:
-            people.append(with_keypoints(who, seen))
+    people, others = list[SubjectFrame](), list[SubjectFrame]()
+    for who in candidates:
+        if any(view.keypoints is not None for view in who.views):
+            people.append(who)
         elif all(view.frame.camera not in trusted for view in who.views):
             others.append(who)
-    return (*filter(None, people), *others, *candidates[len(shown) :])
+    return people + others
 
 
 def in_crop(subject: SubjectFrame, keypoints: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -14,6 +14,7 @@ from gepf.coordinator.colour.finder import ExpectedBody, Keypoints
 from gepf.coordinator.colour.keypoints import HIPS, SHOULDERS
 
 TRUNK = [*SHOULDERS, *HIPS]
+FRONT = 0.1  # share of the vertices there that may be nearer than the trunk: a hand
 NEAR_M = 0.08  # from the middle of the trunk across the line of sight, where its surface is measured
 ACROSS = np.linspace(0.1, 0.9, 7)  # places between the corners of the trunk, where depth is looked at
 INSIDE = np.array(
@@ -42,12 +43,13 @@ def trunk_step(body: ExpectedBody, keypoints: Keypoints, frame: DepthFrame, long
         surface = surface[surface > 0.0]
         joints = view.to_camera(keypoint_positions(body.model, body.pose[None])[0])[TRUNK]
         vertices = view.to_camera(pose_vertices(body.model, body.pose[None])[0])
-        aside = np.linalg.norm(vertices[:, :2] - joints.mean(axis=0)[:2], axis=1)
-        if 2 * len(surface) < len(INSIDE) or not (aside < NEAR_M).any():
+        middle, ahead = joints.mean(axis=0), vertices[vertices[:, 2] > 0.0]
+        aside = middle[2] * np.linalg.norm(ahead[:, :2] / ahead[:, 2:] - middle[:2] / middle[2], axis=1)
+        if 2 * len(surface) < len(INSIDE) or not (aside < NEAR_M).any() or middle[2] <= 0.0:
             continue
         weights = seen[:, 2] / seen[:, 2].sum()
         before, (column, row) = weights @ joints, weights @ seen[:, :2]
-        z = float(np.median(surface)) + before[2] - vertices[aside < NEAR_M, 2].min()
+        z = float(np.median(surface)) + before[2] - float(np.quantile(ahead[aside < NEAR_M, 2], FRONT))
         after = np.array([(column - camera.cx) / camera.fx * z, (row - camera.cy) / camera.fy * z, z])
         if np.linalg.norm(after - before) <= longest_m:
             return np.asarray(view.T_rig_camera[:3, :3] @ (after - before))

@@ -16,17 +16,24 @@ from gepf.coordinator.tracking.track_state import Body, Found, Searching
 
 
 class Assignment:
-    """Assigns the pixels of one segmented frame to people, in their order; each candidate only once."""
+    """Assigns the pixels of one segmented frame to people, in their order.
+
+    Of its candidates, those in `free` may be somebody, the most likely first; each only once.
+    """
 
     def __init__(
-        self, targets: Sequence[TargetTracker], segmenter: Segmenter, segmented: SegmentedFrame
+        self,
+        targets: Sequence[TargetTracker],
+        segmenter: Segmenter,
+        segmented: SegmentedFrame,
+        free: Sequence[SubjectFrame],
     ) -> None:
         self._targets, self._segmenter, self._segmented = targets, segmenter, segmented
         # a person who has just been detected may still be among the candidates
         detected = any(
             isinstance(target.track, Found) and target.track.place is not None for target in targets
         )
-        self._free = [] if detected else list(segmented.candidates)
+        self._free = [] if detected else list(free)
 
     def view_of(self, place: int) -> BodyView:
         """What shows a person: a free candidate if the person is undetected or lost."""
@@ -48,10 +55,15 @@ class Assignment:
     def _for_search(self, place: int) -> SubjectFrame | None:
         """The candidate in which a person is searched for: the one under way, or each in turn.
 
+        If colour shows people, only they have turns.
+
         People are detected in their order. In the first round all cameras of a candidate are used, in each
         further round one of them: cameras with wrong poses show no person together.
         """
-        target, count = self._targets[place], len(self._free)
+        target = self._targets[place]
+        shown = [who for who in self._free if any(view.keypoints is not None for view in who.views)]
+        possible = (shown or self._free)[: 1 if len(self._targets) == 1 else None]
+        count = len(possible)
         if not count or not all(isinstance(before.track, Body) for before in self._targets[:place]):
             return None
         search = 0
@@ -59,7 +71,7 @@ class Assignment:
             is_due = target.track.is_due(self._segmented.frame.time_s, target.policy.settings)
             search = target.track.searches - (not is_due)
         rounds, turn = divmod(search, count)
-        chosen = self._free[turn]
+        chosen = possible[turn]
         if target.search.subject is not None:
             chosen = nearest(self._free, middle_of(target.search.subject)) or chosen
         self._free.remove(chosen)

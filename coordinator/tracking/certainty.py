@@ -4,8 +4,8 @@ Three features come from the frame: the visible share of the surface around the 
 the normalised residual of the body, and the distance of the observed points around the joint from the
 surface. Two come from the filter: the spread of the hypotheses, and the speed of
 the joint. Four come from the pose: joints are wrong more often in bent limbs and folded bodies, near other
-joints, and far in front of or behind the body. A joint that colour
-shows where it is is wrong less often.
+joints, and far in front of or behind the body. Joints that
+colour confirms are wrong less often.
 """
 
 from __future__ import annotations
@@ -136,7 +136,8 @@ def shown_in_colour(model: BodyModel, pose: Array, subject: SubjectFrame) -> Arr
     for view in subject.views:
         if view.keypoints is not None and pairs:
             joints, points = np.array(pairs).T
-            precision = view.keypoints[:, 2].astype(np.float64) / view.keypoints[:, 2].max()
+            precision = view.keypoints[:, 2].astype(np.float64)
+            precision = precision / np.maximum(precision.max(), np.finfo(np.float64).tiny)
             off = deviations_of(keypoint_pixels(ExpectedBody(model, pose), view.frame), view.keypoints)
             here = np.where(off < SAME_PERSON, precision, 0.0)
             shown[joints] = np.maximum(shown[joints], here[points])

@@ -83,8 +83,8 @@ class BodyView:
 
     excluded: what the cameras show that are not used for it. is_elsewhere: not where the body was expected.
     is_slow: it is long since the frame before, so the next one is segmented when this one is refined.
-    is_looked_at: for the person, in colour that shows people. step_m: the motion (3,) since the frame before
-    by colour, if it tells. is_exchanged: left and right in colour were exchanged, to be as those of the body.
+    is_looked_at: in colour that shows people, for the person. step_m: the motion (3,) since the last pose by
+    colour; None if unknown. is_exchanged: left and right in colour were exchanged, to agree with the body.
     """
 
     frame: DepthFrame
@@ -213,7 +213,8 @@ class Segmenter:
         strangers, people = tuple[MaskHypotheses, ...](), near_bodies
         if find and not complete:
             possible = candidates(view, near_bodies)
-            chosen = scope.choose(view, possible)[: 1 if len(bodies) == 1 else None]
+            one = len(bodies) == 1 and frame.colours is None  # colour tells who of several is a person
+            chosen = scope.choose(view, possible)[: 1 if one else None]
             strangers = tuple(mask_candidate(frame, view, person, near_bodies) for person in chosen)
             if not rejected:
                 people = reduce(np.logical_or, (person.widest for person in possible), near_bodies)

@@ -170,11 +170,31 @@ class TargetTracker:
             return self.track.segmentation_pose is None
         return not self.search.is_running
 
-    def takes_candidate(self, time_s: float) -> bool:
-        """Whether a candidate of a frame at this time is searched, or taken for the body."""
-        if isinstance(self.track, Searching):
-            return self.track.is_due(time_s, self._settings.track)
-        return not isinstance(self.track, Body) or self.track.segmentation_pose is None
+    def is_search_due(self, time_s: float) -> bool:
+        """Whether the next search for an unknown body may begin in a frame at this time."""
+        if self.search.is_running or isinstance(self.track, Body):
+            return False
+        return not isinstance(self.track, Searching) or self.track.is_due(time_s, self._settings.track)
+
+    @property
+    def is_searched_anywhere(self) -> bool:
+        """Whether a known body may be anywhere in the next frame."""
+        return isinstance(self.track, Body) and self.track.segmentation_pose is None
+
+    @property
+    def is_confirmed(self) -> bool:
+        """Whether colour had shown the body before the last frame."""
+        return isinstance(self.track, Body) and self.track.is_confirmed
+
+    @property
+    def is_segmented_at_last_pose(self) -> bool:
+        """Whether the next frame is segmented around the last pose, and not around an earlier one."""
+        track = self.track
+        return (
+            isinstance(track, Followed)
+            and track.segmentation_pose is not None
+            and np.array_equal(track.segmentation_pose, track.belief.reported)
+        )
 
     def prepare(self) -> None:
         """Build what a first detection needs, unless the body is known already."""
@@ -357,10 +377,10 @@ class TargetTracker:
         redetected, ambiguous_facing = False, None
         if detection is not None:
             joints = joint_positions(self.model, belief.poses[:1])[0]
-            gain = detection.candidates.log_likelihood[0] - belief.log_weights[0]
+            before, after = belief.log_weights[0], detection.candidates.log_likelihood[0]
             if detection.faces_away(joints)[0] and self._knows_facing:  # a frame's keypoints may be exchanged
-                gain = detection.by_depth()[0] - by_depth
-            if gain > settings.search.surer_nats:
+                before, after = by_depth, detection.by_depth()[0]
+            if after > before + settings.search.surer_nats:
                 by_depth = detection.by_depth()[0]
                 redetected = self.track.is_lost or detection.is_elsewhere(joints, settings.certainty.wrong_m)
                 redetected_as = self._filter.believe(self.model, detection.candidates)

@@ -20,7 +20,7 @@ from gepf.coordinator.settings import TrackSettings
 from gepf.coordinator.tracking.cameras import Agreement
 from gepf.coordinator.tracking.gating import Gate
 
-LONGEST_STEP_S = 0.5  # between two frames, that counts as time without a person in colour
+LONGEST_STEP_S = 0.5  # between two frames, that counts as time of colour
 ROUNDING_S = 1e-3  # of times in files
 FACING_DOUBT = "front and back look alike: it may face the other way"
 
@@ -63,6 +63,7 @@ class Body(msgspec.Struct, frozen=True, kw_only=True):
     agreement: Agreement = msgspec.field(default_factory=Agreement)  # of the cameras, by the last pose
     is_searched: bool = False  # a search for it is running
     unshown_s: float | None = 0.0  # since the detection, without a person in colour; None: it was shown
+    is_confirmed: bool = False  # colour had shown it before the last frame
 
 
 class Found(Body, frozen=True, kw_only=True, tag="found"):
@@ -156,8 +157,8 @@ class Refined:
     `redetected`: the pose is that of a search, and not where the body was tracked. `ambiguous_facing`: front
     and back look alike in that search; None without one. `faulty` cameras are left out; the others have
     residuals in metres, as `Agreement.after` takes them, and up to `allowed_m` agree. `is_slow`: the next
-    frame is not segmented yet. `is_shown`: whether colour shows the person; None if it does not tell.
-    `sides`: 1 if colour shows left and right as they are, -1 if exchanged, 0 if it does not tell.
+    frame is not segmented yet. `is_shown`: whether colour shows the person; None if unknown.
+    `sides`: 1 if colour shows left and right as they are, -1 if exchanged, 0 if unknown.
     """
 
     belief: Belief
@@ -204,6 +205,7 @@ def _segmented(state: TrackState, event: Segmented, policy: Policy) -> tuple[Tra
         return _look_for_anybody(state, event, policy)
     if policy.recovers and (state.unshown_s or 0.0) > policy.settings.unshown_s - ROUNDING_S:
         return Absent(), ("stop searching", "report")
+    state = replace(state, is_confirmed=state.unshown_s is None)
     if event.is_elsewhere and isinstance(state, Followed):
         state = _lose(state, policy)
     if not event.pixels:
@@ -339,7 +341,7 @@ def _refined(
             before.ambiguous_facing if event.ambiguous_facing is None else event.ambiguous_facing
         ),
         faulty=event.faulty,
-        unshown_s=_unshown(before, event, interval),
+        unshown_s=_unshown(0.0 if event.redetected else before.unshown_s, event, interval),
         sides_s=0.0 if event.redetected else _sides(before.sides_s, event.sides, interval, settings),
     )
     if event.is_slow:
@@ -352,17 +354,17 @@ def _refined(
     return after, ("report",)
 
 
-def _unshown(state: Found | Tracked | Lost, event: Refined, interval_s: float) -> float | None:
+def _unshown(before_s: float | None, event: Refined, interval_s: float) -> float | None:
     """Seconds since its detection for which colour has not shown a body; None if it has once."""
-    if event.is_shown or state.unshown_s is None:
+    if event.is_shown or before_s is None:
         return None
-    return state.unshown_s + (0.0 if event.is_shown is None else min(interval_s, LONGEST_STEP_S))
+    return before_s if event.is_shown is None else before_s + min(interval_s, LONGEST_STEP_S)
 
 
 def _sides(before_s: float, sides: int, interval_s: float, settings: TrackSettings) -> float:
     """The time for which colour showed left and right as they are, or exchanged, after a frame."""
     after_s = before_s + sides * min(interval_s, LONGEST_STEP_S)
-    return min(max(after_s, -settings.exchanged_s), settings.exchanged_s)
+    return min(max(after_s, -settings.exchanged_s), max(settings.facing_s, settings.exchanged_s))
 
 
 def _followed(state: Found | Tracked | Lost, settings: TrackSettings) -> Tracked | Lost:

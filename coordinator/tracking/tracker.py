@@ -14,8 +14,8 @@ from gepf.coordinator.colour.finder import (
     ExpectedBody,
     KeypointFinder,
     Sight,
+    possible_people,
     with_keypoints,
-    with_people,
     with_sides_of,
     without_keypoints,
 )
@@ -41,8 +41,8 @@ from gepf.coordinator.tracking.track_state import ROUNDING_S, Body, Searching
 class Ready:
     """A segmented frame, the state of its cameras, what colour shows, and a stopwatch for each person.
 
-    is_slow: the time since the frame before is longer than `max_lookahead_s`. steps: the motion (3,) of each
-    person since then by colour, metres, if it tells.
+    interval_s: since the frame before, seconds; 0 in the first. is_slow: it is longer than `max_lookahead_s`.
+    steps: the motion (3,) of each person since then by colour, metres; None if unknown.
     """
 
     segmented: SegmentedFrame
@@ -174,10 +174,8 @@ class Tracker:
             if self._colour is not None and not (hurries and self._colour.leave_out(frame, bodies)):
                 looking, self._looked = self._colour.submit(frame, bodies), True
             is_slow = interval_s > settings.max_lookahead_s + ROUNDING_S
-            sight, steps = (
-                Sight.of_nobody(len(self._targets)),
-                list[Array | None]([None] * len(self._targets)),
-            )
+            sight = Sight.of_nobody(len(self._targets))
+            steps: Sequence[Array | None] = [None] * len(self._targets)
             if looking is not None and is_slow:  # people are elsewhere now
                 sight = looking.result()
                 steps = self._steps(frame, bodies, sight, last_s)
@@ -196,12 +194,18 @@ class Tracker:
                 sight = looking.result()
                 subjects = map(with_keypoints, segmented.subjects, sight.keypoints)
                 segmented = replace(segmented, subjects=tuple(subjects))
-                if any(target.takes_candidate(frame.time_s) for target in self._targets):
+                if self._takes_candidate(frame.time_s):
                     assert self._colour is not None
                     upward = {view.frame.camera: view.scene.planes.up for view in segmented.views}
-                    people = self._colour.look_at(segmented.candidates, frame, upward)
+                    people = self._colour.look_at(segmented.candidates, frame, upward, interval_s)
                     sight = sight._replace(candidates=people)
         return Ready(segmented, self._cameras, is_slow, clocks, sight, interval_s, steps)
+
+    def _takes_candidate(self, time_s: float) -> bool:
+        """Whether a candidate of a frame at this time is searched, or taken for a lost body."""
+        unknown = [target for target in self._targets if not isinstance(target.track, Body)]
+        lost = any(target.is_searched_anywhere for target in self._targets)
+        return lost or any(target.is_search_due(time_s) for target in unknown[:1])  # one after another
 
     def _steps(
         self, frame: DepthFrame, bodies: Sequence[ExpectedBody | None], sight: Sight, last_s: float | None
@@ -209,8 +213,10 @@ class Tracker:
         """The motion (3,) of each body by colour, if it was used in the frame before, at `last_s`."""
         longest_m, against = self._settings.track.max_motion_m, unused(self._frame.colours, last_s)
         return [
-            None if body is None or against else trunk_step(body, keypoints, frame, longest_m)
-            for body, keypoints in zip(bodies, sight.keypoints, strict=True)
+            trunk_step(body, keypoints, frame, longest_m)
+            if body is not None and not against and target.is_confirmed
+            else None
+            for target, body, keypoints in zip(self._targets, bodies, sight.keypoints, strict=True)
         ]
 
     def _submit(self, ready: Ready, budget: FrameBudget | None) -> SubmittedFrame:
@@ -224,21 +230,24 @@ class Tracker:
             body = target.body_of_known_facing
             sided.append(subject if body is None else with_sides_of(subject, body))
         segmented, scenes = replace(ready.segmented, subjects=tuple(sided)), ready.segmented.changes
-        shows_people = trusted(colours, segmented.frame.time_s)
-        if ready.sight.candidates and not against:
-            people = with_people(segmented.candidates, ready.sight.candidates, shows_people)
-            segmented = replace(segmented, candidates=people)
-        assignment = Assignment(self._targets, self._segmenter, segmented)
+        coloured = {view.camera for view in segmented.frame.views if view.colours is not None}
+        shows_people = coloured & trusted(colours, segmented.frame.time_s)
+        shown = {} if against else ready.sight.candidates
+        candidates = [with_keypoints(c, shown.get(n, {})) for n, c in enumerate(segmented.candidates)]
+        segmented = replace(segmented, candidates=tuple(filter(None, candidates)))
+        free = possible_people(segmented.candidates, shows_people)
+        assignment = Assignment(self._targets, self._segmenter, segmented, free)
         submitted = list[Submitted | Updated]()
         for place, (target, clock) in enumerate(zip(self._targets, ready.clocks, strict=True)):
-            view = assignment.view_of(place)
-            view = replace(
-                view,
-                is_exchanged=view.subject is sided[place] and sided[place] is not before[place],
-                is_slow=ready.is_slow,
-                step_m=ready.steps[place],
-                is_looked_at=not shows_people.isdisjoint(ready.sight.looked_in[place]),
-            )
+            view = replace(assignment.view_of(place), is_slow=ready.is_slow)
+            if view.subject is not None and view.subject is sided[place]:
+                looked = shows_people.intersection(ready.sight.looked_in[place])
+                view = replace(
+                    view,
+                    step_m=ready.steps[place] if target.is_segmented_at_last_pose else None,
+                    is_looked_at=any(crop.frame.camera in looked for crop in view.subject.views),
+                    is_exchanged=sided[place] is not before[place],
+                )
             if ready.sight.doubles[place] and not against:  # it is lost, and looked for elsewhere
                 view = replace(view, subject=None)
             submitted.append(target.submit(view, clock, budget))

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import msgspec
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from gepf.common.arrays import Array
 from gepf.common.body import KEYPOINTS, ROOT_DOFS
@@ -23,13 +25,14 @@ from gepf.coordinator.colour.finder import (
     EXCHANGED,
     ExpectedBody,
     KeypointFinder,
+    Keypoints,
     assign,
     crop_of,
     in_image,
     keypoint_cost,
     keypoint_pixels,
+    possible_people,
     with_keypoints,
-    with_people,
     with_sides_of,
 )
 from gepf.coordinator.colour.motion import trunk_step
@@ -38,6 +41,7 @@ from gepf.coordinator.results.log import Entry, Opening, append_records, assembl
 from gepf.coordinator.sources.live import LiveFrames
 from gepf.coordinator.sources.live_stream import LiveCamera
 from gepf.coordinator.tracking.observation import isolate
+from gepf.coordinator.tracking.track_state import Tracked
 from gepf.coordinator.tracking.tracker import Tracker
 from gepf.refiners import DirectRefiner
 from tests.support.coloured import coloured
@@ -248,16 +252,21 @@ def test_candidates_whom_colour_shows_come_first() -> None:
     )
     finder, up = KeypointFinder(), {"": np.array([0.0, -1.0, 0.0])}
     candidates = [beside, person]
-    found = finder.look_at(candidates, coloured()[0], up)
-    assert [bool(keypoints) for keypoints in found] == [False, True]
+    found = finder.look_at(candidates, coloured()[0], up, 0.0)
+    assert {place: bool(keypoints) for place, keypoints in found.items()} == {0: False, 1: True}
+    turns = [finder.look_at(candidates, replace(coloured()[0], number=n), up, 1 / 30) for n in range(2)]
+    assert [list(turn) for turn in turns] == [[0], [1]]
     model, pose = known().tracked(known().usual_size, STANDING)
     places = keypoint_pixels(ExpectedBody(model, pose), coloured()[0])
     assert np.median(np.linalg.norm(found[1][""][:, :2] - places, axis=1)) < 6.0  # pixels
-    first, second = with_people(candidates, found, ())
+    marked = with_keypoints(person, found[1])
+    assert marked is not None
+    shown = [beside, marked]
+    first, second = possible_people(shown, {})
     assert first.keypoints is not None
     assert second is beside
-    assert len(with_people(candidates, found, {""})) == 1
-    assert with_people(candidates, found[:1], {""}) == (person,)  # who was not looked at
+    assert possible_people(shown, {""}) == [first]
+    assert possible_people(candidates, {""}) == []  # until their turn
 
 
 def moved_pose() -> Array:
@@ -292,6 +301,34 @@ def test_colour_that_is_elsewhere_is_not_used_until_it_agrees() -> None:
     assert [line[:22] for line in describe_changes({}, {"a": ColourState(2.0, used=False)})] == [
         "colour of camera a sho"
     ]
+
+
+def test_a_body_is_searched_for_again_after_seconds_of_exchanged_sides() -> None:
+    """They are disagreement of left and right, and not of colour, which is used all the time."""
+    still = coloured()[0]
+    mirrored = DisturbedFinder(lambda seen: seen[EXCHANGED])
+    follow = OnePerson(DirectRefiner(), SETTINGS, known(), colour=mirrored, start=STANDING).follow
+    frames = [replace(still, number=n, time_s=0.5 * n) for n in range(14)]
+    used, sides = list[bool](), list[float]()
+    for tracked in follow(frames):
+        (person,) = tracked.people
+        used.append(bool(person.estimate.keypoints))
+        track = person.state.track
+        assert isinstance(track, Tracked)
+        sides.append(track.sides_s)
+    assert all(used)
+    assert min(sides) <= -4.0
+
+
+class DisturbedFinder(KeypointFinder):
+    """Finds keypoints, and changes them."""
+
+    def __init__(self, disturb: Callable[[NDArray[np.float32]], NDArray[np.float32]]) -> None:
+        super().__init__()
+        self._disturb = disturb
+
+    def _look(self, frame: DepthFrame, body: ExpectedBody | None) -> Keypoints:
+        return {camera: self._disturb(seen) for camera, seen in super()._look(frame, body).items()}
 
 
 class Hurried(LiveFrames):
