@@ -11,7 +11,7 @@ import numpy as np
 
 from benchmarks.recordings import UPPER_JOINTS, Recording, cut_frames, read_frames, read_reference
 from gepf.common.arrays import Array, Mask
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import Frame
 from gepf.coordinator.bodies.choice import choose_bodies
 from gepf.coordinator.bodies.family import Bodies
 from gepf.coordinator.results.evaluation import NEAR_M, positions
@@ -98,7 +98,7 @@ def track(
     )
 
 
-def follow(tracker: Tracker, frames: Iterable[DepthFrame]) -> tuple[list[TrackedPerson], Array]:
+def follow(tracker: Tracker, frames: Iterable[Frame]) -> tuple[list[TrackedPerson], Array]:
     """Estimates, and processor time (F,) in seconds of each frame, without reading it."""
     found, seconds = [], []
     for frame in frames:

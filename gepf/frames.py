@@ -8,11 +8,11 @@ import numpy as np
 
 from gepf.common.camera import Intrinsics, is_rigid
 from gepf.common.errors import InputError, ProtocolError
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import Frame, View
 from gepf.common.protocol.frames import check_camera
 
 
-def check_frame(frame: DepthFrame, cameras: dict[str, Intrinsics]) -> DepthFrame:
+def check_frame(frame: Frame, cameras: dict[str, Intrinsics]) -> Frame:
     """Return the frame; InputError if it is invalid, or if the intrinsics of a camera have changed.
 
     `cameras` maps names to intrinsics; new cameras are added.
@@ -31,7 +31,7 @@ def check_frame(frame: DepthFrame, cameras: dict[str, Intrinsics]) -> DepthFrame
     return frame
 
 
-def find_fault(view: DepthFrame) -> str | None:
+def find_fault(view: View) -> str | None:
     """What is wrong with one image of a frame; None if nothing is."""
     depth, camera = np.asarray(view.depth), view.intrinsics
     if depth.dtype != np.uint16 or depth.shape != (camera.height, camera.width):

@@ -14,7 +14,7 @@ from benchmarks.costs.waiting_workers import serve, waiting
 from gepf.common.activation import activate
 from gepf.common.body import BodyModel
 from gepf.common.camera import Intrinsics
-from gepf.common.frame import SUBJECT, DepthFrame, SubjectFrame
+from gepf.common.frame import SUBJECT, SubjectFrame, SubjectView, View
 from gepf.common.refinement import Particles
 from gepf.coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from gepf.coordinator.pool import scheduler
@@ -40,12 +40,10 @@ def person() -> tuple[BodyModel, SubjectFrame, Particles]:
     camera = Intrinsics(SHAPE[1], SHAPE[0], 290.0, 290.0, SHAPE[1] / 2, SHAPE[0] / 2)
     picked = np.linspace(0, depth.size - 1, POINTS).astype(np.uint32)
     kinds = np.full(SHAPE, SUBJECT, np.uint8)
-    subject = SubjectFrame(
-        DepthFrame(0, 0.0, depth, 1000.0, camera), picked, (0, 0, SHAPE[1], SHAPE[0]), kinds
-    )
+    view = SubjectView(View(0, 0.0, depth, 1000.0, camera), picked, (0, 0, SHAPE[1], SHAPE[0]), kinds)
     poses = np.zeros((PARTICLES, len(model.dof_names)))
     poses[:, 2] = 2.0
-    return model, subject, Particles(poses, preset("default").refine, covariance=True)
+    return model, SubjectFrame(0, 0.0, (view,)), Particles(poses, preset("default").refine, covariance=True)
 
 
 def track(endpoint: str, file: Path, name: str, fps: float, slow: float) -> None:
@@ -67,7 +65,7 @@ def track(endpoint: str, file: Path, name: str, fps: float, slow: float) -> None
                 time.sleep(max(0.0, begin + (last + 1) / fps - time.monotonic()))
                 continue
             time.sleep(BEFORE_S * slow)
-            shown = replace(subject, frame=replace(subject.frame, number=number))
+            shown = replace(subject, number=number)
             refiner.submit(shown, model, particles).result()
             time.sleep(AFTER_S * slow)
             at, last = begin + number / fps, number

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gepf.common.arrays import Array
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import Frame
 from gepf.coordinator.colour.finder import SAME_PERSON, ExpectedBody, Keypoints, distance_of, in_view
 
 PERSISTENT_S = 4.0  # by which disagreement outlasts agreement until colour is not used; and the reverse
@@ -52,7 +52,7 @@ ColourStates = dict[str, ColourState]
 
 def compare(
     states: ColourStates,
-    frame: DepthFrame,
+    frame: Frame,
     bodies: Sequence[ExpectedBody | None],
     found: Sequence[Keypoints],
     interval_s: float,

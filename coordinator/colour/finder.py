@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from gepf.common.arrays import Array
 from gepf.common.body import KEYPOINTS, BodyModel
 from gepf.common.camera import project
-from gepf.common.frame import DepthFrame, SubjectFrame
+from gepf.common.frame import Frame, SubjectFrame, SubjectView, View
 from gepf.common.kinematics import keypoint_positions, pose_vertices
 from gepf.common.packages import MissingPackage
 from gepf.common.refinement import KEYPOINT_OUTLIER
@@ -73,13 +73,13 @@ class KeypointFinder:
         """Load the network, which the first frame with colour would else wait for."""
         self._thread.submit(lambda: self._network).result()
 
-    def leave_out(self, frame: DepthFrame, bodies: Sequence[ExpectedBody | None]) -> bool:
+    def leave_out(self, frame: Frame, bodies: Sequence[ExpectedBody | None]) -> bool:
         """Count a frame that is not looked at for want of time; whether there was anything to look at."""
         is_of_use = any(view.colours is not None for view in frame.views) and any(bodies)
         self.left_out += is_of_use
         return is_of_use
 
-    def submit(self, frame: DepthFrame, bodies: Sequence[ExpectedBody | None]) -> Future[Sight]:
+    def submit(self, frame: Frame, bodies: Sequence[ExpectedBody | None]) -> Future[Sight]:
         """Begin to look for people, each around an expected body; without one, or without colour: nothing."""
 
         def look() -> Sight:
@@ -89,7 +89,7 @@ class KeypointFinder:
 
         return self._thread.submit(look)
 
-    def _look(self, frame: DepthFrame, body: ExpectedBody | None) -> Keypoints:
+    def _look(self, frame: Frame, body: ExpectedBody | None) -> Keypoints:
         found = dict[str, NDArray[np.float32]]()
         for view in frame.views if body is not None else ():
             crop = None if view.colours is None else crop_of(body, view)
@@ -100,9 +100,7 @@ class KeypointFinder:
         return found
 
 
-def assign(
-    bodies: Sequence[ExpectedBody | None], seen: Sequence[Keypoints], frame: DepthFrame
-) -> list[Keypoints]:
+def assign(bodies: Sequence[ExpectedBody | None], seen: Sequence[Keypoints], frame: Frame) -> list[Keypoints]:
     """Keypoints of bodies: each person in an image is that of the nearest body, and a body is one person.
 
     Around a body that is hidden or wrong, the network may see another person, who may be another body.
@@ -151,7 +149,7 @@ def find_doubles(
     return [any(is_double(mine, other) for other in people if other != mine) for mine in people]
 
 
-def in_view(body: ExpectedBody, view: DepthFrame) -> Array:
+def in_view(body: ExpectedBody, view: View) -> Array:
     """Where the keypoints (17, 2) of a body are in an image, if it is before the camera."""
     places = view.to_camera(keypoint_positions(body.model, body.pose[None])[0])
     return project(places, view.intrinsics)
@@ -163,7 +161,7 @@ def distance_of(pixels: NDArray[np.floating], keypoints: NDArray[np.float32]) ->
     return float(np.median(off * np.sqrt(keypoints[:, 2])))
 
 
-def crop_of(body: ExpectedBody | None, view: DepthFrame) -> Crop | None:
+def crop_of(body: ExpectedBody | None, view: View) -> Crop | None:
     """The crop around a person in an image; None if the person is not expected in it."""
     if body is None:
         return None
@@ -179,25 +177,23 @@ def with_keypoints(subject: SubjectFrame | None, found: Keypoints) -> SubjectFra
     """The subject of a frame with the keypoints of its cameras, in pixels of its crops."""
     if subject is None or not found:
         return subject
-    first, *others = (
-        replace(each, keypoints=in_crop(each, found[each.frame.camera]))
-        if each.frame.camera in found
-        else each
-        for each in subject.views
+    views = (
+        replace(view, keypoints=in_crop(view, found[view.image.camera]))
+        if view.image.camera in found
+        else view
+        for view in subject.views
     )
-    wider = (with_keypoints(each, found) for each in subject.wider)
-    return replace(first, others=tuple(others), wider=tuple(each for each in wider if each is not None))
+    return replace(subject, views=tuple(views))
 
 
 def without_keypoints(subject: SubjectFrame | None, cameras: Collection[str]) -> SubjectFrame | None:
     """The subject of a frame without the keypoints of these cameras."""
     if subject is None:
         return None
-    first, *others = (
-        replace(each, keypoints=None) if each.frame.camera in cameras else each for each in subject.views
+    views = (
+        replace(view, keypoints=None) if view.image.camera in cameras else view for view in subject.views
     )
-    wider = (without_keypoints(each, cameras) for each in subject.wider)
-    return replace(first, others=tuple(others), wider=tuple(each for each in wider if each is not None))
+    return replace(subject, views=tuple(views))
 
 
 def with_sides_of(subject: SubjectFrame | None, body: ExpectedBody) -> SubjectFrame | None:
@@ -205,34 +201,34 @@ def with_sides_of(subject: SubjectFrame | None, body: ExpectedBody) -> SubjectFr
 
     Networks exchange left and right of people seen from behind or poorly; a body does not turn in a frame.
     """
-    if subject is None or all(each.keypoints is None for each in subject.views):
+    if subject is None or all(view.keypoints is None for view in subject.views):
         return subject
 
-    def sided(view: SubjectFrame) -> SubjectFrame:
+    def sided(view: SubjectView) -> SubjectView:
         if view.keypoints is None:
             return view
-        pixels, exchanged = in_view(body, view.frame), view.keypoints[EXCHANGED]
+        pixels, exchanged = in_view(body, view.image), view.keypoints[EXCHANGED]
         is_exchanged = distance_of(pixels, exchanged) < SAME_PERSON < distance_of(pixels, view.keypoints)
         return replace(view, keypoints=exchanged) if is_exchanged else view
 
     views = tuple(map(sided, subject.views))
     if all(after is before for after, before in zip(views, subject.views, strict=True)):
         return subject  # as it was sent to the workers
-    return replace(views[0], others=views[1:])
+    return replace(subject, views=views)
 
 
-def in_crop(subject: SubjectFrame, keypoints: NDArray[np.float32]) -> NDArray[np.float32]:
+def in_crop(view: SubjectView, keypoints: NDArray[np.float32]) -> NDArray[np.float32]:
     """Keypoints of the whole image (17, 3) in pixels of a crop."""
-    moved: NDArray[np.float32] = keypoints + np.array([*subject.view[:2], 0.0], np.float32)
+    moved: NDArray[np.float32] = keypoints + np.array([*view.extent[:2], 0.0], np.float32)
     return moved
 
 
 def in_image(subject: SubjectFrame) -> Keypoints:
     """The keypoints of a subject in pixels of the whole images."""
     return {
-        each.frame.camera: each.keypoints - np.array([*each.view[:2], 0.0], np.float32)
-        for each in subject.views
-        if each.keypoints is not None
+        view.image.camera: view.keypoints - np.array([*view.extent[:2], 0.0], np.float32)
+        for view in subject.views
+        if view.keypoints is not None
     }
 
 
@@ -244,10 +240,10 @@ def keypoint_cost(model: BodyModel, pose: Array, subject: SubjectFrame) -> float
     total, scale = 0.0, KEYPOINT_OUTLIER**2
     for view in subject.views:
         if view.keypoints is not None and len(model.keypoint_links):
-            places = view.frame.to_camera(keypoint_positions(model, pose[None])[0])
+            places = view.image.to_camera(keypoint_positions(model, pose[None])[0])
             ahead, seen = places[:, 2] > 0.0, view.keypoints.astype(np.float64)
             squared = np.full(len(places), np.inf)
-            off = project(places[ahead], view.frame.intrinsics) - seen[ahead, :2]
+            off = project(places[ahead], view.image.intrinsics) - seen[ahead, :2]
             squared[ahead] = seen[ahead, 2] * np.sum(off**2, axis=1)
             farther = np.where(np.isfinite(squared), scale * squared / (scale + squared), scale)
             total += 0.5 * float(np.sum(farther[seen[:, 2] > 0.0]))

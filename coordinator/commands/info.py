@@ -105,7 +105,7 @@ def find_people(source: Source) -> tuple[SceneView, list[Candidate]]:
 
     scene = Scene(SceneSettings(), up=None if source.gravity is None else -source.gravity)
     for number in source.numbers[:60]:
-        view = scene.see(source.frame(number))
+        view = scene.see(source.view(number))
         found = candidates(view)
         likely = [each for each in found if each.score > PROMISING]
         if likely:
@@ -184,7 +184,7 @@ def describe_recording(form: Format, source: Source) -> dict[str, object]:
     """Facts about a sequence by name, its depth from ten frames. Raises InputError for a damaged one."""
     camera = source.intrinsics
     chosen = np.unique(np.linspace(0, len(source) - 1, 10).astype(int)).tolist()
-    depths = [source.frame(source.numbers[n]).metres() for n in chosen]
+    depths = [source.view(source.numbers[n]).metres() for n in chosen]
     seen = np.concatenate([depth[depth > 0] for depth in depths])
     near, far = (round(float(seen.min()), 4), round(float(seen.max()), 4)) if len(seen) else (None, None)
     for doubt in find_doubts(source, PEOPLE.nearest_m):

@@ -9,7 +9,7 @@ from PIL import Image
 
 from gepf.common.body import BodyModel
 from gepf.common.camera import inverse
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import Frame
 from gepf.coordinator.files import FILM_FILE, HYPOTHESES_FILE, SHEET_FILE
 from gepf.coordinator.pictures.film import save_png, spread, tile, write_film
 from gepf.coordinator.pictures.overlay import FINER, View, paint, view_around
@@ -74,12 +74,7 @@ def size_of(views: Mapping[str, View]) -> tuple[int, int]:
 
 
 def paint_views(
-    frame: DepthFrame,
-    views: Mapping[str, View],
-    model: BodyModel,
-    track: Track,
-    f: int,
-    first: Image.Image | None,
+    frame: Frame, views: Mapping[str, View], model: BodyModel, track: Track, f: int, first: Image.Image | None
 ) -> Image.Image:
     """The pictures of all cameras side by side, with their faults; black for a camera without a frame.
 

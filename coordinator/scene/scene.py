@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from gepf.common.arrays import Array, Mask
 from gepf.common.camera import NOT_MOVED, Intrinsics, Pinhole
 from gepf.common.compiling import numba
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import View
 from gepf.coordinator.scene.noise import DepthNoise, fit_growth, margin_at, noise_of
 from gepf.coordinator.scene.planes import SIDES, Planes, extents, find_planes, refit, sample_rays, to_points
 from gepf.coordinator.settings import SceneSettings
@@ -132,17 +132,17 @@ class Scene:
         self._begin(np.zeros((0, 0), np.float32) if background is None else background.copy())
         self._furnished = background is not None
 
-    def see(self, frame: DepthFrame, excluded: Mask | None = None) -> SceneView:
-        """A frame with the known scene; `excluded` (H, W) are pixels that the user excluded."""
-        depth, self._placed = frame.metres(), frame.T_rig_camera
+    def see(self, image: View, excluded: Mask | None = None) -> SceneView:
+        """An image with the known scene; `excluded` (H, W) are pixels that the user excluded."""
+        depth, self._placed = image.metres(), image.T_rig_camera
         if self._background.shape != depth.shape:
             self._begin(np.zeros_like(depth))
         if depth.any():
-            self._look(depth, frame.intrinsics)
-        camera, planes, limits = frame.intrinsics, self._planes, self._settings.noise
+            self._look(depth, image.intrinsics)
+        camera, planes, limits = image.intrinsics, self._planes, self._settings.noise
         noise = noise_of(self._growth or limits.usual_growth_m, limits)
         return SceneView(
-            number=frame.number,
+            number=image.number,
             depth=depth,
             camera=camera,
             noise=noise,

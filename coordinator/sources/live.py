@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from gepf.common.errors import ProtocolError
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import Frame, View
 from gepf.common.protocol.frames import decode_colour, decode_live
 from gepf.common.recent import FRAMES_KEPT, put_recent
 from gepf.coordinator.sources.live_stream import ORDER, LiveCamera, LiveStream
@@ -45,11 +45,11 @@ class LiveRig:
         self.counts = dict.fromkeys(COUNTED, 0)
         self.begun = 0
         self.lead = self.streams[0]  # the camera of the last taken frame
-        self._last: DepthFrame | None = None  # the last taken frame since then
+        self._last: Frame | None = None  # the last taken one since then
         self._first = math.inf  # when the first frame was received
         self._all_heard = False  # or those that were not are reported
 
-    def accept(self, frame: DepthFrame, now: float, place: int = 0) -> str | None:
+    def accept(self, frame: View, now: float, place: int = 0) -> str | None:
         """Receive a frame of the camera at a place: keep it if it belongs to its stream or starts another.
 
         Returns a message for the user, if there is any.
@@ -96,7 +96,7 @@ class LiveRig:
         last_s = -math.inf if self._last is None else self._last.time_s
         return next((each for each, frame in waiting if frame.time_s > last_s), None)
 
-    def take(self, now: float) -> DepthFrame | None:
+    def take(self, now: float) -> Frame | None:
         """The next frame, with those of the other cameras that are near in time; None if none waits.
 
         Its number is after that of the last frame, also if that was another camera's.
@@ -104,20 +104,22 @@ class LiveRig:
         lead = self.next(now)
         if lead is None:
             return None
-        frame, others = self._coloured(lead), list[DepthFrame]()
+        views = [self._coloured(lead)]
+        number, time_s = views[0].number, views[0].time_s
         for each in self.streams:
             near = min(lead.period_s, each.period_s)
-            if each.waiting is not None and abs(each.waiting.time_s - frame.time_s) <= near < math.inf:
-                others.append(self._coloured(each))
-        number = frame.number if self._last is None else max(frame.number, self._last.number + 1)
-        self.lead, self._last = lead, replace(frame, number=number, others=tuple(others))
+            if each.waiting is not None and abs(each.waiting.time_s - time_s) <= near < math.inf:
+                views.append(self._coloured(each))
+        if self._last is not None:
+            number = max(number, self._last.number + 1)
+        self.lead, self._last = lead, Frame(number, time_s, tuple(views))
         return self._last
 
-    def _coloured(self, stream: LiveStream) -> DepthFrame:
-        """The waiting frame of a camera with its colour image, if that has come."""
-        frame = stream.take()
-        colours = self.colours.pop((self.streams.index(stream), frame.number), None)
-        return frame if colours is None else replace(frame, colours=colours)
+    def _coloured(self, stream: LiveStream) -> View:
+        """The waiting image of a camera with its colours, if they have come."""
+        view = stream.take()
+        colours = self.colours.pop((self.streams.index(stream), view.number), None)
+        return view if colours is None else replace(view, colours=colours)
 
 
 class LiveFrames:
@@ -176,7 +178,7 @@ class LiveFrames:
             self._changed.wait_for(lambda: self.is_ready, None if math.isinf(seconds) else seconds)
 
     def receive(
-        self, payload: bytes, *, place: int = 0, decode: Callable[[bytes], DepthFrame | None] = decode_live
+        self, payload: bytes, *, place: int = 0, decode: Callable[[bytes], View | None] = decode_live
     ) -> None:
         """Receive a message of a camera, by its place; an older frame that is still waiting is skipped.
 
@@ -222,7 +224,7 @@ class LiveFrames:
             self._ended = True
             self._changed.notify_all()
 
-    def __iter__(self) -> Iterator[DepthFrame]:
+    def __iter__(self) -> Iterator[Frame]:
         while (taken := self._take()) is not None:
             self.stream, frame, received = taken
             put_recent(self._received, frame.number, received, FRAMES_KEPT)
@@ -232,7 +234,7 @@ class LiveFrames:
         """When one of the last yielded frames was received, in seconds of the monotonic clock."""
         return self._received[number]
 
-    def _take(self) -> tuple[int, DepthFrame, float] | None:
+    def _take(self) -> tuple[int, Frame, float] | None:
         """Wait for the newest frame, with its stream and reception; None at the end."""
         keys = " and ".join(camera.key for camera in self.cameras)
         with self._changed:
@@ -247,7 +249,7 @@ class LiveFrames:
             return None if frame is None else (self._rig.begun, frame, self._rig.lead.received)
 
 
-def from_first_seen(frames: Iterator[DepthFrame], report: Callable[[str], None]) -> Iterator[DepthFrame]:
+def from_first_seen(frames: Iterator[Frame], report: Callable[[str], None]) -> Iterator[Frame]:
     """Skip the frames before the first one with depth: tracking cannot start from them.
 
     `report` is called with a message for the user at the first skipped frame.

@@ -12,7 +12,7 @@ from statistics import median
 
 from gepf.common.arrays import Array
 from gepf.common.camera import NOT_MOVED
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import View
 from gepf.common.protocol.keys import check_stream
 from gepf.coordinator.sources.devices.device import vendor_of
 from gepf.coordinator.sources.gaps import close_gaps, is_sparse
@@ -69,16 +69,16 @@ class LiveStream:
     def __init__(self, camera: LiveCamera) -> None:
         self.camera = camera
         self.ended = False
-        self.waiting: DepthFrame | None = None
+        self.waiting: View | None = None
         self.received = -math.inf
         self.offset_s = camera.offset_s
         self.by_reception = False  # whether the offset is measured, because the given one is not plausible
         self.reported = set[str]()  # causes of rejected frames
         self._skip = 0  # from the camera's numbers to those of its frames
-        self._last: DepthFrame | None = None  # that fits, as received
+        self._last: View | None = None  # that fits, as received
         self._sparse: bool | None = None  # whether gaps of depth are closed; None before the first depth
         self._recent = deque[tuple[float, float]](maxlen=RECENT_FRAMES)  # the camera's time, reception
-        self._rejected = deque[DepthFrame](maxlen=2 * NEW_STREAM_FRAMES)  # since then
+        self._rejected = deque[View](maxlen=2 * NEW_STREAM_FRAMES)  # since then
 
     @property
     def last_period_s(self) -> float:
@@ -96,11 +96,11 @@ class LiveStream:
         longest = SILENT_INTERVALS * usual_step([received for _, received in self._recent])
         return bool(self._recent) and not self.ended and now - self.received <= longest
 
-    def misfit(self, frame: DepthFrame) -> tuple[str, str] | None:
+    def misfit(self, frame: View) -> tuple[str, str] | None:
         """Why a frame does not follow the last one: the cause and a message; None if it does."""
         return None if self._last is None else find_misfit(frame, self._last)
 
-    def reject(self, frame: DepthFrame) -> bool:
+    def reject(self, frame: View) -> bool:
         """Note a frame that does not fit; returns whether it begins a new stream.
 
         It does if the last `NEW_STREAM_FRAMES` rejected frames with its camera follow each other.
@@ -111,14 +111,14 @@ class LiveStream:
         last = last[-NEW_STREAM_FRAMES:]
         return len(last) == NEW_STREAM_FRAMES and all(find_misfit(b, a) is None for a, b in pairwise(last))
 
-    def begin(self, frame: DepthFrame, *, goes_on: bool) -> None:
+    def begin(self, frame: View, *, goes_on: bool) -> None:
         """Begin a new stream with a frame; the numbers of one that `goes_on` stay in order."""
         after = 0 if self._last is None else self._last.number + self._skip + 1
         self._skip = max(0, after - frame.number) if goes_on else 0
         self._recent.clear()
         self._last = self._sparse = None
 
-    def accept(self, frame: DepthFrame, received: float, clock: LiveStream | None) -> bool:
+    def accept(self, frame: View, received: float, clock: LiveStream | None) -> bool:
         """Keep a frame that fits. `clock` is the stream of another camera that lives, if there is one.
 
         Returns whether the camera's clock has just been found to be another one than the rig file says.
@@ -147,7 +147,7 @@ class LiveStream:
         """The camera's time minus that of reception, of the frame that came with the least delay."""
         return max(time_s - received for time_s, received in self._recent)
 
-    def take(self) -> DepthFrame:
+    def take(self) -> View:
         """The frame that waits; gaps of sparse depth are closed."""
         frame, self.waiting = self.waiting, None
         assert frame is not None
@@ -162,7 +162,7 @@ def usual_step(values: Sequence[float]) -> float:
     return median(b - a for a, b in pairwise(values)) if len(values) > 1 else math.inf
 
 
-def find_misfit(frame: DepthFrame, last: DepthFrame) -> tuple[str, str] | None:
+def find_misfit(frame: View, last: View) -> tuple[str, str] | None:
     """Why a frame cannot follow another one: the cause and a message; None if it can."""
     camera, other = frame.intrinsics, last.intrinsics
     if (camera.width, camera.height) != (other.width, other.height):

@@ -11,7 +11,7 @@ import numpy as np
 
 from gepf.common.arrays import Array
 from gepf.common.errors import InputError, ProtocolError
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import View
 from gepf.common.protocol.frames import check_camera
 from gepf.coordinator.sources.camera import MILLIMETRES
 from gepf.coordinator.sources.joint_states import STATES, JointStates
@@ -54,7 +54,7 @@ class DepthTopic:
         if not self._waits:
             self._frames.receive(payload, decode=self._decode)
 
-    def _decode(self, payload: bytes) -> DepthFrame:
+    def _decode(self, payload: bytes) -> View:
         """The frame of an image, or ProtocolError."""
         node, message = self._node, self._node.read(payload, self._kind)
         try:
@@ -80,7 +80,7 @@ class DepthTopic:
             colours = self._colour.near(message, lens)
             if doubt := self._colour.take_doubt():
                 self._frames.say(doubt)
-        return DepthFrame(next(self._numbers), time_s, image, scale, camera, colours=colours)
+        return View(next(self._numbers), time_s, image, scale, camera, colours=colours)
 
     def _choose_lens(self, payload: bytes) -> Lens:
         """The lens of a camera_info; its table of pixels is made once."""

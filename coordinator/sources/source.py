@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from gepf.common.arrays import Array
 from gepf.common.camera import NOT_MOVED, Intrinsics
 from gepf.common.errors import InputError
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import Frame, View
 from gepf.coordinator.files import START_FILE, TRUTH_FILE
 from gepf.coordinator.sources.camera import DEFAULT_FPS
 from gepf.coordinator.sources.gaps import close_gaps, is_sparse
@@ -91,15 +91,19 @@ class Source:
         times = np.array(self.numbers) / self.fps if self.times is None else np.array(self.times)
         return times + self.offset_s
 
-    def frame(self, number: int) -> DepthFrame:
+    def frame(self, number: int) -> Frame:
         """Read one frame; 0 for pixels without depth. Raises InputError if it is damaged.
 
         It has the nearest frame in time of each other camera, unless another frame of this camera is nearer
         to that one. Before its first frame and after its last, a camera has images without depth.
         """
-        frame = self._image(self.numbers.index(number))
-        near = [other._near(frame.time_s, 0.5 / self.fps) for other in self.others]
-        return replace(frame, others=tuple(each for each in near if each is not None))
+        first = self.view(number)
+        near = (other._near(first.time_s, 0.5 / self.fps) for other in self.others)
+        return Frame.of(first, *(view for view in near if view is not None))
+
+    def view(self, number: int) -> View:
+        """Read the image of this camera alone. Raises InputError if it is damaged."""
+        return self._image(self.numbers.index(number))
 
     def changed(self, **changes: Any) -> Source:
         """The same sequence with other values of some fields."""
@@ -133,8 +137,8 @@ class Source:
         place = int(np.flatnonzero(apart <= apart.min() + ROUNDING_S)[-1])
         return place if apart[place] <= within_s + ROUNDING_S else None
 
-    def _near(self, time_s: float, within_s: float) -> DepthFrame | None:
-        """The frame of this camera alone near a time of the rig; None in a gap of its recording.
+    def _near(self, time_s: float, within_s: float) -> View | None:
+        """The image of this camera near a time of the rig; None in a gap of its recording.
 
         Before and after its recording, an image without depth.
         """
@@ -144,16 +148,16 @@ class Source:
         if self.times_s[0] < time_s < self.times_s[-1]:
             return None
         dark = np.zeros((camera.height, camera.width), np.uint16)
-        return DepthFrame(0, time_s, dark, self.depth_scale, camera, self.camera, self.T_rig_camera)
+        return View(0, time_s, dark, self.depth_scale, camera, self.camera, self.T_rig_camera)
 
-    def _image(self, place: int) -> DepthFrame:
-        """The frame of this camera alone at a place in `numbers`."""
+    def _image(self, place: int) -> View:
+        """The image of this camera at a place in `numbers`."""
         depth, scale = self._units(place)
         if self.is_sparse:
             depth = close_gaps(depth)
         number = self.numbers[place]
         time_s = (number / self.fps if self.times is None else self.times[place]) + self.offset_s
-        return DepthFrame(
+        return View(
             number,
             time_s,
             depth,
@@ -194,7 +198,7 @@ class Source:
     def __len__(self) -> int:
         return len(self.numbers)
 
-    def __iter__(self) -> Iterator[DepthFrame]:
+    def __iter__(self) -> Iterator[Frame]:
         return map(self.frame, self.numbers)
 
     def _beside(self, name: str) -> Path | None:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from gepf.common.frame import DepthFrame, SubjectFrame
+from gepf.common.frame import Frame, SubjectFrame
 from gepf.coordinator.bodies.family import Bodies
 from gepf.coordinator.colour.agreement import compare, unused
 from gepf.coordinator.colour.finder import (
@@ -112,13 +112,13 @@ class Tracker:
             self._colour.prepare()
         warm_up(self._settings, self._bodies)
 
-    def track(self, frame: DepthFrame) -> TrackedFrame:
+    def track(self, frame: Frame) -> TrackedFrame:
         """Track the next frame."""
         (tracked,) = self.follow([frame], look_ahead=False)
         return tracked
 
     def follow(
-        self, frames: Iterable[DepthFrame], *, look_ahead: bool = True, live: LiveFrames | None = None
+        self, frames: Iterable[Frame], *, look_ahead: bool = True, live: LiveFrames | None = None
     ) -> Iterator[TrackedFrame]:
         """Track frames; each frame is reported while the workers refine the next one.
 
@@ -152,7 +152,7 @@ class Tracker:
                 target.end()
         yield from reported(updated, self._settings)
 
-    def _segment(self, frame: DepthFrame) -> Ready:
+    def _segment(self, frame: Frame) -> Ready:
         """Segment a frame around the poses of people, and check its cameras."""
         settings, clocks = self._settings.track, [Stopwatch() for _ in self._targets]
         for target in self._targets:

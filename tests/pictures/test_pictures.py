@@ -83,7 +83,7 @@ def view(track: Track, source: Source) -> View:
 
 def painted(source: Source, view: View, model: BodyModel, track: Track, f: int) -> Array:
     """The picture (H, W, 3) of a frame."""
-    image = shade_depth(source.frame(f).metres(), source.intrinsics)
+    image = shade_depth(source.view(f).metres(), source.intrinsics)
     return np.asarray(paint(image, view, model, track, f), dtype=np.float64)
 
 

@@ -89,8 +89,8 @@ def test_a_sequence_is_one_that_can_be_opened_with_its_truth_and_start(sequence:
     assert np.array_equal(truth.joint_positions, joint_positions(scene.model, scene.poses[:3]))
     with DepthRenderer(scene.camera) as renderer:
         exact = renderer.depth(pose_vertices(scene.model, scene.poses[2:3])[0], scene.model.triangles)
-    assert np.abs(source.frame(2).metres() - exact).max() < 0.6e-4
-    assert np.array_equal(source.frame(2).depth > 0, exact > 0.0)
+    assert np.abs(source.view(2).metres() - exact).max() < 0.6e-4
+    assert np.array_equal(source.view(2).depth > 0, exact > 0.0)
 
 
 def test_the_same_seed_gives_the_same_bytes_and_another_seed_other_noise(tmp_path: Path) -> None:
@@ -212,11 +212,12 @@ def test_truth_and_images_are_one_motion(rig: Source) -> None:
         joints = read_truth(view.truth, np.eye(4)).joint_positions
         paths.append(joints @ view.T_rig_camera[:3, :3].T + view.T_rig_camera[:3, 3])
         for frame in view.changed(others=()):
-            metres = frame.metres()
-            points = back_project(metres, frame.intrinsics)[metres > 0.0]
+            (image,) = frame.views
+            metres = image.metres()
+            points = back_project(metres, image.intrinsics)[metres > 0.0]
             floor = (points @ view.T_rig_camera[:3, :3].T + view.T_rig_camera[:3, 3])[:, 1].max()
             assert floor == pytest.approx(1.0, abs=0.01)  # the camera is one metre high
-            at = np.rint(project(joints[frame.number], frame.intrinsics)).astype(int)
+            at = np.rint(project(joints[frame.number], image.intrinsics)).astype(int)
             inside = (
                 (at[:, 1] < metres.shape[0] - 1) & (at[:, 0] < metres.shape[1] - 1) & np.all(at > 0, axis=1)
             )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -44,6 +43,7 @@ from tests.support.people import (
     STANDING,
     OnePerson,
     as_bytes,
+    changed,
     known,
     raised,
     shown,
@@ -104,7 +104,7 @@ def test_workers_weigh_what_the_coordinator_says() -> None:
     seen = with_keypoints(subject, found)
     assert subject is not None
     assert seen is not None
-    assert seen.frame.colours is None  # workers and searches do not keep it
+    assert seen.largest.image.colours is None  # workers and searches do not keep it
     np.testing.assert_allclose(in_image(seen)[""], found[""], atol=1e-4)
     still = msgspec.structs.replace(SETTINGS.refine, icp_iterations=0)
     poses = whole[1] + 0.1 * np.random.default_rng(0).normal(size=(5, len(whole[1])))
@@ -120,11 +120,11 @@ def test_workers_weigh_what_the_coordinator_says() -> None:
 def test_nobody_is_looked_for_outside_the_image() -> None:
     """A body beside the image or behind the camera has no crop."""
     model, pose = known().tracked(known().usual_size, STANDING)
-    assert crop_of(ExpectedBody(model, pose), coloured()[0]) is not None
+    assert crop_of(ExpectedBody(model, pose), coloured()[0].views[0]) is not None
     for name, value in (("root_tx", 9.0), ("root_tz", -3.0)):
         away = pose.copy()
         away[model.dof(name)] = value
-        assert crop_of(ExpectedBody(model, away), coloured()[0]) is None
+        assert crop_of(ExpectedBody(model, away), coloured()[0].views[0]) is None
 
 
 def test_a_person_in_the_image_is_one_body() -> None:
@@ -150,7 +150,8 @@ def test_keypoints_of_another_tracked_person_are_that_persons() -> None:
     beside[model.dof("root_tx")] += 0.6
     bodies, frame = [ExpectedBody(model, each) for each in (pose, beside)], coloured()[0]
     first, second = (
-        {"": np.column_stack([in_view(body, frame), np.full(17, 0.1)]).astype(np.float32)} for body in bodies
+        {"": np.column_stack([in_view(body, frame.views[0]), np.full(17, 0.1)]).astype(np.float32)}
+        for body in bodies
     )
     for seen, given in (
         ([{}, first], [first, {}]),
@@ -185,11 +186,11 @@ def test_colour_that_is_elsewhere_is_not_used_until_it_agrees() -> None:
     With `follow`, with `track`, and from any recorded state, the same frames have keypoints.
     """
     still, used, resumed = coloured()[0], list[bool](), list[bool]()
-    assert still.colours is not None
-    shifted = np.roll(still.colours, 11, axis=1)
+    right = still.views[0].colours
+    assert right is not None
+    shifted = np.roll(right, 11, axis=1)
     frames = [
-        replace(still, number=n, time_s=0.5 * n, colours=shifted if n < 12 else still.colours)
-        for n in range(24)
+        changed(still, number=n, time_s=0.5 * n, colours=shifted if n < 12 else right) for n in range(24)
     ]
     following = looking()
     for tracked in following.follow(frames):
@@ -225,7 +226,7 @@ def test_left_and_right_are_those_of_a_body_whose_facing_is_known() -> None:
     model, pose = known().tracked(known().usual_size, STANDING)
     body, frame = ExpectedBody(model, pose), coloured()[0]
     subject = isolate(frame, 500)
-    right = np.column_stack([in_view(body, frame), np.full(17, 0.1)]).astype(np.float32)
+    right = np.column_stack([in_view(body, frame.views[0]), np.full(17, 0.1)]).astype(np.float32)
     for seen, taken in ((right, right), (right[EXCHANGED], right), (right + 40.0, right + 40.0)):
         before = with_keypoints(subject, {"": seen})
         sided = with_sides_of(before, body)

@@ -46,6 +46,7 @@ from tests.support.people import (
     STANDING,
     OnePerson,
     as_bytes,
+    changed,
     empty,
     frame_of,
     known,
@@ -100,9 +101,9 @@ def test_legs_behind_a_table_are_not_drawn_out_of_it() -> None:
         following = tracker()
         for frame in frames:
             scene = in_a_room(frame)
-            depth = scene.depth.copy()
+            depth = scene.views[0].depth.copy()
             depth[rows] = 1500 if nearer else 3300
-            estimate = following.track(replace(scene, depth=depth))
+            estimate = following.track(changed(scene, depth=depth))
         return float(apart(estimate, joints[-1])[legs].max())
 
     assert error(nearer=True) < 0.5 * error(nearer=False)
@@ -166,11 +167,11 @@ class Watched(Direct):
 
     def publish(self, subject: SubjectFrame) -> None:
         """The workers get a frame."""
-        self.events.append(f"sent {subject.frame.number}")
+        self.events.append(f"sent {subject.number}")
 
     def submit(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> WatchedRequest:
         """The workers get busy."""
-        if subject.frame.number == self._fails_at:
+        if subject.number == self._fails_at:
             raise RuntimeError("the workers are gone")
         self.events.append("busy")
         return WatchedRequest(super().submit(subject, model, particles), self.events)
@@ -202,7 +203,7 @@ def test_at_low_rates_a_frame_is_segmented_around_the_pose_of_the_frame_before()
     """Four frames a second, also with look-ahead; at video rate, around that of two frames before."""
     frames = shown("standing").frames
     for interval_s in (0.25, 1 / 30):
-        timed = [replace(frame, time_s=interval_s * n) for n, frame in enumerate(frames)]
+        timed = [changed(frame, time_s=interval_s * n) for n, frame in enumerate(frames)]
         ahead, alone = tracker(FOLLOWING), tracker(FOLLOWING)
         estimates = [tracked.people[0].estimate for tracked in ahead.follow(timed)]
         assert [as_bytes(each) for each in estimates] == [as_bytes(alone.track(frame)) for frame in timed]
@@ -369,7 +370,8 @@ def test_what_is_far_from_the_body_and_no_person_is_not_tracked(settings: Settin
     frames, _ = shown("standing")
     followed = tracker(settings)
     followed.track(frames[0])
-    depth_m = np.where(frames[1].depth > 0, frames[1].metres() + 3.5, 0.0)
+    (view,) = frames[1].views
+    depth_m = np.where(view.depth > 0, view.metres() + 3.5, 0.0)
     status = [followed.track(frame_of(n, depth_m)).status for n in range(1, 6)]
     assert "tracked" not in status
     assert status[-1] in POSE_UNKNOWN
@@ -410,7 +412,7 @@ def test_a_rival_is_about_as_likely_and_has_a_joint_elsewhere(
 def test_points_are_picked_evenly() -> None:
     """As many as asked for, in ascending order, each from its own equal share of the pixels."""
     frame = shown("standing").frames[0]
-    every, some = subject_of(frame, 10**6), subject_of(frame, 500)
+    every, some = (subject_of(frame, points).largest for points in (10**6, 500))
     assert len(some.picked) == 500 < len(every.picked)
     steps = np.diff(np.searchsorted(every.picked, some.picked))
     assert steps.max() - steps.min() <= 1

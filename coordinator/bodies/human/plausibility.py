@@ -8,7 +8,7 @@ from scipy.ndimage import generate_binary_structure, maximum_filter, minimum_fil
 from gepf.common.arrays import Array, Indices, Mask
 from gepf.common.body import BodyModel
 from gepf.common.camera import pixels_at
-from gepf.common.frame import EMPTY, SubjectFrame
+from gepf.common.frame import EMPTY, SubjectFrame, SubjectView
 from gepf.common.kinematics import pose_vertices
 from gepf.coordinator.bodies.family import FittedBody
 
@@ -91,7 +91,7 @@ def reject_parts(model: BodyModel, pose: Array, subject: SubjectFrame, stature: 
     surface, links = pose_vertices(model, pose[None])[0], model.skin_links[:, 0]
     surface = np.concatenate([surface, surface[model.triangles].mean(axis=1)])
     links = np.concatenate([links, links[model.triangles[:, 0]]])
-    views = [agreeing_points(surface, each, CELL_SHARE * stature) for each in subject.views]
+    views = [agreeing_points(surface, view, CELL_SHARE * stature) for view in subject.views]
     drawn, agrees = (np.concatenate(each) for each in zip(*views, strict=True))
     for part, names in PARTS.items():
         joints = [n for n, joint in enumerate(model.joint_names) if joint.split("_")[-1] in names]
@@ -101,14 +101,13 @@ def reject_parts(model: BodyModel, pose: Array, subject: SubjectFrame, stature: 
     return ""
 
 
-def agreeing_points(surface: Array, view: SubjectFrame, cell_m: float) -> tuple[Indices, Mask]:
+def agreeing_points(surface: Array, view: SubjectView, cell_m: float) -> tuple[Indices, Mask]:
     """Some points (N,) of a surface (V, 3) that face a camera, and which of them agree with its image (N,).
 
     They are the nearest ones in each cell of the body's image. Its outline is left out: noise and clothes
     move it. Anything agrees with pixels that are hidden, unmeasured or outside of the image.
     """
-    frame, camera = view.frame, view.frame.intrinsics
-    places = frame.to_camera(surface)
+    camera, places = view.image.intrinsics, view.image.to_camera(surface)
     ahead = np.flatnonzero(places[:, 2] > cell_m)
     x, y, z = places[ahead].T
     at = np.stack([camera.cy + camera.fy * y / z, camera.cx + camera.fx * x / z])  # rows, columns
@@ -119,10 +118,10 @@ def agreeing_points(surface: Array, view: SubjectFrame, cell_m: float) -> tuple[
     low, high = (each(image, footprint=CROSS)[row, column] for each in (minimum_filter, maximum_filter))
     inner = np.flatnonzero((z == image[row, column]) & (z < low + AGREES_M) & np.isfinite(high))
     row, column, inside = pixels_at(places[ahead[inner]], camera)
-    left, top, right, bottom = view.view
+    left, top, right, bottom = view.extent
     empty = ~inside & (left <= column) & (column < right) & (top <= row) & (row < bottom)
     pixels, depth = (row[inside], column[inside]), np.zeros(len(inner))
-    depth[inside] = frame.depth[pixels] / frame.depth_scale
+    depth[inside] = view.image.depth[pixels] / view.image.depth_scale
     empty[inside] = (depth[inside] == 0.0) & (True if view.kinds is None else view.kinds[pixels] == EMPTY)
     return ahead[inner], ~empty & ((depth == 0.0) | (np.abs(depth - z[inner]) < AGREES_M))
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from gepf.common.camera import Intrinsics
 from gepf.common.errors import InputError
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import View
 from gepf.coordinator.sources.devices.device import AVERAGED, SILENCE_MS, Camera, CameraLost, Shot
 from gepf.coordinator.sources.lens import Lens
 from gepf.coordinator.sources.source import downward
@@ -55,7 +55,7 @@ def shots(device: pyk4a.PyK4A) -> Generator[Shot]:
             units = lens.undistort(capture.depth)
             number, gravity = round(30.0 * time_s), downward(accelerations)
             rgb = None if colour is None else np.ascontiguousarray(colour[..., 2::-1])  # from BGRA
-            yield DepthFrame(number, time_s, units, 1000.0, lens.camera, gravity=gravity), rgb
+            yield View(number, time_s, units, 1000.0, lens.camera, gravity=gravity), rgb
     except pyk4a.K4AException as error:
         raise CameraLost(f"no image comes ({error}); it may be unplugged") from error
     finally:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gepf.common.errors import GepfError, InputError
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import View
 from gepf.common.packages import MissingPackage, needs
 
 SILENCE_MS = 3000  # without an image, after which a camera is lost
@@ -34,7 +34,7 @@ class CameraFailed(GepfError):
     """A camera has stopped and cannot come back: it never gave an image, or it is a recording."""
 
 
-Shot = tuple[DepthFrame, NDArray[np.uint8] | None]
+Shot = tuple[View, NDArray[np.uint8] | None]
 """A frame and its colours (H, W, 3), RGB, registered to depth; None if they were not requested.
 
 Number and time are the camera's, so that a gap shows dropped images. The depth has no distortion.
@@ -153,7 +153,7 @@ class AttachedCamera:
                 return
             self._camera = self._reopen()
 
-    def _continued(self, shots: Iterator[Shot], began: float, last: DepthFrame | None) -> Iterator[Shot]:
+    def _continued(self, shots: Iterator[Shot], began: float, last: View | None) -> Iterator[Shot]:
         """The images of one opening, with numbers after the `last` one, and times in seconds from `began`."""
         before = None
         for frame, colour in shots:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from gepf.common.camera import Intrinsics
 from gepf.common.errors import InputError
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import View
 from gepf.coordinator.sources.devices.device import AVERAGED, SILENCE_MS, Camera, CameraLost, Shot
 from gepf.coordinator.sources.lens import Lens
 from gepf.coordinator.sources.source import downward
@@ -89,7 +89,7 @@ def shots(pipeline: Any, config: Any, profile: Any, lens: Lens, *, playback: boo
             time_s = depth.get_timestamp_us() * 1e-6
             scale = 1000.0 / depth.get_depth_scale()  # it gives millimetres
             number, gravity = depth.get_index(), downward(accelerations)
-            yield DepthFrame(number, time_s, units, scale, lens.camera, gravity=gravity), colour
+            yield View(number, time_s, units, scale, lens.camera, gravity=gravity), colour
         if not playback:
             raise CameraLost("no image comes; it may be unplugged")
     finally:

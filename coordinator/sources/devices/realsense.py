@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gepf.common.camera import Intrinsics
 from gepf.common.errors import InputError
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import View
 from gepf.coordinator.sources.devices.device import AVERAGED, SILENCE_MS, Camera, CameraLost, Shot
 from gepf.coordinator.sources.lens import Lens
 from gepf.coordinator.sources.source import downward
@@ -93,7 +93,7 @@ def shots(pipeline: Any, config: Any, profile: Any, lens: Lens) -> Generator[Sho
                     last, waited_ms = number, 0
                     units = lens.undistort(np.array(depth.get_data(), dtype=np.uint16))
                     gravity = downward(accelerations)
-                    yield DepthFrame(number, time_s, units, scale, lens.camera, gravity=gravity), colour
+                    yield View(number, time_s, units, scale, lens.camera, gravity=gravity), colour
         raise CameraLost("no image comes; it may be unplugged")
     finally:
         pipeline.stop()
