@@ -99,7 +99,7 @@ class TargetTracker:
     def policy(self) -> Policy:
         """What the state machine needs to know of settings and body."""
         return Policy(
-            min_points=min(self._settings.gating.min_pixels, self._settings.points),
+            min_points=min(self._settings.gating.min_points, self._settings.points),
             settings=self._settings.track,
             recovers=self._settings.recover and self.start.is_free,
         )

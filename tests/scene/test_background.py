@@ -193,3 +193,29 @@ def test_a_log_knows_the_background_that_was_given(pitch: float) -> None:
     resumed.recall(recorded.all())
     assert known(watching)[:, :20].any() == (pitch == 0.0)
     np.testing.assert_array_equal(known(resumed), known(watching))
+
+
+@pytest.mark.parametrize("fps", [4.0, 15.0, 30.0, 60.0, 90.0])
+def test_what_comes_to_stay_is_taken_in_after_the_same_time_at_any_rate(fps: float) -> None:
+    """A chair is background after a second, and not before, however many frames show it."""
+    scene, empty, furnished = Scene(SceneSettings()), Room().see(None).view, Room((CHAIR,)).see(None).view
+    shown = furnished.metres() < empty.metres() - 0.2
+    for number in range(4):
+        scene.learn(scene.see(replace(empty, time_s=number / fps)))
+    taken_in = []
+    for number in range(4, 4 + round(1.5 * fps)):
+        view = scene.see(replace(furnished, time_s=number / fps))
+        scene.learn(view)
+        taken_in.append(np.mean(np.abs(view.background - view.depth)[shown] < 0.03) > 0.95)
+    first_s = (taken_in.index(True) + 1) / fps
+    assert first_s == pytest.approx(1.0, abs=1 / 30)
+    assert all(taken_in[taken_in.index(True) :])
+
+
+def test_what_has_come_during_a_gap_is_not_taken_in_at_once() -> None:
+    """A chair in the first frame after a minute without any."""
+    scene, empty, furnished = Scene(SceneSettings()), Room().see(None).view, Room((CHAIR,)).see(None).view
+    shown = furnished.metres() < empty.metres() - 0.2
+    scene.learn(scene.see(empty))
+    scene.learn(scene.see(replace(furnished, time_s=60.0)))
+    np.testing.assert_allclose(known(scene)[shown], empty.metres()[shown], atol=0.03)

@@ -51,7 +51,7 @@ def test_presets_are_valid_and_survive_storage(name: str) -> None:
     ("name", "value"),
     [
         ("scene.planes.min_floor_width_m", -0.2),
-        ("scene.settled_frames", 0),
+        ("scene.settled_s", 0.0),
         ("gating.max_misfit_m", math.nan),
         ("track.patience_s", math.inf),
         ("certainty.flagged_probability", 1.5),
@@ -66,7 +66,7 @@ def test_a_value_out_of_range_is_named(name: str, value: object) -> None:
 
 def test_the_scene_obeys_its_settings() -> None:
     """A cabinet that appears is background after as many frames as they say, in each scene by its own."""
-    quick = changed(SceneSettings(), "settled_frames", 3)
+    quick = changed(SceneSettings(), "settled_s", 0.1)
     scenes, empty, furnished = (Scene(quick), Scene(SceneSettings())), Room(), Room((CABINET,))
     left = []
     for scene in scenes:
