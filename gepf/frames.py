@@ -18,6 +18,10 @@ def check_frame(frame: Frame, cameras: dict[str, Intrinsics]) -> Frame:
     `cameras` maps names to intrinsics; new cameras are added.
     """
     found = {view.camera: view.intrinsics for view in frame.views}
+    if not found:
+        raise InputError(f"frame {frame.number} has no image; give it one view per camera")
+    if not math.isfinite(frame.time_s):
+        raise InputError(f"frame {frame.number}: time_s is {frame.time_s}; give seconds")
     if len(found) < len(frame.views):
         raise InputError(f"frame {frame.number} has two images of one camera; give each camera its name")
     for view in frame.views:
