@@ -14,7 +14,7 @@ from gepf.common.arrays import Array, Mask
 from gepf.common.frame import Frame
 from gepf.coordinator.bodies.choice import choose_bodies
 from gepf.coordinator.bodies.family import Bodies
-from gepf.coordinator.results.evaluation import NEAR_M, positions
+from gepf.coordinator.results.evaluation import THRESHOLDS, positions
 from gepf.coordinator.results.tally import count_status
 from gepf.coordinator.settings import Settings
 from gepf.coordinator.sources.source import rate_of
@@ -110,4 +110,4 @@ def follow(tracker: Tracker, frames: Iterable[Frame]) -> tuple[list[TrackedPerso
 
 def near_percent(distances: Array) -> float:
     """Percentage of distances (metres, any shape) within 10 cm."""
-    return 100.0 * float(np.mean(distances <= NEAR_M)) if distances.size else float("nan")
+    return 100.0 * float(np.mean(distances <= THRESHOLDS.near_m)) if distances.size else float("nan")

@@ -7,6 +7,7 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -51,8 +52,9 @@ def track(endpoint: str, file: Path, name: str, fps: float, slow: float) -> None
 
     What it sleeps for takes `slow` times as long, and so do the times that the scheduler compares.
     """
-    for constant in ("LONG_WAIT_S", "REST_S", "TICK_S"):
-        vars(scheduler)[constant] *= slow
+    usual = scheduler.LIMITS
+    slower = {name: getattr(usual, name) * slow for name in ("long_wait_s", "rest_s", "tick_s")}
+    vars(scheduler)["LIMITS"] = msgspec.structs.replace(usual, **slower)
     model, subject, particles = person()
     with ZenohRefiner(Pool(0, connect=endpoint, run=name)) as refiner, file.open("w", buffering=1) as log:
         log.write(f"{fps}\n")
@@ -74,7 +76,7 @@ def track(endpoint: str, file: Path, name: str, fps: float, slow: float) -> None
 
 def flood(endpoint: str, name: str) -> None:
     """A coordinator that keeps far more requests at each worker than one may, and large ones."""
-    vars(scheduler)["MAX_IN_FLIGHT"] = FLOOD
+    vars(scheduler)["LIMITS"] = msgspec.structs.replace(scheduler.LIMITS, max_in_flight=FLOOD)
     model, subject, particles = person()
     many = replace(particles, poses=np.repeat(particles.poses, FLOOD_PARTICLES // PARTICLES, axis=0))
     with ZenohRefiner(Pool(0, connect=endpoint, run=name)) as refiner:

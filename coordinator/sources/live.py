@@ -18,15 +18,12 @@ from gepf.common.errors import ProtocolError
 from gepf.common.frame import Frame, View
 from gepf.common.protocol.frames import decode_colour, decode_live
 from gepf.common.recent import FRAMES_KEPT, put_recent
-from gepf.coordinator.sources.live_stream import ORDER, LiveCamera, LiveStream
+from gepf.coordinator.sources.live_stream import LIMITS, ORDER, LiveCamera, LiveStream
 from gepf.coordinator.stopwatch import NOTICE_S
 
 COUNTED = ("received", "skipped", "rejected", "malformed")
 """Received frames are tracked, skipped because a newer one came, or rejected if they do not fit the stream.
 Malformed messages are not frames."""
-
-
-COLOURS_KEPT = 4  # until their frames are taken
 
 
 class LiveRig:
@@ -212,7 +209,7 @@ class LiveFrames:
             with Image.open(BytesIO(jpeg), formats=("JPEG",)) as image:
                 colours = np.array(image.convert("RGB"))
             with self._changed:
-                put_recent(self._rig.colours, (place, number), colours, COLOURS_KEPT)
+                put_recent(self._rig.colours, (place, number), colours, LIMITS.colours_kept)
 
     def say(self, message: str) -> None:
         """Report a message of the source for the user."""

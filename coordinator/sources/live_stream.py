@@ -10,6 +10,8 @@ from itertools import pairwise
 from pathlib import Path
 from statistics import median
 
+import msgspec
+
 from gepf.common.arrays import Array
 from gepf.common.camera import NOT_MOVED
 from gepf.common.frame import View
@@ -19,11 +21,20 @@ from gepf.coordinator.sources.gaps import close_gaps, is_sparse
 from gepf.coordinator.sources.source import measured
 
 SCHEME, ROS_SCHEME = "zenoh:", "ros2:"
-NEW_STREAM_FRAMES = 5  # that fit each other
-RECENT_FRAMES = 30  # from which rate and clock are measured
-SILENT_INTERVALS = 3.0  # without a frame
 ORDER = "order"  # cause of a misfit
-CLOCK_S = 0.5  # more than the frames of one camera come later than those of another
+
+
+class StreamLimits(msgspec.Struct, frozen=True):
+    """What is expected of the frames of a live camera."""
+
+    new_stream_frames: int = 5  #: rejected ones that fit each other, which begin a new stream
+    recent_frames: int = 30  #: from which rate and clock are measured
+    silent_intervals: float = 3.0  #: usual intervals without a frame, after which a camera is silent
+    clock_s: float = 0.5  #: more than the frames of one camera come later than those of another
+    colours_kept: int = 4  #: colour images until their frames are taken
+
+
+LIMITS = StreamLimits()
 
 
 def live_key(sequence: Path | str) -> str | None:
@@ -77,8 +88,8 @@ class LiveStream:
         self._skip = 0  # from the camera's numbers to those of its frames
         self._last: View | None = None  # that fits, as received
         self._sparse: bool | None = None  # whether gaps of depth are closed; None before the first depth
-        self._recent = deque[tuple[float, float]](maxlen=RECENT_FRAMES)  # the camera's time, reception
-        self._rejected = deque[View](maxlen=2 * NEW_STREAM_FRAMES)  # since then
+        self._recent = deque[tuple[float, float]](maxlen=LIMITS.recent_frames)  # the camera's time, reception
+        self._rejected = deque[View](maxlen=2 * LIMITS.new_stream_frames)  # since then
 
     @property
     def last_period_s(self) -> float:
@@ -93,7 +104,7 @@ class LiveStream:
 
     def lives(self, now: float) -> bool:
         """Whether a frame has come recently."""
-        longest = SILENT_INTERVALS * usual_step([received for _, received in self._recent])
+        longest = LIMITS.silent_intervals * usual_step([received for _, received in self._recent])
         return bool(self._recent) and not self.ended and now - self.received <= longest
 
     def misfit(self, frame: View) -> tuple[str, str] | None:
@@ -103,13 +114,14 @@ class LiveStream:
     def reject(self, frame: View) -> bool:
         """Note a frame that does not fit; returns whether it begins a new stream.
 
-        It does if the last `NEW_STREAM_FRAMES` rejected frames with its camera follow each other.
+        It does if the last `new_stream_frames` rejected frames with its camera follow each other.
         """
         self._rejected.append(frame)
         camera = frame.intrinsics, frame.depth_scale
         last = [each for each in self._rejected if (each.intrinsics, each.depth_scale) == camera]
-        last = last[-NEW_STREAM_FRAMES:]
-        return len(last) == NEW_STREAM_FRAMES and all(find_misfit(b, a) is None for a, b in pairwise(last))
+        needed = LIMITS.new_stream_frames
+        last = last[-needed:]
+        return len(last) == needed and all(find_misfit(b, a) is None for a, b in pairwise(last))
 
     def begin(self, frame: View, *, goes_on: bool) -> None:
         """Begin a new stream with a frame; the numbers of one that `goes_on` stay in order."""
@@ -129,7 +141,7 @@ class LiveStream:
         found = False
         if clock is not None:
             measured = clock.offset_s + clock.earliest - self.earliest
-            found = not self.by_reception and abs(measured - self.offset_s) > CLOCK_S
+            found = not self.by_reception and abs(measured - self.offset_s) > LIMITS.clock_s
             self.by_reception |= found
             if self.by_reception:
                 self.offset_s = measured

@@ -27,6 +27,7 @@ from gepf.common.transport.channels import IncomingRequest
 from gepf.common.transport.opening import open_coordinator, open_worker
 from gepf.coordinator.pool.options import Pool
 from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
+from gepf.worker.memory import MemoryLimits
 from tests.support.answers import as_bytes
 from tests.support.processes.instant_worker import observe, refine
 from tests.support.processes.programs import wait_until
@@ -73,7 +74,7 @@ def test_frames_of_one_number_are_not_mixed_up(endpoint: str, monkeypatch: pytes
 
     Only the body and the first frame are fetched: the worker receives the others.
     """
-    monkeypatch.setattr("gepf.worker.memory.FRAME_DELAY_S", 300.0)
+    monkeypatch.setattr("gepf.worker.memory.LIMITS", MemoryLimits(frame_delay_s=300.0))
     fetched = SimpleQueue[str]()
     with (
         pool(endpoint) as refiner,

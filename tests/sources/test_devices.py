@@ -167,7 +167,7 @@ def test_a_camera_that_comes_back_is_picked_up(
         return opened
 
     monkeypatch.setattr(device, "open_camera", reopen)
-    monkeypatch.setattr(device, "RETRY_S", 0.01)
+    monkeypatch.setattr(device, "LIMITS", device.CameraLimits(retry_s=0.01))
     camera, frames = AttachedCamera("realsense:", print), []
     for frame, _ in camera:
         frames.append(frame)

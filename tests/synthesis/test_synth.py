@@ -16,7 +16,7 @@ from gepf.coordinator.results.evaluation import read_truth
 from gepf.coordinator.scene.noise import NO_NOISE, SensorNoise
 from gepf.coordinator.sources import Source, open_source
 from gepf.coordinator.synthesis.noise import add_noise
-from gepf.coordinator.synthesis.person_scene import FPS, person
+from gepf.coordinator.synthesis.person_scene import SHOT, person
 from gepf.coordinator.synthesis.rendering import DepthRenderer
 from gepf.coordinator.synthesis.scenes import SCENES
 from gepf.coordinator.synthesis.sequence import synthesise
@@ -164,7 +164,7 @@ def test_a_person_is_another_with_every_seed_and_moves_as_people_can() -> None:
     lowest = [pose_vertices(scene.model, pose[None])[0, :, 1].max() for pose in scene.poses[::10]]
     assert np.ptp(lowest) < 1e-9
     joints = joint_positions(scene.model, scene.poses)
-    speed = np.linalg.norm(np.diff(joints, axis=0), axis=-1).max(axis=1) * FPS
+    speed = np.linalg.norm(np.diff(joints, axis=0), axis=-1).max(axis=1) * SHOT.fps
     assert speed[:4].max() < 0.01
     assert speed.max() > 2.5  # metres a second, of a wrist
     assert scene.start is None
@@ -175,7 +175,7 @@ def test_a_person_is_rendered_without_a_start(tmp_path: Path) -> None:
     synthesise("person", tmp_path / "fast", frames=2, seed=1, kinect=True)
     source = open_source(tmp_path / "fast")
     assert source.init is None
-    assert source.fps == FPS
+    assert source.fps == SHOT.fps
     truth = read_truth(tmp_path / "fast" / "truth.npz")
     assert truth.joint_positions.shape == (2, 15, 3)
     with pytest.raises(InputError, match="has a body of its own"):

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from gepf.common.camera import Intrinsics
 from gepf.common.errors import InputError
 from gepf.common.frame import View
-from gepf.coordinator.sources.devices.device import AVERAGED, SILENCE_MS, Camera, CameraLost, Shot
+from gepf.coordinator.sources.devices.device import LIMITS, Camera, CameraLost, Shot
 from gepf.coordinator.sources.lens import Lens
 from gepf.coordinator.sources.source import downward
 
@@ -37,7 +37,7 @@ def open_device(which: str, colour: bool) -> Camera | None:
 def shots(device: pyk4a.PyK4A) -> Generator[Shot]:
     """Start, yield the images as they come, and stop. Their numbers follow from the times and the rate."""
     axes, calibration = pyk4a.CalibrationType, device.calibration
-    accelerations = deque[ArrayLike](maxlen=AVERAGED)
+    accelerations = deque[ArrayLike](maxlen=LIMITS.averaged)
     (fx, _, cx), (_, fy, cy), _ = calibration.get_camera_matrix(axes.DEPTH).tolist()
     distortion = calibration.get_distortion_coefficients(axes.DEPTH).tolist()
     lens = Lens(Intrinsics(640, 576, fx, fy, cx, cy), distortion)
@@ -48,7 +48,7 @@ def shots(device: pyk4a.PyK4A) -> Generator[Shot]:
             with suppress(pyk4a.K4ATimeoutException):
                 while (sample := device.get_imu_sample(0)) is not None:
                     accelerations.append(turn @ sample["acc_sample"])
-            capture = device.get_capture(SILENCE_MS)
+            capture = device.get_capture(LIMITS.silence_ms)
             if capture.depth is None:
                 continue
             time_s, colour = capture.depth_timestamp_usec * 1e-6, capture.transformed_color

@@ -12,6 +12,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,9 +20,16 @@ from gepf.common.errors import GepfError, InputError
 from gepf.common.frame import View
 from gepf.common.packages import MissingPackage, needs
 
-SILENCE_MS = 3000  # without an image, after which a camera is lost
-RETRY_S = 1.0
-AVERAGED = 200  # accelerations for gravity: about a second
+
+class CameraLimits(msgspec.Struct, frozen=True):
+    """What is expected of an attached camera."""
+
+    silence_ms: int = 3000  #: without an image, after which it is lost
+    retry_s: float = 1.0  #: between tries to open it again
+    averaged: int = 200  #: accelerations for gravity: about a second
+
+
+LIMITS = CameraLimits()
 USB_DEVICES = Path("/sys/bus/usb/devices")
 USB_NODES = Path("/dev/bus/usb")
 
@@ -162,7 +170,7 @@ class AttachedCamera:
             if before is None:
                 shift = (0 if last is None else last.number + 1) - frame.number
                 now = time.monotonic() - began
-                shift_s = (now if last is None else max(now, last.time_s + RETRY_S)) - frame.time_s
+                shift_s = (now if last is None else max(now, last.time_s + LIMITS.retry_s)) - frame.time_s
             elif frame.number > before + 1:
                 if self.dropped == 0:
                     self._report(f"{self._name}: the camera dropped an image; is it in a USB 3 port?")
@@ -177,7 +185,7 @@ class AttachedCamera:
 
     def _reopen(self) -> Camera | None:
         """The camera when it is back; None if this is closed before."""
-        while not self._closed.wait(RETRY_S):
+        while not self._closed.wait(LIMITS.retry_s):
             with suppress(Exception):  # it is not there, or not ready
                 return self._open()
         return None
