@@ -55,13 +55,13 @@ def run_info(options: InfoOptions, camera: CameraOptions) -> None:
     for each in source.views:
         turn = each.T_rig_camera[:3, :3]
         gravity = None if each.gravity is None else turn.T @ each.gravity
-        alone = each.changed(others=(), gravity=gravity)  # with gravity in its own frame
+        alone = each.changed(gravity=gravity)  # with gravity in its own frame
         facts = describe_recording(form, alone)
         if not as_json:
             print_facts(facts)
         with loading():
             view, found = find_people(alone)
-        if options.picture is not None and each is source:
+        if options.picture is not None and each is source.views[0]:
             from gepf.coordinator.pictures.film import save_png
             from gepf.coordinator.pictures.scene import draw_scene
 
@@ -71,7 +71,7 @@ def run_info(options: InfoOptions, camera: CameraOptions) -> None:
         if not as_json:
             print_facts(scene)
     if as_json:
-        print_json({"cameras": cameras} if source.others else cameras[0])
+        print_json({"cameras": cameras} if len(source.views) > 1 else cameras[0])
 
 
 def describe_tracked(run: Path, summary: Mapping[str, Any]) -> dict[str, object]:

@@ -212,7 +212,7 @@ class RecordedInput(Input):
         """The recording with its colour images; without them, and with one line, if they are of no use."""
         fit = list[bool]()
         for view in coloured.views:
-            numbers = self.numbers if view is coloured else view.numbers
+            numbers = self.numbers if view is coloured.views[0] else view.numbers
             places = np.unique(np.linspace(0, len(numbers) - 1, EXAMINED).astype(int))
             if view.colours is not None:
                 fit += [view.colours(numbers[place]) is not None for place in places]

@@ -48,7 +48,7 @@ def run_publish(
         raise InputError("--color is for cameras; leave it out with a recorded sequence")
     else:
         source = open_source(options.sequence, camera.choose())
-        if source.others:
+        if len(source.views) > 1:
             raise InputError(f"{options.sequence} has several cameras; publish each with its own --key")
         numbers = select_frames(source.numbers, options.frames)
     with reach_partner(reached, "subscriber", key, show) as bus:

@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import msgspec
 import numpy as np
@@ -46,7 +46,6 @@ class Source:
         camera: Name of the camera in its rig; empty for a camera alone.
         T_rig_camera: (4, 4), metres.
         offset_s: Added to the camera's time it gives the rig's.
-        others: The other cameras of the rig. There is a frame for each frame of this one.
         colours: Returns the colour image (h, w, 3), RGB, of the frame with a number, registered to depth, at
             any scale; None if it is missing. None without colour.
         mirrored: Whether the recorder mirrored the images, so that they were mirrored back; None if unknown.
@@ -65,7 +64,6 @@ class Source:
     camera: str = ""
     T_rig_camera: Array = field(default_factory=NOT_MOVED.copy)
     offset_s: float = 0.0
-    others: tuple[Source, ...] = ()
     mirrored: bool | None = None
     of_points: bool = False
     colours: Callable[[int], NDArray[np.uint8] | None] | None = None
@@ -73,7 +71,7 @@ class Source:
     @property
     def views(self) -> tuple[Source, ...]:
         """The sequences of all cameras."""
-        return (self, *self.others)
+        return (self,)
 
     @property
     def truth(self) -> Path | None:
@@ -92,14 +90,8 @@ class Source:
         return times + self.offset_s
 
     def frame(self, number: int) -> Frame:
-        """Read one frame; 0 for pixels without depth. Raises InputError if it is damaged.
-
-        It has the nearest frame in time of each other camera, unless another frame of this camera is nearer
-        to that one. Before its first frame and after its last, a camera has images without depth.
-        """
-        first = self.view(number)
-        near = (other._near(first.time_s, 0.5 / self.fps) for other in self.others)
-        return Frame.of(first, *(view for view in near if view is not None))
+        """Read one frame; 0 for pixels without depth. Raises InputError if it is damaged."""
+        return Frame.of(self.view(number))
 
     def view(self, number: int) -> View:
         """Read the image of this camera alone. Raises InputError if it is damaged."""
@@ -128,8 +120,7 @@ class Source:
 
     def without_colours(self) -> Source:
         """The same sequence without colour."""
-        others = tuple(each.without_colours() for each in self.others)
-        return self.changed(colours=None, others=others)
+        return self.changed(colours=None)
 
     def nearest(self, time_s: float, within_s: float) -> int | None:
         """The place of the frame nearest to a time of the rig, or the later of two; None if it is far off."""
@@ -137,7 +128,7 @@ class Source:
         place = int(np.flatnonzero(apart <= apart.min() + ROUNDING_S)[-1])
         return place if apart[place] <= within_s + ROUNDING_S else None
 
-    def _near(self, time_s: float, within_s: float) -> View | None:
+    def view_near(self, time_s: float, within_s: float) -> View | None:
         """The image of this camera near a time of the rig; None in a gap of its recording.
 
         Before and after its recording, an image without depth.
@@ -203,6 +194,41 @@ class Source:
 
     def _beside(self, name: str) -> Path | None:
         return self.folder / name if self.folder and (self.folder / name).is_file() else None
+
+
+@dataclass(frozen=True, eq=False)
+class RigSource(Source):
+    """The recordings of all cameras of a rig: `views`, one or more.
+
+    There is a frame for each image of the first one, which gives the time. The other fields are its own.
+    """
+
+    views: tuple[Source, ...] = ()
+
+    @classmethod
+    def of(cls, name: str, views: Sequence[Source]) -> Self:
+        """The rig of these cameras."""
+        first = {each.name: getattr(views[0], each.name) for each in fields(Source)}
+        return cls(**(first | {"name": name, "views": tuple(views)}))
+
+    def frame(self, number: int) -> Frame:
+        """Read one frame; 0 for pixels without depth. Raises InputError if it is damaged.
+
+        It has the nearest image in time of each other camera, unless another image of the first one is nearer
+        to that one. Before its first image and after its last, a camera has images without depth.
+        """
+        first, *beside = self.views
+        image = first.view(number)
+        near = (camera.view_near(image.time_s, 0.5 / self.fps) for camera in beside)
+        return Frame.of(image, *(view for view in near if view is not None))
+
+    def changed(self, **changes: Any) -> RigSource:
+        """The same rig with other values of some fields."""
+        return RigSource(**({each.name: getattr(self, each.name) for each in fields(self)} | changes))
+
+    def without_colours(self) -> RigSource:
+        """The same sequences without colour."""
+        return self.changed(colours=None, views=tuple(view.without_colours() for view in self.views))
 
 
 def measured(depth: NDArray[np.uint16]) -> NDArray[np.uint16]:

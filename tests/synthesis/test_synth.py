@@ -211,7 +211,7 @@ def test_truth_and_images_are_one_motion(rig: Source) -> None:
         assert view.truth is not None
         joints = read_truth(view.truth, np.eye(4)).joint_positions
         paths.append(joints @ view.T_rig_camera[:3, :3].T + view.T_rig_camera[:3, 3])
-        for frame in view.changed(others=()):
+        for frame in view:
             (image,) = frame.views
             metres = image.metres()
             points = back_project(metres, image.intrinsics)[metres > 0.0]
