@@ -282,5 +282,5 @@ def test_a_person_in_whom_no_candidate_is_visible_is_searched_for() -> None:
     """The run goes on without an error."""
     still = show(MODEL, name_pose(MODEL, STANDING)[None]).frames[0]
     tracker = OnePerson(Blind(), SETTINGS, people())
-    frames = (replace(still, number=n, time_s=n / 30) for n in range(3))
+    frames = (changed(still, number=n, time_s=n / 30) for n in range(3))
     assert [tracker.track(frame).status for frame in frames] == ["searching"] * 3

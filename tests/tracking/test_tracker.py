@@ -249,7 +249,7 @@ def test_a_live_frame_does_not_wait_for_a_search(monkeypatch: pytest.MonkeyPatch
 
     monkeypatch.setattr("gepf.refiners.refine", count)
     places = [min(n, FRAMES - 1) for n in range(8)]
-    frames = [replace(posture.frames[k], number=n, time_s=n / 30) for n, k in enumerate(places)]
+    frames = [changed(posture.frames[k], number=n, time_s=n / 30) for n, k in enumerate(places)]
     follow = Tracker(DirectRefiner(), SETTINGS, people()).follow
     live = follow(frames, live=Waiting([LiveCamera("depth")], print))
     (first, _), *others = [(tracked.people[0].estimate, len(requests)) for tracked in live]
@@ -266,7 +266,7 @@ def test_a_person_who_moves_during_a_live_search_is_tracked_soon_after(rates: di
     numbers = (0, 4, 5, 6, 7, 8)
     poses = [name_pose(human(1.82), raised(STANDING, min(n, 4), rates)) for n in numbers]
     images, joints = show(human(1.82), np.array(poses))
-    frames = [replace(f, number=n, time_s=n / 30) for f, n in zip(images, numbers, strict=True)]
+    frames = [changed(f, number=n, time_s=n / 30) for f, n in zip(images, numbers, strict=True)]
     target = TargetTracker(DirectRefiner(), SETTINGS, known(), first_state(known(), None, SETTINGS))
     budget, estimates = FrameBudget(1 / 30, is_late=True), list[Estimate]()
     for frame in frames:
@@ -284,7 +284,7 @@ def test_a_person_who_walks_during_a_live_search_is_tracked_whole() -> None:
     """In a room, so far that the detected pose is no longer near most of the person."""
     poses = [name_pose(human(1.82), {**STANDING, "root_tx": x}) for x in (0.0, 0.6, 0.6)]
     images, joints = show(human(1.82), np.array(poses))
-    frames = [replace(in_a_room(f), number=n, time_s=n / 30) for f, n in zip(images, (0, 6, 7), strict=True)]
+    frames = [changed(in_a_room(f), number=n, time_s=n / 30) for f, n in zip(images, (0, 6, 7), strict=True)]
     follow = Tracker(DirectRefiner(), SETTINGS, people()).follow
     _, first, _ = follow(frames, live=Idle([LiveCamera("depth")], print))
     assert apart(first.people[0].estimate, joints[1]).mean() < 0.05
