@@ -46,7 +46,7 @@ class LiveRig:
         self._first = math.inf  # when the first frame was received
         self._all_heard = False  # or those that were not are reported
 
-    def accept(self, frame: View, now: float, place: int = 0) -> str | None:
+    def accept(self, view: View, now: float, place: int = 0) -> str | None:
         """Receive a frame of the camera at a place: keep it if it belongs to its stream or starts another.
 
         Returns a message for the user, if there is any.
@@ -55,24 +55,24 @@ class LiveRig:
         key = stream.camera.key
         self.counts["received"] += 1
         clock = next((each for each in self.streams if each is not stream and each.lives(now)), None)
-        misfit = stream.misfit(frame)
+        misfit = stream.misfit(view)
         if misfit is not None:
             cause, words = misfit
-            if not stream.reject(frame):
+            if not stream.reject(view):
                 self.counts["rejected"] += 1
                 first = cause not in stream.reported
                 stream.reported.add(cause)
                 return f"a frame on {key} {words}; such frames are left out" if first else None
             goes_on = clock is not None and cause == ORDER
-            stream.begin(frame, goes_on=goes_on)
-            size = f"{frame.intrinsics.width}x{frame.intrinsics.height}"
+            stream.begin(view, goes_on=goes_on)
+            size = f"{view.intrinsics.width}x{view.intrinsics.height}"
             then = "tracking goes on" if goes_on else "tracking starts again"
             said = f"another stream of frames, {size}, has begun on {key}; {then}"
             if not goes_on:
                 self.begun, self._last = self.begun + 1, None
         if stream.waiting is not None:
             self.counts["skipped"] += 1
-        if stream.accept(frame, now, clock):
+        if stream.accept(view, now, clock):
             said = f"the times on {key} do not fit time_offset_s; its clock is measured by reception"
         return said or self._miss(now)
 
@@ -91,7 +91,7 @@ class LiveRig:
         living = [each for each in self.streams if each.lives(now)][:1]
         waiting = ((each, each.waiting) for each in living or self.streams if each.waiting is not None)
         last_s = -math.inf if self._last is None else self._last.time_s
-        return next((each for each, frame in waiting if frame.time_s > last_s), None)
+        return next((each for each, view in waiting if view.time_s > last_s), None)
 
     def take(self, now: float) -> Frame | None:
         """The next frame, with those of the other cameras that are near in time; None if none waits.
@@ -179,11 +179,11 @@ class LiveFrames:
     ) -> None:
         """Receive a message of a camera, by its place; an older frame that is still waiting is skipped.
 
-        `decode` returns its frame, or None at the end of the stream; ProtocolError if it is malformed.
+        `decode` returns its image, or None at the end of the stream; ProtocolError if it is malformed.
         """
         received, rig = time.monotonic(), self._rig
         try:
-            frame = decode(payload)
+            view = decode(payload)
         except ProtocolError as error:
             with self._changed:
                 rig.counts["malformed"] += 1
@@ -193,11 +193,11 @@ class LiveFrames:
             return
         said = None
         with self._changed:
-            if frame is None:
+            if view is None:
                 rig.streams[place].ended = True
                 self._ended |= not any(each.lives(received) for each in rig.streams)
             elif not self._ended:
-                said = rig.accept(frame, received, place)
+                said = rig.accept(view, received, place)
             self._changed.notify_all()
         if said is not None:
             self._report(said)

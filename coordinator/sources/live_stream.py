@@ -73,7 +73,7 @@ class LiveCamera:
 class LiveStream:
     """The stream of one camera: all frames have one size, camera and depth scale, in ascending order.
 
-    `waiting` is the newest frame, which has not been taken yet, in the rig's frame and time. `received` is
+    `waiting` is the newest image, which has not been taken yet, in the rig's frame and time. `received` is
     when the last frame that fits was received. Times of reception are seconds of the monotonic clock.
     """
 
@@ -107,37 +107,37 @@ class LiveStream:
         longest = LIMITS.silent_intervals * usual_step([received for _, received in self._recent])
         return bool(self._recent) and not self.ended and now - self.received <= longest
 
-    def misfit(self, frame: View) -> tuple[str, str] | None:
+    def misfit(self, view: View) -> tuple[str, str] | None:
         """Why a frame does not follow the last one: the cause and a message; None if it does."""
-        return None if self._last is None else find_misfit(frame, self._last)
+        return None if self._last is None else find_misfit(view, self._last)
 
-    def reject(self, frame: View) -> bool:
+    def reject(self, view: View) -> bool:
         """Note a frame that does not fit; returns whether it begins a new stream.
 
         It does if the last `new_stream_frames` rejected frames with its camera follow each other.
         """
-        self._rejected.append(frame)
-        camera = frame.intrinsics, frame.depth_scale
+        self._rejected.append(view)
+        camera = view.intrinsics, view.depth_scale
         last = [each for each in self._rejected if (each.intrinsics, each.depth_scale) == camera]
         needed = LIMITS.new_stream_frames
         last = last[-needed:]
         return len(last) == needed and all(find_misfit(b, a) is None for a, b in pairwise(last))
 
-    def begin(self, frame: View, *, goes_on: bool) -> None:
+    def begin(self, view: View, *, goes_on: bool) -> None:
         """Begin a new stream with a frame; the numbers of one that `goes_on` stay in order."""
         after = 0 if self._last is None else self._last.number + self._skip + 1
-        self._skip = max(0, after - frame.number) if goes_on else 0
+        self._skip = max(0, after - view.number) if goes_on else 0
         self._recent.clear()
         self._last = self._sparse = None
 
-    def accept(self, frame: View, received: float, clock: LiveStream | None) -> bool:
+    def accept(self, view: View, received: float, clock: LiveStream | None) -> bool:
         """Keep a frame that fits. `clock` is the stream of another camera that lives, if there is one.
 
         Returns whether the camera's clock has just been found to be another one than the rig file says.
         """
-        self._last, self.received, self.ended = frame, received, False
+        self._last, self.received, self.ended = view, received, False
         self._rejected.clear()
-        self._recent.append((frame.time_s, received))
+        self._recent.append((view.time_s, received))
         found = False
         if clock is not None:
             measured = clock.offset_s + clock.earliest - self.earliest
@@ -146,9 +146,9 @@ class LiveStream:
             if self.by_reception:
                 self.offset_s = measured
         self.waiting = replace(
-            frame,
-            number=frame.number + self._skip,
-            time_s=frame.time_s + self.offset_s,
+            view,
+            number=view.number + self._skip,
+            time_s=view.time_s + self.offset_s,
             camera=self.camera.camera,
             T_rig_camera=self.camera.T_rig_camera,
         )
@@ -161,12 +161,12 @@ class LiveStream:
 
     def take(self) -> View:
         """The frame that waits; gaps of sparse depth are closed."""
-        frame, self.waiting = self.waiting, None
-        assert frame is not None
-        depth = measured(frame.depth)
+        view, self.waiting = self.waiting, None
+        assert view is not None
+        depth = measured(view.depth)
         if self._sparse is None and depth.any():
             self._sparse = is_sparse([depth])
-        return replace(frame, depth=close_gaps(depth) if self._sparse else depth)
+        return replace(view, depth=close_gaps(depth) if self._sparse else depth)
 
 
 def usual_step(values: Sequence[float]) -> float:
@@ -174,16 +174,16 @@ def usual_step(values: Sequence[float]) -> float:
     return median(b - a for a, b in pairwise(values)) if len(values) > 1 else math.inf
 
 
-def find_misfit(frame: View, last: View) -> tuple[str, str] | None:
+def find_misfit(view: View, last: View) -> tuple[str, str] | None:
     """Why a frame cannot follow another one: the cause and a message; None if it can."""
-    camera, other = frame.intrinsics, last.intrinsics
+    camera, other = view.intrinsics, last.intrinsics
     if (camera.width, camera.height) != (other.width, other.height):
         return "size", f"is {camera.width}x{camera.height}, those before {other.width}x{other.height}"
     if camera != other:
         return "intrinsics", "has other intrinsics than those before"
-    if frame.depth_scale != last.depth_scale:
-        return "scale", f"has {frame.depth_scale:g} units per metre, those before {last.depth_scale:g}"
-    if frame.number <= last.number or frame.time_s <= last.time_s:
+    if view.depth_scale != last.depth_scale:
+        return "scale", f"has {view.depth_scale:g} units per metre, those before {last.depth_scale:g}"
+    if view.number <= last.number or view.time_s <= last.time_s:
         before = f"the one before number {last.number} of {last.time_s:g} s"
-        return ORDER, f"is number {frame.number} of {frame.time_s:g} s, {before}"
+        return ORDER, f"is number {view.number} of {view.time_s:g} s, {before}"
     return None

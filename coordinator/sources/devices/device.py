@@ -146,9 +146,9 @@ class AttachedCamera:
         while self._camera is not None:
             try:
                 with closing(self._camera.shots) as shots:
-                    for frame, colour in self._continued(shots, began, last):
-                        last = frame
-                        yield frame, colour
+                    for view, colour in self._continued(shots, began, last):
+                        last = view
+                        yield view, colour
             except Exception as error:  # an SDK may raise anything, also when it stops the camera
                 if self._closed.is_set():
                     return
@@ -164,19 +164,19 @@ class AttachedCamera:
     def _continued(self, shots: Iterator[Shot], began: float, last: View | None) -> Iterator[Shot]:
         """The images of one opening, with numbers after the `last` one, and times in seconds from `began`."""
         before = None
-        for frame, colour in shots:
+        for view, colour in shots:
             if self._closed.is_set():
                 return
             if before is None:
-                shift = (0 if last is None else last.number + 1) - frame.number
+                shift = (0 if last is None else last.number + 1) - view.number
                 now = time.monotonic() - began
-                shift_s = (now if last is None else max(now, last.time_s + LIMITS.retry_s)) - frame.time_s
-            elif frame.number > before + 1:
+                shift_s = (now if last is None else max(now, last.time_s + LIMITS.retry_s)) - view.time_s
+            elif view.number > before + 1:
                 if self.dropped == 0:
                     self._report(f"{self._name}: the camera dropped an image; is it in a USB 3 port?")
-                self.dropped += frame.number - before - 1
-            before = frame.number
-            yield replace(frame, number=frame.number + shift, time_s=frame.time_s + shift_s), colour
+                self.dropped += view.number - before - 1
+            before = view.number
+            yield replace(view, number=view.number + shift, time_s=view.time_s + shift_s), colour
 
     def _open(self) -> Camera:
         camera = open_camera(self._name, colour=self._colour)
