@@ -14,10 +14,11 @@ from gepf.common.errors import InputError, ProtocolError
 from gepf.common.frame import View
 from gepf.common.protocol.frames import check_camera
 from gepf.coordinator.sources.camera import MILLIMETRES
+from gepf.coordinator.sources.clock import SECOND_NS
 from gepf.coordinator.sources.joint_states import STATES, JointStates
 from gepf.coordinator.sources.lens import Lens
 from gepf.coordinator.sources.live import LiveFrames
-from gepf.coordinator.sources.ros2 import SECOND_NS, Node, nanoseconds
+from gepf.coordinator.sources.ros2 import Node, nanoseconds
 from gepf.coordinator.sources.ros2_colour import ColourTopic
 from gepf.coordinator.sources.ros_camera import CAMERA, lens_in
 from gepf.coordinator.sources.ros_images import COMPRESSED, IMAGE, PICTURES, TRANSPORT, pixels
