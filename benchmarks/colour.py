@@ -127,7 +127,8 @@ class DisturbedFinder(KeypointFinder):
 
     def submit(self, frame: Frame, bodies: Sequence[ExpectedBody | None]) -> Future[Sight]:
         """Disturbed keypoints."""
-        (found,), doubles = super().submit(frame, bodies).result()
+        sight = super().submit(frame, bodies).result()
+        (found,) = sight.keypoints
         future = Future[Sight]()
         if "" in found:
             self._past[frame.time_s] = found[""]
@@ -135,7 +136,7 @@ class DisturbedFinder(KeypointFinder):
             per_metre = view.intrinsics.fx / float(np.median(view.metres()[view.depth > 0]))
             seen = self._disturb(Moment(frame, found[""], self._past, per_metre, self._rng))
             found = {} if seen is None else {"": seen.astype(np.float32)}
-        future.set_result(Sight([found], doubles))
+        future.set_result(sight._replace(keypoints=[found]))
         return future
 
 

@@ -31,7 +31,7 @@ class RefineSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     noise_depth: float = 0.01  #: standard deviation of an observed point along the viewing direction
     noise_lateral: float = 0.01  #: across it; closest points are searched in units of both
     likelihood_scale: float = 0.01  #: metres, root mean square residual that reduces the likelihood by e^-1/2
-    outside_weight: float = 1.0  #: of squared distances of points outside of the surface; the camera model's
+    outside_weight: float = 1.0  #: of squared distances of points outside the surface; the family sets it
     pose_deviation: float = 0.0  #: prior of joint angles around rest; the unit of rest_spreads; 0: none
 
     @property

@@ -115,6 +115,9 @@ class TrackSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     max_motion_m: Quantity = 0.8  #: of a body between two frames
     gone_share: Share = 0.35  #: of the pixels in the last good frame; with fewer the body may have left
     whole_share: Share = 0.85  #: of the pixels in which it was detected; with fewer a part is missing
+    facing_s: Quantity = 1.0  #: of colour that shows left and right, until it tells front from back
+    exchanged_s: Quantity = 4.0  #: of colour that shows left and right exchanged, until depth is doubted
+    unshown_s: Quantity = 1.0  #: until a body ends that colour has never shown, where it has shown people
     camera_confirmed_s: Quantity = 0.5  #: until a fault is reported, and cameras that agree are believed
 
 
@@ -154,6 +157,8 @@ class FeatureWeights(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     folding: float = 2.254  #: of the body
     crowding: float = 1.437  #: number of joints nearby
     protrusion: float = 5.038  #: in front of or behind the mean joint
+    shown: float = 0.0  #: how well colour shows it
+    apart: float = 0.0  #: how far it is from its keypoint, in deviations
 
 
 class CertaintyFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -45,6 +45,7 @@ from gepf.coordinator.sources.camera import DEFAULT_FPS
 from gepf.coordinator.sources.source import FARTHEST_M
 from gepf.coordinator.tracking import tracker as tracking
 from gepf.coordinator.tracking.state import read_start, start_at
+from gepf.coordinator.tracking.target import resolve
 from gepf.frames import check_frame
 from gepf.live_source import LiveSource
 from gepf.named import Estimate, named
@@ -77,7 +78,7 @@ class FrameLoop(Closing):
                 finder = KeypointFinder()
             except MissingPackage as missing:
                 self._unused = f"{without_colour(missing)}; or color=False"
-        self._settings, self._frames = settings, 0
+        self._settings, self._frames = resolve(settings, bodies.family), 0
         self._camera, self._depth_scale, self._cameras = camera, depth_scale, dict[str, Intrinsics]()
         self._stack = ExitStack()
         refiner = open_refiner(workers, tls, self._stack)

@@ -169,6 +169,9 @@ class Service:
         except ProtocolError as error:
             with request:
                 refuse(request, str(error))
+        except Exception as error:  # noqa: BLE001 - a request without an answer would be waited for
+            with request:
+                refuse(request, f"could not read the request: {type(error).__name__}: {error}")
         else:
             self._put(asked.run, Task(asked, request, time.monotonic()))
 

@@ -90,7 +90,7 @@ def gather(
     rows: list[tuple[Array, Array, Mask, str]] = []
     for frame in frames[::every]:
         tracker.begin_frame()
-        segmented = segmenter.segment(frame, [tracker.segmentation_surface])
+        segmented = segmenter.segment(frame, [tracker.segmentation_surface()])
         (subject,) = segmented.subjects
         if segmented.candidates:
             subject = segmented.candidates[0].subject

@@ -28,12 +28,14 @@ class ColourState:
     """Whether the colour of a camera is used.
 
     against_s: seconds of disagreement less those of agreement, from 0 to PERSISTENT_S. since_s: time of the
-    frame in which the use ended or began.
+    frame in which the use last ended or began. agreed_s: that of the last one in
+    which it showed a person where depth does.
     """
 
     against_s: float = 0.0
     used: bool = True
-    since_s: float = 0.0
+    since_s: float | None = None
+    agreed_s: float | None = None
 
     def after(self, against: Sequence[bool], interval_s: float, time_s: float) -> Self:
         """The state after a frame in which keypoints are against poses that explain depth, or for them."""
@@ -43,7 +45,12 @@ class ColourState:
         against_s = self.against_s + apart * min(interval_s, LONGEST_STEP_S)
         against_s = min(max(against_s, 0.0), PERSISTENT_S)
         used = against_s < PERSISTENT_S if self.used else against_s == 0.0
-        return type(self)(against_s, used, self.since_s if used == self.used else time_s)
+        return type(self)(
+            against_s,
+            used,
+            self.since_s if used == self.used else time_s,
+            self.agreed_s if all(against) else time_s,
+        )
 
 
 ColourStates = dict[str, ColourState]
@@ -84,9 +91,26 @@ def are_elsewhere(pixels: Array, keypoints: NDArray[np.float32]) -> bool:
     return shift > SHIFTED or distance_of(pixels, keypoints) > SAME_PERSON
 
 
-def unused(states: ColourStates) -> frozenset[str]:
-    """The cameras whose colour is not used."""
-    return frozenset(name for name, state in states.items() if not state.used)
+def unused(states: ColourStates, before_s: float | None = None) -> frozenset[str]:
+    """The cameras whose colour is not used, now or before what the frame at a time has changed."""
+
+    def is_used(state: ColourState) -> bool:
+        just_changed = before_s is not None and state.since_s is not None and state.since_s >= before_s
+        return state.used != just_changed
+
+    return frozenset(name for name, state in states.items() if not is_used(state))
+
+
+def trusted(states: ColourStates, time_s: float) -> frozenset[str]:
+    """The cameras whose colour shows people now: it is used, and has lately shown somebody where depth does.
+
+    Others, in the dark for example, do not tell that nobody is there.
+    """
+    return frozenset(
+        name
+        for name, state in states.items()
+        if state.used and state.agreed_s is not None and time_s - state.agreed_s <= PERSISTENT_S
+    )
 
 
 def describe_changes(before: Mapping[str, ColourState], now: Mapping[str, ColourState]) -> list[str]:

@@ -22,6 +22,7 @@ MARGIN = 1.25  # side of the crop / diameter of the person, with which the netwo
 NEAREST_M = 0.2  # depth of a point that is projected
 BLACK = 16  # brightest channel of a pixel without colour, after compression
 GAP_PX = 12  # widest gap that is closed
+REACH_M = 0.95  # from the hips of an adult to the farthest point
 TINY_PX = 8.0  # smallest side of a crop
 LARGEST_SHIFT, LARGEST_GROWTH, LARGEST_TURN = 0.15, np.log(1.5), np.radians(30.0)
 """Of crops that show much the same: share of the side, logarithm of the ratio of sides, angle."""
@@ -84,6 +85,16 @@ class Crop:
         """The rotation (2, 2) from the crop to the image."""
         c, s = np.cos(self.turn), np.sin(self.turn)
         return np.array([[c, -s], [s, c]])
+
+
+def crop_of_points(points: Array, upward: Array, camera: Intrinsics) -> Crop:
+    """The crop around a person of whom points (P, 3) are seen; `upward` (3,), camera's frame.
+
+    The points may be a part of the person, and a little more: the network looks again where it sees one.
+    """
+    middle = np.median(points, axis=0)
+    before, above = project(np.stack([middle, middle + 0.1 * upward]), camera)
+    return Crop.around(before, REACH_M * 0.5 * (camera.fx + camera.fy) / float(middle[2]), above - before)
 
 
 def warp(image: Image.Image, corners: Array, how: Image.Resampling) -> NDArray[np.uint8]:

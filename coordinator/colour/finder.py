@@ -6,23 +6,26 @@ from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
 
 from gepf.common.arrays import Array
 from gepf.common.body import KEYPOINTS, BodyModel
-from gepf.common.camera import project
+from gepf.common.camera import points_of, project
 from gepf.common.frame import Frame, SubjectFrame, SubjectView, View
 from gepf.common.kinematics import keypoint_positions, pose_vertices
 from gepf.common.packages import MissingPackage
 from gepf.common.refinement import KEYPOINT_OUTLIER
-from gepf.coordinator.colour.crop import Crop, crop_of_body
+from gepf.coordinator.colour.crop import Crop, crop_of_body, crop_of_points
 from gepf.coordinator.colour.keypoints import HIPS, SHOULDERS, find_keypoints
 from gepf.coordinator.colour.network import PoseNetwork, check_installed
 
 SAME_PERSON = 3.0  # median distance of keypoints, in deviations
+MOST_CANDIDATES = 4  # that are looked at in a frame
+NEAR_PX = 3  # to which keypoints at an outline may be off it
 TRUNK_M = 0.2  # thickness of a trunk: the mean distance of two people's keypoints is above it
 
 SIDES = {"left": "right", "right": "left"}
@@ -52,6 +55,13 @@ class Sight(NamedTuple):
 
     keypoints: Sequence[Keypoints]
     doubles: Sequence[bool]
+    candidates: Sequence[Keypoints] = ()  # those of each candidate in the frame, if they were looked at
+    looked_in: Sequence[Collection[str]] = ()  # the cameras in which each person was looked for
+
+    @classmethod
+    def of_nobody(cls, people: int) -> Self:
+        """Without colour."""
+        return cls([{}] * people, [False] * people, (), [()] * people)
 
 
 class KeypointFinder:
@@ -85,9 +95,37 @@ class KeypointFinder:
         def look() -> Sight:
             seen = [self._look(frame, body) for body in bodies]
             given = assign(bodies, seen, frame)
-            return Sight(given, find_doubles(bodies, seen, given))
+            cameras = [
+                [view.camera for view in frame.views if view.colours is not None and crop_of(body, view)]
+                for body in bodies
+            ]
+            return Sight(given, find_doubles(bodies, seen, given), (), cameras)
 
         return self._thread.submit(look)
+
+    def look_at(
+        self, candidates: Sequence[SubjectFrame], frame: Frame, upward: Mapping[str, Array]
+    ) -> list[Keypoints]:
+        """The keypoints of the first candidates; none where the network sees no person.
+
+        `upward` (3,) are directions in the camera's frame, by its name.
+        """
+
+        def look(candidate: SubjectFrame) -> Keypoints:
+            shown = dict[str, NDArray[np.float32]]()
+            images = {view.camera: view for view in frame.views}
+            for view in candidate.views:
+                image = images[view.image.camera]
+                points = points_of(view.image.metres(), view.image.intrinsics, view.image.depth > 0)
+                if image.colours is None or not len(points):
+                    continue
+                crop = crop_of_points(points, upward[image.camera], image.intrinsics)
+                keypoints = find_keypoints(self._network, image.colours, image.depth > 0, crop)
+                if keypoints is not None and are_on(view, keypoints):
+                    shown[image.camera] = keypoints
+            return shown
+
+        return self._thread.submit(lambda: [look(who) for who in candidates[:MOST_CANDIDATES]]).result()
 
     def _look(self, frame: Frame, body: ExpectedBody | None) -> Keypoints:
         found = dict[str, NDArray[np.float32]]()
@@ -157,8 +195,13 @@ def in_view(body: ExpectedBody, view: View) -> Array:
 
 def distance_of(pixels: NDArray[np.floating], keypoints: NDArray[np.float32]) -> float:
     """The median distance of pixels (17, 2) from keypoints, in their deviations."""
+    return float(np.median(deviations_of(pixels, keypoints)))
+
+
+def deviations_of(pixels: NDArray[np.floating], keypoints: NDArray[np.float32]) -> Array:
+    """The distance of each pixel (17, 2) from its keypoint, in deviations of the keypoint."""
     off = np.linalg.norm(pixels - keypoints[:, :2], axis=1)
-    return float(np.median(off * np.sqrt(keypoints[:, 2])))
+    return np.asarray(off * np.sqrt(keypoints[:, 2]))
 
 
 def crop_of(body: ExpectedBody | None, view: View) -> Crop | None:
@@ -217,6 +260,24 @@ def with_sides_of(subject: SubjectFrame | None, body: ExpectedBody) -> SubjectFr
     return replace(subject, views=views)
 
 
+def are_on(view: SubjectView, keypoints: NDArray[np.float32]) -> bool:
+    """Whether most keypoints that a network sees are on the pixels of a subject, and not on those of others.
+
+    They weigh by their precision; those outside of the image are of no account.
+    """
+    left, top, right, bottom = view.extent
+    places = in_crop(view, keypoints)
+    columns, rows = np.rint(places[:, 0]).astype(int), np.rint(places[:, 1]).astype(int)
+    in_image = (left <= columns) & (columns < right) & (top <= rows) & (rows < bottom)
+    shape = view.image.depth.shape
+    in_window = (columns >= 0) & (columns < shape[1]) & (rows >= 0) & (rows < shape[0])
+    on = np.zeros(len(places), dtype=np.bool_)
+    near = binary_dilation(view.image.depth > 0, iterations=NEAR_PX)
+    on[in_window] = near[rows[in_window], columns[in_window]]
+    weights = np.where(in_image, places[:, 2], 0.0)
+    return bool(weights @ on > 0.5 * weights.sum())
+
+
 def in_crop(view: SubjectView, keypoints: NDArray[np.float32]) -> NDArray[np.float32]:
     """Keypoints of the whole image (17, 3) in pixels of a crop."""
     moved: NDArray[np.float32] = keypoints + np.array([*view.extent[:2], 0.0], np.float32)
@@ -230,6 +291,32 @@ def in_image(subject: SubjectFrame) -> Keypoints:
         for view in subject.views
         if view.keypoints is not None
     }
+
+
+def is_shown(model: BodyModel, pose: Array, subject: SubjectFrame, *, looked_at: bool) -> bool | None:
+    """Whether colour shows a person in this pose (D,), whichever way the person faces.
+
+    False only if colour that shows people was `looked_at`; None if it does not tell.
+    """
+    body = ExpectedBody(model, pose)
+    for view in subject.views:
+        if view.keypoints is not None:
+            pixels = in_view(body, view.image)
+            sides = view.keypoints, view.keypoints[EXCHANGED]
+            if min(distance_of(pixels, keypoints) for keypoints in sides) < SAME_PERSON:
+                return True
+    return False if looked_at else None
+
+
+def shown_sides(model: BodyModel, pose: Array, subject: SubjectFrame) -> int:
+    """1 if keypoints show left and right as in this pose (D,), -1 if exchanged, 0 if they do not tell."""
+    for view in subject.views:
+        if view.keypoints is not None:
+            pixels = in_view(ExpectedBody(model, pose), view.image)
+            sides = distance_of(pixels, view.keypoints), distance_of(pixels, view.keypoints[EXCHANGED])
+            if min(sides) < SAME_PERSON < max(sides):
+                return 1 if sides[0] < sides[1] else -1
+    return 0
 
 
 def keypoint_cost(model: BodyModel, pose: Array, subject: SubjectFrame) -> float:

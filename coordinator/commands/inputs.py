@@ -58,6 +58,7 @@ from gepf.coordinator.sources.ros2_input import DepthTopic, JointTopic
 from gepf.coordinator.sources.source import select_frames
 from gepf.coordinator.tracking.reporting import TrackedFrame
 from gepf.coordinator.tracking.state import read_start
+from gepf.coordinator.tracking.target import resolve
 
 logger = logging.getLogger(__name__)
 
@@ -80,8 +81,8 @@ class Input:
     finder: KeypointFinder | None = None  # of keypoints in colour images
 
     def __init__(self, job: Job, source: Source | None, first: Source | LiveCamera) -> None:
-        self.job = job
         self.bodies = choose_bodies(job.active, job.settings.preset, job.model)
+        self.job = job = replace(job, settings=resolve(job.settings, self.bodies.family))
         self.start = choose_start(job.init, source, self.bodies.dof_names) if job.people == 1 else None
         up = None
         if job.settings.rotate_deg is not None:

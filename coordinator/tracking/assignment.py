@@ -82,7 +82,7 @@ class Assignment:
     def _elsewhere(self, place: int) -> UntrackedPerson | None:
         """A candidate nearby with more pixels than the present subject, who is probably the same person."""
         target, pixels = self._targets[place], self._segmented.pixels(place)
-        surfaces = [other.segmentation_surface for n, other in enumerate(self._targets) if n != place]
+        surfaces = [other.segmentation_surface() for n, other in enumerate(self._targets) if n != place]
         candidates = self._segmenter.find_candidates(
             self._segmented, [surface for surface in surfaces if surface is not None]
         )

@@ -1,10 +1,11 @@
-"""The certainty of each joint in a frame: a logistic function of nine features, fitted to people.
+"""The certainty of each joint in a frame: a logistic function of eleven features, fitted to people.
 
 Three features come from the frame: the visible share of the surface around the joint that faces the camera,
 the normalised residual of the body, and the distance of the observed points around the joint from the
 surface. Two come from the filter: the spread of the hypotheses, and the speed of
 the joint. Four come from the pose: joints are wrong more often in bent limbs and folded bodies, near other
-joints, and far in front of or behind the body.
+joints, and far in front of or behind the body. Two come from colour: how well it shows the joint, and how far
+from there the joint is; without colour both are 0.
 """
 
 from __future__ import annotations
@@ -20,15 +21,18 @@ from scipy.spatial import cKDTree
 
 from gepf.common.activation import nearest_in
 from gepf.common.arrays import Array, Mask
-from gepf.common.body import ROOT_DOFS, ROTATION, BodyModel
+from gepf.common.body import KEYPOINTS, ROOT_DOFS, ROTATION, BodyModel
 from gepf.common.camera import Pinhole
 from gepf.common.compiling import numba
 from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions, pose_vertices
+from gepf.coordinator.colour.finder import ExpectedBody, deviations_of
+from gepf.coordinator.colour.finder import in_view as pixels_of
 from gepf.coordinator.settings import CertaintySettings
 from gepf.coordinator.tracking.estimate import Certainty
 from gepf.coordinator.tracking.observation import POINTS, camera_points
 
+FARTHEST = 4.0  # deviations from a keypoint that count
 STILL_M = 1e-9  # rounding of the place of a joint that does not move
 
 
@@ -55,6 +59,8 @@ class Features(NamedTuple):
     folding: Array  # of the body: mean change of the distances between joints since the pose at rest, metres
     crowding: Array  # number of nearby joints minus that in the pose at rest
     protrusion: Array  # metres in front of or behind the mean joint
+    shown: Array  # how well colour shows it: precision of its keypoint / that of the best one of the body
+    apart: Array  # the same, times the distance from its keypoint in deviations
 
 
 def log_odds(features: Features, settings: CertaintySettings) -> Array:
@@ -111,7 +117,34 @@ def measure_features(
         folding=np.full(len(joints), folding),
         crowding=count_near(distances, settings.crowded_m) - count_near(at_rest, settings.crowded_m),
         protrusion=np.abs(ahead - ahead.mean()),
+        **beside_keypoints(model, pose, context.subject)._asdict(),
     )
+
+
+class BesideKeypoints(NamedTuple):
+    """What colour shows of each joint (J,), see `Features`."""
+
+    shown: Array
+    apart: Array
+
+
+def beside_keypoints(model: BodyModel, pose: Array, subject: SubjectFrame) -> BesideKeypoints:
+    """Compare the joints of pose (D,) with the keypoints of the same names, in the camera that shows most."""
+    shown, apart = np.zeros((2, len(model.joint_names)))
+    pairs = [
+        (model.joint_names.index(name), k) for k, name in enumerate(KEYPOINTS) if name in model.joint_names
+    ]
+    for view in subject.views:
+        if view.keypoints is not None and pairs:
+            joints, points = np.array(pairs).T
+            precision = view.keypoints[:, 2].astype(np.float64)
+            share = (precision / precision.max())[points]
+            off = deviations_of(pixels_of(ExpectedBody(model, pose), view.image), view.keypoints)[points]
+            better = share > shown[joints]
+            joints = joints[better]
+            shown[joints] = share[better]
+            apart[joints] = (share * np.minimum(off, FARTHEST))[better]
+    return BesideKeypoints(shown, apart)
 
 
 def between(joints: Array) -> Array:

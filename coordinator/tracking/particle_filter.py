@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from gepf.common.arrays import Array
-from gepf.common.body import BodyModel
+from gepf.common.body import ROOT_DOFS, BodyModel
 from gepf.common.bounds import MAX_ITERATIONS
 from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import difference, joint_positions, natural_angles
@@ -87,12 +87,14 @@ class ParticleFilter:
         subject: SubjectFrame,
         time_s: float | None,
         budget: FrameBudget | None,
+        step_m: Array | None = None,
     ) -> Proposal:
         """Particles for a frame; fewer if it is late, unless the method needs all of them.
 
-        `time_s` is that of the last frame that showed the body.
+        `time_s` is that of the last frame that showed the body, `step_m` (3,) the motion of the whole body
+        since then, if it is known.
         """
-        step = None
+        step = None if step_m is None else root_step(model, step_m)
         if self._motion is not None:
             step = encoder_step(self._motion, model, belief.reported, time_s, subject.time_s)
         seen, unseen = in_view(subject, joint_positions(model, belief.reported[None])[0]), None
@@ -158,6 +160,15 @@ def pace_iterations(refine: RefineSettings, interval: float, settings: Settings)
     usual = refine.icp_iterations
     paced = min(round(usual * min(factor, settings.max_pace**pace)), MAX_ITERATIONS)
     return msgspec.structs.replace(refine, icp_iterations=max(usual, paced))
+
+
+def root_step(model: BodyModel, step_m: Array) -> Array:
+    """The motion (D,) of a body that moves (3,) as a whole, metres; NaN for unknown parts of it."""
+    step = np.full(len(model.dof_names), np.nan)
+    for name, metres in zip(ROOT_DOFS[:3], step_m, strict=True):
+        if name in model.dof_names:
+            step[model.dof(name)] = metres
+    return step
 
 
 def encoder_step(

@@ -13,6 +13,7 @@ from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions, natural_angles
 from gepf.common.refinement import Refined
 from gepf.coordinator.bodies.families import family_of
+from gepf.coordinator.colour.finder import keypoint_cost
 from gepf.coordinator.tracking.field_of_view import in_view
 from gepf.coordinator.tracking.gating import Gate
 from gepf.coordinator.tracking.state import Start
@@ -76,11 +77,16 @@ class Detection:
         seen = in_view(self.subject, np.stack([mine, joints])).any(axis=0)
         return bool(np.any(np.linalg.norm(mine - joints, axis=-1)[seen] > wrong_m))
 
-    def looks_alike(self, joints: Array, log_likelihood: float, alike_nats: float) -> bool:
-        """Whether a candidate that faces opposite to joints (J, 3) explains the frame about equally well."""
+    def faces_away(self, joints: Array) -> Mask:
+        """Which candidates (N,) face opposite to joints (J, 3)."""
         start = self.start
-        turned = start.family.faces_away(start.model.joint_names, self.candidates.joints, joints)
-        return bool(np.any(self.candidates.log_likelihood[turned] > log_likelihood - alike_nats))
+        return start.family.faces_away(start.model.joint_names, self.candidates.joints, joints)
+
+    def by_depth(self) -> Array:
+        """The log likelihood (N,) of the candidates without keypoints."""
+        model, found = self.start.model, self.candidates
+        costs = [keypoint_cost(model, pose, self.subject) for pose in found.poses]
+        return np.asarray(found.log_likelihood + costs)
 
 
 def candidates_of(model: BodyModel, refined: Refined, size: int) -> Candidates:

@@ -55,7 +55,7 @@ def warm_up(settings: Settings, bodies: Bodies) -> None:
         for values in (start, None, None)
     )
     segmenter = Segmenter(1, settings.scene)
-    for number, surface in enumerate((None, tracked.segmentation_surface)):
+    for number, surface in enumerate((None, tracked.segmentation_surface())):
         room = View(number, number / 30.0, depth, 1000.0, CAMERA)
         segmenter.segment(Frame.of(room), [surface])
         whole = replace(room, depth=np.where(depth < 4000, depth, 0))

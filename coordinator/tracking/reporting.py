@@ -121,8 +121,9 @@ def report(updated: Updated, cameras: CameraStates, settings: Settings) -> Track
             disputed = followed.agreement.dispute(views, confirmed_s)
             in_doubt = np.where(judgement.in_sight, limit, 1.0)
             doubt = explain_doubt(model.joint_names, certainty, in_doubt, limits.wrong_m)
-            why = disputed or followed.doubt or doubt
-            is_ambiguous = bool(disputed or doubt or followed.ambiguous_facing or judgement.has_rival)
+            why = disputed or followed.doubt(settings.track) or doubt
+            unsure = not followed.knows_facing(settings.track)
+            is_ambiguous = bool(disputed or doubt or unsure or judgement.has_rival)
         elif isinstance(track, Searching):
             why = track.why
         status = status_of(track, is_ambiguous=is_ambiguous)

@@ -11,6 +11,7 @@ import numpy as np
 from gepf.common.arrays import Array, Mask
 from gepf.common.camera import points_of
 from gepf.common.frame import Frame, SubjectFrame, View
+from gepf.coordinator.colour.finder import Keypoints, with_keypoints
 from gepf.coordinator.scene.candidates import Candidate, candidates
 from gepf.coordinator.scene.planes import Planes
 from gepf.coordinator.scene.scene import Scene, SceneChange, SceneChanges, SceneView
@@ -60,6 +61,12 @@ class UntrackedPerson:
         """The frame with all that may be the person's."""
         return self.alternatives[-1] if self.alternatives else self.subject
 
+    def with_keypoints(self, keypoints: Keypoints) -> UntrackedPerson:
+        """The person with the keypoints that colour shows."""
+        frames = (with_keypoints(frame, keypoints) for frame in (self.subject, *self.alternatives))
+        subject, *alternatives = (frame for frame in frames if frame is not None)
+        return UntrackedPerson(subject, tuple(alternatives))
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SegmentedFrame:
@@ -99,7 +106,9 @@ class BodyView:
 
     alternatives: of a body that is not tracked yet, those of an `UntrackedPerson`. excluded: what the cameras
     show that are not used for it. is_elsewhere: not where the body was expected. is_slow: it is long since
-    the frame before, so the next one is segmented when this one is refined.
+    the frame before, so the next one is segmented when this one is refined. is_looked_at: for the person, in
+    colour that shows people. step_m: the motion (3,) since the frame before by colour, if it tells.
+    is_exchanged: left and right in colour were exchanged, to be as those of the body.
     """
 
     frame: Frame
@@ -109,6 +118,9 @@ class BodyView:
     excluded: SubjectFrame | None = None
     is_elsewhere: bool = False
     is_slow: bool = False
+    is_looked_at: bool = False
+    step_m: Array | None = None
+    is_exchanged: bool = False
 
 
 class Segmenter:
@@ -265,6 +277,23 @@ class Segmenter:
         masked = [[masks[min(level, len(masks) - 1)] for masks in images] for level in levels]
         subject, *wider = [subject_of(frame, views, self._points) for views in masked]
         return UntrackedPerson(subject, tuple(filter(None, wider))) if subject else None
+
+
+def with_people(
+    candidates: Sequence[UntrackedPerson], shown: Sequence[Keypoints], trusted: Collection[str]
+) -> tuple[UntrackedPerson, ...]:
+    """Candidates in whom colour shows a person, with the keypoints, before the others.
+
+    `shown` are the keypoints of those that were looked at, the first. Of these, the others are left out if a
+    `trusted` camera has looked.
+    """
+    people, beside = list[UntrackedPerson](), list[UntrackedPerson]()
+    for who, seen in zip(candidates, shown, strict=False):
+        if seen:
+            people.append(who.with_keypoints(seen))
+        elif all(view.image.camera not in trusted for view in who.subject.views):
+            beside.append(who)
+    return (*people, *beside, *candidates[len(shown) :])
 
 
 def mask_candidate(image: View, view: SceneView, person: Candidate, near_bodies: Mask) -> MaskHypotheses:

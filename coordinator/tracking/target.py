@@ -19,7 +19,7 @@ from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions, pose_vertices
 from gepf.common.settings import RefineSettings
 from gepf.coordinator.bodies.family import Bodies, BodyFamily
-from gepf.coordinator.colour.finder import ExpectedBody, keypoint_cost
+from gepf.coordinator.colour.finder import ExpectedBody, is_shown, keypoint_cost, shown_sides
 from gepf.coordinator.filters.belief import USUAL_INTERVAL, Belief
 from gepf.coordinator.filters.methods import apply_method
 from gepf.coordinator.scene.noise import NO_NOISE, SensorNoise, assume_noise, measure_noise
@@ -40,11 +40,13 @@ from gepf.coordinator.tracking.state import Checkpoint, PersonState
 from gepf.coordinator.tracking.track_state import (
     Body,
     Event,
+    Followed,
     Found,
     Instructions,
     Policy,
     Refined,
     SearchEnded,
+    Searching,
     Segmented,
     Tracked,
     step,
@@ -74,7 +76,7 @@ class TargetTracker:
         motion: Encoders | None = None,
     ) -> None:
         self._refiner = refiner
-        self._settings = settings = for_family(apply_method(settings), bodies.family)
+        self._settings = settings = resolve(settings, bodies.family)
         self._filter = ParticleFilter(refiner, settings, motion)
         self._filter.rng.bit_generator.state = json.loads(state.checkpoint.generator)
         self._detector = Detector(bodies, refiner, settings)
@@ -104,16 +106,16 @@ class TargetTracker:
             recovers=self._settings.recover and self.start.is_free,
         )
 
-    @property
-    def segmentation_surface(self) -> Array | None:
+    def segmentation_surface(self, step_m: Array | None = None) -> Array | None:
         """The vertices (V, 3) around which the next frame is segmented; None if the body may be anywhere.
 
         The present frame may still be refined. So they are those of the pose of the frame before, unless
-        frames are slow.
+        frames are slow. `step_m` (3,) is the motion since then, if it is known.
         """
         if not isinstance(self.track, Body) or self.track.segmentation_pose is None:
             return None
-        return np.asarray(pose_vertices(self.model, self.track.segmentation_pose[None])[0])
+        vertices = np.asarray(pose_vertices(self.model, self.track.segmentation_pose[None])[0])
+        return vertices if step_m is None else vertices + step_m
 
     @property
     def expected_body(self) -> ExpectedBody | None:
@@ -137,9 +139,13 @@ class TargetTracker:
         is_sure = (
             isinstance(track, Tracked)
             and not track.is_new(self._settings.track)
-            and not track.ambiguous_facing
+            and track.knows_facing(self._settings.track)
         )
         return body if is_sure else None
+
+    @property
+    def _knows_facing(self) -> bool:
+        return isinstance(self.track, Followed) and self.track.knows_facing(self._settings.track)
 
     @property
     def last_seen(self) -> Array:
@@ -163,6 +169,12 @@ class TargetTracker:
         if isinstance(self.track, Body):
             return self.track.segmentation_pose is None
         return not self.search.is_running
+
+    def takes_candidate(self, time_s: float) -> bool:
+        """Whether a candidate of a frame at this time is searched, or taken for the body."""
+        if isinstance(self.track, Searching):
+            return self.track.is_due(time_s, self._settings.track)
+        return not isinstance(self.track, Body) or self.track.segmentation_pose is None
 
     def prepare(self) -> None:
         """Build what a first detection needs, unless the body is known already."""
@@ -197,6 +209,8 @@ class TargetTracker:
         self._distance = distance_to(subject)
         with clock.stage("search"):
             todo = self._segmented(view, subject)
+            if "stop searching" in todo:
+                self.search.drop()
             if subject is not None:
                 if "search" in todo:
                     self._begin_search(view, subject)
@@ -245,7 +259,9 @@ class TargetTracker:
         if first and budget is not None:  # with few particles, hypotheses of the detection would be lost
             budget = replace(budget, is_late=False)
         with clock.stage("draw"):
-            proposal = self._filter.propose(self.model, belief, subject, self.track.time_s, budget)
+            proposal = self._filter.propose(
+                self.model, belief, subject, self.track.time_s, budget, view.step_m
+            )
         with clock.stage("refine"):
             settings = self._filter.scale_iterations(self._refine_settings, proposal.interval, budget)
             context = FrameContext(subject, belief.reported, proposal.interval, settings.stretch, first)
@@ -338,16 +354,22 @@ class TargetTracker:
         gate = gate_pose(by_depth, belief.residual[0], submitted.settings, settings.gating)
         redetected, ambiguous_facing = False, None
         if detection is not None:
-            if detection.candidates.log_likelihood[0] > belief.log_weights[0] + settings.search.surer_nats:
-                joints = joint_positions(self.model, belief.poses[:1])[0]
+            joints = joint_positions(self.model, belief.poses[:1])[0]
+            depth_alone = detection.by_depth()
+            gain = detection.candidates.log_likelihood[0] - belief.log_weights[0]
+            if (
+                detection.faces_away(joints)[0] and self._knows_facing
+            ):  # keypoints of a frame may be exchanged
+                gain = depth_alone[0] - by_depth
+            if gain > settings.search.surer_nats:
+                by_depth = depth_alone[0]
                 redetected = self.track.is_lost or detection.is_elsewhere(joints, settings.certainty.wrong_m)
                 redetected_as = self._filter.believe(self.model, detection.candidates)
                 belief = replace(redetected_as, shape_precision=belief.shape_precision)
                 gate = detection.gate
             joints = joint_positions(self.model, belief.poses[:1])[0]
-            ambiguous_facing = detection.looks_alike(
-                joints, belief.log_weights[0], settings.search.alike_nats
-            )
+            turned = detection.faces_away(joints)
+            ambiguous_facing = bool(np.any(depth_alone[turned] > by_depth - settings.search.alike_nats))
         view = submitted.view
         allowed_m = settings.gating.max_residual_m + submitted.settings.noise_depth
         views = [*context.subject.views, *(view.excluded.views if view.excluded is not None else ())]
@@ -364,11 +386,17 @@ class TargetTracker:
             # the interval of the first frame includes the search, in which no cameras were compared
             interval_s=USUAL_INTERVAL if context.first else submitted.proposal.interval,
             is_slow=view.is_slow,
+            is_shown=is_shown(self.model, belief.poses[0], context.subject, looked_at=view.is_looked_at),
+            sides=-1 if view.is_exchanged else shown_sides(self.model, belief.poses[0], context.subject),
         )
 
 
-def for_family(settings: Settings, family: BodyFamily) -> Settings:
-    """The settings for bodies of a family, which may wear clothes."""
+def resolve(settings: Settings, family: BodyFamily) -> Settings:
+    """The settings with what the method fixes, and what follows from the bodies.
+
+    These are used, and stored with runs. Raises InputError as `apply_method`.
+    """
+    settings = apply_method(settings)
     refine = msgspec.structs.replace(settings.refine, outside_weight=family.outside_weight)
     return msgspec.structs.replace(settings, refine=refine)
 

@@ -20,6 +20,7 @@ from gepf.coordinator.settings import TrackSettings
 from gepf.coordinator.tracking.cameras import Agreement
 from gepf.coordinator.tracking.gating import Gate
 
+LONGEST_STEP_S = 0.5  # between two frames, that counts as time without a person in colour
 ROUNDING_S = 1e-3  # of times in files
 FACING_DOUBT = "front and back look alike: it may face the other way"
 
@@ -61,6 +62,7 @@ class Body(msgspec.Struct, frozen=True, kw_only=True):
     excluded: tuple[str, ...] = ()  # cameras that are not used for it when the next frame is segmented
     agreement: Agreement = msgspec.field(default_factory=Agreement)  # of the cameras, by the last pose
     is_searched: bool = False  # a search for it is running
+    unshown_s: float | None = 0.0  # since the detection, without a person in colour; None: it was shown
 
 
 class Found(Body, frozen=True, kw_only=True, tag="found"):
@@ -84,7 +86,8 @@ class Followed(Body, frozen=True, kw_only=True):
     why: str = ""  # to doubt that frame
     pixels: int = 0  # of the body in the last explained frame
     doubtful_s: float = 0.0  # for which a joint in view may have been wrong, since the last detection
-    ambiguous_facing: bool = False  # in the last search, front and back explained the frame equally well
+    ambiguous_facing: bool = False  # in the last search, front and back explained the depth equally well
+    sides_s: float = 0.0  # for which colour showed left and right as they are, less that for which exchanged
     faulty: tuple[str, ...] = ()  # cameras at fault in the last frame that showed the body
     sight: Sight = "body"  # in the last frame
 
@@ -92,10 +95,15 @@ class Followed(Body, frozen=True, kw_only=True):
         """Whether the body was detected, or a camera came back, shortly before."""
         return self.age_s < settings.check_interval_s - ROUNDING_S
 
-    @property
-    def doubt(self) -> str:
+    def knows_facing(self, settings: TrackSettings) -> bool:
+        """Whether front and back are told apart, by depth or by colour that lasts."""
+        if self.ambiguous_facing:
+            return self.sides_s >= settings.facing_s - ROUNDING_S
+        return self.sides_s > ROUNDING_S - settings.exchanged_s
+
+    def doubt(self, settings: TrackSettings) -> str:
         """Why the pose is doubtful, as text."""
-        return self.why or (FACING_DOUBT if self.ambiguous_facing else "")
+        return self.why or ("" if self.knows_facing(settings) else FACING_DOUBT)
 
 
 class Tracked(Followed, frozen=True, kw_only=True, tag="tracked"):
@@ -148,7 +156,8 @@ class Refined:
     `redetected`: the pose is that of a search, and not where the body was tracked. `ambiguous_facing`: front
     and back look alike in that search; None without one. `faulty` cameras are left out; the others have
     residuals in metres, as `Agreement.after` takes them, and up to `allowed_m` agree. `is_slow`: the next
-    frame is not segmented yet.
+    frame is not segmented yet. `is_shown`: whether colour shows the person; None if it does not tell.
+    `sides`: 1 if colour shows left and right as they are, -1 if exchanged, 0 if it does not tell.
     """
 
     belief: Belief
@@ -158,6 +167,8 @@ class Refined:
     redetected: bool = False
     ambiguous_facing: bool | None = None
     is_doubtful: bool = False
+    is_shown: bool | None = None
+    sides: int = 0
     faulty: tuple[str, ...] = ()
     residuals: Mapping[str, float] = field(default_factory=dict)
     allowed_m: float = 0.0
@@ -191,6 +202,8 @@ def step(state: TrackState, event: Event, policy: Policy) -> tuple[TrackState, I
 def _segmented(state: TrackState, event: Segmented, policy: Policy) -> tuple[TrackState, Instructions]:
     if not isinstance(state, Body):
         return _look_for_anybody(state, event, policy)
+    if policy.recovers and (state.unshown_s or 0.0) > policy.settings.unshown_s - ROUNDING_S:
+        return Absent(), ("stop searching", "report")
     if event.is_elsewhere and isinstance(state, Followed):
         state = _lose(state, policy)
     if not event.pixels:
@@ -258,7 +271,7 @@ def _check_due(state: Tracked | Lost, time_s: float, settings: TrackSettings) ->
     after = before + interval
     new = before < settings.search_interval_s <= after
     due = after // settings.check_interval_s > before // settings.check_interval_s
-    is_bad = state.residual > 1.0 or state.ambiguous_facing
+    is_bad = state.residual > 1.0 or not state.knows_facing(settings)
     in_doubt = _doubt_is_due(state.doubtful_s, interval, settings)
     return state.is_lost or new or (due and is_bad) or in_doubt
 
@@ -326,6 +339,8 @@ def _refined(
             before.ambiguous_facing if event.ambiguous_facing is None else event.ambiguous_facing
         ),
         faulty=event.faulty,
+        unshown_s=_unshown(before, event, interval),
+        sides_s=0.0 if event.redetected else _sides(before.sides_s, event.sides, interval, settings),
     )
     if event.is_slow:
         pose = _segmentation_pose(after, policy)
@@ -337,6 +352,19 @@ def _refined(
     return after, ("report",)
 
 
+def _unshown(state: Found | Tracked | Lost, event: Refined, interval_s: float) -> float | None:
+    """Seconds since its detection for which colour has not shown a body; None if it has once."""
+    if event.is_shown or state.unshown_s is None:
+        return None
+    return state.unshown_s + (0.0 if event.is_shown is None else min(interval_s, LONGEST_STEP_S))
+
+
+def _sides(before_s: float, sides: int, interval_s: float, settings: TrackSettings) -> float:
+    """The time for which colour showed left and right as they are, or exchanged, after a frame."""
+    after_s = before_s + sides * min(interval_s, LONGEST_STEP_S)
+    return min(max(after_s, -settings.exchanged_s), settings.exchanged_s)
+
+
 def _followed(state: Found | Tracked | Lost, settings: TrackSettings) -> Tracked | Lost:
     """A found body as a tracked one; a given start is checked only while in doubt."""
     if not isinstance(state, Found):
@@ -346,7 +374,7 @@ def _followed(state: Found | Tracked | Lost, settings: TrackSettings) -> Tracked
 
 def _lose(state: Found | Tracked | Lost, policy: Policy) -> Tracked | Lost:
     """The body may be anywhere."""
-    return _become(Lost, _followed(state, policy.settings), why="", ambiguous_facing=False)
+    return _become(Lost, _followed(state, policy.settings), why="", ambiguous_facing=False, sides_s=0.0)
 
 
 def _become(kind: type[Tracked] | type[Lost], state: Body, **changes: object) -> Tracked | Lost:

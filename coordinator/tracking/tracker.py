@@ -6,16 +6,19 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+from gepf.common.arrays import Array
 from gepf.common.frame import Frame, SubjectFrame
 from gepf.coordinator.bodies.family import Bodies
-from gepf.coordinator.colour.agreement import compare, unused
+from gepf.coordinator.colour.agreement import compare, trusted, unused
 from gepf.coordinator.colour.finder import (
+    ExpectedBody,
     KeypointFinder,
     Sight,
     with_keypoints,
     with_sides_of,
     without_keypoints,
 )
+from gepf.coordinator.colour.motion import trunk_step
 from gepf.coordinator.scene.scope import Scope
 from gepf.coordinator.settings import Settings
 from gepf.coordinator.sources.live import LiveFrames
@@ -27,7 +30,7 @@ from gepf.coordinator.tracking.particle_filter import Encoders, FrameBudget, Sub
 from gepf.coordinator.tracking.preparation import warm_up
 from gepf.coordinator.tracking.refiner import Refiner
 from gepf.coordinator.tracking.reporting import TrackedFrame, Updated, report
-from gepf.coordinator.tracking.segmenter import SegmentedFrame, Segmenter
+from gepf.coordinator.tracking.segmenter import SegmentedFrame, Segmenter, with_people
 from gepf.coordinator.tracking.state import FrameState, TrackerState, first_state
 from gepf.coordinator.tracking.target import TargetTracker
 from gepf.coordinator.tracking.track_state import ROUNDING_S, Body, Searching
@@ -37,7 +40,8 @@ from gepf.coordinator.tracking.track_state import ROUNDING_S, Body, Searching
 class Ready:
     """A segmented frame, the state of its cameras, what colour shows, and a stopwatch for each person.
 
-    is_slow: the time since the frame before is longer than `max_lookahead_s`.
+    is_slow: the time since the frame before is longer than `max_lookahead_s`. steps: the motion (3,) of each
+    person since then by colour, metres, if it tells.
     """
 
     segmented: SegmentedFrame
@@ -46,6 +50,7 @@ class Ready:
     clocks: Sequence[Stopwatch]
     sight: Sight
     interval_s: float
+    steps: Sequence[Array | None]
 
 
 class SubmittedFrame(NamedTuple):
@@ -161,27 +166,49 @@ class Tracker:
             tracks = [target.track for target in self._targets]
             excluded = [track.excluded if isinstance(track, Body) else () for track in tracks]
             self._cameras, frame = watch(self._cameras, frame, set().union(*excluded))
-            interval_s = 0.0 if self._time_s is None else frame.time_s - self._time_s
-            self._time_s = frame.time_s
+            last_s = self._time_s
+            interval_s, self._time_s = 0.0 if last_s is None else frame.time_s - last_s, frame.time_s
             bodies = [target.expected_body for target in self._targets]
             hurries, self._looked, looking = self._is_late and self._looked, False, None
             if self._colour is not None and not (hurries and self._colour.leave_out(frame, bodies)):
                 looking, self._looked = self._colour.submit(frame, bodies), True
+            is_slow = interval_s > settings.max_lookahead_s + ROUNDING_S
+            sight, steps = Sight.of_nobody(len(self._targets)), [None for _ in self._targets]
+            if looking is not None and is_slow:  # people are elsewhere now
+                sight = looking.result()
+                steps = self._steps(frame, bodies, sight, last_s)
             segmented = self._segmenter.segment(
                 frame,
-                [target.segmentation_surface for target in self._targets],
+                [
+                    target.segmentation_surface(step)
+                    for target, step in zip(self._targets, steps, strict=True)
+                ],
                 excluded=excluded,
                 rejected=any(isinstance(t, Searching) and t.searches > settings.max_searches for t in tracks),
                 find=any(target.needs_candidates for target in self._targets),
             )
-        sight = Sight([{} for _ in self._targets], [False for _ in self._targets])
         if looking is not None:
             with clocks[0].stage("keypoints"):
                 sight = looking.result()
                 subjects = map(with_keypoints, segmented.subjects, sight.keypoints)
                 segmented = replace(segmented, subjects=tuple(subjects))
-        is_slow = interval_s > settings.max_lookahead_s + ROUNDING_S
-        return Ready(segmented, self._cameras, is_slow, clocks, sight, interval_s)
+                if any(target.takes_candidate(frame.time_s) for target in self._targets):
+                    assert self._colour is not None
+                    upward = {view.image.camera: view.scene.planes.up for view in segmented.views}
+                    candidates = [person.subject for person in segmented.candidates]
+                    people = self._colour.look_at(candidates, frame, upward)
+                    sight = sight._replace(candidates=people)
+        return Ready(segmented, self._cameras, is_slow, clocks, sight, interval_s, steps)
+
+    def _steps(
+        self, frame: Frame, bodies: Sequence[ExpectedBody | None], sight: Sight, last_s: float | None
+    ) -> list[Array | None]:
+        """The motion (3,) of each body by colour, if it was used in the frame before, at `last_s`."""
+        longest_m, against = self._settings.track.max_motion_m, unused(self._frame.colours, last_s)
+        return [
+            None if body is None or against else trunk_step(body, keypoints, frame, longest_m)
+            for body, keypoints in zip(bodies, sight.keypoints, strict=True)
+        ]
 
     def _submit(self, ready: Ready, budget: FrameBudget | None) -> SubmittedFrame:
         """Predict the particles of each person, and send them to the workers."""
@@ -189,15 +216,26 @@ class Tracker:
         if against := unused(colours):
             subjects = (without_keypoints(subject, against) for subject in ready.segmented.subjects)
             ready = replace(ready, segmented=replace(ready.segmented, subjects=tuple(subjects)))
-        sided = list[SubjectFrame | None]()
-        for target, subject in zip(self._targets, ready.segmented.subjects, strict=True):
+        before, sided = ready.segmented.subjects, list[SubjectFrame | None]()
+        for target, subject in zip(self._targets, before, strict=True):
             body = target.body_of_known_facing
             sided.append(subject if body is None else with_sides_of(subject, body))
         segmented, scenes = replace(ready.segmented, subjects=tuple(sided)), ready.segmented.changes
+        shows_people = trusted(colours, segmented.frame.time_s)
+        if ready.sight.candidates and not against:
+            people = with_people(segmented.candidates, ready.sight.candidates, shows_people)
+            segmented = replace(segmented, candidates=people)
         assignment = Assignment(self._targets, self._segmenter, segmented)
         submitted = list[Submitted | Updated]()
         for place, (target, clock) in enumerate(zip(self._targets, ready.clocks, strict=True)):
-            view = replace(assignment.view_of(place), is_slow=ready.is_slow)
+            view = assignment.view_of(place)
+            view = replace(
+                view,
+                is_exchanged=view.subject is sided[place] and sided[place] is not before[place],
+                is_slow=ready.is_slow,
+                step_m=ready.steps[place],
+                is_looked_at=not shows_people.isdisjoint(ready.sight.looked_in[place]),
+            )
             if ready.sight.doubles[place] and not against:  # it is lost, and looked for elsewhere
                 view = replace(view, subject=None)
             submitted.append(target.submit(view, clock, budget))

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from gepf.common.errors import BusError
+from gepf.coordinator.bodies.human.people import PEOPLE
 from gepf.coordinator.cli import main
 from gepf.coordinator.pool.options import Pool
 from gepf.coordinator.results.track import Track, read_track
@@ -95,6 +96,13 @@ def test_the_summary_has_settings_and_outcome(tracked: Tracked, desk: Desk) -> N
     assert {"python", "numpy", "numba", "eclipse-zenoh"} <= set(summary["versions"])
     assert {"segment", "refine", "merge"} <= set(summary["time_per_stage"])
     assert isinstance(summary["frame_rate"], float)
+
+
+def test_settings_that_follow_from_the_body_are_stored(tracked: Tracked) -> None:
+    """People wear clothes: what `summary.json` and the library's runs state is what the workers get."""
+    _, summary = tracked()
+    weight = summary["settings"]["refine"]["outside_weight"]
+    assert weight == PEOPLE.outside_weight < 1.0
 
 
 def test_the_seed_decides_the_bytes(desk: Desk, tmp_path: Path) -> None:

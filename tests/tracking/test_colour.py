@@ -8,14 +8,16 @@ import msgspec
 import numpy as np
 import pytest
 
-from gepf.common.body import KEYPOINTS
+from gepf.common.arrays import Array
+from gepf.common.body import KEYPOINTS, ROOT_DOFS
 from gepf.common.camera import project
+from gepf.common.frame import Frame
 from gepf.common.kinematics import keypoint_positions
 from gepf.common.protocol.frames import decode_frame, encode_frame
 from gepf.common.refinement import Particles
 from gepf.coordinator.bodies.human.template import human
 from gepf.coordinator.bodies.tracked import name_pose
-from gepf.coordinator.colour.agreement import ColourState, describe_changes
+from gepf.coordinator.colour.agreement import ColourState, describe_changes, trusted
 from gepf.coordinator.colour.finder import (
     EXCHANGED,
     ExpectedBody,
@@ -28,11 +30,13 @@ from gepf.coordinator.colour.finder import (
     with_keypoints,
     with_sides_of,
 )
+from gepf.coordinator.colour.motion import trunk_step
 from gepf.coordinator.pool.options import PoolStatistics
 from gepf.coordinator.results.log import Entry, Opening, append_records, assemble, read_log
 from gepf.coordinator.sources.live import LiveFrames
 from gepf.coordinator.sources.live_stream import LiveCamera
 from gepf.coordinator.tracking.observation import isolate
+from gepf.coordinator.tracking.segmenter import UntrackedPerson, with_people
 from gepf.coordinator.tracking.tracker import Tracker
 from gepf.refiners import DirectRefiner
 from tests.support.coloured import coloured
@@ -44,9 +48,12 @@ from tests.support.people import (
     OnePerson,
     as_bytes,
     changed,
+    frame_of,
     known,
     raised,
+    rendered,
     shown,
+    subject_of,
     tracker,
 )
 
@@ -178,6 +185,86 @@ def test_a_second_body_on_the_same_person_is_given_up() -> None:
     for first, second in statuses(KeypointFinder())[1:]:
         assert first in {"tracked", "ambiguous"}
         assert second not in {"tracked", "ambiguous"}
+
+
+def with_a_dummy() -> list[Frame]:
+    """A person, and beside the person something of the same shape, which colour does not show."""
+    still, model = coloured()[0], human(1.82)
+    (view,), (dummy,) = still.views, rendered(model, moved_pose())
+    depth = np.where(view.depth > 0, view.depth, (1000.0 * dummy).astype(np.uint16))
+    return [changed(still, depth=depth, number=n, time_s=0.25 * n) for n in range(10)]
+
+
+def test_a_body_that_only_depth_shows_ends_where_colour_shows_people() -> None:
+    """By depth both are people. With colour the dummy ends within a second or so, and does not come back."""
+
+    def known_bodies(colour: KeypointFinder | None, **without: object) -> list[int]:
+        two = Tracker(DirectRefiner(), SETTINGS, known(), people=2, colour=colour)
+        frames = [changed(frame, **without) for frame in with_a_dummy()]
+        statuses = [[person.estimate.status for person in each.people] for each in two.follow(frames)]
+        return [sum(status in {"tracked", "ambiguous"} for status in each) for each in statuses]
+
+    assert known_bodies(None)[-4:] == [2] * 4
+    assert known_bodies(KeypointFinder(), colours=None)[-4:] == [2] * 4
+    assert known_bodies(KeypointFinder())[-4:] == [1] * 4
+
+
+def test_colour_that_shows_nobody_denies_nobody() -> None:
+    """In the dark, depth alone decides, from the first frame on or after the light has gone out."""
+    lit = with_a_dummy()
+    colours = lit[0].views[0].colours
+    assert colours is not None
+    dark = np.zeros_like(colours)
+    frames = [changed(lit[0], number=n, time_s=0.5 * n, colours=dark) for n in range(4)]
+    two = Tracker(DirectRefiner(), SETTINGS, known(), people=2, colour=KeypointFinder())
+    for tracked in two.follow(frames):
+        assert {person.estimate.status for person in tracked.people} <= {"tracked", "ambiguous", "searching"}
+    assert {person.estimate.status for person in tracked.people} <= {"tracked", "ambiguous"}
+    agreed = ColourState().after([False], 0.5, 10.0)
+    assert trusted({"": agreed}, 10.5) == {""}
+    assert not trusted({"": agreed}, 60.0)
+    assert not trusted({"": ColourState().after([True], 0.5, 10.0)}, 10.0)
+
+
+def test_a_person_is_segmented_where_colour_shows_the_person() -> None:
+    """At a low rate a person moves out of reach of depth alone. The way is that of the trunk's keypoints."""
+    frame, (model, pose) = coloured()[0], known().tracked(known().usual_size, STANDING)
+    for step in ([0.0, 0.0, 0.0], [0.4, 0.0, 0.0], [-0.3, 0.0, 0.3], [0.1, 0.1, -0.4]):
+        before = pose.copy()
+        before[[model.dof(name) for name in ROOT_DOFS[:3]]] -= step
+        body = ExpectedBody(model, before)
+        (keypoints,) = KeypointFinder().submit(frame, [body]).result().keypoints
+        moved = trunk_step(body, keypoints, frame, 0.8)
+        assert moved is not None
+        np.testing.assert_allclose(moved, step, atol=0.06)
+        assert trunk_step(body, {}, frame, 0.8) is None
+        assert np.linalg.norm(step) < 0.3 or trunk_step(body, keypoints, frame, 0.2) is None
+
+
+def test_candidates_whom_colour_shows_come_first() -> None:
+    """They get their keypoints, if these are on their pixels; the others stay unless colour is trusted."""
+    person, beside = (
+        subject_of(changed(frame, colours=None), 500)
+        for frame in (coloured()[0], frame_of(0, rendered(human(1.82), moved_pose())[0]))
+    )
+    finder, up = KeypointFinder(), {"": np.array([0.0, -1.0, 0.0])}
+    candidates = [beside, person]
+    found = finder.look_at(candidates, coloured()[0], up)
+    assert [bool(keypoints) for keypoints in found] == [False, True]
+    model, pose = known().tracked(known().usual_size, STANDING)
+    places = in_view(ExpectedBody(model, pose), coloured()[0].views[0])
+    assert np.median(np.linalg.norm(found[1][""][:, :2] - places, axis=1)) < 6.0  # pixels
+    people = [UntrackedPerson(subject) for subject in candidates]
+    first, second = with_people(people, found, ())
+    assert first.subject.largest.keypoints is not None
+    assert second is people[0]
+    assert len(with_people(people, found, {""})) == 1
+    assert with_people(people, found[:1], {""}) == (people[1],)  # who was not looked at
+
+
+def moved_pose() -> Array:
+    """The standing person, 1.1 m to the side (1, D)."""
+    return name_pose(human(1.82), {**STANDING, "root_tx": 1.1})[None]
 
 
 def test_colour_that_is_elsewhere_is_not_used_until_it_agrees() -> None:

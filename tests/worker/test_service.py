@@ -16,7 +16,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from gepf.common.errors import BusError
+from gepf.common.errors import BusError, ProtocolError
 from gepf.common.protocol import keys
 from gepf.common.protocol.frames import encode_frame
 from gepf.common.protocol.messages import RefineRequest
@@ -130,6 +130,24 @@ def test_a_worker_whose_spare_requests_fail_on_the_bus_ends_with_the_error(endpo
         service._turns.put(spare.run, Task(spare, request), spare=True)
         with pytest.raises(BusError, match="the link is broken"):
             service.run()
+
+
+def test_a_request_that_cannot_be_read_for_any_reason_is_refused(
+    endpoint: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An error of the worker's own is said at once; nobody waits for a request that got lost."""
+
+    def fail(_: bytes) -> RefineRequest:
+        raise TypeError("a fault")
+
+    monkeypatch.setattr("gepf.worker.service.decode_request", fail)
+    with (
+        pool(endpoint) as refiner,
+        open_worker([endpoint]) as own,
+        running(Service(own, "w", KERNEL)),
+        pytest.raises(ProtocolError, match="could not read the request: TypeError: a fault"),
+    ):
+        refined_bytes(refiner, 1)
 
 
 def test_a_worker_is_healthy_as_long_as_it_is_announced(

@@ -1,0 +1,54 @@
+"""How far a person has moved since the last pose, by the keypoints of the trunk and the depth there.
+
+At low rates people move farther between two frames than the surface around which they are segmented reaches.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gepf.common.arrays import Array
+from gepf.common.frame import Frame
+from gepf.common.kinematics import keypoint_positions, pose_vertices
+from gepf.coordinator.colour.finder import ExpectedBody, Keypoints
+from gepf.coordinator.colour.keypoints import HIPS, SHOULDERS
+
+TRUNK = [*SHOULDERS, *HIPS]
+NEAR_M = 0.08  # from the middle of the trunk across the line of sight, where its surface is measured
+ACROSS = np.linspace(0.1, 0.9, 7)  # places between the corners of the trunk, where depth is looked at
+INSIDE = np.array(
+    [
+        ((1 - down) * (1 - side), (1 - down) * side, down * (1 - side), down * side)
+        for down in ACROSS
+        for side in ACROSS
+    ]
+)
+"""Weights (N, 4) of the corners at these places."""
+
+
+def trunk_step(body: ExpectedBody, keypoints: Keypoints, frame: Frame, longest_m: float) -> Array | None:
+    """The motion (3,) of a person from an expected body to its keypoints, metres, in the frame of the rig.
+
+    None if there are no keypoints or no depth at the trunk, or if it is longer than `longest_m`: then it is
+    somebody else's.
+    """
+    for view in frame.views:
+        if view.camera not in keypoints:
+            continue
+        seen, depth_m, camera = keypoints[view.camera][TRUNK], view.metres(), view.intrinsics
+        columns, rows = np.rint(INSIDE @ seen[:, :2]).astype(int).T
+        inside = (columns >= 0) & (columns < camera.width) & (rows >= 0) & (rows < camera.height)
+        surface = depth_m[rows[inside], columns[inside]]
+        surface = surface[surface > 0.0]
+        joints = view.to_camera(keypoint_positions(body.model, body.pose[None])[0])[TRUNK]
+        vertices = view.to_camera(pose_vertices(body.model, body.pose[None])[0])
+        aside = np.linalg.norm(vertices[:, :2] - joints.mean(axis=0)[:2], axis=1)
+        if 2 * len(surface) < len(INSIDE) or not (aside < NEAR_M).any():
+            continue
+        weights = seen[:, 2] / seen[:, 2].sum()
+        before, (column, row) = weights @ joints, weights @ seen[:, :2]
+        z = float(np.median(surface)) + before[2] - vertices[aside < NEAR_M, 2].min()
+        after = np.array([(column - camera.cx) / camera.fx * z, (row - camera.cy) / camera.fy * z, z])
+        if np.linalg.norm(after - before) <= longest_m:
+            return np.asarray(view.T_rig_camera[:3, :3] @ (after - before))
+    return None
