@@ -157,8 +157,6 @@ class FeatureWeights(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     folding: float = 2.254  #: of the body
     crowding: float = 1.437  #: number of joints nearby
     protrusion: float = 5.038  #: in front of or behind the mean joint
-    shown: float = 0.0  #: how well colour shows it
-    apart: float = 0.0  #: how far it is from its keypoint, in deviations
 
 
 class CertaintyFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -183,6 +181,7 @@ class CertaintySettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True)
     flagged_probability: Share = 0.04  #: of a wrong joint; 4 to 9 % of the correct joints are flagged
     ambiguous_probability: Share = 0.15  #: of a wrong joint; with more the frame is ambiguous
     out_of_view_nats: float = 1.0  #: log odds beyond a joint that the body hides; people cut at the hips
+    shown_nats: Quantity = 2.0  #: log odds below, for a joint that colour shows there; rendered people: 4
     max_nats: Quantity = 10.0  #: log odds beyond which nothing was measured
     spread_floor_m: Quantity = 0.005  #: added to the spread of hypotheses before the logarithm
     speed_floor_m_s: Quantity = 0.1  #: added to the speed before the logarithm; metres per second

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from gepf.common.arrays import Array
 from gepf.common.frame import Frame
-from gepf.coordinator.colour.finder import SAME_PERSON, ExpectedBody, Keypoints, distance_of, in_view
+from gepf.coordinator.colour.finder import SAME_PERSON, ExpectedBody, Keypoints, distance_of, keypoint_pixels
 
 PERSISTENT_S = 4.0  # by which disagreement outlasts agreement until colour is not used; and the reverse
 SHIFTED = 1.5  # median of the offsets of keypoints, in deviations; of real people 0.8, rarely above 1.5
@@ -71,7 +71,7 @@ def compare(
     after = dict(states)
     for view in frame.views:
         against = [
-            are_elsewhere(in_view(body, view), keypoints[view.camera])
+            are_elsewhere(keypoint_pixels(body, view), keypoints[view.camera])
             for body, keypoints in zip(bodies, found, strict=True)
             if body is not None and view.camera in keypoints
         ]

@@ -146,7 +146,7 @@ def assign(bodies: Sequence[ExpectedBody | None], seen: Sequence[Keypoints], fra
     given = [dict[str, NDArray[np.float32]]() for _ in bodies]
     for view in frame.views:
         people = [keypoints[view.camera] for keypoints in seen if view.camera in keypoints]
-        places = [None if body is None else in_view(body, view) for body in bodies]
+        places = [None if body is None else keypoint_pixels(body, view) for body in bodies]
         away = {
             (b, p): distance_of(place, person)
             for b, place in enumerate(places)
@@ -187,7 +187,7 @@ def find_doubles(
     return [any(is_double(mine, other) for other in people if other != mine) for mine in people]
 
 
-def in_view(body: ExpectedBody, view: View) -> Array:
+def keypoint_pixels(body: ExpectedBody, view: View) -> Array:
     """Where the keypoints (17, 2) of a body are in an image, if it is before the camera."""
     places = view.to_camera(keypoint_positions(body.model, body.pose[None])[0])
     return project(places, view.intrinsics)
@@ -250,7 +250,7 @@ def with_sides_of(subject: SubjectFrame | None, body: ExpectedBody) -> SubjectFr
     def sided(view: SubjectView) -> SubjectView:
         if view.keypoints is None:
             return view
-        pixels, exchanged = in_view(body, view.image), view.keypoints[EXCHANGED]
+        pixels, exchanged = keypoint_pixels(body, view.image), view.keypoints[EXCHANGED]
         is_exchanged = distance_of(pixels, exchanged) < SAME_PERSON < distance_of(pixels, view.keypoints)
         return replace(view, keypoints=exchanged) if is_exchanged else view
 
@@ -301,7 +301,7 @@ def is_shown(model: BodyModel, pose: Array, subject: SubjectFrame, *, looked_at:
     body = ExpectedBody(model, pose)
     for view in subject.views:
         if view.keypoints is not None:
-            pixels = in_view(body, view.image)
+            pixels = keypoint_pixels(body, view.image)
             sides = view.keypoints, view.keypoints[EXCHANGED]
             if min(distance_of(pixels, keypoints) for keypoints in sides) < SAME_PERSON:
                 return True
@@ -312,7 +312,7 @@ def shown_sides(model: BodyModel, pose: Array, subject: SubjectFrame) -> int:
     """1 if keypoints show left and right as in this pose (D,), -1 if exchanged, 0 if they do not tell."""
     for view in subject.views:
         if view.keypoints is not None:
-            pixels = in_view(ExpectedBody(model, pose), view.image)
+            pixels = keypoint_pixels(ExpectedBody(model, pose), view.image)
             sides = distance_of(pixels, view.keypoints), distance_of(pixels, view.keypoints[EXCHANGED])
             if min(sides) < SAME_PERSON < max(sides):
                 return 1 if sides[0] < sides[1] else -1

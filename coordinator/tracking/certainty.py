@@ -1,11 +1,11 @@
-"""The certainty of each joint in a frame: a logistic function of eleven features, fitted to people.
+"""The certainty of each joint in a frame: a logistic function of nine features, fitted to people.
 
 Three features come from the frame: the visible share of the surface around the joint that faces the camera,
 the normalised residual of the body, and the distance of the observed points around the joint from the
 surface. Two come from the filter: the spread of the hypotheses, and the speed of
 the joint. Four come from the pose: joints are wrong more often in bent limbs and folded bodies, near other
-joints, and far in front of or behind the body. Two come from colour: how well it shows the joint, and how far
-from there the joint is; without colour both are 0.
+joints, and far in front of or behind the body. A joint that colour
+shows where it is is wrong less often.
 """
 
 from __future__ import annotations
@@ -26,13 +26,11 @@ from gepf.common.camera import Pinhole
 from gepf.common.compiling import numba
 from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions, pose_vertices
-from gepf.coordinator.colour.finder import ExpectedBody, deviations_of
-from gepf.coordinator.colour.finder import in_view as pixels_of
+from gepf.coordinator.colour.finder import SAME_PERSON, ExpectedBody, deviations_of, keypoint_pixels
 from gepf.coordinator.settings import CertaintySettings
 from gepf.coordinator.tracking.estimate import Certainty
 from gepf.coordinator.tracking.observation import POINTS, camera_points
 
-FARTHEST = 4.0  # deviations from a keypoint that count
 STILL_M = 1e-9  # rounding of the place of a joint that does not move
 
 
@@ -59,8 +57,6 @@ class Features(NamedTuple):
     folding: Array  # of the body: mean change of the distances between joints since the pose at rest, metres
     crowding: Array  # number of nearby joints minus that in the pose at rest
     protrusion: Array  # metres in front of or behind the mean joint
-    shown: Array  # how well colour shows it: precision of its keypoint / that of the best one of the body
-    apart: Array  # the same, times the distance from its keypoint in deviations
 
 
 def log_odds(features: Features, settings: CertaintySettings) -> Array:
@@ -70,13 +66,20 @@ def log_odds(features: Features, settings: CertaintySettings) -> Array:
     return np.asarray(np.clip(odds, -settings.max_nats, settings.max_nats))
 
 
-def judge(features: Features, settings: CertaintySettings, in_view: Mask | None = None) -> Certainty:
-    """The certainty of joints (J,); those that are not `in_view` are outside of the image, or hidden."""
+def judge(
+    features: Features, settings: CertaintySettings, in_view: Mask | None = None, shown: Array | None = None
+) -> Certainty:
+    """The certainty of joints (J,); those that are not `in_view` are outside of the image, or hidden.
+
+    `shown` is how well colour shows them there, from 0 to 1.
+    """
     fit, odds = settings.fit, log_odds(features, settings)
     hidden = fit.log_deviation_hidden * (1.0 - features.seen)
     deviation = np.exp(fit.log_deviation + fit.log_deviation_odds * odds + hidden)
     if in_view is not None:
         odds = odds + np.where(in_view, 0.0, settings.out_of_view_nats)
+    if shown is not None:
+        odds = odds - settings.shown_nats * shown
     return Certainty(features.seen, 1.0 / (1.0 + np.exp(-odds)), deviation)
 
 
@@ -117,34 +120,27 @@ def measure_features(
         folding=np.full(len(joints), folding),
         crowding=count_near(distances, settings.crowded_m) - count_near(at_rest, settings.crowded_m),
         protrusion=np.abs(ahead - ahead.mean()),
-        **beside_keypoints(model, pose, context.subject)._asdict(),
     )
 
 
-class BesideKeypoints(NamedTuple):
-    """What colour shows of each joint (J,), see `Features`."""
+def shown_in_colour(model: BodyModel, pose: Array, subject: SubjectFrame) -> Array:
+    """How well colour shows each joint (J,) of pose (D,) where it is, from 0 to 1; 0 without colour.
 
-    shown: Array
-    apart: Array
-
-
-def beside_keypoints(model: BodyModel, pose: Array, subject: SubjectFrame) -> BesideKeypoints:
-    """Compare the joints of pose (D,) with the keypoints of the same names, in the camera that shows most."""
-    shown, apart = np.zeros((2, len(model.joint_names)))
+    The precision of the keypoint of the same name, relative to that of the most precise one of the body; 0 if
+    it is elsewhere.
+    """
+    shown = np.zeros(len(model.joint_names))
     pairs = [
         (model.joint_names.index(name), k) for k, name in enumerate(KEYPOINTS) if name in model.joint_names
     ]
     for view in subject.views:
         if view.keypoints is not None and pairs:
             joints, points = np.array(pairs).T
-            precision = view.keypoints[:, 2].astype(np.float64)
-            share = (precision / precision.max())[points]
-            off = deviations_of(pixels_of(ExpectedBody(model, pose), view.image), view.keypoints)[points]
-            better = share > shown[joints]
-            joints = joints[better]
-            shown[joints] = share[better]
-            apart[joints] = (share * np.minimum(off, FARTHEST))[better]
-    return BesideKeypoints(shown, apart)
+            precision = view.keypoints[:, 2].astype(np.float64) / view.keypoints[:, 2].max()
+            off = deviations_of(keypoint_pixels(ExpectedBody(model, pose), view.image), view.keypoints)
+            here = np.where(off < SAME_PERSON, precision, 0.0)
+            shown[joints] = np.maximum(shown[joints], here[points])
+    return shown
 
 
 def between(joints: Array) -> Array:

@@ -82,6 +82,13 @@ class Detection:
         start = self.start
         return start.family.faces_away(start.model.joint_names, self.candidates.joints, joints)
 
+    def looks_alike(self, joints: Array, log_likelihood: float, alike_nats: float) -> bool:
+        """Whether a candidate that faces opposite to joints (J, 3) explains the depth about equally well.
+
+        `log_likelihood` is that of the joints, without keypoints, too.
+        """
+        return bool(np.any(self.by_depth()[self.faces_away(joints)] > log_likelihood - alike_nats))
+
     def by_depth(self) -> Array:
         """The log likelihood (N,) of the candidates without keypoints."""
         model, found = self.start.model, self.candidates

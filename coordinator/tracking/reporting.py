@@ -24,6 +24,7 @@ from gepf.coordinator.tracking.certainty import (
     measure_features,
     movable_joints,
     seen_shares,
+    shown_in_colour,
     unknown_certainty,
 )
 from gepf.coordinator.tracking.estimate import POSE_UNKNOWN, Certainty, Estimate, Status, list_joints
@@ -61,7 +62,8 @@ def judge_pose(
     in_sight = in_view(context.subject, joints[0])
     seen_by = seen_shares(model, pose, context.subject, context.stretch, settings) * in_sight
     features = measure_features(model, pose, joints, weights, context, residual, seen_by, settings)
-    certainty = certainty_of(start, pose, belief, features, in_sight, settings)
+    shown = shown_in_colour(model, pose, context.subject)
+    certainty = certainty_of(start, belief, features, in_sight, shown, settings)
     rivals = has_rival(weights, joints[1:, in_sight], joints[0, in_sight], settings)
     likely = bool(np.any(certainty.off_probability[in_sight] > settings.ambiguous_probability))
     return Judgement(certainty, seen_by, in_sight, rivals, rivals or likely)
@@ -174,12 +176,17 @@ def has_rival(weights: Array, joints: Array, reported: Array, settings: Certaint
 
 
 def certainty_of(
-    start: Start, pose: Array, belief: Belief, features: Features, in_sight: Mask, settings: CertaintySettings
+    start: Start,
+    belief: Belief,
+    features: Features,
+    in_sight: Mask,
+    shown: Array,
+    settings: CertaintySettings,
 ) -> Certainty:
-    """The certainty of each joint of the reported pose (D,); `in_sight` (J,) are those in view."""
-    certainty = judge(features, settings, in_sight)
+    """The certainty of each joint of the reported pose; those `in_sight` (J,), and `shown` (J,) in colour."""
+    certainty = judge(features, settings, in_sight, shown)
     if belief.posterior.size and start.family.is_exact:
-        deviation = known_deviations(start.model, pose, belief.posterior, settings.information)
+        deviation = known_deviations(start.model, belief.reported, belief.posterior, settings.information)
         certainty = replace(certainty, deviation=deviation)
     return replace(certainty, off_probability=certainty.off_probability * movable_joints(start.model))
 

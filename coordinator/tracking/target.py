@@ -355,21 +355,17 @@ class TargetTracker:
         redetected, ambiguous_facing = False, None
         if detection is not None:
             joints = joint_positions(self.model, belief.poses[:1])[0]
-            depth_alone = detection.by_depth()
             gain = detection.candidates.log_likelihood[0] - belief.log_weights[0]
-            if (
-                detection.faces_away(joints)[0] and self._knows_facing
-            ):  # keypoints of a frame may be exchanged
-                gain = depth_alone[0] - by_depth
+            if detection.faces_away(joints)[0] and self._knows_facing:  # a frame's keypoints may be exchanged
+                gain = detection.by_depth()[0] - by_depth
             if gain > settings.search.surer_nats:
-                by_depth = depth_alone[0]
+                by_depth = detection.by_depth()[0]
                 redetected = self.track.is_lost or detection.is_elsewhere(joints, settings.certainty.wrong_m)
                 redetected_as = self._filter.believe(self.model, detection.candidates)
                 belief = replace(redetected_as, shape_precision=belief.shape_precision)
                 gate = detection.gate
             joints = joint_positions(self.model, belief.poses[:1])[0]
-            turned = detection.faces_away(joints)
-            ambiguous_facing = bool(np.any(depth_alone[turned] > by_depth - settings.search.alike_nats))
+            ambiguous_facing = detection.looks_alike(joints, by_depth, settings.search.alike_nats)
         view = submitted.view
         allowed_m = settings.gating.max_residual_m + submitted.settings.noise_depth
         views = [*context.subject.views, *(view.excluded.views if view.excluded is not None else ())]

@@ -173,7 +173,10 @@ class Tracker:
             if self._colour is not None and not (hurries and self._colour.leave_out(frame, bodies)):
                 looking, self._looked = self._colour.submit(frame, bodies), True
             is_slow = interval_s > settings.max_lookahead_s + ROUNDING_S
-            sight, steps = Sight.of_nobody(len(self._targets)), [None for _ in self._targets]
+            sight, steps = (
+                Sight.of_nobody(len(self._targets)),
+                list[Array | None]([None] * len(self._targets)),
+            )
             if looking is not None and is_slow:  # people are elsewhere now
                 sight = looking.result()
                 steps = self._steps(frame, bodies, sight, last_s)

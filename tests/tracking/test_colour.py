@@ -25,8 +25,8 @@ from gepf.coordinator.colour.finder import (
     assign,
     crop_of,
     in_image,
-    in_view,
     keypoint_cost,
+    keypoint_pixels,
     with_keypoints,
     with_sides_of,
 )
@@ -157,7 +157,7 @@ def test_keypoints_of_another_tracked_person_are_that_persons() -> None:
     beside[model.dof("root_tx")] += 0.6
     bodies, frame = [ExpectedBody(model, each) for each in (pose, beside)], coloured()[0]
     first, second = (
-        {"": np.column_stack([in_view(body, frame.views[0]), np.full(17, 0.1)]).astype(np.float32)}
+        {"": np.column_stack([keypoint_pixels(body, frame.views[0]), np.full(17, 0.1)]).astype(np.float32)}
         for body in bodies
     )
     for seen, given in (
@@ -197,16 +197,16 @@ def with_a_dummy() -> list[Frame]:
 
 def test_a_body_that_only_depth_shows_ends_where_colour_shows_people() -> None:
     """By depth both are people. With colour the dummy ends within a second or so, and does not come back."""
+    dark = [changed(frame, colours=None) for frame in with_a_dummy()]
 
-    def known_bodies(colour: KeypointFinder | None, **without: object) -> list[int]:
+    def known_bodies(frames: list[Frame], colour: KeypointFinder | None) -> list[int]:
         two = Tracker(DirectRefiner(), SETTINGS, known(), people=2, colour=colour)
-        frames = [changed(frame, **without) for frame in with_a_dummy()]
         statuses = [[person.estimate.status for person in each.people] for each in two.follow(frames)]
         return [sum(status in {"tracked", "ambiguous"} for status in each) for each in statuses]
 
-    assert known_bodies(None)[-4:] == [2] * 4
-    assert known_bodies(KeypointFinder(), colours=None)[-4:] == [2] * 4
-    assert known_bodies(KeypointFinder())[-4:] == [1] * 4
+    assert known_bodies(with_a_dummy(), None)[-4:] == [2] * 4
+    assert known_bodies(dark, KeypointFinder())[-4:] == [2] * 4
+    assert known_bodies(with_a_dummy(), KeypointFinder())[-4:] == [1] * 4
 
 
 def test_colour_that_shows_nobody_denies_nobody() -> None:
@@ -252,7 +252,7 @@ def test_candidates_whom_colour_shows_come_first() -> None:
     found = finder.look_at(candidates, coloured()[0], up)
     assert [bool(keypoints) for keypoints in found] == [False, True]
     model, pose = known().tracked(known().usual_size, STANDING)
-    places = in_view(ExpectedBody(model, pose), coloured()[0].views[0])
+    places = keypoint_pixels(ExpectedBody(model, pose), coloured()[0].views[0])
     assert np.median(np.linalg.norm(found[1][""][:, :2] - places, axis=1)) < 6.0  # pixels
     people = [UntrackedPerson(subject) for subject in candidates]
     first, second = with_people(people, found, ())
@@ -313,7 +313,7 @@ def test_left_and_right_are_those_of_a_body_whose_facing_is_known() -> None:
     model, pose = known().tracked(known().usual_size, STANDING)
     body, frame = ExpectedBody(model, pose), coloured()[0]
     subject = isolate(frame, 500)
-    right = np.column_stack([in_view(body, frame.views[0]), np.full(17, 0.1)]).astype(np.float32)
+    right = np.column_stack([keypoint_pixels(body, frame.views[0]), np.full(17, 0.1)]).astype(np.float32)
     for seen, taken in ((right, right), (right[EXCHANGED], right), (right + 40.0, right + 40.0)):
         before = with_keypoints(subject, {"": seen})
         sided = with_sides_of(before, body)

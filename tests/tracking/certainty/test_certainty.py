@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 
 from gepf.common.arrays import Array
+from gepf.common.body import KEYPOINTS
 from gepf.common.camera import Intrinsics, project
 from gepf.common.frame import HIDDEN, SUBJECT, SubjectFrame
-from gepf.common.kinematics import joint_positions, pose_vertices
+from gepf.common.kinematics import joint_positions, keypoint_positions, pose_vertices
+from gepf.coordinator.bodies.human.template import human
 from gepf.coordinator.bodies.tracked import name_pose
 from gepf.coordinator.settings import CertaintySettings
-from gepf.coordinator.tracking.certainty import Features, judge, regions_of
+from gepf.coordinator.tracking.certainty import Features, judge, regions_of, shown_in_colour
 from gepf.coordinator.tracking.estimate import Certainty
 from gepf.coordinator.tracking.reporting import explain_doubt, least_probability
 from tests.support.bodies import person
@@ -100,6 +102,28 @@ def test_a_limb_that_is_elsewhere_is_flagged() -> None:
     assert np.argmax(wrong.off_probability) in (wrist, BODY.joint_names.index("right_elbow"))
     assert wrong.off_probability[other] < 0.04
     assert wrong.deviation[wrist] > 2.0 * right.deviation[wrist]
+
+
+def test_a_joint_that_colour_shows_is_more_certain() -> None:
+    """By how precise its keypoint is, and only if it is there; one that colour shows elsewhere is not."""
+    body, pose = human(1.82), name_pose(human(1.82), STANDING)
+    subject = subject_of(frame_of(0, rendered(body, pose[None])[0]), 500)
+    places = project(keypoint_positions(body, pose[None])[0], subject.largest.image.intrinsics)
+    keypoints = np.column_stack([places, np.full(len(places), 0.1)]).astype(np.float32)
+    knee, ankle, wrist = ([*KEYPOINTS].index(name) for name in ("left_knee", "left_ankle", "left_wrist"))
+    keypoints[ankle, 2] *= 0.25
+    keypoints[wrist, 0] += 60.0
+    assert not shown_in_colour(body, pose, subject).any()
+    shown = shown_in_colour(body, pose, alone(replace(subject.largest, keypoints=keypoints)))
+    named = dict(zip(body.joint_names, shown.tolist(), strict=True))
+    assert [named[KEYPOINTS[k]] for k in (knee, ankle, wrist)] == pytest.approx([1.0, 0.25, 0.0])
+    assert named["pelvis"] == 0.0  # not a keypoint
+    features = features_in(body, pose[None], subject, SETTINGS.refine)
+    plain, beside = (judge(features, CertaintySettings(), None, each) for each in (None, shown))
+    ratio = beside.off_probability / plain.off_probability
+    assert ratio[body.joint_names.index("left_knee")] < 0.5
+    assert (ratio[shown == 0.0] == 1.0).all()
+    np.testing.assert_array_equal(beside.deviation, alone.deviation)
 
 
 def test_rivals_make_a_joint_unsure() -> None:
