@@ -123,7 +123,7 @@ def test_a_joint_that_colour_shows_is_more_certain() -> None:
     ratio = beside.off_probability / plain.off_probability
     assert ratio[body.joint_names.index("left_knee")] < 0.5
     assert (ratio[shown == 0.0] == 1.0).all()
-    np.testing.assert_array_equal(beside.deviation, alone.deviation)
+    np.testing.assert_array_equal(beside.deviation, plain.deviation)
 
 
 def test_rivals_make_a_joint_unsure() -> None:
