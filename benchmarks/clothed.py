@@ -31,7 +31,7 @@ from benchmarks.running import (
 from benchmarks.tracking import bodies_of, follow, prepare
 from gepf.common.arrays import Array
 from gepf.common.errors import InputError
-from gepf.coordinator.results.evaluation import NEAR_M, positions
+from gepf.coordinator.results.evaluation import THRESHOLDS, positions
 from gepf.coordinator.settings import CertaintySettings, Settings
 from gepf.coordinator.tracking.tracker import Tracker
 from gepf.refiners import DirectRefiner
@@ -142,7 +142,7 @@ def describe(runs: Sequence[Tracked]) -> str:
     tracked = np.concatenate([run.status for run in runs]) == "tracked"
     numbers = (
         np.nanmean(distances),
-        np.mean(distances < NEAR_M),
+        np.mean(distances < THRESHOLDS.near_m),
         wrong.mean(),
         tracked.mean(),
         wrong[tracked].mean() if tracked.any() else np.nan,

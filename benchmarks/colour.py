@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from benchmarks.running import command_line, keep
 from benchmarks.tracking import bodies_of, follow, prepare
 from gepf.common.arrays import Array
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import Frame, View
 from gepf.common.kinematics import joint_positions, pose_vertices
 from gepf.coordinator.colour.finder import EXCHANGED, ExpectedBody, KeypointFinder, Sight
 from gepf.coordinator.filters.methods import settings_for
@@ -49,14 +49,14 @@ Seen = NDArray[np.float32]
 class Rendered:
     """Frames of a person with colour, and the true joints (F, J, 3)."""
 
-    frames: list[DepthFrame]
+    frames: list[Frame]
     joints: Array
 
 
 class Moment(NamedTuple):
     """Keypoints of a frame, those of all frames until then by time, pixels per metre, and random numbers."""
 
-    frame: DepthFrame
+    frame: Frame
     seen: Seen
     past: dict[float, Seen]
     per_metre: float
@@ -125,14 +125,15 @@ class DisturbedFinder(KeypointFinder):
         self._disturb, self._past = disturb, dict[float, Seen]()
         self._rng = np.random.default_rng([seed, 59])
 
-    def submit(self, frame: DepthFrame, bodies: Sequence[ExpectedBody | None]) -> Future[Sight]:
+    def submit(self, frame: Frame, bodies: Sequence[ExpectedBody | None]) -> Future[Sight]:
         """Disturbed keypoints."""
         sight = super().submit(frame, bodies).result()
         (found,) = sight.keypoints
         future = Future[Sight]()
         if "" in found:
             self._past[frame.time_s] = found[""]
-            per_metre = frame.intrinsics.fx / float(np.median(frame.metres()[frame.depth > 0]))
+            (view,) = frame.views
+            per_metre = view.intrinsics.fx / float(np.median(view.metres()[view.depth > 0]))
             seen = self._disturb(Moment(frame, found[""], self._past, per_metre, self._rng))
             found = {} if seen is None else {"": seen.astype(np.float32)}
         future.set_result(sight._replace(keypoints=[found]))
@@ -167,7 +168,7 @@ def rendered(scene: str, seed: int, frames: int | None) -> Rendered:
     """The first frames of a scene, in random clothes."""
     shown, rng = SCENES[scene](seed), np.random.default_rng([seed, 7])
     model, camera, poses = shown.model, shown.camera, shown.poses[:frames]
-    clothes, images, vertices = dress(model, rng), list[DepthFrame](), pose_vertices(model, poses)
+    clothes, images, vertices = dress(model, rng), list[Frame](), pose_vertices(model, poses)
     with DepthRenderer(camera) as renderer:
         for number, surface in enumerate(vertices):
             clean = renderer.depth(surface, model.triangles).astype(np.float64)
@@ -175,16 +176,21 @@ def rendered(scene: str, seed: int, frames: int | None) -> Rendered:
             seen = renderer.colours(ColouredSurface(surface, model.triangles, clothes), BACKGROUND, LIGHT)
             noisy = seen + rng.normal(0.0, IMAGE_NOISE, seen.shape)
             colours = np.clip(noisy, 0, 255).astype(np.uint8)
-            frame = DepthFrame(number, number / shown.fps, depth, 1000.0, camera)
-            images.append(replace(frame, colours=colours))
+            view = View(number, number / shown.fps, depth, 1000.0, camera, colours=colours)
+            images.append(Frame.of(view))
     return Rendered(images, joint_positions(model, poses))
+
+
+def without_colours(frame: Frame) -> Frame:
+    """The depth of a frame alone."""
+    return Frame.of(*(replace(view, colours=None) for view in frame.views))
 
 
 def score(of: Rendered, disturb: Disturb | None, seed: int) -> Score:
     """Track the frames, by depth alone without a disturbance."""
     settings = settings_for("gepf", "default", seed=seed)
     finder = None if disturb is None else DisturbedFinder(disturb, seed)
-    frames = of.frames if finder is not None else [replace(frame, colours=None) for frame in of.frames]
+    frames = of.frames if finder is not None else list(map(without_colours, of.frames))
     tracker = Tracker(DirectRefiner(), settings, bodies_of(settings.preset), colour=finder)
     estimates = [person.estimate for person in follow(tracker, frames)[0]]
     known = np.array([each.status not in POSE_UNKNOWN for each in estimates])

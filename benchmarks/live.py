@@ -39,7 +39,7 @@ from benchmarks.costs.service import processor_seconds
 from benchmarks.running import add_data, command_line, keep
 from gepf.common.arrays import Array
 from gepf.common.camera import Intrinsics
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import View
 from gepf.common.protocol.frames import LIVE_END, encode_colour, encode_live
 from gepf.common.transport.bus import Bus
 from gepf.common.transport.opening import open_worker
@@ -88,7 +88,7 @@ class Camera:
     """Publishes frames, renumbered, at a rate."""
 
     bus: Bus
-    frames: Sequence[DepthFrame]
+    frames: Sequence[View]
     log: Log
     number: int = 0
     time_s: float = 0.0
@@ -98,7 +98,7 @@ class Camera:
         """Begin a new stream: number and time start from zero."""
         self.number, self.time_s = 0, 0.0
 
-    def show(self, count: int, fps: float, shown: Iterator[DepthFrame] | None = None) -> None:
+    def show(self, count: int, fps: float, shown: Iterator[View] | None = None) -> None:
         """Publish so many frames; each is dropped if the link is busy."""
         publisher, coloured = self.bus.publish(KEY), self.bus.publish(colour_key(KEY))
         began = time.monotonic()
@@ -137,7 +137,7 @@ def main() -> int:
         if chosen.minutes:
             return endure(chosen)
         if chosen.colour:
-            whole = rendered("turn", 0, None).frames
+            whole = [frame.views[0] for frame in rendered("turn", 0, None).frames]
             pictures = {frame.number: as_jpeg(frame) for frame in whole}
             frames = [replace(frame, colours=None) for frame in whole]
             keep(
@@ -160,7 +160,7 @@ def main() -> int:
 
 def show(data: Path, name: str) -> dict[str, Any]:
     """How many frames of a sequence are known, and how soon; errors live and recorded."""
-    frames, people = list(open_source(data / name)), 2 if name == "rooms/second" else 1
+    frames, people = images_of(data / name), 2 if name == "rooms/second" else 1
     fps = 4.0 if name.startswith("real_rooms") else 30.0
     with tempfile.TemporaryDirectory() as folder:
         result, live = show_frames(name, frames, fps, Path(folder), people)
@@ -171,9 +171,15 @@ def show(data: Path, name: str) -> dict[str, Any]:
     return result
 
 
+def images_of(path: Path) -> list[View]:
+    """All images of a recording of one camera."""
+    source = open_source(path)
+    return list(map(source.view, source.numbers))
+
+
 def show_frames(
     name: str,
-    frames: Sequence[DepthFrame],
+    frames: Sequence[View],
     fps: float,
     kept: Path | None = None,
     people: int = 1,
@@ -213,7 +219,7 @@ def show_frames(
     return result, run_folder
 
 
-def as_jpeg(frame: DepthFrame) -> bytes:
+def as_jpeg(frame: View) -> bytes:
     """The file of a frame's colour."""
     assert frame.colours is not None
     file = BytesIO()
@@ -244,9 +250,10 @@ def errors_of(live: Path, recorded: Path, sequence: Path) -> list[float] | None:
 
 def enter(data: Path, name: str, entries: int) -> dict[str, Any]:
     """What a room without people costs, and how soon people who appear in it are known."""
-    room = next(iter(open_source(data / name)))
+    source = open_source(data / name)
+    room = source.view(source.numbers[0])
     empty = read_depth(data / name / "empty.png") / room.depth_scale
-    visitor, rng = list(open_source(data / VISITOR)), np.random.default_rng(0)
+    visitor, rng = images_of(data / VISITOR), np.random.default_rng(0)
     with tempfile.TemporaryDirectory() as folder:
         endpoint, log = f"unixsock-stream/{folder}/bus", Log()
         run = start("track", f"zenoh:{KEY}", "--out", f"{folder}/run", "--listen", endpoint, *TRACKED)
@@ -260,7 +267,7 @@ def enter(data: Path, name: str, entries: int) -> dict[str, Any]:
         cost, soon = 1e3 * (processor_seconds_of_all(run.pid) - before) / (EMPTY - SETTLED), list[float]()
         for k in range(entries):
             shift, first = int(rng.integers(-80, 80)), int(rng.integers(len(visitor) - INSIDE))
-            people = [np.roll(f.depth, shift, axis=1) for f in visitor[first : first + INSIDE]]
+            people = [np.roll(view.depth, shift, axis=1) for view in visitor[first : first + INSIDE]]
             rooms = [noisy(empty, rng) for _ in people]
             seen = [(p > 0) & (p < 1e3 * empty) for p in people]  # with the noise of their camera
             inside = [np.where(s, p, r) for s, p, r in zip(seen, people, rooms, strict=True)]
@@ -315,7 +322,7 @@ def kill(processes: dict[str, subprocess.Popen[bytes]]) -> None:
 
 def endure(chosen: argparse.Namespace) -> int:
     """Show one sequence, forth and back, while things go wrong; what each disturbance cost."""
-    frames = list(open_source(chosen.data / chosen.only[0]))
+    frames = images_of(chosen.data / chosen.only[0])
     shown, log, memory = cycle(chain(frames, frames[-2:0:-1])), Log(), list[tuple[float, float]]()
     ends = time.monotonic() + 60.0 * chosen.minutes
     with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
@@ -370,7 +377,7 @@ DISTURBANCES = (
 def disturb(
     name: str,
     camera: Camera,
-    shown: Iterator[DepthFrame],
+    shown: Iterator[View],
     processes: dict[str, subprocess.Popen[bytes]],
     endpoint: str,
 ) -> None:
@@ -386,7 +393,7 @@ def disturb(
         case "60 frames a second":
             camera.show(300, 60.0, shown)
         case "a frame of another size":
-            odd = DepthFrame(0, 0.0, np.full((48, 64), 2000, np.uint16), 1000.0, SMALL)
+            odd = View(0, 0.0, np.full((48, 64), 2000, np.uint16), 1000.0, SMALL)
             camera.show(1, 30.0, iter([odd]))
         case "a frame from the past":
             past = replace(camera, number=camera.number - 100, time_s=camera.time_s - 3.0)

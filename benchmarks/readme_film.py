@@ -39,7 +39,7 @@ def triples(sequence: Path, run: Path) -> Iterator[Image.Image]:
     track = read_track(run).part(FRAMES)
     view = view_around(track, source.intrinsics, FINER * HEIGHT, FINER * HEIGHT)
     for at, number in enumerate(track.frame.tolist()):
-        plain = shade_depth(source.frame(number).metres(), source.intrinsics)
+        plain = shade_depth(source.view(number).metres(), source.intrinsics)
         weights = track.hypothesis_weight[at]
         likely_last = np.argsort(weights)[: np.isfinite(weights).sum()]
         skeletons = Image.new("RGB", (view.width, view.height), BACKGROUND)

@@ -20,7 +20,7 @@ from scipy.ndimage import distance_transform_edt
 from gepf.common.arrays import Array, Indices, Mask
 from gepf.common.camera import pixels_at
 from gepf.common.errors import InputError
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import Frame
 from gepf.coordinator.results.evaluation import read_truth
 from gepf.coordinator.sources import open_source
 
@@ -126,13 +126,13 @@ def is_meant(recording: Recording, name: str) -> bool:
     return name in (recording.name, recording.name.partition("_s")[0])
 
 
-def read_frames(recording: Recording) -> list[DepthFrame]:
+def read_frames(recording: Recording) -> list[Frame]:
     """All frames, numbered from 0."""
     source = open_source(recording.depth)
     return [source.frame(number) for number in source.numbers]
 
 
-def read_reference(recording: Recording, frames: Sequence[DepthFrame]) -> Reference:
+def read_reference(recording: Recording, frames: Sequence[Frame]) -> Reference:
     """The reference of a recording; `frames` are all of its frames, from number 0 on."""
     if recording.action is None:
         truth = read_truth(recording.joints)
@@ -157,22 +157,24 @@ def read_skeleton(path: Path) -> Array:
     return joints
 
 
-def cut_frames(frames: Sequence[DepthFrame], reference: Reference, cut: str) -> list[DepthFrame]:
+def cut_frames(frames: Sequence[Frame], reference: Reference, cut: str) -> list[Frame]:
     """The frames of a camera whose image ends just below the `cut` joints of the first frames."""
     kind, below = CUTS_M[cut]
     columns = [n for n, name in enumerate(reference.names) if name.endswith(f"_{kind}")]
     _, y, z = np.median(reference.joints[:CUT_FRAMES, columns].max(axis=1), axis=0)  # of the lower joint
-    camera = frames[0].intrinsics
+    camera = frames[0].views[0].intrinsics
     rows = min(camera.height, int(camera.cy + camera.fy * (y + below) / z))
     short = camera.crop(0, 0, camera.width, rows)
-    return [replace(frame, depth=frame.depth[:rows].copy(), intrinsics=short) for frame in frames]
+    views = (frame.views[0] for frame in frames)
+    return [Frame.of(replace(view, depth=view.depth[:rows].copy(), intrinsics=short)) for view in views]
 
 
-def fits_depth(joints: Array, frame: DepthFrame) -> Mask:
+def fits_depth(joints: Array, frame: Frame) -> Mask:
     """Which joints (J, 3) agree with the surface at their pixel."""
-    depth = frame.metres().astype(np.float64)
+    (view,) = frame.views
+    depth = view.metres().astype(np.float64)
     away, nearest = distance_transform_edt(depth <= 0.0, return_indices=True)
-    row, column, inside = pixels_at(joints, frame.intrinsics)
+    row, column, inside = pixels_at(joints, view.intrinsics)
     row, column = np.where(inside, row, 0), np.where(inside, column, 0)
     behind = joints[:, 2] - depth[nearest[0][row, column], nearest[1][row, column]]
     near = inside & (away[row, column] <= BESIDE_PX)

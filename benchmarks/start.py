@@ -21,7 +21,7 @@ from benchmarks.running import add_data, command_line, keep, measured, screen
 from benchmarks.tracking import follow, prepare
 from gepf.common.arrays import Array
 from gepf.common.camera import Intrinsics
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import Frame, View
 from gepf.coordinator.bodies.family import Bodies
 from gepf.coordinator.results.evaluation import positions
 from gepf.coordinator.settings import preset
@@ -46,7 +46,7 @@ class Footage:
     """Frames to track, and joints (J, 3) by frame number; no joints if there is no person."""
 
     name: str
-    frames: list[DepthFrame]
+    frames: list[Frame]
     joints: dict[int, Array]
     names: tuple[str, ...]
     near: float = EXACT_M
@@ -124,9 +124,10 @@ def gaps(footage: Footage) -> Iterator[Footage]:
         yield replace(case, frames=frames)
 
 
-def blank(frame: DepthFrame) -> DepthFrame:
+def blank(frame: Frame) -> Frame:
     """The frame without depth."""
-    return replace(frame, depth=np.zeros_like(frame.depth))
+    (view,) = frame.views
+    return Frame.of(replace(view, depth=np.zeros_like(view.depth)))
 
 
 def situations(dance: Footage, turn: Footage, sits: Footage) -> list[Footage]:
@@ -150,7 +151,7 @@ def situations(dance: Footage, turn: Footage, sits: Footage) -> list[Footage]:
         rescaled(front, 0.1),
         rescaled(front, 10.0),
         replace(front, name="two people", frames=[double(frame, 130, 200) for frame in front.frames]),
-        *things(front.frames[0].intrinsics),
+        *things(front.frames[0].views[0].intrinsics),
     ]
 
 
@@ -163,12 +164,14 @@ def turned(case: Footage, quarters: int, name: str) -> Footage:
     return replace(case, name=name, frames=frames, joints=joints)
 
 
-def turn_left(frame: DepthFrame) -> DepthFrame:
+def turn_left(frame: Frame) -> Frame:
     """A frame turned left by a quarter turn."""
-    camera = frame.intrinsics
+    (view,) = frame.views
+    camera = view.intrinsics
     lens = (camera.fy, camera.fx, camera.cy, camera.width - 1 - camera.cx)
-    depth = np.ascontiguousarray(np.rot90(frame.depth))
-    return replace(frame, depth=depth, intrinsics=Intrinsics(camera.height, camera.width, *lens))
+    depth = np.ascontiguousarray(np.rot90(view.depth))
+    turned = Intrinsics(camera.height, camera.width, *lens)
+    return Frame.of(replace(view, depth=depth, intrinsics=turned))
 
 
 def empty_first(case: Footage, count: int) -> Footage:
@@ -180,15 +183,17 @@ def empty_first(case: Footage, count: int) -> Footage:
 
 def rescaled(case: Footage, factor: float) -> Footage:
     """A case with a wrong depth scale: no pose is right."""
-    frames = [replace(f, depth_scale=f.depth_scale * factor) for f in case.frames]
+    views = (frame.views[0] for frame in case.frames)
+    frames = [Frame.of(replace(view, depth_scale=view.depth_scale * factor)) for view in views]
     return replace(case, name=f"depth scale times {factor:g}", frames=frames, joints={})
 
 
-def double(frame: DepthFrame, columns: int, behind_mm: int) -> DepthFrame:
+def double(frame: Frame, columns: int, behind_mm: int) -> Frame:
     """A frame with a second copy of its person, to the right and farther away."""
-    other = np.roll(frame.depth, columns, axis=1)
+    (view,) = frame.views
+    other = np.roll(view.depth, columns, axis=1)
     other = np.where(other > 0, other + behind_mm, 0).astype(np.uint16)
-    return replace(frame, depth=np.where(frame.depth > 0, frame.depth, other))
+    return Frame.of(replace(view, depth=np.where(view.depth > 0, view.depth, other)))
 
 
 def things(camera: Intrinsics) -> list[Footage]:
@@ -209,14 +214,14 @@ def things(camera: Intrinsics) -> list[Footage]:
     return [Footage(name, noisy(shape, camera), {}, ()) for name, shape in shapes.items()]
 
 
-def noisy(depth_m: Array, camera: Intrinsics) -> list[DepthFrame]:
+def noisy(depth_m: Array, camera: Intrinsics) -> list[Frame]:
     """Frames of a depth image (H, W) in metres with a time-of-flight camera's noise."""
     rng, frames = np.random.default_rng(0), []
     sigma = 0.0012 + 0.0019 * (depth_m - 0.4) ** 2
     for n in range(SITUATION):
         noised = np.rint(1000.0 * (depth_m + sigma * rng.standard_normal(depth_m.shape)))
         depth = np.where(depth_m > 0.0, noised, 0.0).astype(np.uint16)
-        frames.append(DepthFrame(n, n / 30.0, depth, 1000.0, camera))
+        frames.append(Frame.of(View(n, n / 30.0, depth, 1000.0, camera)))
     return frames
 
 

@@ -11,10 +11,10 @@ import numpy as np
 
 from benchmarks.recordings import UPPER_JOINTS, Recording, cut_frames, read_frames, read_reference
 from gepf.common.arrays import Array, Mask
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import Frame
 from gepf.coordinator.bodies.choice import choose_bodies
 from gepf.coordinator.bodies.family import Bodies
-from gepf.coordinator.results.evaluation import NEAR_M, positions
+from gepf.coordinator.results.evaluation import THRESHOLDS, positions
 from gepf.coordinator.results.tally import count_status
 from gepf.coordinator.settings import Settings
 from gepf.coordinator.sources.source import rate_of
@@ -98,7 +98,7 @@ def track(
     )
 
 
-def follow(tracker: Tracker, frames: Iterable[DepthFrame]) -> tuple[list[TrackedPerson], Array]:
+def follow(tracker: Tracker, frames: Iterable[Frame]) -> tuple[list[TrackedPerson], Array]:
     """Estimates, and processor time (F,) in seconds of each frame, without reading it."""
     found, seconds = [], []
     for frame in frames:
@@ -110,4 +110,4 @@ def follow(tracker: Tracker, frames: Iterable[DepthFrame]) -> tuple[list[Tracked
 
 def near_percent(distances: Array) -> float:
     """Percentage of distances (metres, any shape) within 10 cm."""
-    return 100.0 * float(np.mean(distances <= NEAR_M)) if distances.size else float("nan")
+    return 100.0 * float(np.mean(distances <= THRESHOLDS.near_m)) if distances.size else float("nan")

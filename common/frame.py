@@ -1,4 +1,4 @@
-"""A depth image from a source, and its crop that is sent to the workers; of one camera, or of a rig.
+"""Depth images from a source, and their crops that are sent to the workers; of one camera, or of a rig.
 
 The poses of bodies are in the frame of the rig. That of a single camera is the camera's own.
 """
@@ -6,6 +6,7 @@ The poses of bodies are in the frame of the rig. That of a single camera is the 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,19 +16,17 @@ from gepf.common.camera import NOT_MOVED, Intrinsics, inverse, moved
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class DepthFrame:
-    """A depth image with its camera and time, and those of the other cameras of a rig.
+class View:
+    """A depth image of one camera.
 
     Attributes:
-        number: The number of the frame.
+        number: The number of the image among those of its camera.
         time_s: Its time, seconds.
         depth: uint16 (H, W), `depth_scale` units per metre, 0 for no depth.
         depth_scale: Units of depth per metre.
         intrinsics: The camera.
         camera: Its name in the rig; empty for a camera alone.
         T_rig_camera: (4, 4), metres.
-        others: The images of other cameras that are nearest in time, each with its own time; a camera may be
-            missing.
         gravity: Direction (3,), unit vector in the camera's frame, if a live camera measures it.
         colours: The colour image (h, w, 3), RGB, registered to depth, at any scale. Workers do not get it.
     """
@@ -39,14 +38,8 @@ class DepthFrame:
     intrinsics: Intrinsics
     camera: str = ""
     T_rig_camera: Array = field(default_factory=NOT_MOVED.copy)
-    others: tuple[DepthFrame, ...] = ()
     gravity: Array | None = None
     colours: NDArray[np.uint8] | None = None
-
-    @property
-    def views(self) -> tuple[DepthFrame, ...]:
-        """The images of all cameras."""
-        return (self, *self.others)
 
     @property
     def T_camera_rig(self) -> Array:  # noqa: N802 as T_rig_camera
@@ -66,6 +59,27 @@ class DepthFrame:
         return self.depth.astype(np.float32) / np.float32(self.depth_scale)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Frame:
+    """What all cameras show at a time.
+
+    Attributes:
+        number: The number of the frame.
+        time_s: Its time, seconds.
+        views: The images of the cameras that are nearest in time, each with its own time, one or more; a
+            camera may be missing.
+    """
+
+    number: int
+    time_s: float
+    views: tuple[View, ...]
+
+    @classmethod
+    def of(cls, *views: View) -> Self:
+        """The frame of these images, with number and time of the first."""
+        return cls(views[0].number, views[0].time_s, views)
+
+
 UNKNOWN, SUBJECT, EMPTY, HIDDEN, UNMEASURED = 0, 1, 2, 3, 4
 """Labels of pixels. UNKNOWN: it is unclear what was measured. SUBJECT: the subject. EMPTY: something farther
 was measured, so the subject is not there. HIDDEN: something nearer was measured, and the subject may be
@@ -73,39 +87,43 @@ behind it. UNMEASURED: no depth."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SubjectFrame:
-    """A frame cropped to the subject: all other pixels are 0.
+class SubjectView:
+    """An image of one camera, cropped to the subject: all other pixels are 0.
 
-    picked: flat indices (P,) into the cropped depth, ascending: the pixels that become observed points. view:
-    (left, top, right, bottom) of the camera's whole image in pixels of the crop, half-open. Pixels outside
-    are unknown; pixels inside it but outside the crop are empty. kinds: labels (H, W) of the crop, uint8;
-    None if all pixels but the subject's are empty. delay_s: from the time of the frame until the time of this
-    image, seconds. others: the crops of the rig's other cameras; this one is that of the camera with the
-    largest part of the subject. wider: of a person who is not tracked yet, the same frame with more and more
-    of what may be the person's. keypoints: KEYPOINTS of `body` in the camera's colour image: column and row
-    in the crop, and inverse variance (1 / pixels^2), 0 for a keypoint that was not seen.
+    image: the crop, without colours. picked: flat indices (P,) into its depth, ascending: the pixels that
+    become observed points. extent: (left, top, right, bottom) of the camera's whole image in pixels of the
+    crop, half-open. Pixels outside are unknown; pixels inside it but outside the crop are empty. kinds:
+    labels (H, W) of the crop, uint8; None if all pixels but the subject's are empty. delay_s: from the time
+    of the frame until the time of this image, seconds. keypoints: KEYPOINTS of `body` in the camera's colour
+    image: column and row in the crop, and inverse variance (1 / pixels^2), 0 for a keypoint that was not
+    seen.
     """
 
-    frame: DepthFrame
+    image: View
     picked: NDArray[np.uint32]  # (P,)
-    view: tuple[int, int, int, int]
+    extent: tuple[int, int, int, int]
     kinds: NDArray[np.uint8] | None = None  # (H, W)
     delay_s: float = 0.0
-    others: tuple[SubjectFrame, ...] = ()
-    wider: tuple[SubjectFrame, ...] = ()
     keypoints: NDArray[np.float32] | None = None  # (K, 3)
 
-    @property
-    def views(self) -> tuple[SubjectFrame, ...]:
-        """The crops of all cameras."""
-        return (self, *self.others)
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SubjectFrame:
+    """What the cameras of a frame show of a subject: the crops of those that show any of it, at least one.
+
+    number and time_s are the frame's.
+    """
+
+    number: int
+    time_s: float
+    views: tuple[SubjectView, ...]  # the largest first
 
     @property
-    def widest(self) -> SubjectFrame:
-        """The frame with all that may be the person's."""
-        return self.wider[-1] if self.wider else self
+    def largest(self) -> SubjectView:
+        """The view of the camera that shows the largest part of the subject."""
+        return self.views[0]
 
     @property
     def pixels(self) -> int:
         """Number of pixels of the subject in all images."""
-        return sum(int(np.count_nonzero(each.frame.depth)) for each in self.views)
+        return sum(int(np.count_nonzero(view.image.depth)) for view in self.views)

@@ -87,7 +87,7 @@ class CandidateSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True)
 class SceneSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The known scene of a camera, and the people in front of it."""
 
-    settled_frames: Annotated[int, msgspec.Meta(ge=1, le=255)] = 30
+    settled_s: Quantity = 1.0
     """Until something nearer that does not move becomes background; also between searches for planes."""
     noise: NoiseSettings = NoiseSettings()
     planes: PlaneSettings = PlaneSettings()
@@ -100,7 +100,7 @@ class GatingSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     max_residual_m: Quantity = 0.03  #: mean distance of observed points, in addition to the camera's noise
     max_misfit_m: Quantity = 0.0235  #: root of the mean cost, which includes model surface in empty space
-    min_pixels: Count = 150  #: that can show a body
+    min_points: Count = 150  #: observed ones that can show a body
 
 
 class TrackSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -10,7 +10,7 @@ from matplotlib.colors import to_rgb
 from gepf.common.arrays import Array
 from gepf.common.body import ROTATION, BodyModel, vertex_normals
 from gepf.common.camera import Intrinsics, level_from_camera
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import View
 from gepf.common.kinematics import joint_positions, pose_vertices
 from gepf.coordinator.pictures.overlay import OTHERS_COLOUR, SKELETON_COLOUR, bones
 from gepf.coordinator.pictures.plots import STATUS
@@ -56,14 +56,14 @@ class FrameLog:
         self._camera: Intrinsics | None = None
         to.log("/", rr.ViewCoordinates.RDF, static=True)
 
-    def log(self, number: int, since_s: float, frame: DepthFrame | None) -> None:
+    def log(self, number: int, since_s: float, view: View | None) -> None:
         """Set the number and time of all that is logged next, and log the depth image if there is one."""
         self._to.set_time(NUMBER, sequence=number)
         self._to.set_time(SINCE, duration=since_s)
-        if frame is None:
+        if view is None:
             return
-        if frame.intrinsics != self._camera:
-            self._camera = camera = frame.intrinsics
+        if view.intrinsics != self._camera:
+            self._camera = camera = view.intrinsics
             pinhole = rr.Pinhole(
                 focal_length=(camera.fx, camera.fy),
                 principal_point=(camera.cx, camera.cy),
@@ -71,11 +71,11 @@ class FrameLog:
                 height=camera.height,
             )
             self._to.log("/camera/image", pinhole, static=True)
-            placed = frame.T_rig_camera
+            placed = view.T_rig_camera
             self._to.log(
                 "/camera", rr.Transform3D(translation=placed[:3, 3], mat3x3=placed[:3, :3]), static=True
             )
-        self._to.log("/camera/image/depth", rr.DepthImage(frame.depth, meter=frame.depth_scale))
+        self._to.log("/camera/image/depth", rr.DepthImage(view.depth, meter=view.depth_scale))
 
 
 class PersonLog:

@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from gepf.common.camera import Intrinsics as Intrinsics
     from gepf.common.errors import GepfError as GepfError
     from gepf.common.errors import InputError as InputError
-    from gepf.common.frame import DepthFrame as DepthFrame
+    from gepf.common.frame import Frame as Frame
+    from gepf.common.frame import View as View
     from gepf.coordinator.bodies.human.measures import Measures as Measures
     from gepf.coordinator.filters.methods import settings_for as settings_for
     from gepf.coordinator.pool.options import Pool as Pool
@@ -46,7 +47,7 @@ _PUBLIC = {
     "gepf.common.body": ("BodyModel",),
     "gepf.common.camera": ("Intrinsics",),
     "gepf.common.errors": ("GepfError", "InputError"),
-    "gepf.common.frame": ("DepthFrame",),
+    "gepf.common.frame": ("Frame", "View"),
     "gepf.coordinator.settings": ("Settings", "preset"),
     "gepf.coordinator.bodies.human.measures": ("Measures",),
     "gepf.coordinator.filters.methods": ("settings_for",),

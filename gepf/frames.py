@@ -8,16 +8,20 @@ import numpy as np
 
 from gepf.common.camera import Intrinsics, is_rigid
 from gepf.common.errors import InputError, ProtocolError
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import Frame, View
 from gepf.common.protocol.frames import check_camera
 
 
-def check_frame(frame: DepthFrame, cameras: dict[str, Intrinsics]) -> DepthFrame:
+def check_frame(frame: Frame, cameras: dict[str, Intrinsics]) -> Frame:
     """Return the frame; InputError if it is invalid, or if the intrinsics of a camera have changed.
 
     `cameras` maps names to intrinsics; new cameras are added.
     """
     found = {view.camera: view.intrinsics for view in frame.views}
+    if not found:
+        raise InputError(f"frame {frame.number} has no image; give it one view per camera")
+    if not math.isfinite(frame.time_s):
+        raise InputError(f"frame {frame.number}: time_s is {frame.time_s}; give seconds")
     if len(found) < len(frame.views):
         raise InputError(f"frame {frame.number} has two images of one camera; give each camera its name")
     for view in frame.views:
@@ -31,7 +35,7 @@ def check_frame(frame: DepthFrame, cameras: dict[str, Intrinsics]) -> DepthFrame
     return frame
 
 
-def find_fault(view: DepthFrame) -> str | None:
+def find_fault(view: View) -> str | None:
     """What is wrong with one image of a frame; None if nothing is."""
     depth, camera = np.asarray(view.depth), view.intrinsics
     if depth.dtype != np.uint16 or depth.shape != (camera.height, camera.width):

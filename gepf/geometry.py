@@ -12,7 +12,7 @@ from gepf.common.arrays import Array
 from gepf.common.body import BodyModel
 from gepf.common.camera import points_of
 from gepf.common.errors import InputError
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import Frame
 from gepf.common.kinematics import joint_positions
 from gepf.common.packages import needs
 from gepf.coordinator.pictures.overlay import bones
@@ -24,7 +24,7 @@ NEIGHBOURS = 16  # of a point, from which its normal is estimated
 
 
 def to_open3d(
-    shown: DepthFrame | BodyModel | Estimate | Run, pose: ArrayLike | None = None, *, skeleton: bool = False
+    shown: Frame | BodyModel | Estimate | Run, pose: ArrayLike | None = None, *, skeleton: bool = False
 ) -> Any:
     """Geometry of Open3D, in metres, in the frame of the camera or rig.
 
@@ -38,7 +38,7 @@ def to_open3d(
     with needs("open3d", "to_open3d"):
         import open3d  # noqa: F401 said here, once
 
-    if isinstance(shown, DepthFrame):
+    if isinstance(shown, Frame):
         return point_cloud(shown)
     if isinstance(shown, Run):
         model = read_tracked_body(shown.folder).model
@@ -56,7 +56,7 @@ def to_open3d(
     return body(shown, values, skeleton=skeleton)
 
 
-def point_cloud(frame: DepthFrame) -> Any:
+def point_cloud(frame: Frame) -> Any:
     """The points of all cameras, in the rig's frame, with normals that face the camera."""
     import open3d as o3d
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from gepf.common.closing import Closing
 from gepf.common.errors import InputError
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import Frame
 from gepf.common.protocol.keys import check_stream
 from gepf.common.transport.bus import Bus
 from gepf.common.transport.opening import open_coordinator
@@ -43,7 +43,7 @@ class LiveSource(LiveFrames, Closing):
         self._reached, self._color = reached, color
         self._session: Bus | None = None  # of the present iteration
 
-    def __iter__(self) -> Iterator[DepthFrame]:
+    def __iter__(self) -> Iterator[Frame]:
         reached = self._reached
         with said_in_python():
             opened = open_coordinator(reached.listen_endpoints, reached.connect_endpoints, reached.security)

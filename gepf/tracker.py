@@ -20,7 +20,7 @@ from gepf.common.camera import Intrinsics
 from gepf.common.closing import Closing
 from gepf.common.cores import usable_cores
 from gepf.common.errors import InputError
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import Frame
 from gepf.common.packages import MissingPackage
 from gepf.coordinator.bodies.choice import choose_bodies, choose_model
 from gepf.coordinator.bodies.family import Bodies
@@ -91,11 +91,11 @@ class FrameLoop(Closing):
         """Stop the workers that this tracker started, and leave the pool."""
         self._stack.close()
 
-    def _track(self, depth: DepthFrame | ArrayLike, time_s: float | None) -> list[Estimate]:
+    def _track(self, depth: Frame | ArrayLike, time_s: float | None) -> list[Estimate]:
         (estimates,) = self._follow([self._frame_of(depth, time_s)], look_ahead=False)
         return estimates
 
-    def _follow(self, frames: Iterable[DepthFrame], *, look_ahead: bool = True) -> Iterator[list[Estimate]]:
+    def _follow(self, frames: Iterable[Frame], *, look_ahead: bool = True) -> Iterator[list[Estimate]]:
         """Track a source. Each stream of live input has a new tracker, and is tracked as it comes."""
         live = frames if isinstance(frames, LiveSource) else None
         checked = frames if live is not None else (check_frame(each, self._cameras) for each in frames)
@@ -113,16 +113,16 @@ class FrameLoop(Closing):
                 self._frames += 1
                 yield [named(p.estimate, p.state.body, p.state.start.held) for p in tracked.people]
 
-    def _say_unused(self, frame: DepthFrame) -> DepthFrame:
+    def _say_unused(self, frame: Frame) -> Frame:
         """The frame; says once why its colour is not used."""
         if self._unused and any(view.colours is not None for view in frame.views):
             log.warning(self._unused)
             self._unused = ""
         return frame
 
-    def _frame_of(self, depth: DepthFrame | ArrayLike, time_s: float | None) -> DepthFrame:
+    def _frame_of(self, depth: Frame | ArrayLike, time_s: float | None) -> Frame:
         """The frame itself, or the next frame from an array (H, W)."""
-        if isinstance(depth, DepthFrame):
+        if isinstance(depth, Frame):
             return depth
         if self._camera is None:
             raise InputError("an array comes without its camera; give Tracker(camera=...) its matrix")
@@ -131,9 +131,9 @@ class FrameLoop(Closing):
             raise InputError(f"depth has shape {array.shape}; give one frame (H, W)")
         in_metres = array.dtype.kind == "f" and median_depth(array) <= FARTHEST_M
         scale = None if in_metres else self._depth_scale
-        alone = ArraySource(array[None], self._camera, scale, name="array").frame(0)
+        alone = ArraySource(array[None], self._camera, scale, name="array").view(0)
         when = self._frames / DEFAULT_FPS if time_s is None else time_s
-        return replace(alone, number=self._frames, time_s=when)
+        return Frame.of(replace(alone, number=self._frames, time_s=when))
 
     def _save(self, estimates: Iterable[Estimate], place: int, folder: Path) -> Path:
         """Write one person's estimates as the folder of a run."""
@@ -205,7 +205,7 @@ class Tracker(FrameLoop):
         size = Size(*person.size)
         return size.stature, size.girth
 
-    def track(self, depth: DepthFrame | ArrayLike, time_s: float | None = None) -> Estimate:
+    def track(self, depth: Frame | ArrayLike, time_s: float | None = None) -> Estimate:
         """Track the body in the next frame.
 
         Args:
@@ -218,7 +218,7 @@ class Tracker(FrameLoop):
         """
         return self._track(depth, time_s)[0]
 
-    def follow(self, frames: Iterable[DepthFrame]) -> Iterator[Estimate]:
+    def follow(self, frames: Iterable[Frame]) -> Iterator[Estimate]:
         """Track the frames of a source: the estimates of `track`, but faster with workers.
 
         Each estimate is yielded while the workers refine the next frame. Live input: at once; the
@@ -278,11 +278,11 @@ class PeopleTracker(FrameLoop):
         """Number of people found so far, who are the first in each list of estimates."""
         return sum(person.start.found for person in self._tracker.state.people)
 
-    def track(self, depth: DepthFrame | ArrayLike, time_s: float | None = None) -> list[Estimate]:
+    def track(self, depth: Frame | ArrayLike, time_s: float | None = None) -> list[Estimate]:
         """Track all people in the next frame, as `Tracker.track`; one estimate per person, found or not."""
         return self._track(depth, time_s)
 
-    def follow(self, frames: Iterable[DepthFrame]) -> Iterator[list[Estimate]]:
+    def follow(self, frames: Iterable[Frame]) -> Iterator[list[Estimate]]:
         """Track the frames of a source: the estimates of `track`, but faster with workers.
 
         Of live input the newest frame is tracked.

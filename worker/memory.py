@@ -13,6 +13,8 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import Any
 
+import msgspec
+
 from gepf.common.body import BodyModel
 from gepf.common.errors import BusError, ProtocolError
 from gepf.common.frame import SubjectFrame
@@ -24,10 +26,17 @@ from gepf.common.recent import FRAMES_KEPT, MODELS_KEPT, put_recent
 from gepf.common.settings import RefineSettings
 from gepf.common.transport.bus import Bus
 
-FRAME_DELAY_S = 0.2  # longest delay of a published frame after the first request for it
-MOST_FRAMES = 16 * FRAMES_KEPT  # of all runs; of each run at least two, the present one and the next
-MOST_RUNS = 256
-MOST_UNASKED = 32  # frames of a run without a request in between: those of a second, or of many people
+
+class MemoryLimits(msgspec.Struct, frozen=True):
+    """What a worker keeps, and what it waits for."""
+
+    frame_delay_s: float = 0.2  #: longest one of a published frame after the first request for it
+    frames: int = 16 * FRAMES_KEPT  #: of all runs; of each run at least two, the present one and the next
+    runs: int = 256
+    unasked: int = 32  #: frames of a run without a request: those of a second, or of many people
+
+
+LIMITS = MemoryLimits()
 
 
 @dataclass(slots=True, eq=False)
@@ -141,7 +150,7 @@ class Memory:
             is_new = memory is None
             memory = put_recent(self._runs, run, memory or RunMemory(), len(self._runs) + 1)
             memory.settings, memory.unasked = settings, 0
-            if len(self._runs) > MOST_RUNS:
+            if len(self._runs) > LIMITS.runs:
                 self._drop(next(iter(self._runs)))
         if is_new:
             try:
@@ -165,7 +174,7 @@ class Memory:
                 if memory is None:
                     return
                 memory.newest, memory.unasked = max(memory.newest, number), memory.unasked + 1
-                if memory.unasked > MOST_UNASKED:
+                if memory.unasked > LIMITS.unasked:
                     self._drop(run)
                     return
                 put_recent(memory.frames, number, payload, self._kept)
@@ -181,7 +190,7 @@ class Memory:
     @property
     def _kept(self) -> int:
         """Number of frames that are kept of each run."""
-        return max(2, min(FRAMES_KEPT, MOST_FRAMES // max(1, len(self._runs))))
+        return max(2, min(FRAMES_KEPT, LIMITS.frames // max(1, len(self._runs))))
 
     @contextmanager
     def _getting(self, what: tuple[str, int] | str, *, waits: bool) -> Iterator[None]:
@@ -201,7 +210,7 @@ class Memory:
             if number in memory.observations:
                 return put_recent(memory.observations, number, memory.observations[number], self._kept)
             if memory.newest >= 0:  # numbers ascend, so an older one does not come any more
-                self._changed.wait_for(lambda: number <= memory.newest, FRAME_DELAY_S)
+                self._changed.wait_for(lambda: number <= memory.newest, LIMITS.frame_delay_s)
             payload = memory.frames.get(number)
         if payload is None:
             payload = self._fetch(keys.of_run(run, f"frame/{number}"), f"frame {number} of run {run}")

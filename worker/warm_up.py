@@ -6,7 +6,7 @@ import numpy as np
 
 from gepf.common.body import ROOT_DOFS, ROTATION, TRANSLATION, BodyModel
 from gepf.common.camera import Intrinsics
-from gepf.common.frame import DepthFrame, SubjectFrame
+from gepf.common.frame import SubjectFrame, SubjectView, View
 from gepf.common.kernel import Kernel
 from gepf.common.protocol.frames import decode_frame, encode_frame
 from gepf.common.protocol.models import decode_model, encode_model
@@ -56,4 +56,5 @@ def tiny_frame() -> SubjectFrame:
     depth[side // 4 : -side // 4, side // 4 : -side // 4] = 2 * 1000
     camera = Intrinsics(side, side, 5.0 * side, 5.0 * side, (side - 1) / 2, (side - 1) / 2)
     picked = np.flatnonzero(depth).astype(np.uint32)
-    return SubjectFrame(DepthFrame(0, 0.0, depth, 1000.0, camera), picked, (0, 0, side, side))
+    view = SubjectView(View(0, 0.0, depth, 1000.0, camera), picked, (0, 0, side, side))
+    return SubjectFrame(0, 0.0, (view,))

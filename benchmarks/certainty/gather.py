@@ -13,7 +13,7 @@ from benchmarks.recordings import Recording, choose, find_people, read_frames, r
 from gepf.common.arrays import Array, Mask
 from gepf.common.camera import Intrinsics
 from gepf.common.errors import InputError
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import Frame
 from gepf.common.kinematics import joint_positions
 from gepf.coordinator.bodies.family import Bodies
 from gepf.coordinator.files import TRUTH_FILE
@@ -82,7 +82,7 @@ def gather(
     frames = read_frames(recording)
     reference = read_reference(recording, frames)
     if cut is not None:
-        row = row_between(reference.joints, reference.names, cut, frames[0].intrinsics)
+        row = row_between(reference.joints, reference.names, cut, frames[0].views[0].intrinsics)
         frames = [cut_below(frame, row) for frame in frames]
     state = first_state(bodies, None, settings)
     segmenter = Segmenter(settings.points, settings.scene)
@@ -91,7 +91,9 @@ def gather(
     for frame in frames[::every]:
         tracker.begin_frame()
         segmented = segmenter.segment(frame, [tracker.segmentation_surface()])
-        (subject,) = segmented.candidates[:1] or segmented.subjects
+        (subject,) = segmented.subjects
+        if segmented.candidates:
+            subject = segmented.candidates[0].subject
         submitted = tracker.submit(BodyView(frame, subject, segmented.planes(subject)), Stopwatch())
         if isinstance(submitted, Updated):  # nothing was refined
             continue
@@ -132,9 +134,10 @@ def row_between(joints: Array, names: tuple[str, ...], share: float, camera: Int
     return int(np.clip(round(camera.cy + camera.fy * y / z), 1, camera.height))
 
 
-def cut_below(frame: DepthFrame, row: int) -> DepthFrame:
+def cut_below(frame: Frame, row: int) -> Frame:
     """The part of a frame above a row."""
-    camera = frame.intrinsics
+    (view,) = frame.views
+    camera = view.intrinsics
     lens = (camera.fx, camera.fy, camera.cx, camera.cy)
-    depth = np.ascontiguousarray(frame.depth[:row])
-    return replace(frame, depth=depth, intrinsics=Intrinsics(camera.width, row, *lens))
+    depth = np.ascontiguousarray(view.depth[:row])
+    return Frame.of(replace(view, depth=depth, intrinsics=Intrinsics(camera.width, row, *lens)))

@@ -29,7 +29,7 @@ from benchmarks.running import command_line, keep
 from gepf.common.arrays import Array
 from gepf.common.body import BodyModel
 from gepf.common.camera import Intrinsics
-from gepf.common.frame import DepthFrame, SubjectFrame
+from gepf.common.frame import SubjectFrame, SubjectView, View
 from gepf.common.refinement import Particles, Refined
 from gepf.common.settings import RefineSettings
 from gepf.coordinator.pool.options import WORKER_COMMAND, Pool
@@ -126,7 +126,8 @@ def subject_of(depth: NDArray[np.uint16], number: int) -> SubjectFrame:
     height, width = depth.shape
     camera = Intrinsics(width, height, 525.0, 525.0, width / 2, height / 2)
     picked = np.linspace(0, depth.size - 1, 10_000).astype(np.uint32)
-    return SubjectFrame(DepthFrame(number, 0.0, depth, 1000.0, camera), picked, (0, 0, width, height))
+    view = SubjectView(View(number, 0.0, depth, 1000.0, camera), picked, (0, 0, width, height))
+    return SubjectFrame(number, 0.0, (view,))
 
 
 def refine_now(refiner: ZenohRefiner, case: Case, poses: Array, settings: RefineSettings) -> Refined:

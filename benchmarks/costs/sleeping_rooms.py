@@ -7,6 +7,7 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,7 +15,7 @@ from benchmarks.costs.waiting_workers import serve, waiting
 from gepf.common.activation import activate
 from gepf.common.body import BodyModel
 from gepf.common.camera import Intrinsics
-from gepf.common.frame import SUBJECT, DepthFrame, SubjectFrame
+from gepf.common.frame import SUBJECT, SubjectFrame, SubjectView, View
 from gepf.common.refinement import Particles
 from gepf.coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from gepf.coordinator.pool import scheduler
@@ -40,12 +41,10 @@ def person() -> tuple[BodyModel, SubjectFrame, Particles]:
     camera = Intrinsics(SHAPE[1], SHAPE[0], 290.0, 290.0, SHAPE[1] / 2, SHAPE[0] / 2)
     picked = np.linspace(0, depth.size - 1, POINTS).astype(np.uint32)
     kinds = np.full(SHAPE, SUBJECT, np.uint8)
-    subject = SubjectFrame(
-        DepthFrame(0, 0.0, depth, 1000.0, camera), picked, (0, 0, SHAPE[1], SHAPE[0]), kinds
-    )
+    view = SubjectView(View(0, 0.0, depth, 1000.0, camera), picked, (0, 0, SHAPE[1], SHAPE[0]), kinds)
     poses = np.zeros((PARTICLES, len(model.dof_names)))
     poses[:, 2] = 2.0
-    return model, subject, Particles(poses, preset("default").refine, covariance=True)
+    return model, SubjectFrame(0, 0.0, (view,)), Particles(poses, preset("default").refine, covariance=True)
 
 
 def track(endpoint: str, file: Path, name: str, fps: float, slow: float) -> None:
@@ -53,8 +52,9 @@ def track(endpoint: str, file: Path, name: str, fps: float, slow: float) -> None
 
     What it sleeps for takes `slow` times as long, and so do the times that the scheduler compares.
     """
-    for constant in ("LONG_WAIT_S", "REST_S", "TICK_S"):
-        vars(scheduler)[constant] *= slow
+    usual = scheduler.LIMITS
+    slower = {name: getattr(usual, name) * slow for name in ("long_wait_s", "rest_s", "tick_s")}
+    vars(scheduler)["LIMITS"] = msgspec.structs.replace(usual, **slower)
     model, subject, particles = person()
     with ZenohRefiner(Pool(0, connect=endpoint, run=name)) as refiner, file.open("w", buffering=1) as log:
         log.write(f"{fps}\n")
@@ -67,7 +67,7 @@ def track(endpoint: str, file: Path, name: str, fps: float, slow: float) -> None
                 time.sleep(max(0.0, begin + (last + 1) / fps - time.monotonic()))
                 continue
             time.sleep(BEFORE_S * slow)
-            shown = replace(subject, frame=replace(subject.frame, number=number))
+            shown = replace(subject, number=number)
             refiner.submit(shown, model, particles).result()
             time.sleep(AFTER_S * slow)
             at, last = begin + number / fps, number
@@ -76,7 +76,7 @@ def track(endpoint: str, file: Path, name: str, fps: float, slow: float) -> None
 
 def flood(endpoint: str, name: str) -> None:
     """A coordinator that keeps far more requests at each worker than one may, and large ones."""
-    vars(scheduler)["MAX_IN_FLIGHT"] = FLOOD
+    vars(scheduler)["LIMITS"] = msgspec.structs.replace(scheduler.LIMITS, max_in_flight=FLOOD)
     model, subject, particles = person()
     many = replace(particles, poses=np.repeat(particles.poses, FLOOD_PARTICLES // PARTICLES, axis=0))
     with ZenohRefiner(Pool(0, connect=endpoint, run=name)) as refiner:

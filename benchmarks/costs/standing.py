@@ -10,7 +10,7 @@ from gepf.common.activation import activate
 from gepf.common.arrays import Array
 from gepf.common.body import BodyModel
 from gepf.common.camera import Intrinsics
-from gepf.common.frame import DepthFrame, SubjectFrame
+from gepf.common.frame import Frame, SubjectFrame, View
 from gepf.common.kinematics import joint_positions, pose_vertices
 from gepf.common.settings import RefineSettings
 from gepf.coordinator.bodies.human.template import DEFAULT_ACTIVE, human
@@ -51,7 +51,8 @@ class Case:
     @property
     def observed(self) -> Array:
         """Observed points (P, 3) without padding."""
-        return self.observation.points[: self.observation.count].astype(np.float64)
+        (view,) = self.observation.views
+        return view.points[: view.count].astype(np.float64)
 
     def visible(self) -> Array:
         """Model points (Q, 3) that are visible in the start pose."""
@@ -80,7 +81,7 @@ def standing(points: int, noise: SensorNoise | None = None, seed: int = 0) -> Ca
         depth = renderer.depth(pose_vertices(model, truth)[0], model.triangles)
     noisy = add_noise(depth.astype(np.float64), CAMERA, noise or NO_NOISE, rng)
     units = np.rint(noisy * UNITS_PER_METRE).astype(np.uint16)
-    subject = isolate(DepthFrame(0, 0.0, units, UNITS_PER_METRE, CAMERA), points)
-    if subject is None or len(subject.picked) != points:
+    subject = isolate(Frame.of(View(0, 0.0, units, UNITS_PER_METRE, CAMERA)), points)
+    if subject is None or len(subject.largest.picked) != points:
         raise RuntimeError(f"the camera sees fewer than {points} points of the person")
     return Case(model, subject, observe(subject), truth, start)

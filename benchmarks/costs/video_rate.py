@@ -19,7 +19,7 @@ import numpy as np
 from benchmarks.costs.service import processor_seconds
 from benchmarks.recordings import choose, find_people, read_frames
 from benchmarks.running import add_data, command_line, keep, measured
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import Frame
 from gepf.coordinator.bodies.choice import choose_bodies
 from gepf.coordinator.pool.options import Pool
 from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
@@ -59,7 +59,7 @@ def measure(chosen: argparse.Namespace) -> int:
     return 0
 
 
-def run(frames: list[DepthFrame], lanes: int) -> dict[str, Any]:
+def run(frames: list[Frame], lanes: int) -> dict[str, Any]:
     """Frames per second, processor milliseconds per frame, and the share of the machine that others used."""
     settings = msgspec.structs.replace(preset("default"), points=POINTS)
     with ZenohRefiner(Pool(workers=lanes)) as refiner:

@@ -17,7 +17,7 @@ from benchmarks.tracking import follow
 from gepf.common.arrays import Array
 from gepf.common.body import ROOT_DOFS, BodyModel
 from gepf.common.errors import InputError
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import Frame, View
 from gepf.common.kinematics import joint_positions
 from gepf.coordinator.bodies.choice import choose_bodies
 from gepf.coordinator.filters.baselines import Annealed
@@ -115,13 +115,13 @@ class Footage:
     scene: Scene
     exact: NDArray[np.float32]
 
-    def frames(self, noise: SensorNoise, seed: int, count: int) -> Iterator[DepthFrame]:
+    def frames(self, noise: SensorNoise, seed: int, count: int) -> Iterator[Frame]:
         """The first `count` frames with noise, as read from the files of `gepf synth`."""
         camera, fps = self.scene.camera, self.scene.fps
         for number, depth_m in enumerate(self.exact[:count]):
             rng = np.random.default_rng([seed, number])
             noisy = to_units(add_noise(depth_m.astype(np.float64), camera, noise, rng), DEPTH_SCALE)
-            yield DepthFrame(number, number / fps, noisy, DEPTH_SCALE, camera)
+            yield Frame.of(View(number, number / fps, noisy, DEPTH_SCALE, camera))
 
 
 def shoot(scene: str) -> Footage:

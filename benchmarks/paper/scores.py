@@ -12,7 +12,7 @@ from benchmarks.paper.runs import Row, Run
 from gepf.common.arrays import Array, Mask
 from gepf.common.camera import back_project
 from gepf.common.kinematics import joint_positions, pose_vertices
-from gepf.coordinator.results.evaluation import LOST_M, Errors, lost_from, to_the_end
+from gepf.coordinator.results.evaluation import THRESHOLDS, Errors, lost_from, to_the_end
 from gepf.coordinator.synthesis.rendering import DepthRenderer
 from gepf.coordinator.synthesis.scenes import Scene
 
@@ -90,7 +90,7 @@ def limb_lost(joints: tuple[str, ...], errors: Errors) -> bool:
     for side in ("right", "left"):
         for limb in (("elbow", "wrist"), ("knee", "ankle")):
             pair = [joints.index(f"{side}_{name}") for name in limb]
-            if to_the_end(errors.frame, errors.joint_m[:, pair].mean(axis=1) > LOST_M) is not None:
+            if to_the_end(errors.frame, errors.joint_m[:, pair].mean(axis=1) > THRESHOLDS.lost_m) is not None:
                 return True
     return False
 

@@ -13,14 +13,14 @@ from gepf.common.body import KEYPOINTS
 from gepf.common.bounds import LARGEST, MAX_CAMERAS, MAX_PIXELS, SMALLEST
 from gepf.common.camera import ROUNDED, Intrinsics, is_rigid
 from gepf.common.errors import ProtocolError
-from gepf.common.frame import SUBJECT, UNMEASURED, DepthFrame, SubjectFrame
+from gepf.common.frame import SUBJECT, UNMEASURED, SubjectFrame, SubjectView, View
 from gepf.common.protocol.wire import LIVE, Array, Message, Natural, check, decode, encode, pack, unpack
 
 Pixel = Annotated[int, msgspec.Meta(gt=-(2**31), lt=2**31)]
 
 
 class ViewMessage(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One of the views of a SubjectFrame."""
+    """A SubjectView."""
 
     depth_scale: float
     intrinsics: Intrinsics
@@ -81,58 +81,58 @@ class LiveEndMessage(LiveMessage, frozen=True, kw_only=True, tag="live-end"):
 
 def encode_frame(subject: SubjectFrame) -> bytes:
     """A frame for the workers."""
-    number, time_s = subject.frame.number, subject.frame.time_s
-    return encode(FrameMessage(number=number, time_s=time_s, views=tuple(map(view_message, subject.views))))
+    views = tuple(map(view_message, subject.views))
+    return encode(FrameMessage(number=subject.number, time_s=subject.time_s, views=views))
 
 
-def view_message(subject: SubjectFrame) -> ViewMessage:
+def view_message(view: SubjectView) -> ViewMessage:
     """One view of a frame."""
-    frame = subject.frame
+    image = view.image
     return ViewMessage(
-        depth_scale=frame.depth_scale,
-        intrinsics=frame.intrinsics,
-        depth=pack(frame.depth),
-        picked=pack(subject.picked),
-        view=subject.view,
-        kinds=None if subject.kinds is None else pack(subject.kinds),
-        T_rig_camera=pack(frame.T_rig_camera),
-        delay_s=subject.delay_s,
-        keypoints=None if subject.keypoints is None else pack(subject.keypoints),
+        depth_scale=image.depth_scale,
+        intrinsics=image.intrinsics,
+        depth=pack(image.depth),
+        picked=pack(view.picked),
+        view=view.extent,
+        kinds=None if view.kinds is None else pack(view.kinds),
+        T_rig_camera=pack(image.T_rig_camera),
+        delay_s=view.delay_s,
+        keypoints=None if view.keypoints is None else pack(view.keypoints),
     )
 
 
 def decode_frame(payload: bytes) -> SubjectFrame:
     """A frame, or ProtocolError."""
     message = decode(payload, FrameMessage)
-    first, *others = (decode_view(message, view) for view in message.views)
-    return replace(first, others=tuple(others))
+    views = tuple(decode_view(message, view) for view in message.views)
+    return SubjectFrame(message.number, message.time_s, views)
 
 
-def decode_view(frame_message: FrameMessage, message: ViewMessage) -> SubjectFrame:
+def decode_view(frame: FrameMessage, message: ViewMessage) -> SubjectView:
     """One view of a frame, or ProtocolError."""
-    frame = depth_frame(frame_message.number, frame_message.time_s, message)
+    check("the delay", message.delay_s, -LARGEST, LARGEST)
+    image = depth_image(frame.number, frame.time_s + message.delay_s, message)
     placed = unpack("T_rig_camera", message.T_rig_camera, "<f8", (4, 4), -LARGEST, LARGEST)
     if not is_rigid(placed):
         raise ProtocolError("T_rig_camera is not a rotation and a translation")
-    check("the delay", message.delay_s, -LARGEST, LARGEST)
-    picked = unpack("picked", message.picked, "<u4", ("P",), 0, frame.depth.size - 1)
+    picked = unpack("picked", message.picked, "<u4", ("P",), 0, image.depth.size - 1)
     if np.any(picked[1:] <= picked[:-1]):
         raise ProtocolError("picked must be in ascending order")
-    if not np.all(frame.depth.ravel()[picked]):
+    if not np.all(image.depth.ravel()[picked]):
         raise ProtocolError("picked points at pixels without depth")
     left, top, right, bottom = message.view
     if left > right or top > bottom:
         raise ProtocolError(f"view {message.view} ends before it begins")
     kinds = None
     if message.kinds is not None:
-        kinds = unpack("kinds", message.kinds, "|u1", frame.depth.shape, 0, UNMEASURED)
-        if not np.array_equal(kinds == SUBJECT, frame.depth > 0):
+        kinds = unpack("kinds", message.kinds, "|u1", image.depth.shape, 0, UNMEASURED)
+        if not np.array_equal(kinds == SUBJECT, image.depth > 0):
             raise ProtocolError("kinds and depth disagree about the subject's pixels")
-    frame, keypoints = replace(frame, T_rig_camera=placed), None
+    image, keypoints = replace(image, T_rig_camera=placed), None
     if message.keypoints is not None:
         keypoints = unpack("keypoints", message.keypoints, "<f4", (len(KEYPOINTS), 3), -LARGEST, LARGEST)
         check("the precisions of keypoints", keypoints[:, 2], 0.0, LARGEST)
-    return SubjectFrame(frame, picked, message.view, kinds, message.delay_s, keypoints=keypoints)
+    return SubjectView(image, picked, message.view, kinds, message.delay_s, keypoints)
 
 
 def number_of(payload: bytes) -> int:
@@ -143,15 +143,15 @@ def number_of(payload: bytes) -> int:
         raise ProtocolError(f"not a frame: {error}") from error
 
 
-def encode_live(frame: DepthFrame) -> bytes:
+def encode_live(image: View) -> bytes:
     """A whole depth image for live input."""
     message = LiveFrameMessage(
-        number=frame.number,
-        time_s=frame.time_s,
-        depth_scale=frame.depth_scale,
-        intrinsics=frame.intrinsics,
-        depth=pack(frame.depth),
-        gravity=None if frame.gravity is None else tuple(frame.gravity.tolist()),
+        number=image.number,
+        time_s=image.time_s,
+        depth_scale=image.depth_scale,
+        intrinsics=image.intrinsics,
+        depth=pack(image.depth),
+        gravity=None if image.gravity is None else tuple(image.gravity.tolist()),
     )
     return encode(message)
 
@@ -171,28 +171,28 @@ LIVE_END = encode(LiveEndMessage())
 """The end of a stream of depth images."""
 
 
-def decode_live(payload: bytes) -> DepthFrame | None:
+def decode_live(payload: bytes) -> View | None:
     """A whole depth image, None at the end of the stream, or ProtocolError."""
     message = decode(payload, LiveFrameMessage, LiveEndMessage)
     if not isinstance(message, LiveFrameMessage):
         return None
-    frame = depth_frame(message.number, message.time_s, message)
+    image = depth_image(message.number, message.time_s, message)
     if message.gravity is None:
-        return frame
+        return image
     gravity = np.array(message.gravity)
     if not math.isclose(np.linalg.norm(gravity), 1.0, abs_tol=ROUNDED):
         raise ProtocolError("gravity must be a unit vector")
-    return replace(frame, gravity=gravity)
+    return replace(image, gravity=gravity)
 
 
-def depth_frame(number: int, time_s: float, message: ViewMessage | LiveFrameMessage) -> DepthFrame:
+def depth_image(number: int, time_s: float, message: ViewMessage | LiveFrameMessage) -> View:
     """The depth image in a message, or ProtocolError."""
     camera = message.intrinsics
     check_camera(camera, message.depth_scale)
     if not math.isfinite(time_s):
         raise ProtocolError("the frame's time must be finite")
     depth = unpack("depth", message.depth, "<u2", (camera.height, camera.width))
-    return DepthFrame(number, time_s, depth, message.depth_scale, camera)
+    return View(number, time_s, depth, message.depth_scale, camera)
 
 
 def check_camera(camera: Intrinsics, depth_scale: float) -> None:

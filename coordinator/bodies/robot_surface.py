@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
 
+import msgspec
 import numpy as np
 import trimesh
 import yourdfpy
@@ -22,9 +23,17 @@ from scipy.spatial import cKDTree
 from gepf.common.arrays import Array, Indices
 from gepf.common.errors import InputError
 
-VERTICES = 4_500  # approximate number for a whole body
-SHARP_RAD = np.radians(30.0)
-LONGEST_EDGE, LEAST_DISTANCE = 1.3, 0.55  # in spacings
+
+class SurfaceSettings(msgspec.Struct, frozen=True):
+    """How densely a surface is sampled."""
+
+    vertices: int = 4_500  #: of a whole body, about
+    sharp_deg: float = 30.0  #: angle between triangles at an edge that is kept
+    longest_edge: float = 1.3  #: in spacings of vertices
+    least_distance: float = 0.55  #: the same
+
+
+SURFACE = SurfaceSettings()
 
 
 def link_surfaces(path: Path, t_links: dict[str, Array]) -> dict[str, trimesh.Trimesh]:
@@ -44,7 +53,7 @@ def link_surfaces(path: Path, t_links: dict[str, Array]) -> dict[str, trimesh.Tr
         found = surfaces_in(shapes.collision_scene, t_links)
     if not found:
         raise InputError(f"{path} has no surface; give its links <visual> meshes, boxes or cylinders")
-    spacing = np.sqrt(1.3 * sum(part.area for part in found.values()) / VERTICES)
+    spacing = np.sqrt(1.3 * sum(part.area for part in found.values()) / SURFACE.vertices)
     return {link: resample(part, spacing) for link, part in found.items()}
 
 
@@ -129,13 +138,13 @@ def outside_out(mesh: trimesh.Trimesh, transform: Array) -> trimesh.Trimesh:
 def resample(mesh: trimesh.Trimesh, spacing: float) -> trimesh.Trimesh:
     """The mesh with neighbouring vertices about `spacing` metres apart."""
     vertices, faces = trimesh.remesh.subdivide_to_size(  # type: ignore[no-untyped-call]
-        mesh.vertices, mesh.faces, max_edge=LONGEST_EDGE * spacing, max_iter=20
+        mesh.vertices, mesh.faces, max_edge=SURFACE.longest_edge * spacing, max_iter=20
     )
     fine = merged(vertices, faces)
     place = np.hstack([fine.vertices, spacing * fine.vertex_normals])  # separates the sides of a plate
-    sharp = fine.face_adjacency_edges[fine.face_adjacency_angles > SHARP_RAD]
+    sharp = fine.face_adjacency_edges[fine.face_adjacency_angles > np.radians(SURFACE.sharp_deg)]
     corners_first = np.argsort(-np.bincount(sharp.ravel(), minlength=len(place)), kind="stable")
-    kept = thin_out(place, corners_first, LEAST_DISTANCE * spacing)
+    kept = thin_out(place, corners_first, SURFACE.least_distance * spacing)
     nearest = cKDTree(place[kept]).query(place)[1]
     return merged(fine.vertices[kept], nearest[fine.faces])
 

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree as ET
 
+import msgspec
 import numpy as np
 import yourdfpy
 
@@ -36,7 +37,16 @@ logger = logging.getLogger(__name__)
 
 MOVING = {"revolute": ROTATION, "continuous": ROTATION, "prismatic": TRANSLATION}
 BASE = len(ROOT_DOFS) - 1
-SMALLEST_M, LARGEST_M = 0.02, 10.0  # extents of bodies that are tracked in a room
+
+
+class Extents(msgspec.Struct, frozen=True):
+    """Of bodies that are tracked in a room."""
+
+    min_m: float = 0.02
+    max_m: float = 10.0
+
+
+EXTENTS = Extents()
 
 
 def read_urdf(path: Path) -> BodyModel:
@@ -51,7 +61,7 @@ def read_urdf(path: Path) -> BodyModel:
 
     carried = link_surfaces(path, t_links)
     surface = joined(list(carried.values()))
-    if not SMALLEST_M < (size := float(np.ptp(surface.vertices, axis=0).max())) < LARGEST_M:
+    if not EXTENTS.min_m < (size := float(np.ptp(surface.vertices, axis=0).max())) < EXTENTS.max_m:
         logger.warning("%s: the body is %.3g m large at rest; check the scale of its meshes", path, size)
     owners = np.repeat([dof_of[link] for link in carried], [len(part.vertices) for part in carried.values()])
     skin_links, skin_weights = (owners - BASE)[:, None].astype(np.int64), np.ones((len(owners), 1))

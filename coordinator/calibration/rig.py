@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
+import msgspec
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -32,13 +33,21 @@ from gepf.coordinator.tracking.refiner import Refiner, iterations
 from gepf.coordinator.tracking.reporting import TrackedPerson
 from gepf.coordinator.tracking.tracker import Tracker
 
-MISFIT_M = 0.09  # largest mean residual of joints of the same person
+
+class CalibrationSettings(msgspec.Struct, frozen=True):
+    """How joints of a person, as several cameras see them, are aligned."""
+
+    max_misfit_m: float = 0.09  #: mean residual of joints of the same person
+    step_s: float = 1.0 / 60.0  #: between the offsets that are tried
+    outlier_m: float = 0.1  #: scale of the robust kernel
+    block_s: float = 0.5  #: longer than pose errors are correlated
+    position_m: float = 0.0015  #: deviation of a body's place in any direction
+    sight_m: float = 0.004  #: the same along a line of sight
+
+
+SETTINGS = CalibrationSettings()
 LARGEST = np.repeat([np.radians(1.0), 0.02, 0.008], (3, 3, 1))  # deviations; with larger ones it is a guess
-STEP_S = 1.0 / 60.0  # between the offsets that are tried
-OUTLIER_M = 0.1  # scale of the robust kernel
 GIRTHS = np.array([0.85, 1.15])  # relative to the estimated one, of a thinner and a thicker body
-BLOCK_S = 0.5  # longer than pose errors are correlated
-POSITION_M, SIGHT_M = 0.0015, 0.004  # deviations of a body's place: in any direction, along a line of sight
 WHAT = ("rotation", "position", "clock")
 ADVICE = ("walk through the view of {}", "walk closer to {} and turn about", "wave before {}")
 
@@ -65,7 +74,7 @@ def calibrate(
             raise InputError(
                 f"{name} and {first} do not show the person at the same time; record at least a second of it"
             )
-        if found.residual_m > MISFIT_M:
+        if found.residual_m > SETTINGS.max_misfit_m:
             raise InputError(
                 f"{name} does not show the motion of {first}: joints are {100 * found.residual_m:.0f} cm "
                 "apart at best; record one person who moves in front of both"
@@ -126,7 +135,7 @@ class CameraPose:
 
 
 def track_alone(source: Source, refiner: Refiner, settings: Settings, bodies: Bodies) -> Motion:
-    """The motion of a person whom one camera shows; its Jacobian is measured once in BLOCK_S."""
+    """The motion of a person whom one camera shows; its Jacobian is measured once in `block_s`."""
     rows = list[tuple[float, Array, Array, Array]]()
     next_s, jacobian = -np.inf, np.zeros(3)
     for frame in Tracker(refiner, settings, bodies).follow(source):
@@ -135,7 +144,7 @@ def track_alone(source: Source, refiner: Refiner, settings: Settings, bodies: Bo
         if estimate.status not in POSE_UNKNOWN:
             deviation = estimate.certainty.deviation
             if tracked.subject is not None and estimate.time_s >= next_s:
-                next_s = estimate.time_s + BLOCK_S
+                next_s = estimate.time_s + SETTINGS.block_s
                 jacobian = measure_jacobian(tracked, tracked.subject, refiner, settings, bodies)
         girth = Size(*tracked.state.size).girth if tracked.state.size else np.nan
         to_girth_1 = (1.0 - girth) * jacobian
@@ -167,7 +176,7 @@ def align(first: Motion, other: Motion) -> CameraPose | None:
     least = max(1.0, 0.5 * length)  # seconds
     earliest = first.time_s[0] + least - other.time_s[-1]
     latest = first.time_s[-1] - least - other.time_s[0]
-    offsets: list[float] = np.arange(earliest, latest + STEP_S, STEP_S).tolist()
+    offsets: list[float] = np.arange(earliest, latest + SETTINGS.step_s, SETTINGS.step_s).tolist()
     fits = [fit_at(first, other, offset) for offset in offsets]
     known = [each for each in fits if each is not None]
     if not known:
@@ -185,7 +194,7 @@ def deviations_of(first: Motion, other: Motion, found: CameraPose) -> Array:
     """
     known = np.isfinite(first.variance)
     person = first.joints[known].mean(axis=0)
-    blocks = np.unique((first.time_s / BLOCK_S).astype(np.int64), return_inverse=True)[1][:, None]
+    blocks = np.unique((first.time_s / SETTINGS.block_s).astype(np.int64), return_inverse=True)[1][:, None]
     variance = np.zeros(7)
     for groups in (blocks, np.arange(first.joints.shape[1])):
         changes = list[Array]()
@@ -200,18 +209,18 @@ def deviations_of(first: Motion, other: Motion, found: CameraPose) -> Array:
         variance += (len(changes) - 1.0) * np.var(changes, axis=0) if len(changes) > 1 else np.inf
     sight, other_sight = person, person - found.T_first_other[:3, 3]
     apart = sight / np.linalg.norm(sight) - other_sight / np.linalg.norm(other_sight)
-    variance[3:6] += POSITION_M**2 + (SIGHT_M * apart) ** 2
+    variance[3:6] += SETTINGS.position_m**2 + (SETTINGS.sight_m * apart) ** 2
     return np.sqrt(variance)
 
 
 def fit_near(first: Motion, other: Motion, offset_s: float) -> CameraPose | None:
     """The rigid fit with the best clock offset near this one; None if nothing is known at the same time."""
-    fits = [fit_at(first, other, offset_s + step) for step in (-STEP_S, 0.0, STEP_S)]
+    fits = [fit_at(first, other, offset_s + step) for step in (-SETTINGS.step_s, 0.0, SETTINGS.step_s)]
     before, at, after = (np.inf if fit is None else fit.residual_m**2 for fit in fits)
     if not np.isfinite([before, at, after]).all():
         return fits[1]
     shift = 0.5 * (before - after) / max(before - 2.0 * at + after, 1e-12)
-    return fit_at(first, other, offset_s + STEP_S * float(np.clip(shift, -0.5, 0.5)))
+    return fit_at(first, other, offset_s + SETTINGS.step_s * float(np.clip(shift, -0.5, 0.5)))
 
 
 def fit_at(first: Motion, other: Motion, offset_s: float) -> CameraPose | None:
@@ -225,19 +234,21 @@ def fit_at(first: Motion, other: Motion, offset_s: float) -> CameraPose | None:
     )
     robust, girth = np.ones_like(weights), 0.0
     # of the girth, in units of the weights: errors of joints are correlated, so a block counts as one frame
-    prior = BLOCK_S * (len(first.time_s) - 1) / np.ptp(first.time_s) / (0.5 * np.ptp(GIRTHS)) ** 2
+    prior = SETTINGS.block_s * (len(first.time_s) - 1) / np.ptp(first.time_s) / (0.5 * np.ptp(GIRTHS)) ** 2
     for _ in range(5):
         robust_weights = weights * robust
         transform = rigid_fit(there, here, robust_weights)
         apart = moved(there, transform) - here
         squares = np.sum(apart**2, axis=1)
-        robust = (OUTLIER_M**2 / (OUTLIER_M**2 + squares)) ** 2
+        scale = SETTINGS.outlier_m**2
+        robust = (scale / (scale + squares)) ** 2
         jacobian = jacobian_there @ transform[:3, :3].T - jacobian_here
         jacobian -= np.average(jacobian, axis=0, weights=robust_weights)  # their mean is a translation
         gradient = np.sum(robust_weights @ (jacobian * apart)) + prior * girth
         step = -gradient / (np.sum(robust_weights @ jacobian**2) + prior)
         here, there, girth = here + step * jacobian_here, there + step * jacobian_there, girth + step
-    cost = OUTLIER_M**2 * squares / (OUTLIER_M**2 + squares)
+    scale = SETTINGS.outlier_m**2
+    cost = scale * squares / (scale + squares)
     return CameraPose(transform, offset_s, float(np.sqrt(np.average(cost, weights=weights))))
 
 

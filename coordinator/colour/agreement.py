@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gepf.common.arrays import Array
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import Frame
 from gepf.coordinator.colour.finder import (
     EXCHANGED,
     SAME_PERSON,
@@ -66,7 +66,7 @@ ColourStates = dict[str, ColourState]
 
 def compare(
     states: ColourStates,
-    frame: DepthFrame,
+    frame: Frame,
     bodies: Sequence[ExpectedBody | None],
     found: Sequence[Keypoints],
     interval_s: float,

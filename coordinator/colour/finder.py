@@ -16,7 +16,7 @@ from scipy.ndimage import binary_dilation
 from gepf.common.arrays import Array
 from gepf.common.body import KEYPOINTS, BodyModel
 from gepf.common.camera import points_of, project
-from gepf.common.frame import DepthFrame, SubjectFrame
+from gepf.common.frame import Frame, SubjectFrame, SubjectView, View
 from gepf.common.kinematics import keypoint_positions, pose_vertices
 from gepf.common.packages import MissingPackage
 from gepf.common.refinement import KEYPOINT_OUTLIER
@@ -86,13 +86,13 @@ class KeypointFinder:
         """Load the network, which the first frame with colour would else wait for."""
         self._thread.submit(lambda: self._network).result()
 
-    def leave_out(self, frame: DepthFrame, bodies: Sequence[ExpectedBody | None]) -> bool:
+    def leave_out(self, frame: Frame, bodies: Sequence[ExpectedBody | None]) -> bool:
         """Count a frame that is not looked at for want of time; whether there was anything to look at."""
         is_of_use = any(view.colours is not None for view in frame.views) and any(bodies)
         self.left_out += is_of_use
         return is_of_use
 
-    def submit(self, frame: DepthFrame, bodies: Sequence[ExpectedBody | None]) -> Future[Sight]:
+    def submit(self, frame: Frame, bodies: Sequence[ExpectedBody | None]) -> Future[Sight]:
         """Begin to look for people, each around an expected body; without one, or without colour: nothing."""
 
         def look() -> Sight:
@@ -112,24 +112,25 @@ class KeypointFinder:
 
     def look_at(
         self,
-        candidates: Sequence[SubjectFrame],
-        frame: DepthFrame,
+        candidates: Sequence[tuple[SubjectFrame, SubjectFrame]],
+        frame: Frame,
         upward: Mapping[str, Array],
         interval_s: float,
     ) -> dict[int, Keypoints]:
         """The keypoints of some candidates, by their place; none where the network sees no person.
 
         Each has its turn, as many in a frame as the `interval_s` since the one before allows; in the first
-        frame all. `upward` (3,) are directions in the camera's frame, by its name.
+        frame all. A candidate is what shows it, and all that may show it. `upward` (3,) are directions in the
+        camera's frame, by its name.
         """
 
-        def look(candidate: SubjectFrame) -> Keypoints:
+        def look(subject: SubjectFrame, widest: SubjectFrame) -> Keypoints:
             shown = dict[str, NDArray[np.float32]]()
             images = {view.camera: view for view in frame.views}
-            whole = {view.frame.camera: view for part in (candidate, candidate.widest) for view in part.views}
-            for view in candidate.views:
-                image = images[view.frame.camera]
-                points = points_of(view.frame.metres(), view.frame.intrinsics, view.frame.depth > 0)
+            whole = {view.image.camera: view for part in (subject, widest) for view in part.views}
+            for view in subject.views:
+                image = images[view.image.camera]
+                points = points_of(view.image.metres(), view.image.intrinsics, view.image.depth > 0)
                 if image.colours is None or not len(points):
                     continue
                 crop = crop_of_points(points, upward[image.camera], image.intrinsics)
@@ -141,9 +142,9 @@ class KeypointFinder:
         count = len(candidates)
         most = min(count, max(1, round(CANDIDATES_PER_S * interval_s))) if interval_s > 0.0 else count
         turns = [(frame.number * most + n) % count for n in range(most)]
-        return self._thread.submit(lambda: {turn: look(candidates[turn]) for turn in turns}).result()
+        return self._thread.submit(lambda: {turn: look(*candidates[turn]) for turn in turns}).result()
 
-    def _look(self, frame: DepthFrame, body: ExpectedBody | None) -> Keypoints:
+    def _look(self, frame: Frame, body: ExpectedBody | None) -> Keypoints:
         found = dict[str, NDArray[np.float32]]()
         for view in frame.views if body is not None else ():
             crop = None if view.colours is None else crop_of(body, view)
@@ -154,7 +155,7 @@ class KeypointFinder:
         return found
 
 
-def would_show(body: ExpectedBody, view: DepthFrame, around: Keypoints, given: Sequence[Keypoints]) -> bool:
+def would_show(body: ExpectedBody, view: View, around: Keypoints, given: Sequence[Keypoints]) -> bool:
     """Whether a colour image that was looked at would show a body, with the keypoints seen `around` it.
 
     Not if they are those that another body is `given`: that person may hide it.
@@ -168,9 +169,7 @@ def would_show(body: ExpectedBody, view: DepthFrame, around: Keypoints, given: S
     )
 
 
-def assign(
-    bodies: Sequence[ExpectedBody | None], seen: Sequence[Keypoints], frame: DepthFrame
-) -> list[Keypoints]:
+def assign(bodies: Sequence[ExpectedBody | None], seen: Sequence[Keypoints], frame: Frame) -> list[Keypoints]:
     """Keypoints of bodies: each person in an image is that of the nearest body, and a body is one person.
 
     Around a body that is hidden or wrong, the network may see another person, who may be another body.
@@ -219,7 +218,7 @@ def find_doubles(
     return [any(is_double(mine, other) for other in people if other != mine) for mine in people]
 
 
-def keypoint_pixels(body: ExpectedBody, view: DepthFrame) -> Array:
+def keypoint_pixels(body: ExpectedBody, view: View) -> Array:
     """Where the keypoints (17, 2) of a body are in an image, if it is before the camera."""
     places = view.to_camera(keypoint_positions(body.model, body.pose[None])[0])
     return project(places, view.intrinsics)
@@ -236,7 +235,7 @@ def deviations_of(pixels: NDArray[np.floating], keypoints: NDArray[np.float32]) 
     return np.asarray(off * np.sqrt(keypoints[:, 2]))
 
 
-def crop_of(body: ExpectedBody | None, view: DepthFrame) -> Crop | None:
+def crop_of(body: ExpectedBody | None, view: View) -> Crop | None:
     """The crop around a person in an image; None if the person is not expected in it."""
     if body is None:
         return None
@@ -252,25 +251,23 @@ def with_keypoints(subject: SubjectFrame | None, found: Keypoints) -> SubjectFra
     """The subject of a frame with the keypoints of its cameras, in pixels of its crops."""
     if subject is None or not found:
         return subject
-    first, *others = (
-        replace(each, keypoints=in_crop(each, found[each.frame.camera]))
-        if each.frame.camera in found
-        else each
-        for each in subject.views
+    views = (
+        replace(view, keypoints=in_crop(view, found[view.image.camera]))
+        if view.image.camera in found
+        else view
+        for view in subject.views
     )
-    wider = (with_keypoints(each, found) for each in subject.wider)
-    return replace(first, others=tuple(others), wider=tuple(each for each in wider if each is not None))
+    return replace(subject, views=tuple(views))
 
 
 def without_keypoints(subject: SubjectFrame | None, cameras: Collection[str]) -> SubjectFrame | None:
     """The subject of a frame without the keypoints of these cameras."""
     if subject is None:
         return None
-    first, *others = (
-        replace(each, keypoints=None) if each.frame.camera in cameras else each for each in subject.views
+    views = (
+        replace(view, keypoints=None) if view.image.camera in cameras else view for view in subject.views
     )
-    wider = (without_keypoints(each, cameras) for each in subject.wider)
-    return replace(first, others=tuple(others), wider=tuple(each for each in wider if each is not None))
+    return replace(subject, views=tuple(views))
 
 
 def with_sides_of(subject: SubjectFrame | None, body: ExpectedBody) -> SubjectFrame | None:
@@ -278,66 +275,52 @@ def with_sides_of(subject: SubjectFrame | None, body: ExpectedBody) -> SubjectFr
 
     Networks exchange left and right of people seen from behind or poorly; a body does not turn in a frame.
     """
-    if subject is None or all(each.keypoints is None for each in subject.views):
+    if subject is None or all(view.keypoints is None for view in subject.views):
         return subject
 
-    def sided(view: SubjectFrame) -> SubjectFrame:
+    def sided(view: SubjectView) -> SubjectView:
         if view.keypoints is None:
             return view
-        pixels, exchanged = keypoint_pixels(body, view.frame), view.keypoints[EXCHANGED]
+        pixels, exchanged = keypoint_pixels(body, view.image), view.keypoints[EXCHANGED]
         is_exchanged = distance_of(pixels, exchanged) < SAME_PERSON < distance_of(pixels, view.keypoints)
         return replace(view, keypoints=exchanged) if is_exchanged else view
 
     views = tuple(map(sided, subject.views))
     if all(after is before for after, before in zip(views, subject.views, strict=True)):
         return subject  # as it was sent to the workers
-    return replace(views[0], others=views[1:])
+    return replace(subject, views=views)
 
 
-def are_on(view: SubjectFrame, keypoints: NDArray[np.float32]) -> bool:
+def are_on(view: SubjectView, keypoints: NDArray[np.float32]) -> bool:
     """Whether most keypoints that a network sees are on the pixels of a subject, and not on those of others.
 
     They weigh by their precision; those outside of the image are of no account.
     """
-    left, top, right, bottom = view.view
+    left, top, right, bottom = view.extent
     places = in_crop(view, keypoints)
     columns, rows = np.rint(places[:, 0]).astype(int), np.rint(places[:, 1]).astype(int)
     in_image = (left <= columns) & (columns < right) & (top <= rows) & (rows < bottom)
-    shape = view.frame.depth.shape
+    shape = view.image.depth.shape
     in_window = (columns >= 0) & (columns < shape[1]) & (rows >= 0) & (rows < shape[0])
     on = np.zeros(len(places), dtype=np.bool_)
-    near = binary_dilation(view.frame.depth > 0, iterations=NEAR_PX)
+    near = binary_dilation(view.image.depth > 0, iterations=NEAR_PX)
     on[in_window] = near[rows[in_window], columns[in_window]]
     weights = np.where(in_image, places[:, 2], 0.0)
     return bool(weights @ on > 0.5 * weights.sum())
 
 
-def possible_people(candidates: Sequence[SubjectFrame], trusted: Collection[str]) -> list[SubjectFrame]:
-    """Candidates in whom colour shows a person, who have keypoints, before the others.
-
-    The others are left out if they are in the image of a `trusted` camera.
-    """
-    people, others = list[SubjectFrame](), list[SubjectFrame]()
-    for who in candidates:
-        if any(view.keypoints is not None for view in who.views):
-            people.append(who)
-        elif all(view.frame.camera not in trusted for view in who.views):
-            others.append(who)
-    return people + others
-
-
-def in_crop(subject: SubjectFrame, keypoints: NDArray[np.float32]) -> NDArray[np.float32]:
+def in_crop(view: SubjectView, keypoints: NDArray[np.float32]) -> NDArray[np.float32]:
     """Keypoints of the whole image (17, 3) in pixels of a crop."""
-    moved: NDArray[np.float32] = keypoints + np.array([*subject.view[:2], 0.0], np.float32)
+    moved: NDArray[np.float32] = keypoints + np.array([*view.extent[:2], 0.0], np.float32)
     return moved
 
 
 def in_image(subject: SubjectFrame) -> Keypoints:
     """The keypoints of a subject in pixels of the whole images."""
     return {
-        each.frame.camera: each.keypoints - np.array([*each.view[:2], 0.0], np.float32)
-        for each in subject.views
-        if each.keypoints is not None
+        view.image.camera: view.keypoints - np.array([*view.extent[:2], 0.0], np.float32)
+        for view in subject.views
+        if view.keypoints is not None
     }
 
 
@@ -349,7 +332,7 @@ def is_shown(model: BodyModel, pose: Array, subject: SubjectFrame, *, looked_at:
     body = ExpectedBody(model, pose)
     for view in subject.views:
         if view.keypoints is not None:
-            pixels = keypoint_pixels(body, view.frame)
+            pixels = keypoint_pixels(body, view.image)
             sides = view.keypoints, view.keypoints[EXCHANGED]
             if min(distance_of(pixels, keypoints) for keypoints in sides) < SAME_PERSON:
                 return True
@@ -360,7 +343,7 @@ def shown_sides(model: BodyModel, pose: Array, subject: SubjectFrame) -> int:
     """1 if keypoints show left and right as in this pose (D,), -1 if exchanged, 0 if they do not tell."""
     for view in subject.views:
         if view.keypoints is not None:
-            pixels = keypoint_pixels(ExpectedBody(model, pose), view.frame)
+            pixels = keypoint_pixels(ExpectedBody(model, pose), view.image)
             sides = distance_of(pixels, view.keypoints), distance_of(pixels, view.keypoints[EXCHANGED])
             if min(sides) < SAME_PERSON < max(sides):
                 return 1 if sides[0] < sides[1] else -1
@@ -375,10 +358,10 @@ def keypoint_cost(model: BodyModel, pose: Array, subject: SubjectFrame) -> float
     total, scale = 0.0, KEYPOINT_OUTLIER**2
     for view in subject.views:
         if view.keypoints is not None and len(model.keypoint_links):
-            places = view.frame.to_camera(keypoint_positions(model, pose[None])[0])
+            places = view.image.to_camera(keypoint_positions(model, pose[None])[0])
             ahead, seen = places[:, 2] > 0.0, view.keypoints.astype(np.float64)
             squared = np.full(len(places), np.inf)
-            off = project(places[ahead], view.frame.intrinsics) - seen[ahead, :2]
+            off = project(places[ahead], view.image.intrinsics) - seen[ahead, :2]
             squared[ahead] = seen[ahead, 2] * np.sum(off**2, axis=1)
             farther = np.where(np.isfinite(squared), scale * squared / (scale + squared), scale)
             total += 0.5 * float(np.sum(farther[seen[:, 2] > 0.0]))

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from gepf.common.arrays import Array
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import Frame
 from gepf.common.kinematics import keypoint_positions, pose_vertices
 from gepf.coordinator.colour.finder import ExpectedBody, Keypoints
 from gepf.coordinator.colour.keypoints import HIPS, SHOULDERS
@@ -27,7 +27,7 @@ INSIDE = np.array(
 """Weights (N, 4) of the corners at these places."""
 
 
-def trunk_step(body: ExpectedBody, keypoints: Keypoints, frame: DepthFrame, longest_m: float) -> Array | None:
+def trunk_step(body: ExpectedBody, keypoints: Keypoints, frame: Frame, longest_m: float) -> Array | None:
     """The motion (3,) of a person from an expected body to its keypoints, metres, in the frame of the rig.
 
     None if there are no keypoints or no depth at the trunk, or if it is longer than `longest_m`: then it is

@@ -68,7 +68,7 @@ def open_all(sequences: Sequence[Path]) -> dict[str, Source]:
     sources, found = [open_source(path) for path in sequences], dict[str, Source]()
     names = [source.name for source in sources]
     for n, source in enumerate(sources, 1):
-        if source.others:
+        if len(source.views) > 1:
             raise InputError(f"{source.name} is a rig already; give the recordings of single cameras")
         found[source.name if names.count(source.name) == 1 else f"camera{n}"] = source
     return found

@@ -26,7 +26,7 @@ from gepf.coordinator.commands.progress import Show
 from gepf.coordinator.files import FILM_FILE, TRUTH_FILE
 from gepf.coordinator.filters.methods import settings_for
 from gepf.coordinator.pool.options import Pool
-from gepf.coordinator.results.evaluation import NEAR_M, measure_errors, overall, read_truth
+from gepf.coordinator.results.evaluation import THRESHOLDS, measure_errors, overall, read_truth
 from gepf.coordinator.results.track import read_track
 from gepf.coordinator.scene.noise import SensorNoise
 from gepf.coordinator.settings import Settings
@@ -124,7 +124,7 @@ def score(scene: str, out: Path, way: str, seed: int) -> tuple[float, float]:
     if scene == ARM:
         return float(np.nanmean(errors.angle_deg)), float(np.nanmean(errors.best_angle_deg))
     mean_m = overall(errors.joint_m)
-    near = 100.0 * float((errors.joint_m <= NEAR_M).mean())
+    near = 100.0 * float((errors.joint_m <= THRESHOLDS.near_m).mean())
     return near, np.nan if mean_m is None else 100.0 * mean_m
 
 

@@ -13,7 +13,7 @@ from gepf.common.camera import NOT_MOVED
 from gepf.common.errors import InputError
 from gepf.coordinator.commands.finished import camera_in, find_sequence, own_truth
 from gepf.coordinator.commands.options import EvaluateOptions
-from gepf.coordinator.results.configuration import digest_frame
+from gepf.coordinator.results.configuration import digest_view
 from gepf.coordinator.results.evaluation import Evaluation, evaluate, read_truth
 from gepf.coordinator.results.killed import finish_killed
 from gepf.coordinator.results.summary import read_summary
@@ -72,7 +72,7 @@ def check_truth(run: Path, truth: Path) -> None:
             raise
         return  # it is not in the folder of a recording
     first = int(summary["frame_range"].partition(":")[0])
-    if first not in source.numbers or digest_frame(source.frame(first)) != summary["first_frame"]:
+    if first not in source.numbers or digest_view(source.view(first)) != summary["first_frame"]:
         raise InputError(
             f"{truth} is for {folder.name}, but {run} tracked {summary.get('sequence')}; give its own"
         )

@@ -55,13 +55,13 @@ def run_info(options: InfoOptions, camera: CameraOptions) -> None:
     for each in source.views:
         turn = each.T_rig_camera[:3, :3]
         gravity = None if each.gravity is None else turn.T @ each.gravity
-        alone = each.changed(others=(), gravity=gravity)  # with gravity in its own frame
+        alone = each.changed(gravity=gravity)  # with gravity in its own frame
         facts = describe_recording(form, alone)
         if not as_json:
             print_facts(facts)
         with loading():
             view, found = find_people(alone)
-        if options.picture is not None and each is source:
+        if options.picture is not None and each is source.views[0]:
             from gepf.coordinator.pictures.film import save_png
             from gepf.coordinator.pictures.scene import draw_scene
 
@@ -71,7 +71,7 @@ def run_info(options: InfoOptions, camera: CameraOptions) -> None:
         if not as_json:
             print_facts(scene)
     if as_json:
-        print_json({"cameras": cameras} if source.others else cameras[0])
+        print_json({"cameras": cameras} if len(source.views) > 1 else cameras[0])
 
 
 def describe_tracked(run: Path, summary: Mapping[str, Any]) -> dict[str, object]:
@@ -105,7 +105,7 @@ def find_people(source: Source) -> tuple[SceneView, list[Candidate]]:
 
     scene = Scene(SceneSettings(), up=None if source.gravity is None else -source.gravity)
     for number in source.numbers[:60]:
-        view = scene.see(source.frame(number))
+        view = scene.see(source.view(number))
         found = candidates(view)
         likely = [each for each in found if each.score > PROMISING]
         if likely:
@@ -184,7 +184,7 @@ def describe_recording(form: Format, source: Source) -> dict[str, object]:
     """Facts about a sequence by name, its depth from ten frames. Raises InputError for a damaged one."""
     camera = source.intrinsics
     chosen = np.unique(np.linspace(0, len(source) - 1, 10).astype(int)).tolist()
-    depths = [source.frame(source.numbers[n]).metres() for n in chosen]
+    depths = [source.view(source.numbers[n]).metres() for n in chosen]
     seen = np.concatenate([depth[depth > 0] for depth in depths])
     near, far = (round(float(seen.min()), 4), round(float(seen.max()), 4)) if len(seen) else (None, None)
     for doubt in find_doubts(source, PEOPLE.nearest_m):

@@ -17,7 +17,7 @@ import numpy as np
 
 from gepf.common.camera import Intrinsics
 from gepf.common.errors import InputError
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import Frame
 from gepf.common.packages import MissingPackage
 from gepf.common.protocol.keys import check_stream, of_live
 from gepf.common.transport.channels import Publisher
@@ -37,7 +37,7 @@ from gepf.coordinator.results.configuration import (
     PEOPLE,
     RunConfiguration,
     digest,
-    digest_frame,
+    digest_view,
     versions,
 )
 from gepf.coordinator.results.evaluation import Truth, read_truth
@@ -62,7 +62,7 @@ from gepf.coordinator.tracking.target import resolve
 
 logger = logging.getLogger(__name__)
 
-Streams = Generator[Iterator[DepthFrame], None, None]
+Streams = Generator[Iterator[Frame], None, None]
 
 MEND_STREAM = "is its publisher running, with this key and endpoint, and is its depth above 0?"
 EXAMINED = 10  # frames of a recording, for colour
@@ -191,14 +191,14 @@ class RecordedInput(Input):
         recording: dict[str, object] = {
             "sequence": path.name,
             PATH: str(path),
-            "first_frame": digest_frame(first),
+            "first_frame": digest_view(first.views[0]),
             "frame_range": f"{numbers[0]}:{numbers[-1] + 1}",
         }
         if self.finder is not None:
             images = (view.colours.tobytes() for view in first.views if view.colours is not None)
             recording["first_colour"] = digest(b"".join(images))
-        if first.camera:
-            views = [(each.camera, each.T_rig_camera.tolist(), digest_frame(each)) for each in first.views]
+        if source.camera:
+            views = [(each.camera, each.T_rig_camera.tolist(), digest_view(each)) for each in first.views]
             recording["rig"] = digest(repr(views).encode())
         if given != AS_RECORDED:
             lens = given.intrinsics and list(given.intrinsics)
@@ -213,7 +213,7 @@ class RecordedInput(Input):
         """The recording with its colour images; without them, and with one line, if they are of no use."""
         fit = list[bool]()
         for view in coloured.views:
-            numbers = self.numbers if view is coloured else view.numbers
+            numbers = self.numbers if view is coloured.views[0] else view.numbers
             places = np.unique(np.linspace(0, len(numbers) - 1, EXAMINED).astype(int))
             if view.colours is not None:
                 fit += [view.colours(numbers[place]) is not None for place in places]
@@ -377,7 +377,7 @@ class LiveInput(Input):
             self._show.say(self._unused)
             self._unused = ""
 
-    def _take(self, frame: DepthFrame) -> DepthFrame:
+    def _take(self, frame: Frame) -> Frame:
         """The frame, which is recorded; InputError if the room without people has another size."""
         for view in frame.views:
             if view.camera == self.scope.camera:

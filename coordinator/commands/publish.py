@@ -10,7 +10,7 @@ from itertools import count
 from PIL import Image
 
 from gepf.common.errors import InputError
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import View
 from gepf.common.protocol.frames import LIVE_END, encode_colour, encode_live
 from gepf.common.protocol.keys import check_stream
 from gepf.common.transport.bus import Bus
@@ -48,7 +48,7 @@ def run_publish(
         raise InputError("--color is for cameras; leave it out with a recorded sequence")
     else:
         source = open_source(options.sequence, camera.choose())
-        if source.others:
+        if len(source.views) > 1:
             raise InputError(f"{options.sequence} has several cameras; publish each with its own --key")
         numbers = select_frames(source.numbers, options.frames)
     with reach_partner(reached, "subscriber", key, show) as bus:
@@ -63,7 +63,7 @@ def run_publish(
             INTERRUPTS.check()
 
         if attached is None:
-            images = ((frame, None) for frame in paced(map(source.frame, numbers), options.rate))
+            images = ((view, None) for view in paced(map(source.view, numbers), options.rate))
             published = play(images, put, publisher.put_blocking)
         else:
             published = play(attached, put, publisher.put_blocking, bus.publish(colour_key(key)).put)
@@ -96,23 +96,23 @@ def play(images: Iterable[Shot], put: Put, put_last: Put, put_colour: Put | None
     """Publish each image as it comes, and the end of the stream in any case; returns their number."""
     number = 0
     try:
-        for frame, colour in images:
+        for view, colour in images:
             if colour is not None and put_colour is not None:
                 jpeg = BytesIO()
                 Image.fromarray(colour).save(jpeg, "JPEG", quality=90)
-                put_colour(encode_colour(frame.number, jpeg.getvalue()))
-            put(encode_live(frame))
+                put_colour(encode_colour(view.number, jpeg.getvalue()))
+            put(encode_live(view))
             number += 1
     finally:
         put_last(LIVE_END)
     return number
 
 
-def paced(frames: Iterable[DepthFrame], rate: float | None) -> Iterator[DepthFrame]:
-    """Yield each frame at its recorded time after the first, or frame k at k / rate s; late ones at once."""
+def paced(views: Iterable[View], rate: float | None) -> Iterator[View]:
+    """Yield each image at its recorded time after the first, or image k at k / rate s; late ones at once."""
     began, first_s = time.monotonic(), None
-    for k, frame in enumerate(frames):
-        first_s = frame.time_s if first_s is None else first_s
-        due = frame.time_s - first_s if rate is None else k / rate
+    for k, view in enumerate(views):
+        first_s = view.time_s if first_s is None else first_s
+        due = view.time_s - first_s if rate is None else k / rate
         time.sleep(max(0.0, began + due - time.monotonic()))
-        yield frame
+        yield view

@@ -12,7 +12,7 @@ from itertools import chain
 import numpy as np
 
 from gepf.common.errors import InputError, SilentWorkers
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import Frame
 from gepf.coordinator.bodies.human.people import PEOPLE
 from gepf.coordinator.colour.agreement import describe_changes as describe_colours
 from gepf.coordinator.commands.console import INTERRUPTS
@@ -177,7 +177,7 @@ def track_frames(
 
 
 def follow(
-    make: Callable[[], Tracker], frames: Iterator[DepthFrame], live: LiveFrames | None, show: Show
+    make: Callable[[], Tracker], frames: Iterator[Frame], live: LiveFrames | None, show: Show
 ) -> Iterator[TrackedFrame]:
     """Track the frames of a stream; live ones again with a new tracker after workers that did not answer.
 

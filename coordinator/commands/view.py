@@ -14,7 +14,7 @@ import rerun.blueprint as rrb
 
 from gepf.common.body import BodyModel
 from gepf.common.errors import BusError, GepfError, InputError, ProtocolError
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import View
 from gepf.common.protocol.frames import decode_live, number_of
 from gepf.common.protocol.keys import check_stream
 from gepf.common.protocol.models import decode_model
@@ -77,8 +77,8 @@ class LiveScene:
             self._say_once("frames come, but no results; is gepf track running? Give --results its --publish")
         return taken
 
-    def frame(self, number: int) -> DepthFrame | None:
-        """The frame with a number; None if it did not come or is too old."""
+    def image(self, number: int) -> View | None:
+        """The image with a number; None if it did not come or is too old."""
         payload = self.frames.get(number)
         return None if payload is None else self._decode("the key of frames", payload)
 
@@ -110,7 +110,7 @@ class LiveScene:
             self._said.add(line)
             self._report(line + detail)
 
-    def _decode(self, key: str, payload: bytes) -> DepthFrame | None:
+    def _decode(self, key: str, payload: bytes) -> View | None:
         try:
             return decode_live(payload)
         except ProtocolError as error:
@@ -152,8 +152,8 @@ def view_run(options: ViewOptions, show: Show) -> None:
     with show.steps("preparing frames") as advance:
         view, person = FrameLog(recording), PersonLog(recording)
         for f, number in enumerate(track.frame.tolist()):
-            frame = None if source is None else source.frame(number)
-            view.log(number, float(track.time_s[f]), frame)
+            image = None if source is None else source.view(number)
+            view.log(number, float(track.time_s[f]), image)
             person.log(track, f, model)
             advance(f + 1, len(track.frame))
         recording.flush()
@@ -221,14 +221,14 @@ class LiveView:
             self._log_result(key, result)
         newest = next(reversed(self._scene.frames), None)
         if not results and newest is not None and newest != self._shown:
-            self._frames.log(newest, time.monotonic() - self._began, self._scene.frame(newest))
+            self._frames.log(newest, time.monotonic() - self._began, self._scene.image(newest))
             self._shown = newest
         self._recording.flush()
         return bool(results)
 
     def _log_result(self, key: str, result: Result) -> None:
         track, number = result.track, int(result.track.frame[0])
-        self._frames.log(number, time.monotonic() - self._began, self._scene.frame(number))
+        self._frames.log(number, time.monotonic() - self._began, self._scene.image(number))
         self._shown = number
         if key not in self._people:
             self._people[key] = PersonLog(self._recording, key.removeprefix(self._results).strip("/"))

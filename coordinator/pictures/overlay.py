@@ -24,7 +24,7 @@ OTHERS_COLOUR: Colour = (92, 214, 255)
 
 
 @dataclass(frozen=True, slots=True)
-class View:
+class Viewport:
     """A window of a camera's image, in pixels of that image, and the size in which it is drawn."""
 
     camera: Intrinsics  # of the whole image
@@ -50,7 +50,9 @@ class View:
         return image.resize((self.width, self.height), Image.Resampling.BILINEAR, box)
 
 
-def view_around(track: Track, camera: Intrinsics, width: int, height: int, placed: Array = NOT_MOVED) -> View:
+def view_around(
+    track: Track, camera: Intrinsics, width: int, height: int, placed: Array = NOT_MOVED
+) -> Viewport:
     """The view that shows all joints of all frames, and fits into width x height pixels.
 
     Its picture, which is `FINER` times smaller, has an even size, as films need.
@@ -69,7 +71,7 @@ def view_around(track: Track, camera: Intrinsics, width: int, height: int, place
     scale = float(np.min((width, height) / (high - low)))
     even = 2 * FINER
     columns, rows = np.maximum(scale * (high - low) // even * even, even).astype(int).tolist()
-    return View(camera, float(low[0]), float(low[1]), scale, columns, rows, placed)
+    return Viewport(camera, float(low[0]), float(low[1]), scale, columns, rows, placed)
 
 
 LINES = tuple(line for family in FAMILIES for line in family.lines)
@@ -82,7 +84,7 @@ def bones(joint_names: tuple[str, ...]) -> list[tuple[int, int]]:
 
 
 def paint(
-    image: Image.Image, view: View, model: BodyModel, track: Track, f: int, note: str = ""
+    image: Image.Image, view: Viewport, model: BodyModel, track: Track, f: int, note: str = ""
 ) -> Image.Image:
     """The picture, RGB, of frame number `f` of a track over its depth or colour image.
 

@@ -9,10 +9,10 @@ from PIL import Image
 
 from gepf.common.body import BodyModel
 from gepf.common.camera import inverse
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import Frame
 from gepf.coordinator.files import FILM_FILE, HYPOTHESES_FILE, SHEET_FILE
 from gepf.coordinator.pictures.film import save_png, spread, tile, write_film
-from gepf.coordinator.pictures.overlay import FINER, View, paint, view_around
+from gepf.coordinator.pictures.overlay import FINER, Viewport, paint, view_around
 from gepf.coordinator.pictures.plots import draw_hypotheses
 from gepf.coordinator.pictures.shading import shade_depth
 from gepf.coordinator.results.evaluation import Truth
@@ -67,15 +67,15 @@ def draw_run(
     return files
 
 
-def size_of(views: Mapping[str, View]) -> tuple[int, int]:
+def size_of(views: Mapping[str, Viewport]) -> tuple[int, int]:
     """Width and height of a picture of all cameras."""
     each = views.values()
     return sum(view.width // FINER for view in each), max(view.height // FINER for view in each)
 
 
 def paint_views(
-    frame: DepthFrame,
-    views: Mapping[str, View],
+    frame: Frame,
+    views: Mapping[str, Viewport],
     model: BodyModel,
     track: Track,
     f: int,

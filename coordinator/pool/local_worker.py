@@ -10,6 +10,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import msgspec
+
 from gepf.common.errors import BusError
 from gepf.common.offer import CPU
 from gepf.common.protocol import keys
@@ -21,9 +23,17 @@ from gepf.coordinator.pool.options import Pool
 from gepf.coordinator.pool.watched_process import WatchedProcess
 
 THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-FAILED_STARTS = 3  # successive starts without service before the run ends
-ABSENCE_S = 10.0  # longest absence of a worker that has served, while it was able to run
-SILENCE_S = 20.0  # the same of one that owes an answer: it fails before the request does
+
+
+class LocalWorkerLimits(msgspec.Struct, frozen=True):
+    """When a local worker is given up."""
+
+    failed_starts: int = 3  #: successive ones without service, before the run ends
+    absence_s: float = 10.0  #: longest one of a worker that has served, while it was able to run
+    silence_s: float = 20.0  #: the same of one that owes an answer: it fails before the request does
+
+
+LIMITS = LocalWorkerLimits()
 
 
 class LocalWorker:
@@ -66,7 +76,7 @@ class LocalWorker:
             self._silent_s += able
         else:
             self._silent_s = 0.0
-        if self._silent_s > (SILENCE_S if self._present else ABSENCE_S):
+        if self._silent_s > (LIMITS.silence_s if self._present else LIMITS.absence_s):
             self.process.kill()
         return None if self.process.poll() is None else self._restart(self.process)
 
@@ -89,7 +99,7 @@ class LocalWorker:
         code = ended.returncode
         how = f"was ended by {signal.Signals(-code).name}" if code < 0 else f"ended with exit code {code}"
         self._failed_starts += not self._served
-        if self._failed_starts >= FAILED_STARTS:
+        if self._failed_starts >= LIMITS.failed_starts:
             lines = self._log.read_text(errors="replace").split("\n")
             last = next((line.strip() for line in reversed(lines) if line.strip()), "it said nothing")
             raise BusError(f"local workers do not start; the last {how}: {last}")

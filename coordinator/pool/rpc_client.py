@@ -19,7 +19,7 @@ from gepf.common.transport.bus import Bus
 from gepf.common.transport.channels import Ending, RequestSender
 from gepf.coordinator.pool.local_worker import LocalWorker
 from gepf.coordinator.pool.options import Pool
-from gepf.coordinator.pool.scheduler import REQUEST_TIMEOUT_S, TICK_S, Outcome, Request, Scheduler
+from gepf.coordinator.pool.scheduler import Outcome, Request, Scheduler
 from gepf.coordinator.stopwatch import NOTICE_S
 
 
@@ -122,7 +122,7 @@ class RpcClient:
             self._poll(now)
             return
         with suppress(Empty):
-            self._inbox.get(timeout=TICK_S)()
+            self._inbox.get(timeout=self.scheduler.limits.tick_s)()
 
     def catch_up(self) -> None:
         """Handle all queued events, and check clock and workers if it is time."""
@@ -138,7 +138,7 @@ class RpcClient:
 
     def _poll(self, now: float) -> None:
         """Check the workers, and send what is due."""
-        self._next_poll = now + TICK_S
+        self._next_poll = now + self.scheduler.limits.tick_s
         self._check(now)
         self._send(self.scheduler.dispatch(now))
 
@@ -212,7 +212,7 @@ class RpcClient:
         self.seen[worker] = offer.processor
         if worker not in self._senders:
             refine = keys.of_worker(worker, self._refine)
-            self._senders[worker] = self._bus.request_sender(refine, REQUEST_TIMEOUT_S)
+            self._senders[worker] = self._bus.request_sender(refine, self.scheduler.limits.request_timeout_s)
             self._alone_since, self._alone_reported = None, ""
             self._report(f"worker {worker} joined")
 
@@ -240,8 +240,9 @@ class RpcClient:
         try:
             self._send(self.scheduler.end(ticket, outcome, time.monotonic(), reason, waited))
         except SilentWorkers as error:
+            timeout_s = self.scheduler.limits.request_timeout_s
             raise SilentWorkers(
-                f"workers are connected, but none answers within {REQUEST_TIMEOUT_S:.0f} s (last {worker}): "
+                f"workers are connected, but none answers within {timeout_s:.0f} s (last {worker}): "
                 "the connection is broken, they do not respond, or a request has too many particles or points"
             ) from error
         except ProtocolError as error:

@@ -22,16 +22,27 @@ from dataclasses import dataclass, field
 from itertools import accumulate, pairwise
 from typing import Literal
 
+import msgspec
+
 from gepf.common.bounds import MAX_PARTICLES
 from gepf.common.errors import ProtocolError, SilentWorkers
 from gepf.common.offer import Offer
 
-MAX_IN_FLIGHT = 2  # requests at one worker, and spare ones per lane: the next one is there when one ends
-TICK_S = 0.1  # between checks of the clock; no request is late before
-LATE_FACTOR = 3.0  # a request is late after this multiple of the last time per particle
-LONG_WAIT_S = 0.02  # for others, at a worker, whereupon other workers are used: a turn of another run
-REST_S = 0.5  # pause of a worker without a result: it may be leaving or joining
-REQUEST_TIMEOUT_S = 30.0  # only a hanging worker takes so long
+
+class SchedulerLimits(msgspec.Struct, frozen=True):
+    """How many requests a worker gets, and how long they may take."""
+
+    max_in_flight: int = 2  #: at one worker, and spare ones per lane: the next one is there when one ends
+    tick_s: float = 0.1  #: between checks of the clock; no request is late before
+    late_factor: float = 3.0  #: a request is late after this multiple of the last time per particle
+    long_wait_s: float = (
+        0.02  #: for others, at a worker, whereupon other workers are used: another run's turn
+    )
+    rest_s: float = 0.5  #: pause of a worker without a result: it may be leaving or joining
+    request_timeout_s: float = 30.0  #: only a hanging worker takes so long
+
+
+LIMITS = SchedulerLimits()
 
 Outcome = Literal["refined", "refused", "unavailable", "nothing"]
 """How a request ended. unavailable: the worker lacks frame or model. nothing: no answer."""
@@ -91,8 +102,10 @@ class Scheduler:
     use different workers.
     """
 
-    def __init__(self, rank: Callable[[str], int] = lambda _: 0) -> None:
-        self._rank = rank
+    def __init__(
+        self, rank: Callable[[str], int] = lambda _: 0, limits: SchedulerLimits | None = None
+    ) -> None:
+        self._rank, self.limits = rank, limits or LIMITS
         self.workers: dict[str, Worker] = {}
         self.in_flight: dict[int, Request] = {}  # by ticket, the oldest first
         self.batches: list[Batch] = []  # of all unfinished refinements
@@ -151,8 +164,11 @@ class Scheduler:
                 self.cancel(batch.refinement)
                 raise ProtocolError("; ".join(dict.fromkeys(batch.refusals.values())))
         else:
-            worker.rests_until = now + REST_S
-            if now >= request.sent_at + REQUEST_TIMEOUT_S and self._answered_at <= request.sent_at:
+            worker.rests_until = now + self.limits.rest_s
+            if (
+                now >= request.sent_at + self.limits.request_timeout_s
+                and self._answered_at <= request.sent_at
+            ):
                 raise SilentWorkers(worker.name)
         return self.dispatch(now)
 
@@ -166,7 +182,8 @@ class Scheduler:
         for batch in sorted(waiting, key=lambda batch: batch.spare):
             by_all = batch.refusals.keys() >= self.workers.keys()
             ready, spare = self._awake(now), batch.spare
-            able = [w for w in ready if self._count(w, batch) < MAX_IN_FLIGHT * (1 + spare * w.offer.lanes)]
+            most = self.limits.max_in_flight
+            able = [w for w in ready if self._count(w, batch) < most * (1 + spare * w.offer.lanes)]
             free = [w for w in able if by_all or w.name not in batch.refusals]
             if free:
                 sends.append(self._send(batch, min(free, key=self._preference), now))
@@ -185,7 +202,7 @@ class Scheduler:
 
     def _preference(self, worker: Worker) -> tuple[int, bool, int]:
         """The worker with the lowest one comes first: few requests of our own, no wait for others."""
-        return len(worker.in_flight), worker.waits[False] > LONG_WAIT_S, self._rank(worker.name)
+        return len(worker.in_flight), worker.waits[False] > self.limits.long_wait_s, self._rank(worker.name)
 
     def _awake(self, now: float) -> list[Worker]:
         return [worker for worker in self.workers.values() if worker.rests_until <= now]
@@ -207,8 +224,10 @@ class Scheduler:
 
     def _is_late(self, request: Request, now: float) -> bool:
         spare = request.batch.spare
-        usual = LATE_FACTOR * (self._pace[spare] * request.load + request.worker.waits[spare])
-        return self.wanted(request.ticket) is not None and now >= request.sent_at + max(TICK_S, usual)
+        usual = self.limits.late_factor * (self._pace[spare] * request.load + request.worker.waits[spare])
+        return self.wanted(request.ticket) is not None and now >= request.sent_at + max(
+            self.limits.tick_s, usual
+        )
 
     def _send(self, batch: Batch, worker: Worker, now: float) -> Request:
         request = self.in_flight[self.sent] = Request(self.sent, worker, batch, now)

@@ -55,8 +55,8 @@ class Publication:
             with self._lock:
                 put_recent(self._frames, number, self._frames[number], FRAMES_KEPT, needed)
             return number
-        self._number = max(subject.frame.number, self._number + 1)
-        payload = encode_frame(replace(subject, frame=replace(subject.frame, number=self._number)))
+        self._number = max(subject.number, self._number + 1)
+        payload = encode_frame(replace(subject, number=self._number))
         with self._lock:
             put_recent(self._frames, self._number, (subject, payload), FRAMES_KEPT, needed)
         self._publisher.put(payload)

@@ -10,7 +10,7 @@ from typing import Any
 
 import msgspec
 
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import View
 
 PACKAGES = ("gepf", "eclipse-zenoh", "msgpack", "msgspec", "numba", "numpy", "scipy")
 PEOPLE = "people"  # the requested number, if it is not one
@@ -42,10 +42,10 @@ def flatten(configuration: Mapping[str, Any], prefix: str = "") -> Iterator[tupl
             yield prefix + key, value
 
 
-def digest_frame(frame: DepthFrame) -> str:
-    """A hash of the depth and camera of a frame."""
-    camera = repr((*msgspec.structs.astuple(frame.intrinsics), frame.depth_scale, frame.time_s))
-    return digest(camera.encode() + frame.depth.tobytes())
+def digest_view(view: View) -> str:
+    """A hash of the depth and camera of an image."""
+    camera = repr((*msgspec.structs.astuple(view.intrinsics), view.depth_scale, view.time_s))
+    return digest(camera.encode() + view.depth.tobytes())
 
 
 def digest(content: bytes) -> str:

@@ -56,9 +56,15 @@ def read_truth(path: Path, placed: Array = NOT_MOVED) -> Truth:
     return Truth(frame, joint_names, moved(joints, placed), dof_names, pose, ROOT_DOFS[:3] + slides)
 
 
-NEAR_M = 0.10
-LOST_M = 0.30
-LOST_DEG = 30.0
+class Thresholds(msgspec.Struct, frozen=True):
+    """Which errors count."""
+
+    near_m: float = 0.10  #: of a joint that is right
+    lost_m: float = 0.30  #: of a joint that is lost
+    lost_deg: float = 30.0  #: the same of an angle
+
+
+THRESHOLDS = Thresholds()
 
 
 class Evaluation(msgspec.Struct, frozen=True):
@@ -104,7 +110,7 @@ def evaluate(track: Track, truth: Truth) -> Evaluation:
         mean_angle_error_deg_by_angle={name: float(off.mean()) for name, off in limbs.items()} or None,
         worst_angle_error_deg_by_angle={name: float(off.max()) for name, off in limbs.items()} or None,
         mean_joint_error_cm=overall(errors.joint_m * 100.0),
-        pck10=share_within(errors.joint_m, NEAR_M),
+        pck10=share_within(errors.joint_m, THRESHOLDS.near_m),
         within_deviation=share_within(off, 1.0),
         within_two_deviations=share_within(off, 2.0),
         lost_from_frame=lost_from(errors),
@@ -166,7 +172,9 @@ def lost_from(errors: Errors) -> int | None:
     """First frame from which tracking is lost until the end; unknown frames are ignored."""
     angle, joint = known_mean(errors.angle_deg, axis=1), known_mean(errors.joint_m, axis=1)
     known = ~(np.isnan(angle) & np.isnan(joint))
-    return to_the_end(errors.frame[known], ((angle > LOST_DEG) | (joint > LOST_M))[known])
+    return to_the_end(
+        errors.frame[known], ((angle > THRESHOLDS.lost_deg) | (joint > THRESHOLDS.lost_m))[known]
+    )
 
 
 def to_the_end(frames: Indices, lost: Mask) -> int | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import msgspec
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -23,8 +24,16 @@ CERTAINTY, MARKERS = "diagnostic_msgs/msg/DiagnosticArray", "visualization_msgs/
 MARKER, STATUS = "visualization_msgs/msg/Marker", "diagnostic_msgs/msg/DiagnosticStatus"
 BODY, DOUBTS = "body", "doubtful joints"
 COLOURS = {BODY: (0.8, 0.45, 0.2, 0.6), DOUBTS: (1.0, 0.1, 0.1, 0.9)}
-DOUBT_M = 0.12  # diameter of the sphere around a doubtful joint
-SURFACE_M = 0.04  # between the vertices of the body: 200 kB per frame instead of 460
+
+
+class MarkerSettings(msgspec.Struct, frozen=True):
+    """What is drawn for RViz."""
+
+    doubt_m: float = 0.12  #: diameter of the sphere around a doubtful joint
+    surface_m: float = 0.04  #: between the vertices of the body: 200 kB per frame instead of 460
+
+
+DRAWN = MarkerSettings()
 PLACEHOLDER = (1e300, 2e300, 3e300)  # a point
 
 Point = Sequence[float]
@@ -91,7 +100,7 @@ class RosOutlet:
             doubts = [place for name, place in message.joints.items() if place and is_doubtful(message, name)]
             body = self._marker(header, BODY, self._marked.ADD, [PLACEHOLDER])
             action = self._marked.ADD if doubts else self._marked.DELETE
-            spheres, coarse = self._marker(header, DOUBTS, action, doubts), coarsen(model, SURFACE_M)
+            spheres, coarse = self._marker(header, DOUBTS, action, doubts), coarsen(model, DRAWN.surface_m)
             corners = pose_vertices(coarse, pose)[0][coarse.triangles.ravel()]
             self._markers.put(
                 self._make(MARKERS, [body, spheres]), lambda payload: with_points(payload, corners)
@@ -154,7 +163,7 @@ class RosOutlet:
     def _marker(self, header: Any, name: str, action: int, points: Sequence[Point]) -> Any:
         make, no_bytes = self._make, np.empty(0, dtype=np.uint8)
         kind, size = (
-            (self._marked.TRIANGLE_LIST, 1.0) if name == BODY else (self._marked.SPHERE_LIST, DOUBT_M)
+            (self._marked.TRIANGLE_LIST, 1.0) if name == BODY else (self._marked.SPHERE_LIST, DRAWN.doubt_m)
         )
         place, image = make("geometry_msgs/msg/Point", 0.0, 0.0, 0.0), "sensor_msgs/msg/CompressedImage"
         pose = make("geometry_msgs/msg/Pose", place, make("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.0, 1.0))

@@ -16,7 +16,7 @@ from scipy.ndimage import gaussian_filter
 
 from gepf.common.arrays import Array, Mask
 from gepf.common.compiling import numba
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import View
 from gepf.common.settings import RefineSettings
 from gepf.coordinator.settings import NoiseSettings
 
@@ -98,14 +98,14 @@ class SensorNoise:
 NO_NOISE = SensorNoise(0.0, 0.0)
 
 
-def measure_noise(frame: DepthFrame, settings: NoiseSettings) -> SensorNoise:
-    """The noise of a frame that is not empty, at the median distance of its pixels.
+def measure_noise(view: View, settings: NoiseSettings) -> SensorNoise:
+    """The noise of an image that is not empty, at the median distance of its pixels.
 
     Rounding is part of the noise. Errors that are common to neighbouring pixels are not measured.
     """
-    depth_m = frame.metres()
+    depth_m = view.metres()
     distance = float(np.median(depth_m[depth_m > 0.0]))
-    metres_a_pixel = distance / frame.intrinsics.fx
+    metres_a_pixel = distance / view.intrinsics.fx
     noise = fit_noise(depth_m, settings)
     deviation = float(noise.sigma(np.array(distance))) if noise.growth > settings.min_growth_m else 0.0
     lateral_px = outline_deviation(depth_m > 0.0, settings.outline_blur_px)

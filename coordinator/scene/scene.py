@@ -1,7 +1,7 @@
 """The scene of a camera: noise, planes, and background, which is learned pixel by pixel.
 
 The background of a pixel is the farthest depth measured there while no person was near. Something nearer that
-stays for `settled_frames` replaces it, such as a chair that was moved.
+stays for `settled_s` replaces it, such as a chair that was moved.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from gepf.common.arrays import Array, Mask
 from gepf.common.camera import NOT_MOVED, Intrinsics, Pinhole
 from gepf.common.compiling import numba
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import View
 from gepf.coordinator.scene.noise import DepthNoise, fit_growth, margin_at, noise_of
 from gepf.coordinator.scene.planes import SIDES, Planes, extents, find_planes, refit, sample_rays, to_points
 from gepf.coordinator.settings import SceneSettings
@@ -24,6 +24,7 @@ Depth = NDArray[np.float32]
 Marks = NDArray[np.uint8]
 
 NOT_MEASURED, FOREGROUND, BACKGROUND, ON_PLANE = 0, 1, 2, 3  # marks of a pixel
+SETTLED_STEPS = 30  # in which `settled_s` is counted, of 255 that a byte holds: one per frame at video rate
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,7 +83,7 @@ class Learned(NamedTuple):
 
     pixels: NDArray[np.uint32]
     depth: Depth  # (N,) metres
-    nearer: Marks  # (N,) number of frames with something nearer
+    nearer: Marks  # (N,) for how long something nearer was there, in steps
 
 
 NOTHING = Learned(np.empty(0, np.uint32), np.empty(0, np.float32), np.empty(0, np.uint8))
@@ -93,6 +94,8 @@ class SceneChange:
     """The change of a scene by one frame: the changed pixels of the background, and everything else."""
 
     seen: int = 0  # frames with depth
+    time_s: float = 0.0  # of the last of them
+    elapsed_s: float = 0.0  # between them, without gaps
     growth: float = 0.0  # of the depth's noise; 0 before the first depth
     planes: Array = field(default_factory=lambda: np.empty((0, 3)))
     has_floor: bool = False
@@ -132,17 +135,18 @@ class Scene:
         self._begin(np.zeros((0, 0), np.float32) if background is None else background.copy())
         self._furnished = background is not None
 
-    def see(self, frame: DepthFrame, excluded: Mask | None = None) -> SceneView:
-        """A frame with the known scene; `excluded` (H, W) are pixels that the user excluded."""
-        depth, self._placed = frame.metres(), frame.T_rig_camera
+    def see(self, image: View, excluded: Mask | None = None) -> SceneView:
+        """An image with the known scene; `excluded` (H, W) are pixels that the user excluded."""
+        depth, self._placed = image.metres(), image.T_rig_camera
         if self._background.shape != depth.shape:
             self._begin(np.zeros_like(depth))
         if depth.any():
-            self._look(depth, frame.intrinsics)
-        camera, planes, limits = frame.intrinsics, self._planes, self._settings.noise
+            self._pass_time(image.time_s)
+            self._look(depth, image.intrinsics)
+        camera, planes, limits = image.intrinsics, self._planes, self._settings.noise
         noise = noise_of(self._growth or limits.usual_growth_m, limits)
         return SceneView(
-            number=frame.number,
+            number=image.number,
             depth=depth,
             camera=camera,
             noise=noise,
@@ -164,12 +168,12 @@ class Scene:
             return self._change(NOTHING.pixels)
         outside = np.zeros(view.depth.shape, np.bool_) if people is None else people
         learned_before = self._background > 0.0
-        settled = self._settings.settled_frames
-        pixels = learn_pixels(view.depth, view.noise, outside, self._background, self._nearer, settled)
+        steps = self._steps
+        pixels = learn_pixels(view.depth, view.noise, outside, self._background, self._nearer, steps)
         moved = np.count_nonzero(learned_before.ravel()[pixels]) > 0.5 * np.count_nonzero(view.depth)
         if moved:  # most of the image changed: the camera was moved
             self._background[:], self._nearer[:] = 0.0, 0
-            learn_pixels(view.depth, view.noise, outside, self._background, self._nearer, settled)
+            learn_pixels(view.depth, view.noise, outside, self._background, self._nearer, steps)
         if moved or self._seen <= 1:
             return self.all()
         return self._change(np.union1d(learned.pixels, pixels) if len(learned.pixels) else pixels)
@@ -179,6 +183,7 @@ class Scene:
         if self._background.shape != change.size:
             self._begin(np.zeros(change.size, np.float32))
         self._seen, self._furnished, self._growth = change.seen, change.furnished, change.growth
+        self._time_s, self._elapsed_s = change.time_s, change.elapsed_s
         self._placed = change.T_rig_camera
         self._planes = Planes(change.planes, change.has_floor, self._no_planes.approximate_up)
         self._background.ravel()[change.learned.pixels] = change.learned.depth
@@ -189,19 +194,33 @@ class Scene:
         return self._change(np.arange(self._background.size, dtype=np.uint32))
 
     def _begin(self, background: Depth) -> None:
-        self._seen = 0
+        self._seen = self._steps = 0
+        self._time_s = self._elapsed_s = 0.0
         self._growth = 0.0
         self._planes = self._no_planes
         self._furnished = False
         self._background = background
         self._nearer = np.zeros(background.shape, np.uint8)
 
+    def _pass_time(self, time_s: float) -> None:
+        """Count the time since the last frame with depth: at the first one a step, in a gap half of them."""
+        before, longest_s = self._step_count, 0.5 * self._settings.settled_s
+        if self._seen:
+            self._elapsed_s += min(max(time_s - self._time_s, 0.0), longest_s)
+        self._time_s = time_s
+        self._steps = self._step_count - before if self._seen else 1
+
+    @property
+    def _step_count(self) -> int:
+        """Time so far in steps, of which SETTLED_STEPS make `settled_s`."""
+        return round(SETTLED_STEPS * self._elapsed_s / self._settings.settled_s)
+
     def _look(self, depth: Depth, camera: Intrinsics) -> None:
         settings, limits = self._settings, self._settings.planes
         self._growth = self._growth or fit_growth(depth, settings.noise)
         rays = sample_rays(depth, camera, noise_of(self._growth, settings.noise), limits.points_across)
         planes = self._planes
-        due = len(rays) > 0 and (not self._furnished or self._seen % settings.settled_frames == 0)
+        due = len(rays) > 0 and (not self._furnished or self._step_count % SETTLED_STEPS < self._steps)
         if len(planes.coefficients):  # the camera stands still or moves slowly
             self._planes = replace(planes, coefficients=refit(planes.coefficients, rays, limits.min_points))
         elif due:
@@ -213,6 +232,8 @@ class Scene:
     def _change(self, pixels: NDArray[np.uint32]) -> SceneChange:
         return SceneChange(
             self._seen,
+            self._time_s,
+            self._elapsed_s,
             self._growth,
             self._planes.coefficients,
             self._planes.has_floor,
@@ -225,9 +246,12 @@ class Scene:
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def learn_pixels(
-    depth: Depth, noise: DepthNoise, people: Mask, background: Depth, nearer: Marks, settled_frames: int
+    depth: Depth, noise: DepthNoise, people: Mask, background: Depth, nearer: Marks, steps: int
 ) -> NDArray[np.uint32]:
-    """Learn a depth image (H, W) in place; returns the flat indices (N,) of the changed pixels."""
+    """Learn a depth image (H, W) in place; returns the flat indices (N,) of the changed pixels.
+
+    `steps` have passed since the last image.
+    """
     pixels = np.empty(depth.size, dtype=np.uint32)
     count = 0
     for v in range(depth.shape[0]):
@@ -239,7 +263,7 @@ def learn_pixels(
                 continue
             pixels[count] = v * depth.shape[1] + u
             count += 1
-            nearer[v, u] = nearer[v, u] + 1 if z < learned - margin else 0
-            if z > learned + margin or nearer[v, u] == settled_frames:
+            nearer[v, u] = nearer[v, u] + steps if z < learned - margin else 0
+            if z > learned + margin or nearer[v, u] >= SETTLED_STEPS:
                 background[v, u], nearer[v, u] = z, 0
     return pixels[:count].copy()

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gepf.common.arrays import Array, Mask
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import View
 from gepf.coordinator.scene.candidates import Candidate
 from gepf.coordinator.scene.scene import SceneView
 
@@ -37,14 +37,14 @@ class Scope:
     up: Array | None = None
     camera: str = ""
 
-    def limit(self, frame: DepthFrame) -> tuple[DepthFrame, Mask | None]:
-        """The frame with depth within the limits only; the excluded pixels (H, W), with or without depth.
+    def limit(self, view: View) -> tuple[View, Mask | None]:
+        """The image with depth within the limits only; the excluded pixels (H, W), with or without depth.
 
-        Without limits: the same frame, and None.
+        Without limits: the same image, and None.
         """
         if self.near is None and self.far is None and self.region is None:
-            return frame, None
-        depth = frame.metres()
+            return view, None
+        depth = view.metres()
         excluded = (depth > 0.0) & (depth < (self.near or 0.0))
         if self.far is not None:
             excluded |= depth > self.far
@@ -53,7 +53,7 @@ class Scope:
             outside = np.ones_like(excluded)
             outside[top:bottom, left:right] = False
             excluded |= outside
-        return replace(frame, depth=np.where(excluded, np.uint16(0), frame.depth)), excluded
+        return replace(view, depth=np.where(excluded, np.uint16(0), view.depth)), excluded
 
     def choose(self, view: SceneView, people: Sequence[Candidate]) -> list[Candidate]:
         """The candidates who may be meant, the most likely first."""

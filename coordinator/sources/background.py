@@ -22,10 +22,10 @@ def read_background(asked: str, source: Source | None) -> NDArray[np.float32]:
         if int(asked) not in source.numbers:
             last = source.numbers[-1]
             raise InputError(f"--background {asked}: the frames are {source.numbers[0]} to {last}")
-        return source.frame(int(asked)).metres()
+        return source.view(int(asked)).metres()
     path = Path(asked)
     if path.suffix.lower() == ".png" and source is not None:
-        first = source.frame(source.numbers[0])
+        first = source.view(source.numbers[0])
         empty = np.asarray(measured(read_depth(path)) / np.float32(first.depth_scale), dtype=np.float32)
         empty = empty[:, ::-1] if source.mirrored else empty
     else:
@@ -45,7 +45,7 @@ def check_size(name: str | None, room: NDArray[np.float32] | None, shape: tuple[
 def averaged(source: Source) -> NDArray[np.float32]:
     """The median of the measured depth (H, W) in some frames, metres."""
     chosen = np.unique(np.linspace(0, len(source.numbers) - 1, 30).astype(int)).tolist()
-    depths = np.array([source.frame(source.numbers[n]).metres() for n in chosen])
+    depths = np.array([source.view(source.numbers[n]).metres() for n in chosen])
     ordered = np.sort(np.where(depths > 0.0, depths, np.inf), axis=0)
     middle = np.minimum(np.count_nonzero(depths, axis=0) // 2, len(depths) - 1)
     found = np.take_along_axis(ordered, middle[None], axis=0)[0]

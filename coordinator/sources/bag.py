@@ -21,7 +21,7 @@ import numpy as np
 
 from gepf.common.arrays import Indices
 from gepf.common.errors import InputError
-from gepf.coordinator.sources.clock import is_plausible, order_of
+from gepf.coordinator.sources.clock import SECOND_NS, is_plausible, order_of
 
 logger = logging.getLogger(__name__)
 
@@ -31,7 +31,6 @@ STORAGES = (".mcap", ".db3")
 UNFINISHED = ".bag.active"  # name of a ROS 1 bag while it is recorded
 STAMP = struct.Struct("<II"), struct.Struct(">II")
 """Seconds and nanoseconds in a message that begins with a header, after 4 bytes of its number, or of CDR."""
-SECOND_NS = 1_000_000_000
 
 
 def is_bag(path: Path) -> bool:

@@ -27,6 +27,7 @@ SHORTEST_STEP_S, LONGEST_STEP_S = 1.0 / 300.0, 10.0 / 3.0
 """Plausible times between frames."""
 UNITS = {"seconds": Decimal(1), "milliseconds": Decimal("1e-3"), "microseconds": Decimal("1e-6"),
          "nanoseconds": Decimal("1e-9")}  # fmt: skip
+SECOND_NS = 1_000_000_000
 EPOCH_S = 1e9
 """Larger numbers are times since 1970, in seconds (2001 to 2096), or in smaller units."""
 COUNTED_STEP = 3000.0

@@ -13,7 +13,7 @@ from PIL import Image, ImageOps
 from gepf.common.camera import Intrinsics
 from gepf.common.errors import InputError
 from gepf.coordinator.sources.picture_folders import opened
-from gepf.coordinator.sources.source import Source
+from gepf.coordinator.sources.source import RigSource, Source
 
 COLOUR_FORMATS = ("PNG", "JPEG")
 FOLDER = "color"  # beside depth
@@ -70,13 +70,17 @@ def with_colours(source: Source, folder: Path | None = None) -> Source:
     A colour image that is missing, damaged, or of another shape than depth is left out. InputError if there
     is no such folder.
     """
+    if isinstance(source, RigSource):
+        first, *beside = source.views
+        views = with_colours(first, folder), *map(with_colours, beside)
+        return source.changed(views=views, colours=views[0].colours)
     if folder is None and source.folder is not None and (source.folder / FOLDER).is_dir():
         folder = source.folder / FOLDER
     elif folder is not None and not folder.is_dir():
         raise InputError(f"no such folder of colour frames: {folder}; give another --color")
-    files, others = {} if folder is None else numbered(folder), tuple(map(with_colours, source.others))
+    files = {} if folder is None else numbered(folder)
     if not files:
-        return source.changed(others=others)
+        return source
 
     def read(number: int) -> NDArray[np.uint8] | None:
         if number not in files:
@@ -90,4 +94,4 @@ def with_colours(source: Source, folder: Path | None = None) -> Source:
             return None
         return np.array(ImageOps.mirror(colours) if source.mirrored else colours)
 
-    return source.changed(others=others, colours=read)
+    return source.changed(colours=read)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import msgspec
 import numpy as np
 
 from gepf.common.arrays import Array
@@ -11,9 +12,16 @@ from gepf.common.camera import Intrinsics
 from gepf.coordinator.sources.clock import LONGEST_STEP_S, SHORTEST_STEP_S
 from gepf.coordinator.sources.source import Source
 
-FARTHEST_MIDDLE_M = 10.0  # limit of the median depth around bodies
-LARGEST_SHIFT = 0.25  # of the centre from the middle of the image, in its width or height
-LARGEST_STRETCH = 1.2  # of pixels
+
+class Plausible(msgspec.Struct, frozen=True):
+    """What is expected of a recording."""
+
+    max_median_m: float = 10.0  #: of depth around bodies
+    max_shift_share: float = 0.25  #: of the centre from the middle of the image, in its width or height
+    max_stretch: float = 1.2  #: of pixels
+
+
+PLAUSIBLE = Plausible()
 KINECT_V2 = (512, 424)
 """Size of the depth images of a Kinect v2 alone, which libfreenect2 and the vendor's driver mirror.
 
@@ -51,9 +59,9 @@ def doubts_of_lens(camera: Intrinsics) -> Iterator[str]:
     mend = "--intrinsics fx,fy,cx,cy gives those of images of this size"
     if shift > 0.5:
         yield f"the centre ({camera.cx:g}, {camera.cy:g}) is outside its {size} image; {mend}"
-    elif shift > LARGEST_SHIFT:
+    elif shift > PLAUSIBLE.max_shift_share:
         yield f"the centre ({camera.cx:g}, {camera.cy:g}) is far from the middle of its {size} image; {mend}"
-    if not 1.0 / LARGEST_STRETCH < camera.fx / camera.fy < LARGEST_STRETCH:
+    if not 1.0 / PLAUSIBLE.max_stretch < camera.fx / camera.fy < PLAUSIBLE.max_stretch:
         yield f"focal lengths {camera.fx:g} and {camera.fy:g} are of pixels that are not square; {mend}"
 
 
@@ -63,7 +71,7 @@ def doubts_of_unit(seen: Array, nearest_m: float) -> Iterator[str]:
     if not len(seen):
         yield f"the examined frames have no depth; {scale}"
         return
-    if not nearest_m <= np.median(seen) <= FARTHEST_MIDDLE_M:
+    if not nearest_m <= np.median(seen) <= PLAUSIBLE.max_median_m:
         yield f"{describe_range(seen)}; {scale}"
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from PIL import Image
 
 from gepf.common.errors import GepfError, ProtocolError
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import Frame, View
 from gepf.common.protocol.frames import decode_colour
 from gepf.common.recent import put_recent
 from gepf.coordinator.files import CAMERA_FILE
@@ -44,11 +44,11 @@ class FrameRecorder:
         self._folder, self._cameras, self._report = folder, cameras, report
         self._put = 0
         self._folders: dict[str, list[Path]] = {each.camera: [] for each in cameras}  # by camera
-        self._last = dict[str, DepthFrame]()  # that began a folder or was written, by camera
+        self._last = dict[str, View]()  # that began a folder or was written, by camera
         self._failed = False
         self._receiving = threading.Lock()  # colours come on a thread for each camera
         self._colours = dict[tuple[str, int], bytes]()  # JPEG files by camera and number, the last ones
-        self._waiting = queue.Queue[DepthFrame | None](WAITING_FRAMES)
+        self._waiting = queue.Queue[View | None](WAITING_FRAMES)
         self._thread = threading.Thread(target=self._write_all, daemon=True)
         self._thread.start()
 
@@ -57,7 +57,7 @@ class FrameRecorder:
         """The folders of all cameras."""
         return [folder for each in self._folders.values() for folder in each]
 
-    def put(self, frame: DepthFrame) -> None:
+    def put(self, frame: Frame) -> None:
         """Write the images of a frame soon, unless too many wait."""
         for view in frame.views:
             self._put += 1
@@ -89,34 +89,34 @@ class FrameRecorder:
         return self._put - self.written
 
     def _write_all(self) -> None:
-        while (frame := self._waiting.get()) is not None:
+        while (view := self._waiting.get()) is not None:
             try:
-                self._write(frame)
+                self._write(view)
                 self.written += 1
             except Exception as error:  # noqa: BLE001 whatever it is, the next frame is tried
                 if not self._failed:
                     self._report(f"frames cannot be written to {self._folder}: {describe(error)}")
                 self._failed = True
 
-    def _write(self, frame: DepthFrame) -> None:
-        last, folders = self._last.get(frame.camera), self._folders[frame.camera]
-        if last is None or find_misfit(frame, last):
-            folders.append(self._begin(frame.camera))
-            self._last[frame.camera] = frame
-        folder, name = folders[-1], f"{frame.number:06d}.png"
+    def _write(self, view: View) -> None:
+        last, folders = self._last.get(view.camera), self._folders[view.camera]
+        if last is None or find_misfit(view, last):
+            folders.append(self._begin(view.camera))
+            self._last[view.camera] = view
+        folder, name = folders[-1], f"{view.number:06d}.png"
         if not (folder / CAMERA_FILE).exists():
-            write_camera(folder / CAMERA_FILE, frame.intrinsics, frame.depth_scale)
+            write_camera(folder / CAMERA_FILE, view.intrinsics, view.depth_scale)
         png = io.BytesIO()
-        Image.fromarray(frame.depth).save(png, "PNG", compress_level=1)
+        Image.fromarray(view.depth).save(png, "PNG", compress_level=1)
         with self._receiving:
-            jpeg = self._colours.get((frame.camera, frame.number))
+            jpeg = self._colours.get((view.camera, view.number))
         # the depth comes last: the times and colours of frames without depth are not read
-        append_whole(folder / TIMES_FILE, f"{frame.time_s!r} {name}\n".encode())
+        append_whole(folder / TIMES_FILE, f"{view.time_s!r} {name}\n".encode())
         if jpeg is not None:
             (folder / "color").mkdir(exist_ok=True)
             write_whole((folder / "color" / name).with_suffix(".jpg"), jpeg)
         write_whole(folder / "depth" / name, png.getbuffer())
-        self._last[frame.camera] = frame
+        self._last[view.camera] = view
 
     def _begin(self, camera: str) -> Path:
         """Make the next folder of a camera."""

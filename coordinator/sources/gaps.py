@@ -12,15 +12,20 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-SPARSE = 0.25
-"""Closed gaps for each measured pixel above which depth is sparse. Gaps of cameras are few, or large."""
-REGULAR = 0.5
-"""n(1) n(3) / n(2)^2 of steps below which points are of a lattice: 0 without noise, 1 by chance."""
-MIN_MEASURED = 100
-"""Pixels without which depth is not called sparse."""
+
+class SparseDepth(msgspec.Struct, frozen=True):
+    """When depth is called sparse."""
+
+    min_gap_share: float = 0.25  #: closed gaps for each measured pixel; gaps of cameras are few, or large
+    max_ratio: float = 0.5  #: n(1) n(3) / n(2)^2 of steps in a lattice: 0 without noise, 1 by chance
+    min_pixels: int = 100  #: measured ones
+
+
+SPARSE = SparseDepth()
 NOWHERE = np.uint16(np.iinfo(np.uint16).max)
 
 
@@ -53,8 +58,9 @@ def is_sparse(images: Iterable[NDArray[np.uint16]], *, of_points: bool = False) 
         before = int(np.count_nonzero(depth))
         measured, closed = measured + before, closed + int(np.count_nonzero(close_gaps(depth))) - before
         steps += [count_steps(depth > 0), count_steps(depth.T > 0)]
-    is_regular = bool((steps[:, 0] * steps[:, 2] <= REGULAR * steps[:, 1] ** 2).any())
-    return measured >= MIN_MEASURED and closed > SPARSE * measured and (of_points or is_regular)
+    is_regular = bool((steps[:, 0] * steps[:, 2] <= SPARSE.max_ratio * steps[:, 1] ** 2).any())
+    has_gaps = measured >= SPARSE.min_pixels and closed > SPARSE.min_gap_share * measured
+    return has_gaps and (of_points or is_regular)
 
 
 def count_steps(measured: NDArray[np.bool_]) -> NDArray[np.intp]:

@@ -19,7 +19,8 @@ import numpy as np
 from gepf.common.arrays import Array
 from gepf.common.body import unknown_dof
 from gepf.common.errors import InputError
-from gepf.coordinator.sources.bag import SECOND_NS, Bag, is_bag
+from gepf.coordinator.sources.bag import Bag, is_bag
+from gepf.coordinator.sources.clock import SECOND_NS
 from gepf.coordinator.sources.ros_bag import depth_topic
 
 logger = logging.getLogger(__name__)

@@ -15,18 +15,15 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from gepf.common.errors import ProtocolError
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import Frame, View
 from gepf.common.protocol.frames import decode_colour, decode_live
 from gepf.common.recent import FRAMES_KEPT, put_recent
-from gepf.coordinator.sources.live_stream import ORDER, LiveCamera, LiveStream
+from gepf.coordinator.sources.live_stream import LIMITS, ORDER, LiveCamera, LiveStream
 from gepf.coordinator.stopwatch import NOTICE_S
 
 COUNTED = ("received", "skipped", "rejected", "malformed")
 """Received frames are tracked, skipped because a newer one came, or rejected if they do not fit the stream.
 Malformed messages are not frames."""
-
-
-COLOURS_KEPT = 4  # until their frames are taken
 
 
 class LiveRig:
@@ -45,11 +42,11 @@ class LiveRig:
         self.counts = dict.fromkeys(COUNTED, 0)
         self.begun = 0
         self.lead = self.streams[0]  # the camera of the last taken frame
-        self._last: DepthFrame | None = None  # the last taken frame since then
+        self._last: Frame | None = None  # the last taken one since then
         self._first = math.inf  # when the first frame was received
         self._all_heard = False  # or those that were not are reported
 
-    def accept(self, frame: DepthFrame, now: float, place: int = 0) -> str | None:
+    def accept(self, view: View, now: float, place: int = 0) -> str | None:
         """Receive a frame of the camera at a place: keep it if it belongs to its stream or starts another.
 
         Returns a message for the user, if there is any.
@@ -58,24 +55,24 @@ class LiveRig:
         key = stream.camera.key
         self.counts["received"] += 1
         clock = next((each for each in self.streams if each is not stream and each.lives(now)), None)
-        misfit = stream.misfit(frame)
+        misfit = stream.misfit(view)
         if misfit is not None:
             cause, words = misfit
-            if not stream.reject(frame):
+            if not stream.reject(view):
                 self.counts["rejected"] += 1
                 first = cause not in stream.reported
                 stream.reported.add(cause)
                 return f"a frame on {key} {words}; such frames are left out" if first else None
             goes_on = clock is not None and cause == ORDER
-            stream.begin(frame, goes_on=goes_on)
-            size = f"{frame.intrinsics.width}x{frame.intrinsics.height}"
+            stream.begin(view, goes_on=goes_on)
+            size = f"{view.intrinsics.width}x{view.intrinsics.height}"
             then = "tracking goes on" if goes_on else "tracking starts again"
             said = f"another stream of frames, {size}, has begun on {key}; {then}"
             if not goes_on:
                 self.begun, self._last = self.begun + 1, None
         if stream.waiting is not None:
             self.counts["skipped"] += 1
-        if stream.accept(frame, now, clock):
+        if stream.accept(view, now, clock):
             said = f"the times on {key} do not fit time_offset_s; its clock is measured by reception"
         return said or self._miss(now)
 
@@ -94,9 +91,9 @@ class LiveRig:
         living = [each for each in self.streams if each.lives(now)][:1]
         waiting = ((each, each.waiting) for each in living or self.streams if each.waiting is not None)
         last_s = -math.inf if self._last is None else self._last.time_s
-        return next((each for each, frame in waiting if frame.time_s > last_s), None)
+        return next((each for each, view in waiting if view.time_s > last_s), None)
 
-    def take(self, now: float) -> DepthFrame | None:
+    def take(self, now: float) -> Frame | None:
         """The next frame, with those of the other cameras that are near in time; None if none waits.
 
         Its number is after that of the last frame, also if that was another camera's.
@@ -104,20 +101,22 @@ class LiveRig:
         lead = self.next(now)
         if lead is None:
             return None
-        frame, others = self._coloured(lead), list[DepthFrame]()
+        views = [self._coloured(lead)]
+        number, time_s = views[0].number, views[0].time_s
         for each in self.streams:
             near = min(lead.period_s, each.period_s)
-            if each.waiting is not None and abs(each.waiting.time_s - frame.time_s) <= near < math.inf:
-                others.append(self._coloured(each))
-        number = frame.number if self._last is None else max(frame.number, self._last.number + 1)
-        self.lead, self._last = lead, replace(frame, number=number, others=tuple(others))
+            if each.waiting is not None and abs(each.waiting.time_s - time_s) <= near < math.inf:
+                views.append(self._coloured(each))
+        if self._last is not None:
+            number = max(number, self._last.number + 1)
+        self.lead, self._last = lead, Frame(number, time_s, tuple(views))
         return self._last
 
-    def _coloured(self, stream: LiveStream) -> DepthFrame:
-        """The waiting frame of a camera with its colour image, if that has come."""
-        frame = stream.take()
-        colours = self.colours.pop((self.streams.index(stream), frame.number), None)
-        return frame if colours is None else replace(frame, colours=colours)
+    def _coloured(self, stream: LiveStream) -> View:
+        """The waiting image of a camera with its colours, if they have come."""
+        view = stream.take()
+        colours = self.colours.pop((self.streams.index(stream), view.number), None)
+        return view if colours is None else replace(view, colours=colours)
 
 
 class LiveFrames:
@@ -176,15 +175,15 @@ class LiveFrames:
             self._changed.wait_for(lambda: self.is_ready, None if math.isinf(seconds) else seconds)
 
     def receive(
-        self, payload: bytes, *, place: int = 0, decode: Callable[[bytes], DepthFrame | None] = decode_live
+        self, payload: bytes, *, place: int = 0, decode: Callable[[bytes], View | None] = decode_live
     ) -> None:
         """Receive a message of a camera, by its place; an older frame that is still waiting is skipped.
 
-        `decode` returns its frame, or None at the end of the stream; ProtocolError if it is malformed.
+        `decode` returns its image, or None at the end of the stream; ProtocolError if it is malformed.
         """
         received, rig = time.monotonic(), self._rig
         try:
-            frame = decode(payload)
+            view = decode(payload)
         except ProtocolError as error:
             with self._changed:
                 rig.counts["malformed"] += 1
@@ -194,11 +193,11 @@ class LiveFrames:
             return
         said = None
         with self._changed:
-            if frame is None:
+            if view is None:
                 rig.streams[place].ended = True
                 self._ended |= not any(each.lives(received) for each in rig.streams)
             elif not self._ended:
-                said = rig.accept(frame, received, place)
+                said = rig.accept(view, received, place)
             self._changed.notify_all()
         if said is not None:
             self._report(said)
@@ -210,7 +209,7 @@ class LiveFrames:
             with Image.open(BytesIO(jpeg), formats=("JPEG",)) as image:
                 colours = np.array(image.convert("RGB"))
             with self._changed:
-                put_recent(self._rig.colours, (place, number), colours, COLOURS_KEPT)
+                put_recent(self._rig.colours, (place, number), colours, LIMITS.colours_kept)
 
     def say(self, message: str) -> None:
         """Report a message of the source for the user."""
@@ -222,7 +221,7 @@ class LiveFrames:
             self._ended = True
             self._changed.notify_all()
 
-    def __iter__(self) -> Iterator[DepthFrame]:
+    def __iter__(self) -> Iterator[Frame]:
         while (taken := self._take()) is not None:
             self.stream, frame, received = taken
             put_recent(self._received, frame.number, received, FRAMES_KEPT)
@@ -232,7 +231,7 @@ class LiveFrames:
         """When one of the last yielded frames was received, in seconds of the monotonic clock."""
         return self._received[number]
 
-    def _take(self) -> tuple[int, DepthFrame, float] | None:
+    def _take(self) -> tuple[int, Frame, float] | None:
         """Wait for the newest frame, with its stream and reception; None at the end."""
         keys = " and ".join(camera.key for camera in self.cameras)
         with self._changed:
@@ -247,7 +246,7 @@ class LiveFrames:
             return None if frame is None else (self._rig.begun, frame, self._rig.lead.received)
 
 
-def from_first_seen(frames: Iterator[DepthFrame], report: Callable[[str], None]) -> Iterator[DepthFrame]:
+def from_first_seen(frames: Iterator[Frame], report: Callable[[str], None]) -> Iterator[Frame]:
     """Skip the frames before the first one with depth: tracking cannot start from them.
 
     `report` is called with a message for the user at the first skipped frame.

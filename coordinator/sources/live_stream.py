@@ -10,20 +10,31 @@ from itertools import pairwise
 from pathlib import Path
 from statistics import median
 
+import msgspec
+
 from gepf.common.arrays import Array
 from gepf.common.camera import NOT_MOVED
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import View
 from gepf.common.protocol.keys import check_stream
 from gepf.coordinator.sources.devices.device import vendor_of
 from gepf.coordinator.sources.gaps import close_gaps, is_sparse
 from gepf.coordinator.sources.source import measured
 
 SCHEME, ROS_SCHEME = "zenoh:", "ros2:"
-NEW_STREAM_FRAMES = 5  # that fit each other
-RECENT_FRAMES = 30  # from which rate and clock are measured
-SILENT_INTERVALS = 3.0  # without a frame
 ORDER = "order"  # cause of a misfit
-CLOCK_S = 0.5  # more than the frames of one camera come later than those of another
+
+
+class StreamLimits(msgspec.Struct, frozen=True):
+    """What is expected of the frames of a live camera."""
+
+    new_stream_frames: int = 5  #: rejected ones that fit each other, which begin a new stream
+    recent_frames: int = 30  #: from which rate and clock are measured
+    silent_intervals: float = 3.0  #: usual intervals without a frame, after which a camera is silent
+    clock_s: float = 0.5  #: more than the frames of one camera come later than those of another
+    colours_kept: int = 4  #: colour images until their frames are taken
+
+
+LIMITS = StreamLimits()
 
 
 def live_key(sequence: Path | str) -> str | None:
@@ -62,23 +73,23 @@ class LiveCamera:
 class LiveStream:
     """The stream of one camera: all frames have one size, camera and depth scale, in ascending order.
 
-    `waiting` is the newest frame, which has not been taken yet, in the rig's frame and time. `received` is
+    `waiting` is the newest image, which has not been taken yet, in the rig's frame and time. `received` is
     when the last frame that fits was received. Times of reception are seconds of the monotonic clock.
     """
 
     def __init__(self, camera: LiveCamera) -> None:
         self.camera = camera
         self.ended = False
-        self.waiting: DepthFrame | None = None
+        self.waiting: View | None = None
         self.received = -math.inf
         self.offset_s = camera.offset_s
         self.by_reception = False  # whether the offset is measured, because the given one is not plausible
         self.reported = set[str]()  # causes of rejected frames
         self._skip = 0  # from the camera's numbers to those of its frames
-        self._last: DepthFrame | None = None  # that fits, as received
+        self._last: View | None = None  # that fits, as received
         self._sparse: bool | None = None  # whether gaps of depth are closed; None before the first depth
-        self._recent = deque[tuple[float, float]](maxlen=RECENT_FRAMES)  # the camera's time, reception
-        self._rejected = deque[DepthFrame](maxlen=2 * NEW_STREAM_FRAMES)  # since then
+        self._recent = deque[tuple[float, float]](maxlen=LIMITS.recent_frames)  # the camera's time, reception
+        self._rejected = deque[View](maxlen=2 * LIMITS.new_stream_frames)  # since then
 
     @property
     def last_period_s(self) -> float:
@@ -93,50 +104,51 @@ class LiveStream:
 
     def lives(self, now: float) -> bool:
         """Whether a frame has come recently."""
-        longest = SILENT_INTERVALS * usual_step([received for _, received in self._recent])
+        longest = LIMITS.silent_intervals * usual_step([received for _, received in self._recent])
         return bool(self._recent) and not self.ended and now - self.received <= longest
 
-    def misfit(self, frame: DepthFrame) -> tuple[str, str] | None:
+    def misfit(self, view: View) -> tuple[str, str] | None:
         """Why a frame does not follow the last one: the cause and a message; None if it does."""
-        return None if self._last is None else find_misfit(frame, self._last)
+        return None if self._last is None else find_misfit(view, self._last)
 
-    def reject(self, frame: DepthFrame) -> bool:
+    def reject(self, view: View) -> bool:
         """Note a frame that does not fit; returns whether it begins a new stream.
 
-        It does if the last `NEW_STREAM_FRAMES` rejected frames with its camera follow each other.
+        It does if the last `new_stream_frames` rejected frames with its camera follow each other.
         """
-        self._rejected.append(frame)
-        camera = frame.intrinsics, frame.depth_scale
+        self._rejected.append(view)
+        camera = view.intrinsics, view.depth_scale
         last = [each for each in self._rejected if (each.intrinsics, each.depth_scale) == camera]
-        last = last[-NEW_STREAM_FRAMES:]
-        return len(last) == NEW_STREAM_FRAMES and all(find_misfit(b, a) is None for a, b in pairwise(last))
+        needed = LIMITS.new_stream_frames
+        last = last[-needed:]
+        return len(last) == needed and all(find_misfit(b, a) is None for a, b in pairwise(last))
 
-    def begin(self, frame: DepthFrame, *, goes_on: bool) -> None:
+    def begin(self, view: View, *, goes_on: bool) -> None:
         """Begin a new stream with a frame; the numbers of one that `goes_on` stay in order."""
         after = 0 if self._last is None else self._last.number + self._skip + 1
-        self._skip = max(0, after - frame.number) if goes_on else 0
+        self._skip = max(0, after - view.number) if goes_on else 0
         self._recent.clear()
         self._last = self._sparse = None
 
-    def accept(self, frame: DepthFrame, received: float, clock: LiveStream | None) -> bool:
+    def accept(self, view: View, received: float, clock: LiveStream | None) -> bool:
         """Keep a frame that fits. `clock` is the stream of another camera that lives, if there is one.
 
         Returns whether the camera's clock has just been found to be another one than the rig file says.
         """
-        self._last, self.received, self.ended = frame, received, False
+        self._last, self.received, self.ended = view, received, False
         self._rejected.clear()
-        self._recent.append((frame.time_s, received))
+        self._recent.append((view.time_s, received))
         found = False
         if clock is not None:
             measured = clock.offset_s + clock.earliest - self.earliest
-            found = not self.by_reception and abs(measured - self.offset_s) > CLOCK_S
+            found = not self.by_reception and abs(measured - self.offset_s) > LIMITS.clock_s
             self.by_reception |= found
             if self.by_reception:
                 self.offset_s = measured
         self.waiting = replace(
-            frame,
-            number=frame.number + self._skip,
-            time_s=frame.time_s + self.offset_s,
+            view,
+            number=view.number + self._skip,
+            time_s=view.time_s + self.offset_s,
             camera=self.camera.camera,
             T_rig_camera=self.camera.T_rig_camera,
         )
@@ -147,14 +159,14 @@ class LiveStream:
         """The camera's time minus that of reception, of the frame that came with the least delay."""
         return max(time_s - received for time_s, received in self._recent)
 
-    def take(self) -> DepthFrame:
+    def take(self) -> View:
         """The frame that waits; gaps of sparse depth are closed."""
-        frame, self.waiting = self.waiting, None
-        assert frame is not None
-        depth = measured(frame.depth)
+        view, self.waiting = self.waiting, None
+        assert view is not None
+        depth = measured(view.depth)
         if self._sparse is None and depth.any():
             self._sparse = is_sparse([depth])
-        return replace(frame, depth=close_gaps(depth) if self._sparse else depth)
+        return replace(view, depth=close_gaps(depth) if self._sparse else depth)
 
 
 def usual_step(values: Sequence[float]) -> float:
@@ -162,16 +174,16 @@ def usual_step(values: Sequence[float]) -> float:
     return median(b - a for a, b in pairwise(values)) if len(values) > 1 else math.inf
 
 
-def find_misfit(frame: DepthFrame, last: DepthFrame) -> tuple[str, str] | None:
+def find_misfit(view: View, last: View) -> tuple[str, str] | None:
     """Why a frame cannot follow another one: the cause and a message; None if it can."""
-    camera, other = frame.intrinsics, last.intrinsics
+    camera, other = view.intrinsics, last.intrinsics
     if (camera.width, camera.height) != (other.width, other.height):
         return "size", f"is {camera.width}x{camera.height}, those before {other.width}x{other.height}"
     if camera != other:
         return "intrinsics", "has other intrinsics than those before"
-    if frame.depth_scale != last.depth_scale:
-        return "scale", f"has {frame.depth_scale:g} units per metre, those before {last.depth_scale:g}"
-    if frame.number <= last.number or frame.time_s <= last.time_s:
+    if view.depth_scale != last.depth_scale:
+        return "scale", f"has {view.depth_scale:g} units per metre, those before {last.depth_scale:g}"
+    if view.number <= last.number or view.time_s <= last.time_s:
         before = f"the one before number {last.number} of {last.time_s:g} s"
-        return ORDER, f"is number {frame.number} of {frame.time_s:g} s, {before}"
+        return ORDER, f"is number {view.number} of {view.time_s:g} s, {before}"
     return None

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -34,11 +35,19 @@ from gepf.coordinator.sources.source import FARTHEST_M, Source, rate_of
 logger = logging.getLogger(__name__)
 
 SUFFIXES = (".ply", ".pcd")
-LARGEST_MISFIT_PX = 0.05  # error of the pixels of a pinhole camera
 NEIGHBOUR = 4
 """The distance to the fourth neighbour is the spacing of a square grid, and nearly that of random points."""
-STEEPEST = 2.0  # slope of the line of sight to points at the border of an image: 127 degrees in all
-FINEST = 2.0  # focal length in that of the nominal camera
+
+
+class CloudCamera(msgspec.Struct, frozen=True):
+    """The camera that is assumed for points."""
+
+    max_misfit_px: float = 0.05  #: error of the pixels of an organised cloud
+    max_slope: float = 2.0  #: of the line of sight at the border of the image: 127 degrees in all
+    max_focal: float = 2.0  #: focal length in that of the nominal camera
+
+
+ASSUMED = CloudCamera()
 
 
 def read_clouds(path: Path, given: GivenCamera) -> Source:
@@ -86,12 +95,12 @@ def fitting_camera(clouds: Sequence[Array]) -> Intrinsics:
     for cloud in clouds:
         points = cloud[np.isfinite(cloud).all(axis=1) & (cloud[:, 2] > 0)]
         seen = np.unique(points[:, :2] / points[:, 2:], axis=0)
-        slopes.append(seen[(np.abs(seen) <= STEEPEST).all(axis=1)])
+        slopes.append(seen[(np.abs(seen) <= ASSUMED.max_slope).all(axis=1)])
         if len(seen) > NEIGHBOUR:
             from scipy.spatial import cKDTree  # takes long to load
 
             spacings.append(float(np.median(cKDTree(seen).query(seen, NEIGHBOUR + 1)[0][:, -1])))
-    focal = min(1.0 / float(np.median(spacings)), FINEST * NOMINAL.fx) if spacings else NOMINAL.fx
+    focal = min(1.0 / float(np.median(spacings)), ASSUMED.max_focal * NOMINAL.fx) if spacings else NOMINAL.fx
     every = np.concatenate(slopes)
     usual = np.array([NOMINAL.width, NOMINAL.height]) / (2.0 * NOMINAL.fx)
     first = np.floor(focal * np.minimum(every.min(axis=0), -usual))
@@ -130,7 +139,7 @@ def own_camera(points: Array, path: Path) -> Intrinsics:
     seen = np.isfinite(points).all(axis=2) & (points[:, :, 2] > 0)
     fx, cx, off_x = fit_axis(points[seen][:, 0] / points[seen][:, 2], u[seen])
     fy, cy, off_y = fit_axis(points[seen][:, 1] / points[seen][:, 2], v[seen])
-    if not (fx > 0 and fy > 0 and max(off_x, off_y) < LARGEST_MISFIT_PX):
+    if not (fx > 0 and fy > 0 and max(off_x, off_y) < ASSUMED.max_misfit_px):
         raise InputError(f"{path} is organised, but not by a pinhole camera; add {CAMERA_FILE} to the folder")
     return Intrinsics(columns, rows, fx, fy, cx, cy)
 

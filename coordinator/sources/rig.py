@@ -19,8 +19,8 @@ from gepf.common.errors import InputError
 from gepf.coordinator.files import read_json, write_json
 from gepf.coordinator.sources.camera import AS_RECORDED, GivenCamera
 from gepf.coordinator.sources.devices.device import vendor_of
-from gepf.coordinator.sources.live_stream import SILENT_INTERVALS, LiveCamera, is_topic, live_key
-from gepf.coordinator.sources.source import Source
+from gepf.coordinator.sources.live_stream import LIMITS, LiveCamera, is_topic, live_key
+from gepf.coordinator.sources.source import RigSource
 
 logger = logging.getLogger(__name__)
 
@@ -119,8 +119,8 @@ def live_cameras(sequence: Path) -> tuple[LiveCamera, ...]:
     )
 
 
-def read_rig(path: Path, given: GivenCamera) -> Source:
-    """Open the recordings of a rig as one source: frames of the first camera, with those of the others."""
+def read_rig(path: Path, given: GivenCamera) -> RigSource:
+    """Open the recordings of a rig as one source."""
     from gepf.coordinator.sources import open_recording
 
     if given != AS_RECORDED:
@@ -146,10 +146,10 @@ def read_rig(path: Path, given: GivenCamera) -> Source:
             apart = f"'{camera.name}' and '{cameras[0].camera}' were not recorded at the same time"
             raise InputError(f"{path}: {apart}; correct time_offset_s, or remove one")
     head, longest = cameras[0], max(cameras, key=lambda each: each.times_s[-1])
-    if (rest := longest.times_s[-1] - head.times_s[-1]) > SILENT_INTERVALS / head.fps:
+    if (rest := longest.times_s[-1] - head.times_s[-1]) > LIMITS.silent_intervals / head.fps:
         ends = f"'{head.camera}' ends {rest:.1f} s before '{longest.camera}'"
         logger.warning("%s: %s; to track the rest, list '%s' first", path, ends, longest.camera)
-    return head.changed(name=path.stem, others=tuple(cameras[1:]))
+    return RigSource.of(path.stem, cameras)
 
 
 def write_rig(path: Path, cameras: list[RigCamera], deviations: Mapping[str, object] | None = None) -> None:

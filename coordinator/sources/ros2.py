@@ -17,11 +17,11 @@ from typing import Any
 from gepf.common.errors import ProtocolError
 from gepf.common.transport.bus import Bus
 from gepf.common.transport.channels import Publisher
+from gepf.coordinator.sources.clock import SECOND_NS
 
 TOKENS = "@ros2_lv"
 QOS = "::,10:,:,:,,"  # reliable, volatile, the last ten messages
 ATTACHMENT = struct.Struct("<qqB16s")  # number of the message, its time in ns, identity of the publisher
-SECOND_NS = 1_000_000_000
 
 
 class Node:

@@ -10,8 +10,10 @@ from operator import eq
 from typing import Any
 
 from gepf.common.errors import ProtocolError
+from gepf.coordinator.sources.camera import DEFAULT_FPS
+from gepf.coordinator.sources.clock import SECOND_NS
 from gepf.coordinator.sources.lens import Lens
-from gepf.coordinator.sources.ros2 import SECOND_NS, Node, nanoseconds
+from gepf.coordinator.sources.ros2 import Node, nanoseconds
 from gepf.coordinator.sources.ros_colour import (
     Colours,
     colours_or_none,
@@ -23,7 +25,7 @@ from gepf.coordinator.sources.ros_images import COMPRESSED, IMAGE, PICTURES
 
 NAMES = ("color", "colour", "rgb")  # of which topics of colour have one
 KEPT = 8  # last images
-FARTHEST_NS = SECOND_NS // 30  # from depth in time
+FARTHEST_NS = round(SECOND_NS / DEFAULT_FPS)  # from depth in time
 
 
 class ColourTopic:

@@ -11,13 +11,14 @@ import numpy as np
 
 from gepf.common.arrays import Array
 from gepf.common.errors import InputError, ProtocolError
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import View
 from gepf.common.protocol.frames import check_camera
 from gepf.coordinator.sources.camera import MILLIMETRES
+from gepf.coordinator.sources.clock import SECOND_NS
 from gepf.coordinator.sources.joint_states import STATES, JointStates
 from gepf.coordinator.sources.lens import Lens
 from gepf.coordinator.sources.live import LiveFrames
-from gepf.coordinator.sources.ros2 import SECOND_NS, Node, nanoseconds
+from gepf.coordinator.sources.ros2 import Node, nanoseconds
 from gepf.coordinator.sources.ros2_colour import ColourTopic
 from gepf.coordinator.sources.ros_camera import CAMERA, lens_in
 from gepf.coordinator.sources.ros_images import COMPRESSED, IMAGE, PICTURES, TRANSPORT, pixels
@@ -54,7 +55,7 @@ class DepthTopic:
         if not self._waits:
             self._frames.receive(payload, decode=self._decode)
 
-    def _decode(self, payload: bytes) -> DepthFrame:
+    def _decode(self, payload: bytes) -> View:
         """The frame of an image, or ProtocolError."""
         node, message = self._node, self._node.read(payload, self._kind)
         try:
@@ -80,7 +81,7 @@ class DepthTopic:
             colours = self._colour.near(message, lens)
             if doubt := self._colour.take_doubt():
                 self._frames.say(doubt)
-        return DepthFrame(next(self._numbers), time_s, image, scale, camera, colours=colours)
+        return View(next(self._numbers), time_s, image, scale, camera, colours=colours)
 
     def _choose_lens(self, payload: bytes) -> Lens:
         """The lens of a camera_info; its table of pixels is made once."""

@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gepf.common.errors import InputError
-from gepf.coordinator.sources.bag import SECOND_NS, Bag
+from gepf.coordinator.sources.bag import Bag
 from gepf.coordinator.sources.camera import MILLIMETRES, GivenCamera
+from gepf.coordinator.sources.clock import SECOND_NS
 from gepf.coordinator.sources.lens import Lens
 from gepf.coordinator.sources.ros_camera import CAMERA, is_camera_of, lens_in
 from gepf.coordinator.sources.ros_colour import colours_in

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import msgspec
 import numpy as np
@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from gepf.common.arrays import Array
 from gepf.common.camera import NOT_MOVED, Intrinsics
 from gepf.common.errors import InputError
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import Frame, View
 from gepf.coordinator.files import START_FILE, TRUTH_FILE
 from gepf.coordinator.sources.camera import DEFAULT_FPS
 from gepf.coordinator.sources.gaps import close_gaps, is_sparse
@@ -46,7 +46,6 @@ class Source:
         camera: Name of the camera in its rig; empty for a camera alone.
         T_rig_camera: (4, 4), metres.
         offset_s: Added to the camera's time it gives the rig's.
-        others: The other cameras of the rig. There is a frame for each frame of this one.
         colours: Returns the colour image (h, w, 3), RGB, of the frame with a number, registered to depth, at
             any scale; None if it is missing. None without colour.
         mirrored: Whether the recorder mirrored the images, so that they were mirrored back; None if unknown.
@@ -65,7 +64,6 @@ class Source:
     camera: str = ""
     T_rig_camera: Array = field(default_factory=NOT_MOVED.copy)
     offset_s: float = 0.0
-    others: tuple[Source, ...] = ()
     mirrored: bool | None = None
     of_points: bool = False
     colours: Callable[[int], NDArray[np.uint8] | None] | None = None
@@ -73,7 +71,7 @@ class Source:
     @property
     def views(self) -> tuple[Source, ...]:
         """The sequences of all cameras."""
-        return (self, *self.others)
+        return (self,)
 
     @property
     def truth(self) -> Path | None:
@@ -91,15 +89,13 @@ class Source:
         times = np.array(self.numbers) / self.fps if self.times is None else np.array(self.times)
         return times + self.offset_s
 
-    def frame(self, number: int) -> DepthFrame:
-        """Read one frame; 0 for pixels without depth. Raises InputError if it is damaged.
+    def frame(self, number: int) -> Frame:
+        """Read one frame; 0 for pixels without depth. Raises InputError if it is damaged."""
+        return Frame.of(self.view(number))
 
-        It has the nearest frame in time of each other camera, unless another frame of this camera is nearer
-        to that one. Before its first frame and after its last, a camera has images without depth.
-        """
-        frame = self._image(self.numbers.index(number))
-        near = [other._near(frame.time_s, 0.5 / self.fps) for other in self.others]
-        return replace(frame, others=tuple(each for each in near if each is not None))
+    def view(self, number: int) -> View:
+        """Read the image of this camera alone. Raises InputError if it is damaged."""
+        return self._image(self.numbers.index(number))
 
     def changed(self, **changes: Any) -> Source:
         """The same sequence with other values of some fields."""
@@ -124,8 +120,7 @@ class Source:
 
     def without_colours(self) -> Source:
         """The same sequence without colour."""
-        others = tuple(each.without_colours() for each in self.others)
-        return self.changed(colours=None, others=others)
+        return self.changed(colours=None)
 
     def nearest(self, time_s: float, within_s: float) -> int | None:
         """The place of the frame nearest to a time of the rig, or the later of two; None if it is far off."""
@@ -133,8 +128,8 @@ class Source:
         place = int(np.flatnonzero(apart <= apart.min() + ROUNDING_S)[-1])
         return place if apart[place] <= within_s + ROUNDING_S else None
 
-    def _near(self, time_s: float, within_s: float) -> DepthFrame | None:
-        """The frame of this camera alone near a time of the rig; None in a gap of its recording.
+    def view_near(self, time_s: float, within_s: float) -> View | None:
+        """The image of this camera near a time of the rig; None in a gap of its recording.
 
         Before and after its recording, an image without depth.
         """
@@ -144,16 +139,16 @@ class Source:
         if self.times_s[0] < time_s < self.times_s[-1]:
             return None
         dark = np.zeros((camera.height, camera.width), np.uint16)
-        return DepthFrame(0, time_s, dark, self.depth_scale, camera, self.camera, self.T_rig_camera)
+        return View(0, time_s, dark, self.depth_scale, camera, self.camera, self.T_rig_camera)
 
-    def _image(self, place: int) -> DepthFrame:
-        """The frame of this camera alone at a place in `numbers`."""
+    def _image(self, place: int) -> View:
+        """The image of this camera at a place in `numbers`."""
         depth, scale = self._units(place)
         if self.is_sparse:
             depth = close_gaps(depth)
         number = self.numbers[place]
         time_s = (number / self.fps if self.times is None else self.times[place]) + self.offset_s
-        return DepthFrame(
+        return View(
             number,
             time_s,
             depth,
@@ -194,11 +189,46 @@ class Source:
     def __len__(self) -> int:
         return len(self.numbers)
 
-    def __iter__(self) -> Iterator[DepthFrame]:
+    def __iter__(self) -> Iterator[Frame]:
         return map(self.frame, self.numbers)
 
     def _beside(self, name: str) -> Path | None:
         return self.folder / name if self.folder and (self.folder / name).is_file() else None
+
+
+@dataclass(frozen=True, eq=False)
+class RigSource(Source):
+    """The recordings of all cameras of a rig: `views`, one or more.
+
+    There is a frame for each image of the first one, which gives the time. The other fields are its own.
+    """
+
+    views: tuple[Source, ...] = ()
+
+    @classmethod
+    def of(cls, name: str, views: Sequence[Source]) -> Self:
+        """The rig of these cameras."""
+        first = {each.name: getattr(views[0], each.name) for each in fields(Source)}
+        return cls(**(first | {"name": name, "views": tuple(views)}))
+
+    def frame(self, number: int) -> Frame:
+        """Read one frame; 0 for pixels without depth. Raises InputError if it is damaged.
+
+        It has the nearest image in time of each other camera, unless another image of the first one is nearer
+        to that one. Before its first image and after its last, a camera has images without depth.
+        """
+        first, *beside = self.views
+        image = first.view(number)
+        near = (camera.view_near(image.time_s, 0.5 / self.fps) for camera in beside)
+        return Frame.of(image, *(view for view in near if view is not None))
+
+    def changed(self, **changes: Any) -> RigSource:
+        """The same rig with other values of some fields."""
+        return RigSource(**({each.name: getattr(self, each.name) for each in fields(self)} | changes))
+
+    def without_colours(self) -> RigSource:
+        """The same sequences without colour."""
+        return self.changed(colours=None, views=tuple(view.without_colours() for view in self.views))
 
 
 def measured(depth: NDArray[np.uint16]) -> NDArray[np.uint16]:

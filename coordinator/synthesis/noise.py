@@ -9,6 +9,7 @@ surfaces seen at a grazing angle.
 
 from __future__ import annotations
 
+import msgspec
 import numpy as np
 from scipy.ndimage import distance_transform_edt, map_coordinates, maximum_filter, minimum_filter
 
@@ -16,11 +17,18 @@ from gepf.common.arrays import Array
 from gepf.common.camera import Intrinsics, back_project
 from gepf.coordinator.scene.noise import SensorNoise
 
+
+class SensorModel(msgspec.Struct, frozen=True):
+    """A camera that measures disparity; by default a Kinect."""
+
+    step: float = 2.85e-3  #: of inverse depth, 1/m
+    lateral_px: float = 0.8  #: standard deviation across the line of sight
+    jump_m: float = 0.03  #: a step in depth, at which half of the pixels have no depth
+    grazing_deg: float = 80.0  #: angle between line of sight and normal, beyond which there is no depth
+
+
+KINECT = SensorModel()
 FARTHEST = 6.0  # standard deviations, the largest noise
-KINECT_STEP = 2.85e-3  # of inverse depth, 1/m
-KINECT_LATERAL = 0.8  # pixels
-JUMP_M = 0.03  # a step in depth, at which half of the pixels have no depth
-GRAZING = np.cos(np.radians(80.0))
 SAME_SURFACE = 0.01  # largest relative difference of neighbouring depths on one surface
 
 
@@ -45,17 +53,19 @@ def add_noise(
     return noisy
 
 
-def as_a_kinect(depth_m: Array, camera: Intrinsics, rng: np.random.Generator) -> Array:
+def as_a_kinect(
+    depth_m: Array, camera: Intrinsics, rng: np.random.Generator, model: SensorModel = KINECT
+) -> Array:
     """Depth (H, W) of a Kinect: noise and quantisation of inverse depth, irregular edges with gaps."""
-    beside_a_jump = maximum_filter(depth_m, 3) - minimum_filter(depth_m, 3) > JUMP_M
+    beside_a_jump = maximum_filter(depth_m, 3) - minimum_filter(depth_m, 3) > model.jump_m
     kept = ~(beside_a_jump & (rng.random(depth_m.shape) < 0.5))
-    kept &= facing(depth_m, camera) > GRAZING
-    shift = np.indices(depth_m.shape) + KINECT_LATERAL * rng.standard_normal((2, *depth_m.shape))
+    kept &= facing(depth_m, camera) > np.cos(np.radians(model.grazing_deg))
+    shift = np.indices(depth_m.shape) + model.lateral_px * rng.standard_normal((2, *depth_m.shape))
     seen = read(depth_m * kept, shift)
-    steps = np.divide(1.0 / KINECT_STEP, seen, out=np.zeros_like(seen), where=seen > 0.0)
+    steps = np.divide(1.0 / model.step, seen, out=np.zeros_like(seen), where=seen > 0.0)
     steps = np.rint(steps + 0.5 * rng.standard_normal(steps.shape))
     measured = (seen > 0.0) & (steps > 0.0)
-    return np.divide(1.0 / KINECT_STEP, steps, out=np.zeros_like(seen), where=measured)
+    return np.divide(1.0 / model.step, steps, out=np.zeros_like(seen), where=measured)
 
 
 def facing(depth_m: Array, camera: Intrinsics) -> Array:

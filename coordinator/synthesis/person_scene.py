@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 
+import msgspec
 import numpy as np
 
 from gepf.common.arrays import Array
@@ -23,11 +24,34 @@ from gepf.coordinator.synthesis.scenes import Scene, animate
 
 Ranges = dict[str, tuple[float, float]]
 
-FRAMES, FPS = 60, 10.0
-CAMERA = Intrinsics(512, 424, 365.0, 365.0, 255.5, 211.5)
-DISTANCE_M, CAMERA_HEIGHT_M = 2.8, 1.0
-STATURE_M, GIRTH, LENGTH_DEVIATION = (1.6, 1.9), (0.9, 1.15), 0.04
-CLEAR_M = 0.2  # least distance of elbow and wrist from the line from pelvis to head
+Range = tuple[float, float]
+
+
+class Shot(msgspec.Struct, frozen=True):
+    """How a person is recorded, who it is, and how fast they move."""
+
+    frames: int = 60
+    fps: float = 10.0
+    camera: Intrinsics = Intrinsics(512, 424, 365.0, 365.0, 255.5, 211.5)
+    camera_height_m: float = 1.0  #: above the floor
+    distance_m: float = 2.8
+    statures_m: Range = (1.6, 1.9)
+    girths: Range = (0.9, 1.15)
+    length_deviation: float = 0.04  #: of lengths from those of the stature, relative
+    arm_moves_s: Range = (0.2, 0.4)
+    arm_rests_s: Range = (0.0, 0.2)
+    leg_moves_s: Range = (0.3, 0.5)
+    leg_rests_s: Range = (0.0, 0.4)
+    trunk_moves_s: Range = (0.4, 0.8)
+    trunk_rests_s: Range = (0.0, 0.3)
+    still_s: float = 0.5  #: before the first motion
+    clear_m: float = 0.2  #: least distance of elbow and wrist from the line from pelvis to head
+    two_statures_m: Range = (1.82, 1.65)  #: of `two`
+    step_s: float = 0.5  #: half a period of a leg in `two`
+    step_deg: float = 22.0  #: its swing
+
+
+SHOT = Shot()
 
 ARM: Ranges = {
     "shoulder_flexion": (-30, 150), "shoulder_abduct": (-10, 90), "shoulder_twisting": (-45, 60),
@@ -41,40 +65,37 @@ BENT, BEND = {"hip_flexion": 1.0, "knee_flexion": 1.6, "ankle_flexion": -0.4}, (
 TRUNK: Ranges = {"vl3_tilt": (-5, 50), "vl3_roll": (-10, 10), "vl3_torsion": (-15, 15)}
 TURN: Ranges = {"root_ry": (-100, 100), "root_rx": (-3, 8)}
 AT_EASE = {"shoulder_flexion": 10.0, "shoulder_abduct": 18.0, "elbow_flexion": 20.0}
-ARM_MOVES_S, ARM_RESTS_S = (0.2, 0.4), (0.0, 0.2)
-LEG_MOVES_S, LEG_RESTS_S = (0.3, 0.5), (0.0, 0.4)
-TRUNK_MOVES_S, TRUNK_RESTS_S = (0.4, 0.8), (0.0, 0.3)
 
 
 def person(seed: int = 0) -> Scene:
     """A scene of a random person; the same seed gives the same person and motion."""
     rng = np.random.default_rng([seed, 2])
     model = random_person(rng)
-    times = np.arange(FRAMES) / FPS
-    poses = np.zeros((FRAMES, len(model.dof_names)))
+    times = np.arange(SHOT.frames) / SHOT.fps
+    poses = np.zeros((SHOT.frames, len(model.dof_names)))
     for side in "lr":
-        keys = through(times[-1], ARM_MOVES_S, ARM_RESTS_S, rng)
+        keys = through(times[-1], SHOT.arm_moves_s, SHOT.arm_rests_s, rng)
         move(model, poses, times, keys, [draw_arm(model, side, rng) for _ in keys])
-    keys = through(times[-1], LEG_MOVES_S, LEG_RESTS_S, rng)
+    keys = through(times[-1], SHOT.leg_moves_s, SHOT.leg_rests_s, rng)
     move(model, poses, times, keys, [draw_legs(k, rng) for k in range(len(keys))])
-    keys = through(times[-1], TRUNK_MOVES_S, TRUNK_RESTS_S, rng)
+    keys = through(times[-1], SHOT.trunk_moves_s, SHOT.trunk_rests_s, rng)
     move(model, poses, times, keys, [draw_from({**TRUNK, **TURN}, "", rng) for _ in keys])
-    poses[:, model.dof("root_tz")] = DISTANCE_M
-    return Scene(model, CAMERA, FPS, grounded(model, poses), None)
+    poses[:, model.dof("root_tz")] = SHOT.distance_m
+    return Scene(model, SHOT.camera, SHOT.fps, grounded(model, poses), None)
 
 
 def grounded(model: BodyModel, poses: Array) -> Array:
     """Poses (F, D) with the lowest point on the floor."""
     placed = poses.copy()
     for pose in placed:
-        pose[model.dof("root_ty")] = CAMERA_HEIGHT_M - pose_vertices(model, pose[None])[0, :, 1].max()
+        pose[model.dof("root_ty")] = SHOT.camera_height_m - pose_vertices(model, pose[None])[0, :, 1].max()
     return placed
 
 
 def random_person(rng: np.random.Generator) -> BodyModel:
     """A person whose lengths vary from those implied by the stature."""
-    stature, girth = rng.uniform(*STATURE_M), rng.uniform(*GIRTH)
-    off = 1.0 + LENGTH_DEVIATION * np.clip(rng.standard_normal(len(LENGTHS)), -2.0, 2.0)
+    stature, girth = rng.uniform(*SHOT.statures_m), rng.uniform(*SHOT.girths)
+    off = 1.0 + SHOT.length_deviation * np.clip(rng.standard_normal(len(LENGTHS)), -2.0, 2.0)
     usual = Measures.of(stature, girth)
     lengths = dict(zip(LENGTHS, (off * usual.lengths).tolist(), strict=True))
     return human_of(Measures.of(stature, girth, **lengths))
@@ -84,7 +105,7 @@ def through(
     end: float, moves: tuple[float, float], rests: tuple[float, float], rng: np.random.Generator
 ) -> list[tuple[float, float]]:
     """Start and end of successive motions, seconds."""
-    spans, now = [], 0.5
+    spans, now = [], SHOT.still_s
     while now < end:
         begins = now + rng.uniform(*rests)
         now = begins + rng.uniform(*moves)
@@ -126,7 +147,7 @@ def is_clear(model: BodyModel, values_deg: dict[str, float], side: str) -> bool:
     low, axis = at["pelvis"], at["head"] - at["pelvis"]
     for joint in (f"{side}_elbow", f"{side}_wrist"):
         share = np.clip((at[joint] - low) @ axis / (axis @ axis), 0.0, 1.2)
-        if np.linalg.norm(at[joint] - low - share * axis) < CLEAR_M:
+        if np.linalg.norm(at[joint] - low - share * axis) < SHOT.clear_m:
             return False
     return True
 
@@ -150,7 +171,6 @@ def move(
         poses[:, model.dof(name)] = np.radians(curve)
 
 
-STATURES_M = 1.82, 1.65
 Keys = dict[str, dict[int, float]]
 STANDS_M: Keys = {"root_tx": {0: -0.1, 179: -0.1}, "root_tz": {0: 2.7, 179: 2.7}}
 WALKS_M: Keys = {
@@ -167,18 +187,17 @@ ARMS_DEG: Keys = {
     "r_elbow_flexion": {0: 20, 60: 70, 100: 20, 140: 60, 179: 20},
 }
 HEADING_DEG: Keys = {"root_ry": {0: 0, 10: 0, 22: 75, 78: 75, 102: -75, 158: -75, 170: 0, 179: 0}}
-STEP_FRAMES, STEP_DEG = 15.0, 22.0  # half a period of a leg, and its swing
 
 
 @cache
 def two() -> Scene:
     """The scene; both people must be detected."""
-    bodies = [human(stature) for stature in STATURES_M]
+    bodies = [human(stature) for stature in SHOT.two_statures_m]
     stands = animate(bodies[0], ARMS_DEG, **STANDS_M)
     walks = animate(bodies[1], HEADING_DEG, **WALKS_M)
     speed = np.hypot(*np.gradient(walks[:, [bodies[1].dof("root_tx"), bodies[1].dof("root_tz")]], axis=0).T)
-    phase = np.pi * np.arange(len(walks)) / STEP_FRAMES
-    swing = np.radians(STEP_DEG) * np.clip(speed / speed.max(), 0.0, 1.0) * np.sin(phase)
+    phase = np.pi * np.arange(len(walks)) / (SHOT.step_s * DEFAULT_FPS)
+    swing = np.radians(SHOT.step_deg) * np.clip(speed / speed.max(), 0.0, 1.0) * np.sin(phase)
     for side, sign in (("l", 1.0), ("r", -1.0)):
         walks[:, bodies[1].dof(f"{side}_hip_flexion")] = sign * swing
         walks[:, bodies[1].dof(f"{side}_knee_flexion")] = np.radians(5.0) + np.maximum(0.0, -sign * swing)
@@ -186,7 +205,7 @@ def two() -> Scene:
         walks[:, bodies[1].dof(f"{side}_shoulder_abduct")] = np.radians(12.0)
         walks[:, bodies[1].dof(f"{side}_elbow_flexion")] = np.radians(15.0)
     first, second = (
-        Scene(body, CAMERA, DEFAULT_FPS, grounded(body, poses), None)
+        Scene(body, SHOT.camera, DEFAULT_FPS, grounded(body, poses), None)
         for body, poses in zip(bodies, (stands, walks), strict=True)
     )
     return replace(first, others=(second,))

@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
+from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,11 +22,20 @@ from gepf.common.closing import Closing
 from gepf.common.errors import GepfError
 from gepf.common.packages import MissingPackage, needs
 
-NEAR_M, FAR_M = 0.2, 20.0  # with a 24-bit buffer: 1.5 um at 2 m, 40 um at 10 m
+
+class Rendering(msgspec.Struct, frozen=True):
+    """What is drawn, and in which light."""
+
+    near_m: float = 0.2  #: with a 24-bit buffer, depth is exact to 1.5 um at 2 m, 40 um at 10 m
+    far_m: float = 20.0
+    ambient: float = 0.35  #: light on coloured surfaces from everywhere
+    brightness: float = 3.0  #: from one direction
+    filled_share: float = 0.85  #: of the image, by a body that is fitted into it
+    min_distance_m: float = 0.8  #: of such a body
+
+
+RENDERING = Rendering()
 OPENGL_FROM_CAMERA = np.array([1.0, -1.0, -1.0])  # OpenGL looks along -z, with y up
-
-
-AMBIENT, BRIGHTNESS = 0.35, 3.0  # of the light on coloured surfaces
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,8 +78,7 @@ class DepthRenderer(Closing):
         )
         scene = pyrender.Scene()
         node = scene.add(pyrender.Mesh([surface]))
-        at = self.camera
-        scene.add(pyrender.IntrinsicsCamera(at.fx, at.fy, at.cx + 0.5, at.cy + 0.5, znear=NEAR_M, zfar=FAR_M))
+        scene.add(self._lens())
         _, depth = self._renderer.render(scene, pyrender.RenderFlags.SEG, {node: (255, 255, 255)})
         return np.ascontiguousarray(depth, dtype=np.float32)
 
@@ -77,7 +87,7 @@ class DepthRenderer(Closing):
 
         The `background` (3,), from 0 to 1, is elsewhere.
         """
-        pyrender, at = self._pyrender, self.camera
+        pyrender = self._pyrender
         primitive = pyrender.Primitive(
             positions=(surface.vertices * OPENGL_FROM_CAMERA).astype(np.float32),
             normals=(vertex_normals(surface.vertices, surface.triangles) * OPENGL_FROM_CAMERA),
@@ -85,31 +95,34 @@ class DepthRenderer(Closing):
             color_0=np.column_stack([surface.colours, np.ones(len(surface.colours))]).astype(np.float32),
             material=pyrender.MetallicRoughnessMaterial(metallicFactor=0.0, roughnessFactor=0.9),
         )
-        scene = pyrender.Scene(ambient_light=[AMBIENT] * 3, bg_color=background)
+        scene = pyrender.Scene(ambient_light=[RENDERING.ambient] * 3, bg_color=background)
         scene.add(pyrender.Mesh([primitive]))
-        scene.add(pyrender.IntrinsicsCamera(at.fx, at.fy, at.cx + 0.5, at.cy + 0.5, znear=NEAR_M, zfar=FAR_M))
+        scene.add(self._lens())
         towards = np.eye(4)
         back = light * OPENGL_FROM_CAMERA / np.linalg.norm(light)
         side = np.cross([0.0, 1.0, 0.0], back)
         side /= np.linalg.norm(side)
         towards[:3, :3] = np.column_stack([side, np.cross(back, side), back])
-        scene.add(pyrender.DirectionalLight(intensity=BRIGHTNESS), pose=towards)
+        scene.add(pyrender.DirectionalLight(intensity=RENDERING.brightness), pose=towards)
         image, _ = self._renderer.render(scene)
         return np.ascontiguousarray(image, dtype=np.uint8)
+
+    def _lens(self) -> Any:
+        """The camera as pyrender's."""
+        at, drawn = self.camera, RENDERING
+        return self._pyrender.IntrinsicsCamera(
+            at.fx, at.fy, at.cx + 0.5, at.cy + 0.5, znear=drawn.near_m, zfar=drawn.far_m
+        )
 
     def close(self) -> None:
         """Release the OpenGL context."""
         self._renderer.delete()
 
 
-FILLS = 0.85  # of the image
-NEAREST_M = 0.8
-
-
 def fit_in_view(points: Array, camera: Intrinsics) -> Array:
     """Shift (3,) that centres points (n, 3) in the image, as near as they fit."""
     low, high = points.min(axis=0), points.max(axis=0)
     wide = np.max((high - low)[:2] / (camera.width / camera.fx, camera.height / camera.fy))
-    front = max(NEAREST_M, float(wide) / FILLS)
+    front = max(RENDERING.min_distance_m, float(wide) / RENDERING.filled_share)
     middle: Array = np.array([*(0.5 * (low + high)[:2]), low[2] - front])
     return -middle

@@ -15,6 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache
 
+import msgspec
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
@@ -134,16 +135,24 @@ def turn() -> Scene:
     return Scene(model, PAPER_CAMERA, PAPER_FPS, poses, poses[0])
 
 
-ROAM_FRAMES = 150
-ROAM_CAMERA = Intrinsics(640, 480, 575.0, 575.0, 319.5, 239.5)
-WIDEST, SLIDE_M = np.radians(40.0), 0.15  # to either side, if the limits allow
-WITHIN = 0.4  # of the range between the limits, to either side of the centre
+class Roam(msgspec.Struct, frozen=True):
+    """How any body moves, and before which camera."""
+
+    frames: int = 150
+    camera: Intrinsics = Intrinsics(640, 480, 575.0, 575.0, 319.5, 239.5)
+    turn_deg: float = 40.0  #: to either side, if the limits allow
+    slide_m: float = 0.15  #: the same
+    range_share: float = 0.4  #: of the range between the limits, to either side of the centre
+    carried_m: float = 0.08  #: of a body without joints, to either side
+    carried_turn_deg: float = 35.0  #: the same
+    max_distance_m: float = 6.0
+
+
+ROAM = Roam()
 ROAM_STANDS = {"root_rx": 0.2, "root_ry": 0.5}  # seen from above and from the side
-CARRIED_M, TURNED = 0.08, np.radians(35.0)
-FARTHEST_M = 6.0
 
 
-def roam(model: BodyModel, seed: int = 0, frames: int = ROAM_FRAMES) -> Scene:
+def roam(model: BodyModel, seed: int = 0, frames: int = ROAM.frames) -> Scene:
     """A scene of a body; the same seed gives the same motion. Tracking starts from the truth.
 
     Raises InputError for a body that is too large for the image.
@@ -156,12 +165,12 @@ def roam(model: BodyModel, seed: int = 0, frames: int = ROAM_FRAMES) -> Scene:
     for name, value in ROAM_STANDS.items():
         poses[:, model.dof(name)] += value
     seen = pose_vertices(model, poses[:: max(1, len(poses) // 20)]).reshape(-1, 3)
-    shift = fit_in_view(seen, ROAM_CAMERA)
-    if seen[:, 2].max() + shift[2] > FARTHEST_M:
+    shift = fit_in_view(seen, ROAM.camera)
+    if seen[:, 2].max() + shift[2] > ROAM.max_distance_m:
         size = np.ptp(seen, axis=0).max()
         raise InputError(f"{model.name} is {size:.1f} m large and would be too far away; give a smaller body")
     poses[:, model.root[:3]] += shift
-    return Scene(model, ROAM_CAMERA, DEFAULT_FPS, poses, poses[0].copy())
+    return Scene(model, ROAM.camera, DEFAULT_FPS, poses, poses[0].copy())
 
 
 def swing(model: BodyModel) -> tuple[Array, Array]:
@@ -169,11 +178,11 @@ def swing(model: BodyModel) -> tuple[Array, Array]:
     rotates = model.kinds == ROTATION
     root = np.array([name in ROOT_DOFS for name in model.dof_names])
     if root.all():
-        return np.zeros(len(root)), np.where(rotates, TURNED, CARRIED_M)
+        return np.zeros(len(root)), np.where(rotates, np.radians(ROAM.carried_turn_deg), ROAM.carried_m)
     bounded = np.all(np.isfinite(model.limits), axis=1, keepdims=True)
     low, high = np.where(bounded, model.limits, 0.0).T
-    reach = np.where(rotates, WIDEST, SLIDE_M)
-    reach = np.where(bounded[:, 0], np.minimum(reach, WITHIN * (high - low)), reach)
+    reach = np.where(rotates, np.radians(ROAM.turn_deg), ROAM.slide_m)
+    reach = np.where(bounded[:, 0], np.minimum(reach, ROAM.range_share * (high - low)), reach)
     return 0.5 * (low + high), np.where(root, 0.0, reach)
 
 

@@ -28,7 +28,7 @@ from gepf.coordinator.sources.source import to_units
 from gepf.coordinator.synthesis.noise import add_noise
 from gepf.coordinator.synthesis.person_scene import person, two
 from gepf.coordinator.synthesis.rendering import DepthRenderer
-from gepf.coordinator.synthesis.scenes import ROAM_FRAMES, SCENES, Scene, roam
+from gepf.coordinator.synthesis.scenes import SCENES, Roam, Scene, roam
 from gepf.coordinator.synthesis.surround import Seen, furnished, surround
 
 ROAM, PERSON, TWO = "roam", "person", "two"
@@ -113,8 +113,8 @@ def find_scene(name: str, model: str | None, seed: int, frames: int | None) -> S
     if name == ROAM:
         if model is None:
             raise InputError(f"scene {ROAM} moves any body; add --model with a URDF file, or human")
-        frames = ROAM_FRAMES if frames is None else frames
-        scene = roam(load_body(model), seed, frames if frames > 0 else ROAM_FRAMES)
+        frames = Roam().frames if frames is None else frames
+        scene = roam(load_body(model), seed, frames if frames > 0 else Roam().frames)
     elif model is not None:
         raise InputError(f"scene {name} has a body of its own; leave --model out, or give scene {ROAM}")
     else:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
+import msgspec
 import numpy as np
 from scipy.interpolate import CubicSpline
 
@@ -16,7 +17,12 @@ from gepf.common.kinematics import pose_vertices
 from gepf.common.kinematics.rotations import euler_angles, euler_matrix
 from gepf.coordinator.synthesis.scenes import Scene
 
-ROOM_M, ROOM_HEIGHT_M = 2.2, 2.7  # from the person to the walls; seen from outside, walls are not drawn
+
+class Room(msgspec.Struct, frozen=True):
+    """A room around a person; its walls are not drawn where a camera is outside."""
+
+    wall_m: float = 2.2  #: from the person to each wall
+    height_m: float = 2.7
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,12 +51,12 @@ def surround(scene: Scene, cameras: int, apart_deg: float, late_s: float) -> Ite
         yield Seen(f"cam{n}", seen_from(later(scene, n * late_s), placed), placed, n * late_s)
 
 
-def furnished(scene: Scene) -> Scene:
+def furnished(scene: Scene, room: Room = Room()) -> Scene:  # noqa: B008 it is frozen
     """The scene in a room: floor, ceiling and four walls."""
     x, _, z = root_places(scene).mean(axis=0)
     floor = max(float(pose_vertices(each.model, each.poses)[..., 1].max()) for each in (scene, *scene.others))
-    low = np.array([x - ROOM_M, floor - ROOM_HEIGHT_M, z - ROOM_M])
-    high = np.array([x + ROOM_M, floor, z + ROOM_M])
+    low = np.array([x - room.wall_m, floor - room.height_m, z - room.wall_m])
+    high = np.array([x + room.wall_m, floor, z + room.wall_m])
     corners = np.array([[(low, high)[k >> a & 1][a] for a in range(3)] for k in range(8)])
     quads = np.array([[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]])
     return replace(scene, room=(corners, np.concatenate([quads[:, [0, 2, 1]], quads[:, [0, 3, 2]]])))

@@ -10,7 +10,7 @@ import numpy as np
 from gepf.common.arrays import Array
 from gepf.common.frame import SubjectFrame
 from gepf.coordinator.tracking.observation import middle_of
-from gepf.coordinator.tracking.segmenter import BodyView, SegmentedFrame, Segmenter
+from gepf.coordinator.tracking.segmenter import BodyView, SegmentedFrame, Segmenter, UntrackedPerson
 from gepf.coordinator.tracking.target import TargetTracker
 from gepf.coordinator.tracking.track_state import Body, Found, Searching
 
@@ -26,7 +26,7 @@ class Assignment:
         targets: Sequence[TargetTracker],
         segmenter: Segmenter,
         segmented: SegmentedFrame,
-        free: Sequence[SubjectFrame],
+        free: Sequence[UntrackedPerson],
     ) -> None:
         self._targets, self._segmenter, self._segmented = targets, segmenter, segmented
         # a person who has just been detected may still be among the candidates
@@ -38,21 +38,22 @@ class Assignment:
     def view_of(self, place: int) -> BodyView:
         """What shows a person: a free candidate if the person is undetected or lost."""
         segmented, target, is_elsewhere = self._segmented, self._targets[place], False
-        subject = segmented.subjects[place]
+        subject, alternatives = segmented.subjects[place], tuple[SubjectFrame, ...]()
         if not isinstance(target.track, Body):
-            subject = self._for_search(place)
+            subject, candidate = None, self._for_search(place)
         elif target.needs_candidates:
-            subject = nearest(self._free, target.last_seen)
-        elif self._misses(place):
-            candidate = self._elsewhere(place)
-            if candidate is not None:
-                subject, is_elsewhere = candidate, not isinstance(target.track, Found)
-        if subject in self._free:
-            self._free.remove(subject)
+            subject, candidate = None, nearest(self._free, target.last_seen)
+        else:
+            candidate = self._elsewhere(place) if self._misses(place) else None
+            is_elsewhere = candidate is not None and not isinstance(target.track, Found)
+        if candidate is not None:
+            subject, alternatives = candidate.subject, candidate.alternatives
+        if candidate in self._free:
+            self._free.remove(candidate)
         planes, excluded = segmented.planes(subject), segmented.excluded[place]
-        return BodyView(segmented.frame, subject, planes, excluded, is_elsewhere)
+        return BodyView(segmented.frame, subject, planes, alternatives, excluded, is_elsewhere)
 
-    def _for_search(self, place: int) -> SubjectFrame | None:
+    def _for_search(self, place: int) -> UntrackedPerson | None:
         """The candidate in which a person is searched for: the one under way, or each in turn.
 
         If colour shows people, only they have turns.
@@ -61,7 +62,7 @@ class Assignment:
         further round one of them: cameras with wrong poses show no person together.
         """
         target = self._targets[place]
-        shown = [who for who in self._free if any(view.keypoints is not None for view in who.views)]
+        shown = [who for who in self._free if who.is_shown]
         possible = (shown or self._free)[: 1 if len(self._targets) == 1 else None]
         count = len(possible)
         if not count or not all(isinstance(before.track, Body) for before in self._targets[:place]):
@@ -72,11 +73,12 @@ class Assignment:
             search = target.track.searches - (not is_due)
         rounds, turn = divmod(search, count)
         chosen = possible[turn]
-        if target.search.subject is not None:
-            chosen = nearest(self._free, middle_of(target.search.subject)) or chosen
+        if target.search.person is not None:
+            chosen = nearest(self._free, middle_of(target.search.person.subject)) or chosen
         self._free.remove(chosen)
-        single_views = [replace(view, others=(), wider=()) for view in chosen.views]
-        options = [chosen, *single_views] if chosen.others else [chosen]
+        views = chosen.subject.views
+        by_camera = [UntrackedPerson(replace(chosen.subject, views=(view,))) for view in views]
+        options = [chosen, *by_camera] if len(views) > 1 else [chosen]
         return options[rounds % len(options)]
 
     def _misses(self, place: int) -> bool:
@@ -89,7 +91,7 @@ class Assignment:
             whole = max(target.policy.min_points, target.policy.settings.gone_share * target.track.pixels)
         return pixels < whole and target.policy.recovers
 
-    def _elsewhere(self, place: int) -> SubjectFrame | None:
+    def _elsewhere(self, place: int) -> UntrackedPerson | None:
         """A candidate nearby with more pixels than the present subject, who is probably the same person."""
         target, pixels = self._targets[place], self._segmented.pixels(place)
         surfaces = [other.segmentation_surface() for n, other in enumerate(self._targets) if n != place]
@@ -102,22 +104,24 @@ class Assignment:
             candidate = next(iter(candidates), None)
             near = (
                 candidate is not None
-                and distance(candidate, target.last_seen) < target.policy.settings.max_motion_m
+                and distance(candidate.subject, target.last_seen) < target.policy.settings.max_motion_m
             )
-        if candidate is None or candidate.pixels <= pixels:
+        if candidate is None or candidate.subject.pixels <= pixels:
             return None
         return candidate if near or pixels < target.policy.min_points else None
 
-    def people_beside(self, place: int, searched: SubjectFrame) -> list[SubjectFrame]:
-        """All people in the frame except the one at this place, who was searched for in `searched`."""
-        candidates = [candidate for candidate in self._segmented.candidates if candidate is not searched]
-        subjects = [subject for n, subject in enumerate(self._segmented.subjects) if subject and n != place]
-        return candidates + subjects
+    def people_beside(self, place: int, searched: UntrackedPerson) -> list[SubjectFrame]:
+        """All people in the frame except the one at this place, who was searched for as `searched`."""
+        candidates = [candidate.subject for candidate in self._segmented.candidates]
+        beside = [subject for subject in candidates if subject is not searched.subject]
+        return beside + [
+            subject for n, subject in enumerate(self._segmented.subjects) if subject and n != place
+        ]
 
 
-def nearest(candidates: Sequence[SubjectFrame], place: Array) -> SubjectFrame | None:
+def nearest(candidates: Sequence[UntrackedPerson], place: Array) -> UntrackedPerson | None:
     """The candidate that is nearest to a place (3,), metres; None without candidates."""
-    return min(candidates, key=lambda candidate: distance(candidate, place), default=None)
+    return min(candidates, key=lambda candidate: distance(candidate.subject, place), default=None)
 
 
 def distance(subject: SubjectFrame, place: Array) -> float:

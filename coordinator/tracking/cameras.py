@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 from gepf.common.arrays import Array
 from gepf.common.body import BodyModel
 from gepf.common.camera import pixels_at
-from gepf.common.frame import DepthFrame, SubjectFrame
+from gepf.common.frame import Frame, SubjectView, View
 from gepf.common.kinematics import pose_vertices
 from gepf.coordinator.tracking.estimate import Fault
 from gepf.coordinator.tracking.observation import camera_points
@@ -87,8 +87,8 @@ class Agreement:
 
 
 def watch(
-    states: Mapping[str, CameraState], frame: DepthFrame, contradicting: Collection[str]
-) -> tuple[CameraStates, DepthFrame]:
+    states: Mapping[str, CameraState], frame: Frame, contradicting: Collection[str]
+) -> tuple[CameraStates, Frame]:
     """The states of all cameras after a frame, and the frame with repeated images set to 0.
 
     `contradicting` are the cameras that are left out now. A camera without an image keeps its fault.
@@ -103,15 +103,15 @@ def watch(
     after, views = {name: replace(state, fault=state.fault or NO_DEPTH) for name, state in states.items()}, []
     for view, state in zip(frame.views, by_image, strict=True):
         depth = np.zeros_like(view.depth) if state.fault == REPEATS else view.depth
-        views.append(replace(view, depth=depth, others=()))
+        views.append(replace(view, depth=depth))
         after[view.camera] = state
         if view.camera in contradicting:
             good_s = states.get(view.camera, state).good_s
             after[view.camera] = CameraState(state.image, good_s, CONTRADICTS)
-    return after, replace(views[0], others=tuple(views[1:]))
+    return after, replace(frame, views=tuple(views))
 
 
-def state_by_image(view: DepthFrame, before: CameraState | None, time_s: float) -> CameraState:
+def state_by_image(view: View, before: CameraState | None, time_s: float) -> CameraState:
     """The state of a camera by its image alone, at the time of a frame."""
     image = zlib.crc32(view.depth[::8].tobytes())  # every eighth row
     if view.depth.any() and (before is None or before.image != image):
@@ -120,7 +120,7 @@ def state_by_image(view: DepthFrame, before: CameraState | None, time_s: float) 
 
 
 def camera_residuals(
-    model: BodyModel, pose: Array, frame: DepthFrame, views: Sequence[SubjectFrame], allowed_m: float
+    model: BodyModel, pose: Array, frame: Frame, views: Sequence[SubjectView], allowed_m: float
 ) -> dict[str, float]:
     """How badly a pose (D,) explains the image of each camera, by what shows the body there: metres.
 
@@ -133,7 +133,7 @@ def camera_residuals(
     surface, second, third = pose_vertices(model, pose[None])[0][model.triangles[::3].T]
     normals = np.cross(second - surface, third - surface)
     offsets = np.sum(normals * surface, axis=1)
-    views_by_camera, residuals = {view.frame.camera: view for view in views}, dict[str, float]()
+    views_by_camera, residuals = {view.image.camera: view for view in views}, dict[str, float]()
     for image in frame.views:
         facing = surface[normals @ image.T_rig_camera[:3, 3] > offsets]
         through = seen_through(image, facing)
@@ -144,7 +144,7 @@ def camera_residuals(
     return residuals
 
 
-def seen_through(image: DepthFrame, surface: Array) -> float:
+def seen_through(image: View, surface: Array) -> float:
     """Median distance in metres by which the depth of an image is behind points (N, 3) of a surface.
 
     It counts as 0 where the image shows nothing or something nearer.
@@ -158,9 +158,9 @@ def seen_through(image: DepthFrame, surface: Array) -> float:
     return float(np.median(behind)) if len(behind) else 0.0
 
 
-def mean_distance(view: SubjectFrame, surface: Array) -> float:
+def mean_distance(view: SubjectView, surface: Array) -> float:
     """Mean distance in metres of about 100 points of a camera from points (N, 3) of a surface."""
-    points = view.frame.to_rig(camera_points(view, max(1, len(view.picked) // 100)))
+    points = view.image.to_rig(camera_points(view, max(1, len(view.picked) // 100)))
     return float(cKDTree(surface).query(points)[0].mean())
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from gepf.common.arrays import Array, Indices, Mask
 from gepf.common.body import BodyModel
-from gepf.common.frame import SubjectFrame
+from gepf.common.frame import SubjectFrame, SubjectView
 from gepf.common.kinematics import joint_positions
 from gepf.common.refinement import Particles
 from gepf.common.settings import RefineSettings
@@ -69,7 +69,7 @@ class Query:
 
     @cached_property
     def cut(self) -> Mask:
-        """Sides at which the main camera cuts the body, see `cut_sides`; none if another one does not."""
+        """Sides at which the largest view cuts the body, see `cut_sides`; none if another one does not."""
         if self.roll is None:
             return np.zeros(4, dtype=np.bool_)
         straight = [look_straight(middle_in(view), self.roll) for view in self.subject.views]
@@ -275,6 +275,6 @@ def with_top_at(family: BodyFamily, model: BodyModel, pose: Array, joints: Array
     return after
 
 
-def middle_in(view: SubjectFrame) -> Array:
+def middle_in(view: SubjectView) -> Array:
     """The mean (3,) of the observed points of one camera, in its own frame, metres."""
     return np.asarray(camera_points(view).mean(axis=0))

@@ -108,7 +108,7 @@ def measure_features(
     spread = np.sqrt(weights @ squares / weights.sum())
     speed = np.linalg.norm(joints - past, axis=1) / context.interval
     distances = between(joints)
-    ahead = context.subject.frame.to_camera(joints)[:, 2]
+    ahead = context.subject.largest.image.to_camera(joints)[:, 2]
     folding = np.sqrt(np.mean((distances - at_rest) ** 2, axis=1)).mean()
     return Features(
         seen=seen_by.max(axis=0),
@@ -138,7 +138,7 @@ def shown_in_colour(model: BodyModel, pose: Array, subject: SubjectFrame) -> Arr
             joints, points = np.array(pairs).T
             precision = view.keypoints[:, 2].astype(np.float64)
             precision = precision / np.maximum(precision.max(), np.finfo(np.float64).tiny)
-            off = deviations_of(keypoint_pixels(ExpectedBody(model, pose), view.frame), view.keypoints)
+            off = deviations_of(keypoint_pixels(ExpectedBody(model, pose), view.image), view.keypoints)
             here = np.where(off < SAME_PERSON, precision, 0.0)
             shown[joints] = np.maximum(shown[joints], here[points])
     return shown
@@ -195,14 +195,14 @@ def seen_shares(
     tolerance = Tolerance(settings.agrees_m, stretch, settings.aside_m)
     areas = np.zeros((len(subject.views), 2, regions.shape[1]))
     for view, seen in zip(subject.views, areas, strict=True):
-        frame = view.frame
+        image = view.image
         add_areas(
-            np.ascontiguousarray(frame.to_camera(vertices)),
+            np.ascontiguousarray(image.to_camera(vertices)),
             model.triangles,
             regions,
-            np.array(frame.depth, order="C"),  # a kernel is compiled for one memory layout
-            frame.depth_scale,
-            frame.intrinsics.pinhole,
+            np.array(image.depth, order="C"),  # a kernel is compiled for one memory layout
+            image.depth_scale,
+            image.intrinsics.pinhole,
             tolerance,
             seen,
         )
@@ -227,8 +227,8 @@ def misfits(
     every = max(1, sum(len(view.picked) for view in subject.views) // POINTS)
     for view in subject.views:
         points = camera_points(view, every) * scale
-        nearest, _ = cKDTree(view.frame.to_camera(vertices) * scale).query(points)
-        aside = points[:, None] - view.frame.to_camera(joints) * scale
+        nearest, _ = cKDTree(view.image.to_camera(vertices) * scale).query(points)
+        aside = points[:, None] - view.image.to_camera(joints) * scale
         near = np.exp(-0.5 * np.sum(aside**2, axis=-1) / settings.region_m**2)
         weights += near.sum(axis=0)
         sums += np.minimum(nearest, settings.wrong_m) @ near

@@ -19,7 +19,7 @@ import numpy as np
 
 from gepf.common.arrays import Array
 from gepf.common.body import ROOT_DOFS, BodyModel
-from gepf.common.frame import SubjectFrame
+from gepf.common.frame import SubjectFrame, SubjectView
 from gepf.common.refinement import Particles
 from gepf.common.settings import RefineSettings
 from gepf.coordinator.bodies.family import Bodies, FittedBody
@@ -78,13 +78,19 @@ class Detector:
         for size in self._bodies.sizes:
             self._stages.coarse(size)
 
-    def detect(self, subject: SubjectFrame, noise: SensorNoise, planes: Planes) -> Search[Detection]:
+    def detect(
+        self,
+        subject: SubjectFrame,
+        noise: SensorNoise,
+        planes: Planes,
+        alternatives: Sequence[SubjectFrame] = (),
+    ) -> Search[Detection]:
         """Detect an unknown body in a frame, given the camera's noise and the planes of the room.
 
-        Of the masks of what may be the person's, the one is used in which a body explains most. In the wider
-        ones, only the best poses so far and a few of the library, in the first orientation, are refined. If
-        no body explains the frame, its largest flat part may be a seat. So the body is searched for again
-        without its points.
+        Of the frame and its `alternatives`, with more and more of what may be the person's, the one is used
+        in which a body explains most. In the alternatives, only the best poses so far and a few of the
+        library, in the first orientation, are refined. If no body explains the frame, its largest flat part
+        may be a seat. So the body is searched for again without its points.
         """
         limits = self._settings.search
         rolls = upright_rolls(planes, self._rolls, limits.min_upright_share)
@@ -92,7 +98,7 @@ class Detector:
         query = Query(subject, settings, self._family, sizes, limits, self._upright(rolls))
         best = yield from self._stages.shortlist(query, self._match(query, rolls))
         shown = query
-        for wider in subject.wider:
+        for wider in alternatives:
             more = replace(query, subject=wider)
             groups = best.group, self._similar(more, rolls[0], limits.further_candidates)
             refined = yield from self._stages.shortlist(more, groups)
@@ -142,7 +148,7 @@ class Detector:
         For an upright body that is not lost and has the same orientation as at the start, only that one is
         searched.
         """
-        turn = subject.frame.T_camera_rig[:3, :3]
+        turn = subject.largest.image.T_camera_rig[:3, :3]
         upright = self._family.roll(start.model, start.pose, turn)
         first = upright or 0.0
         rolls = (first, *(roll for roll in self._rolls if roll != first))
@@ -202,8 +208,8 @@ class Detector:
         yield self._similar(query, rolls[0], search.candidates)
         further = [self._similar(query, roll, search.further_candidates) for roll in rolls[1:]]
         if last is not None:
-            model, placed = self._bodies.for_start(*query.sizes[0]), query.subject.frame.T_rig_camera
-            points = camera_points(query.subject)
+            model, placed = self._bodies.for_start(*query.sizes[0]), query.subject.largest.image.T_rig_camera
+            points = camera_points(query.subject.largest)
             cell_m, cutting = self._library.cell_m, self._cutting(query.subject)
             further.append(of_one(displaced(model, last, points, cell_m, search, placed, cutting)))
         if further:
@@ -215,7 +221,7 @@ class Detector:
         usual = self._family.length(self._bodies.library_size)
         scales = [self._family.length(size) / usual for size in query.sizes]
         every = 2 if query.cut.any() else 1  # all sizes of a part are tried later
-        points, placed = camera_points(query.subject), query.subject.frame.T_rig_camera
+        points, placed = camera_points(query.subject.largest), query.subject.largest.image.T_rig_camera
         view = self._cutting(query.subject)
         poses, of = self._library.match(points, scales[::every], roll, count, placed, view)
         return poses, of * every
@@ -230,9 +236,9 @@ class Detector:
         """The first orientation, for a body with an axis."""
         return None if self._family.axis is None else rolls[0]
 
-    def _cutting(self, subject: SubjectFrame) -> SubjectFrame | None:
+    def _cutting(self, subject: SubjectFrame) -> SubjectView | None:
         """The view that may cut the body; only bodies with an axis are compared in parts."""
-        return None if self._family.axis is None else subject
+        return None if self._family.axis is None else subject.largest
 
 
 def fitted(query: Query, start: Start, candidates: Candidates, planes: Planes) -> FittedBody:
@@ -249,7 +255,7 @@ def fitted(query: Query, start: Start, candidates: Candidates, planes: Planes) -
         points=observed_points(subject),
         some_points=observed_points(subject, query.limits.points),
         is_cut=bool(query.cut.any()),
-        heights=planes.above(subject.frame.to_camera(joints)) if planes.has_floor else None,
+        heights=planes.above(subject.largest.image.to_camera(joints)) if planes.has_floor else None,
     )
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from gepf.common.arrays import Array, Indices, Mask
 from gepf.common.body import BodyModel
 from gepf.common.camera import pixels_at, points_of
-from gepf.common.frame import EMPTY, HIDDEN, SUBJECT, SubjectFrame
+from gepf.common.frame import EMPTY, HIDDEN, SUBJECT, SubjectFrame, SubjectView
 from gepf.common.kinematics import joint_positions
 from gepf.coordinator.settings import SearchSettings
 
@@ -25,16 +25,16 @@ TOP = 2  # the third of them
 def in_view(subject: SubjectFrame, points: Array) -> Mask:
     """Which points (..., 3) of the rig's frame some camera could show, metres."""
     flat = points.reshape(-1, 3)
-    shown = [shows(view, view.frame.to_camera(flat)) for view in subject.views]
+    shown = [shows(view, view.image.to_camera(flat)) for view in subject.views]
     return np.asarray(np.any(shown, axis=0)).reshape(points.shape[:-1])
 
 
-def shows(view: SubjectFrame, points: Array) -> Mask:
+def shows(view: SubjectView, points: Array) -> Mask:
     """Which points (N, 3) of a camera's frame are in its image and not behind something nearer."""
     shown = np.zeros(len(points), dtype=np.bool_)
     ahead = np.flatnonzero(points[:, 2] > 0.0)
-    row, column, cropped = pixels_at(points[ahead], view.frame.intrinsics)
-    left, top, right, bottom = view.view
+    row, column, cropped = pixels_at(points[ahead], view.image.intrinsics)
+    left, top, right, bottom = view.extent
     free = (left <= column) & (column < right) & (top <= row) & (row < bottom)
     if view.kinds is not None:
         free[cropped] &= view.kinds[row[cropped], column[cropped]] != HIDDEN
@@ -42,18 +42,18 @@ def shows(view: SubjectFrame, points: Array) -> Mask:
     return shown
 
 
-def cut_sides(view: SubjectFrame, turn: Array, settings: SearchSettings) -> Mask:
+def cut_sides(view: SubjectView, turn: Array, settings: SearchSettings) -> Mask:
     """Where one camera's view of a person ends before the person does: (left, right, top, bottom).
 
     The sides are those of the image after a rotation by `turn` (3, 3). A side is cut if most of the person's
     last pixels there meet the border of the image or something nearer.
     """
-    depth = view.frame.metres()
+    depth = view.image.metres()
     mask = depth > 0.0
     cut = np.zeros(4, dtype=np.bool_)
     if not mask.any():
         return cut
-    points = points_of(depth, view.frame.intrinsics, mask) @ turn.T
+    points = points_of(depth, view.image.intrinsics, mask) @ turn.T
     for side, (across, down) in enumerate(DIRECTIONS):
         step = np.rint((np.array([across, down, 0.0]) @ turn)[:2]).astype(np.int64)  # in the image as it is
         if np.abs(step).sum() != 1:  # a diagonal belongs to two sides
@@ -63,7 +63,7 @@ def cut_sides(view: SubjectFrame, turn: Array, settings: SearchSettings) -> Mask
         rows, columns = (indices[end] for indices in np.nonzero(mask))
         outer = ends_of(mask, rows, columns, step)
         gap_m, distance_m = settings.cut_gap_m, float(np.median(points[end, 2]))
-        gap_px = int(gap_m * view.frame.intrinsics.fx / distance_m)
+        gap_px = int(gap_m * view.image.intrinsics.fx / distance_m)
         stopped = is_stopped(view, rows[outer], columns[outer], step, gap_px)
         cut[side] = stopped.mean() >= settings.cut_share
     return cut
@@ -78,10 +78,10 @@ def ends_of(mask: Mask, rows: Indices, columns: Indices, step: Indices) -> Indic
     return np.flatnonzero(place == last[line])
 
 
-def is_stopped(view: SubjectFrame, rows: Indices, columns: Indices, step: Indices, gap_px: int) -> Mask:
+def is_stopped(view: SubjectView, rows: Indices, columns: Indices, step: Indices, gap_px: int) -> Mask:
     """Whether the first clear pixel beyond each pixel is outside of the image, or shows something nearer."""
-    left, top, right, bottom = view.view
-    height, width = view.frame.depth.shape
+    left, top, right, bottom = view.extent
+    height, width = view.image.depth.shape
     stopped, open_ = np.zeros(len(rows), dtype=np.bool_), np.ones(len(rows), dtype=np.bool_)
     for n in range(1, 2 + gap_px):
         row, column = rows + n * step[1], columns + n * step[0]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gepf.common.arrays import Array, Mask
-from gepf.common.frame import SUBJECT, UNKNOWN, DepthFrame, SubjectFrame
+from gepf.common.frame import SUBJECT, UNKNOWN, Frame, SubjectFrame, SubjectView, View
 from gepf.coordinator.filters.belief import USUAL_INTERVAL, Observation
 from gepf.coordinator.scene.flatness import find_flat
 from gepf.coordinator.scene.noise import fit_noise
@@ -23,17 +23,17 @@ POINTS = 300  # observed points that are enough for the filter, and for a median
 class MaskedView(NamedTuple):
     """The part of an image that shows a subject."""
 
-    image: DepthFrame
+    image: View
     window: Window
     labels: Labels | None  # of its pixels; None: those with depth are the subject, all else is empty
 
 
-def isolate(frame: DepthFrame, points: int) -> SubjectFrame | None:
+def isolate(frame: Frame, points: int) -> SubjectFrame | None:
     """Crop a frame that shows only the subject to the pixels with depth; None if there are none."""
     return subject_of(frame, [masked for view in frame.views for masked in outline(view)], points)
 
 
-def outline(view: DepthFrame) -> list[MaskedView]:
+def outline(view: View) -> list[MaskedView]:
     """The window of all pixels with depth of an image, if there are any."""
     rows, columns = (np.flatnonzero(view.depth.any(axis=axis)) for axis in (1, 0))
     if not len(rows):
@@ -42,7 +42,7 @@ def outline(view: DepthFrame) -> list[MaskedView]:
     return [MaskedView(view, window, None)]
 
 
-def subject_of(frame: DepthFrame, views: Sequence[MaskedView], points: int) -> SubjectFrame | None:
+def subject_of(frame: Frame, views: Sequence[MaskedView], points: int) -> SubjectFrame | None:
     """The crops of segmented images of a frame, of those that show the subject; None if there are none.
 
     At most `points` pixels are picked, evenly distributed: in each image in proportion to the area that it
@@ -53,12 +53,7 @@ def subject_of(frame: DepthFrame, views: Sequence[MaskedView], points: int) -> S
     total = sum(areas)
     by_area = sorted(zip(areas, views, depths, strict=True), key=lambda shown: -shown[0])
     crops = [crop(frame, view, depth, round(points * m2 / total)) for m2, view, depth in by_area if m2 > 0.0]
-    return joined(crops) if crops else None
-
-
-def joined(crops: Sequence[SubjectFrame]) -> SubjectFrame:
-    """The frame of which these are the crops, the largest first."""
-    return replace(crops[0], others=tuple(crops[1:]))
+    return SubjectFrame(frame.number, frame.time_s, tuple(crops)) if crops else None
 
 
 def depth_in(masked: MaskedView) -> NDArray[np.uint16]:
@@ -67,32 +62,25 @@ def depth_in(masked: MaskedView) -> NDArray[np.uint16]:
     return np.ascontiguousarray(depth if labels is None else np.where(labels == SUBJECT, depth, np.uint16(0)))
 
 
-def area_of(view: DepthFrame, depth: NDArray[np.uint16]) -> float:
+def area_of(view: View, depth: NDArray[np.uint16]) -> float:
     """The area in square metres, across the line of sight, of the pixels with depth (H, W)."""
     squares = float(np.sum(depth[depth > 0].astype(np.float64) ** 2)) / view.depth_scale**2
     return squares / (view.intrinsics.fx * view.intrinsics.fy)
 
 
-def crop(frame: DepthFrame, masked: MaskedView, depth: NDArray[np.uint16], most: int) -> SubjectFrame:
+def crop(frame: Frame, masked: MaskedView, depth: NDArray[np.uint16], most: int) -> SubjectView:
     """The crop of one image of a frame, with depth and labels (H, W); `most` pixels are picked."""
-    view, (left, top, right, bottom), labels = masked
-    camera = view.intrinsics
+    image, (left, top, right, bottom), labels = masked
+    camera = image.intrinsics
     measured = np.flatnonzero(depth).astype(np.uint32)
     picked = min(len(measured), most)
-    return SubjectFrame(
-        frame=replace(
-            view,
-            number=frame.number,
-            time_s=frame.time_s,
-            depth=depth,
-            intrinsics=camera.crop(left, top, right - left, bottom - top),
-            others=(),
-            colours=None,
-        ),
+    window = camera.crop(left, top, right - left, bottom - top)
+    return SubjectView(
+        image=replace(image, depth=depth, intrinsics=window, colours=None),
         picked=measured[np.arange(picked) * len(measured) // max(1, picked)],
-        view=(-left, -top, camera.width - left, camera.height - top),
+        extent=(-left, -top, camera.width - left, camera.height - top),
         kinds=labels,
-        delay_s=view.time_s - frame.time_s,
+        delay_s=image.time_s - frame.time_s,
     )
 
 
@@ -105,24 +93,24 @@ def filter_observation(
     only joints out of view. Intervals are rounded to 0.1 ms, so that
     rounded times in files give the same results.
     """
-    since = 0.0 if last_time_s is None else round(subject.frame.time_s - last_time_s, 4)
+    since = 0.0 if last_time_s is None else round(subject.time_s - last_time_s, 4)
     interval = since if since > 0.0 else USUAL_INTERVAL
     return Observation(observed_points(subject, POINTS), interval, step, len(subject.views), unseen)
 
 
-def camera_points(subject: SubjectFrame, every: int = 1) -> Array:
+def camera_points(view: SubjectView, every: int = 1) -> Array:
     """The observed points (P, 3) of one camera, in its own frame, metres; every n-th of them."""
-    frame, camera = subject.frame, subject.frame.intrinsics
-    picked = subject.picked[::every]
-    rows, columns = np.divmod(picked, np.uint32(frame.depth.shape[1]))
-    z = frame.depth.ravel()[picked] / frame.depth_scale
+    image, camera = view.image, view.image.intrinsics
+    picked = view.picked[::every]
+    rows, columns = np.divmod(picked, np.uint32(image.depth.shape[1]))
+    z = image.depth.ravel()[picked] / image.depth_scale
     return np.stack([(columns - camera.cx) / camera.fx * z, (rows - camera.cy) / camera.fy * z, z], axis=1)
 
 
 def observed_points(subject: SubjectFrame, most: int | None = None) -> Array:
     """The observed points (P, 3) of all cameras, metres; if `most` is given, about so many of them."""
     every = 1 if most is None else max(1, sum(len(view.picked) for view in subject.views) // most)
-    return np.concatenate([view.frame.to_rig(camera_points(view, every)) for view in subject.views])
+    return np.concatenate([view.image.to_rig(camera_points(view, every)) for view in subject.views])
 
 
 def middle_of(subject: SubjectFrame) -> Array:
@@ -133,34 +121,37 @@ def middle_of(subject: SubjectFrame) -> Array:
 def thin(subject: SubjectFrame, points: int) -> SubjectFrame:
     """The frame with at most this number of its points, evenly distributed."""
     every = -(-sum(len(view.picked) for view in subject.views) // points)
-    return joined([replace(view, picked=view.picked[::every].copy(), others=()) for view in subject.views])
+    views = (replace(view, picked=view.picked[::every].copy()) for view in subject.views)
+    return replace(subject, views=tuple(views))
 
 
 def without_flat(subject: SubjectFrame, settings: SceneSettings) -> SubjectFrame:
-    """The frame without the largest flat part that the main camera sees; its pixels are unknown.
+    """The frame without the largest flat part of its largest view; its pixels are unknown.
 
     Returns the same frame if no flat part is large enough, or if it is most of the frame.
     """
-    depth, limits = subject.frame.metres(), settings.candidates
+    view, limits = subject.largest, settings.candidates
+    depth = view.image.metres()
     noise = fit_noise(depth, settings.noise)
-    flat = find_flat(depth, depth > 0.0, subject.frame.intrinsics, noise, settings)
+    flat = find_flat(depth, depth > 0.0, view.image.intrinsics, noise, settings)
     on = flat.grow(flat.patches >= limits.min_part_m2)
-    picked = on.ravel()[subject.picked]
+    picked = on.ravel()[view.picked]
     if not 0.0 < picked.mean() <= limits.max_flat_share:
         return subject
-    frame, kinds = subject.frame, subject.kinds
+    image, kinds = view.image, view.kinds
     if kinds is not None:
-        frame = replace(frame, depth=np.where(on, np.uint16(0), frame.depth))
+        image = replace(image, depth=np.where(on, np.uint16(0), image.depth))
         kinds = np.where(on, np.uint8(UNKNOWN), kinds)
-    return replace(subject, frame=frame, kinds=kinds, picked=subject.picked[~picked].copy())
+    clear = replace(view, image=image, kinds=kinds, picked=view.picked[~picked].copy())
+    return replace(subject, views=(clear, *subject.views[1:]))
 
 
 def depth_of(subject: SubjectFrame, camera: str, shape: tuple[int, ...]) -> NDArray[np.float32]:
     """A camera's whole image (H, W) of a subject, metres, 0 elsewhere; without it if the size is another."""
     whole = np.zeros(shape, dtype=np.float32)
     for view in subject.views:
-        left, top, right, bottom = view.view
-        if view.frame.camera == camera and shape == (bottom - top, right - left):
-            rows, columns = np.nonzero(view.frame.depth)
-            whole[rows - top, columns - left] = view.frame.metres()[rows, columns]
+        left, top, right, bottom = view.extent
+        if view.image.camera == camera and shape == (bottom - top, right - left):
+            rows, columns = np.nonzero(view.image.depth)
+            whole[rows - top, columns - left] = view.image.metres()[rows, columns]
     return whole

@@ -96,7 +96,7 @@ class ParticleFilter:
         """
         step = None if step_m is None else root_step(model, step_m)
         if self._motion is not None:
-            step = encoder_step(self._motion, model, belief.reported, time_s, subject.frame.time_s)
+            step = encoder_step(self._motion, model, belief.reported, time_s, subject.time_s)
         seen, unseen = in_view(subject, joint_positions(model, belief.reported[None])[0]), None
         if not seen.all():
             unseen = out_of_reach(model, seen)

@@ -13,7 +13,7 @@ from gepf.common.arrays import Array, Indices, Mask
 from gepf.common.body import BodyModel
 from gepf.common.camera import NOT_MOVED, moved
 from gepf.common.compiling import numba
-from gepf.common.frame import SubjectFrame
+from gepf.common.frame import SubjectView
 from gepf.common.kinematics import link_transforms, pose_vertices
 from gepf.common.kinematics.rotations import euler_angles, euler_matrix
 from gepf.coordinator.bodies.family import Bodies, BodySize
@@ -63,7 +63,7 @@ class PoseLibrary:
         roll: float,
         count: int,
         placed: Array = NOT_MOVED,
-        view: SubjectFrame | None = None,
+        view: SubjectView | None = None,
     ) -> tuple[Array, Indices]:
         """The poses (count, D) most similar to points (P, 3), moved to them, and the indices of their scales.
 
@@ -102,7 +102,7 @@ class PoseLibrary:
         return cells_of(self.cells.T.reshape(-1, ROWS, COLUMNS))
 
     def _compare_part(
-        self, seen: Array, scales: Sequence[float], cut: Mask, view: SubjectFrame, turn: Array
+        self, seen: Array, scales: Sequence[float], cut: Mask, view: SubjectView, turn: Array
     ) -> tuple[Array, NDArray[np.float32]]:
         """Places of the roots (S, N, 3), in units of each scale, and differences (S, N) from a part.
 
@@ -180,7 +180,7 @@ def displaced(
     cell_m: float,
     settings: SearchSettings,
     placed: Array = NOT_MOVED,
-    view: SubjectFrame | None = None,
+    view: SubjectView | None = None,
 ) -> Array:
     """A pose (D,) moved to the observed points (P, 3), in four rotations about the vertical axis (4, D).
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from gepf.common.body import BodyModel
 from gepf.common.camera import Intrinsics
-from gepf.common.frame import DepthFrame, SubjectFrame
+from gepf.common.frame import Frame, SubjectFrame, View
 from gepf.common.refinement import Particles, Refined, triangle_size
 from gepf.coordinator.bodies.family import Bodies
 from gepf.coordinator.scene.planes import Planes
@@ -56,12 +56,12 @@ def warm_up(settings: Settings, bodies: Bodies) -> None:
     )
     segmenter = Segmenter(1, settings.scene)
     for number, surface in enumerate((None, tracked.segmentation_surface())):
-        room = DepthFrame(number, number / 30.0, depth, 1000.0, CAMERA)
-        segmenter.segment(room, [surface])
+        room = View(number, number / 30.0, depth, 1000.0, CAMERA)
+        segmenter.segment(Frame.of(room), [surface])
         whole = replace(room, depth=np.where(depth < 4000, depth, 0))
         short = replace(whole, depth=whole.depth[:30], intrinsics=CAMERA.crop(0, 0, CAMERA.width, 30))
         for target in (tracked, unknown, cut):
-            frame = short if target is cut else whole
+            frame = Frame.of(short if target is cut else whole)
             target.begin_frame()
             updated = target.submit(BodyView(frame, isolate(frame, 400), Planes()), Stopwatch())
             report(updated if isinstance(updated, Updated) else target.update(updated, {}), {}, settings)

@@ -9,7 +9,7 @@ import numpy as np
 
 from gepf.common.arrays import Array, Mask
 from gepf.common.body import BodyModel
-from gepf.common.frame import DepthFrame, SubjectFrame
+from gepf.common.frame import Frame, SubjectFrame
 from gepf.common.kinematics import joint_positions, retract
 from gepf.coordinator.colour.finder import in_image
 from gepf.coordinator.filters.belief import Belief
@@ -73,7 +73,7 @@ def judge_pose(
 class Updated:
     """One person in a frame, before it is reported."""
 
-    frame: DepthFrame
+    frame: Frame
     state: PersonState  # after the frame
     particles: int  # refined ones
     context: FrameContext | None  # None if nothing was refined
@@ -115,7 +115,7 @@ def report(updated: Updated, cameras: CameraStates, settings: Settings) -> Track
         judgement = updated.judgement
         if context is not None and judgement is not None and followed is not None:
             certainty = judgement.certainty
-            views = [view.frame.camera for view in context.subject.views]
+            views = [view.image.camera for view in context.subject.views]
             seen = dict(zip(views, judgement.seen_by, strict=True))
             faulty = any(state.fault for state in cameras.values())
             new = followed.is_new(settings.track)

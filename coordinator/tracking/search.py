@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-from gepf.common.frame import SubjectFrame
 from gepf.coordinator.tracking.candidate_refinement import Search
 from gepf.coordinator.tracking.pose_candidates import Detection
 from gepf.coordinator.tracking.refiner import Requests
+from gepf.coordinator.tracking.segmenter import UntrackedPerson
 
 
 class BodySearch:
     """At most one search for a body: running, or ended with a result that is not yet taken."""
 
     def __init__(self) -> None:
-        self.subject: SubjectFrame | None = None  # in which the body is searched for
+        self.person: UntrackedPerson | None = None  # who is searched for
         self._stages: Search[Detection] | None = None  # None also when done
         self._sent: Requests = ()  # to the workers
         self._detection: Detection | None = None
 
-    def begin(self, stages: Search[Detection], subject: SubjectFrame) -> None:
+    def begin(self, stages: Search[Detection], person: UntrackedPerson) -> None:
         """Begin another search."""
-        self.subject, self._stages, self._sent, self._detection = subject, stages, (), None
+        self.person, self._stages, self._sent, self._detection = person, stages, (), None
 
     @property
     def is_running(self) -> bool:
@@ -53,5 +53,5 @@ class BodySearch:
 
     def drop(self) -> None:
         """Give up the search, if there is one."""
-        self.subject = self._stages = self._detection = None
+        self.person = self._stages = self._detection = None
         self._sent = ()

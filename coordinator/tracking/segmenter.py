@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import reduce
 
 import numpy as np
 
 from gepf.common.arrays import Array, Mask
 from gepf.common.camera import points_of
-from gepf.common.frame import DepthFrame, SubjectFrame
+from gepf.common.frame import Frame, SubjectFrame, View
+from gepf.coordinator.colour.finder import Keypoints, with_keypoints
 from gepf.coordinator.scene.candidates import Candidate, candidates
 from gepf.coordinator.scene.planes import Planes
 from gepf.coordinator.scene.scene import Scene, SceneChange, SceneChanges, SceneView
@@ -34,15 +35,44 @@ MaskHypotheses = tuple[MaskedView, ...]
 class SegmentedView:
     """The segmented image of one camera.
 
-    frame: within the user's scope. bodies: the crop of each body, None if invisible. people: the crop of each
+    image: within the user's scope. bodies: the crop of each body, None if invisible. people: the crop of each
     untracked person.
     """
 
-    frame: DepthFrame
+    image: View
     scene: SceneView
     change: SceneChange
     bodies: tuple[MaskedView | None, ...]
     people: tuple[MaskHypotheses, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UntrackedPerson:
+    """What shows a person who is not tracked.
+
+    alternatives: the same frame with more and more of what may be the person's.
+    """
+
+    subject: SubjectFrame
+    alternatives: tuple[SubjectFrame, ...] = ()
+
+    @property
+    def widest(self) -> SubjectFrame:
+        """The frame with all that may be the person's."""
+        return self.alternatives[-1] if self.alternatives else self.subject
+
+    @property
+    def is_shown(self) -> bool:
+        """Whether colour shows the person."""
+        return any(view.keypoints is not None for view in self.subject.views)
+
+    def with_keypoints(self, keypoints: Keypoints) -> UntrackedPerson:
+        """The person with the keypoints that colour shows."""
+        if not keypoints:
+            return self
+        frames = (with_keypoints(frame, keypoints) for frame in (self.subject, *self.alternatives))
+        subject, *alternatives = (frame for frame in frames if frame is not None)
+        return UntrackedPerson(subject, tuple(alternatives))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,10 +84,10 @@ class SegmentedFrame:
     candidates: people who are not tracked, the most likely first; empty unless a body may be anywhere.
     """
 
-    frame: DepthFrame
+    frame: Frame
     subjects: tuple[SubjectFrame | None, ...]
     excluded: tuple[SubjectFrame | None, ...]
-    candidates: tuple[SubjectFrame, ...]
+    candidates: tuple[UntrackedPerson, ...]
     views: tuple[SegmentedView, ...]
 
     def pixels(self, place: int) -> int:
@@ -68,12 +98,12 @@ class SegmentedFrame:
     @property
     def changes(self) -> SceneChanges:
         """What the frame changed in the known scene of each camera."""
-        return {view.frame.camera: view.change for view in self.views}
+        return {view.image.camera: view.change for view in self.views}
 
     def planes(self, subject: SubjectFrame | None) -> Planes:
         """The planes that the camera with the largest part of a subject sees."""
-        camera = None if subject is None else subject.frame.camera
-        seen = (view.scene.planes for view in self.views if view.frame.camera == camera)
+        camera = None if subject is None else subject.largest.image.camera
+        seen = (view.scene.planes for view in self.views if view.image.camera == camera)
         return next(seen, Planes())
 
 
@@ -81,15 +111,17 @@ class SegmentedFrame:
 class BodyView:
     """What a frame shows of one body.
 
-    excluded: what the cameras show that are not used for it. is_elsewhere: not where the body was expected.
-    is_slow: it is long since the frame before, so the next one is segmented when this one is refined.
-    is_looked_at: in colour that shows people, for the person. step_m: the motion (3,) since the last pose by
-    colour; None if unknown. is_exchanged: left and right in colour were exchanged, to agree with the body.
+    alternatives: of a body that is not tracked yet, those of an `UntrackedPerson`. excluded: what the cameras
+    show that are not used for it. is_elsewhere: not where the body was expected. is_slow: it is long since
+    the frame before, so the next one is segmented when this one is refined. is_looked_at: for the person, in
+    colour that shows people. step_m: the motion (3,) since the last pose by colour; None if unknown.
+    is_exchanged: left and right in colour were exchanged, to agree with the body.
     """
 
-    frame: DepthFrame
+    frame: Frame
     subject: SubjectFrame | None
     planes: Planes
+    alternatives: tuple[SubjectFrame, ...] = ()
     excluded: SubjectFrame | None = None
     is_elsewhere: bool = False
     is_slow: bool = False
@@ -117,7 +149,7 @@ class Segmenter:
 
     def segment(
         self,
-        frame: DepthFrame,
+        frame: Frame,
         bodies: Sequence[Array | None],
         *,
         excluded: Sequence[Collection[str]] = (),
@@ -134,50 +166,50 @@ class Segmenter:
         views = tuple(self._segment_view(view, bodies, rejected=rejected, find=find) for view in frame.views)
         subjects, contradicting = list[SubjectFrame | None](), list[SubjectFrame | None]()
         for n, out in enumerate(excluded or [()] * len(bodies)):
-            own = [(view.frame.camera, body) for view in views if (body := view.bodies[n]) is not None]
+            own = [(view.image.camera, body) for view in views if (body := view.bodies[n]) is not None]
             agreed = subject_of(frame, [body for name, body in own if name not in out], self._points)
             against = subject_of(frame, [body for name, body in own if name in out], self._points)
             subjects.append(agreed or against)
             contradicting.append(None if agreed is None else against)
         excluded_by_any = set().union(*excluded)
-        seen = [view.people for view in views if view.frame.camera not in excluded_by_any]
+        seen = [view.people for view in views if view.image.camera not in excluded_by_any]
         people = self._join_people(frame, seen if any(seen) else [view.people for view in views])
         return SegmentedFrame(frame, tuple(subjects), tuple(contradicting), people, views)
 
     def find_candidates(
         self, segmented: SegmentedFrame, tracked: Sequence[Array]
-    ) -> tuple[SubjectFrame, ...]:
+    ) -> tuple[UntrackedPerson, ...]:
         """People in a segmented frame, most likely first, without those with vertices `tracked` (V, 3)."""
         seen = list[Sequence[MaskHypotheses]]()
         for segmented_view in segmented.views:
-            frame, view = segmented_view.frame, segmented_view.scene
+            image, view = segmented_view.image, segmented_view.scene
             if not view.furnished and len(segmented.subjects) == 1:
-                seen.append([(everything,) for everything in outline(frame)])
+                seen.append([(everything,) for everything in outline(image)])
                 continue
-            distances = [measure_distances(view, frame.to_camera(body)) for body in tracked]
+            distances = [measure_distances(view, image.to_camera(body)) for body in tracked]
             near_bodies = nearest_of(view, distances) <= self._settings.segmentation.near_m
-            scope = self._scope.of(frame.camera)
+            scope = self._scope.of(image.camera)
             people = scope.choose(view, candidates(view, near_bodies))
-            seen.append([mask_candidate(frame, view, person, near_bodies) for person in people])
+            seen.append([mask_candidate(image, view, person, near_bodies) for person in people])
         return self._join_people(segmented.frame, seen)
 
     def learn_things(
         self,
         segmented: SegmentedFrame,
         changes: SceneChanges,
-        searched: SubjectFrame,
+        searched: UntrackedPerson,
         person: SubjectFrame,
         beside: Sequence[SubjectFrame],
     ) -> SceneChanges:
         """Learn as the room what a search took for a part of the person, and what is none.
 
-        The search was in the frame `searched`, the last segmented one or an earlier one, and found `person`.
+        The search was for `searched`, in the last segmented frame or an earlier one, and found `person`.
         `beside` are the other people in the last frame. Returns all that the last frame changed, given the
         `changes` so far.
         """
         after = dict(changes)
         for view in segmented.views:
-            name, depth = view.frame.camera, view.scene.depth
+            name, depth = view.image.camera, view.scene.depth
             shown = depth_of(searched.widest, name, depth.shape)
             things = (shown > 0.0) & (abs(depth - shown) < self._settings.segmentation.step_m)
             for subject in (person, *beside):
@@ -186,24 +218,24 @@ class Segmenter:
         return after
 
     def _segment_view(
-        self, frame: DepthFrame, bodies: Sequence[Array | None], *, rejected: bool, find: bool
+        self, image: View, bodies: Sequence[Array | None], *, rejected: bool, find: bool
     ) -> SegmentedView:
         """Segment one image of a frame, with the surfaces (V, 3) of bodies."""
-        scope = self._scope.of(frame.camera)
-        if frame.camera not in self._scenes:
-            up = None if frame.gravity is None else -frame.gravity
+        scope = self._scope.of(image.camera)
+        if image.camera not in self._scenes:
+            up = None if image.gravity is None else -image.gravity
             if scope.up is not None:
-                up = frame.T_camera_rig[:3, :3] @ scope.up
-            self._scenes[frame.camera] = Scene(self._settings, scope.background, up)
-        scene = self._scenes[frame.camera]
-        frame, excluded = scope.limit(frame)
-        view = scene.see(frame, excluded)
+                up = image.T_camera_rig[:3, :3] @ scope.up
+            self._scenes[image.camera] = Scene(self._settings, scope.background, up)
+        scene = self._scenes[image.camera]
+        image, excluded = scope.limit(image)
+        view = scene.see(image, excluded)
         if not view.furnished and len(bodies) == 1:
-            everything, change = next(iter(outline(frame)), None), scene.learn(view)
+            everything, change = next(iter(outline(image)), None), scene.learn(view)
             if bodies[0] is not None:
-                return SegmentedView(frame, view, change, (everything,), ())
-            return SegmentedView(frame, view, change, (None,), ((everything,),) if everything else ())
-        surfaces = [frame.to_camera(body) for body in bodies if body is not None]
+                return SegmentedView(image, view, change, (everything,), ())
+            return SegmentedView(image, view, change, (None,), ((everything,),) if everything else ())
+        surfaces = [image.to_camera(body) for body in bodies if body is not None]
         distances = [measure_distances(view, surface) for surface in surfaces]
         nearest = nearest_of(view, distances)
         near_bodies, apart = nearest <= self._settings.segmentation.near_m, mark_apart(view, nearest)
@@ -213,22 +245,22 @@ class Segmenter:
         strangers, people = tuple[MaskHypotheses, ...](), near_bodies
         if find and not complete:
             possible = candidates(view, near_bodies)
-            one = len(bodies) == 1 and frame.colours is None  # colour tells who of several is a person
+            one = len(bodies) == 1 and image.colours is None  # colour tells who of several is a person
             chosen = scope.choose(view, possible)[: 1 if one else None]
-            strangers = tuple(mask_candidate(frame, view, person, near_bodies) for person in chosen)
+            strangers = tuple(mask_candidate(image, view, person, near_bodies) for person in chosen)
             if not rejected:
                 people = reduce(np.logical_or, (person.widest for person in possible), near_bodies)
         missing = any(is_missing(view, *body) for body in zip(surfaces, segmented, strict=True))
         if missing or not (find or complete):  # a body may be anywhere, so no pixel is learned as the room
             people = np.ones_like(near_bodies)
         change = scene.learn(view, people)
-        masked = iter([MaskedView(frame, body.window, body.labels) for body in segmented])
+        masked = iter([MaskedView(image, body.window, body.labels) for body in segmented])
         own = tuple(None if body is None else next(masked) for body in bodies)
-        return SegmentedView(frame, view, change, own, strangers)
+        return SegmentedView(image, view, change, own, strangers)
 
     def _join_people(
-        self, frame: DepthFrame, seen: Sequence[Sequence[MaskHypotheses]]
-    ) -> tuple[SubjectFrame, ...]:
+        self, frame: Frame, seen: Sequence[Sequence[MaskHypotheses]]
+    ) -> tuple[UntrackedPerson, ...]:
         """People by what shows them in each image; those at the same place are one person."""
         people, farthest = list[list[MaskHypotheses]](), self._settings.candidates.same_person_m
         for in_image in seen:
@@ -244,23 +276,35 @@ class Segmenter:
                     people.append([masks])
                 else:
                     same.append(masks)
-        subjects = (self._person_of(frame, person) for person in people)
-        return tuple(subject for subject in subjects if subject is not None)
+        shown = (self._person_of(frame, person) for person in people)
+        return tuple(person for person in shown if person is not None)
 
-    def _person_of(self, frame: DepthFrame, images: Sequence[MaskHypotheses]) -> SubjectFrame | None:
-        """The person whom some images show, with the wider masks; None if there are none."""
+    def _person_of(self, frame: Frame, images: Sequence[MaskHypotheses]) -> UntrackedPerson | None:
+        """The person whom some images show; None if there are no masks."""
         levels = range(max(map(len, images)))
         masked = [[masks[min(level, len(masks) - 1)] for masks in images] for level in levels]
-        first, *wider = [subject_of(frame, views, self._points) for views in masked]
-        return first and replace(first, wider=tuple(subject for subject in wider if subject))
+        subject, *wider = [subject_of(frame, views, self._points) for views in masked]
+        return UntrackedPerson(subject, tuple(filter(None, wider))) if subject else None
 
 
-def mask_candidate(
-    frame: DepthFrame, view: SceneView, person: Candidate, near_bodies: Mask
-) -> MaskHypotheses:
+def possible_people(candidates: Sequence[UntrackedPerson], trusted: Collection[str]) -> list[UntrackedPerson]:
+    """Candidates in whom colour shows a person, who have keypoints, before the others.
+
+    The others are left out if they are in the image of a `trusted` camera.
+    """
+    people, beside = list[UntrackedPerson](), list[UntrackedPerson]()
+    for who in candidates:
+        if who.is_shown:
+            people.append(who)
+        elif all(view.image.camera not in trusted for view in who.subject.views):
+            beside.append(who)
+    return people + beside
+
+
+def mask_candidate(image: View, view: SceneView, person: Candidate, near_bodies: Mask) -> MaskHypotheses:
     """What shows a candidate in an image; `near_bodies` are the pixels (H, W) of those who are tracked."""
     masked = segment_masks(view, (person.mask, *person.wider), near_bodies)
-    return tuple(MaskedView(frame, mask.window, mask.labels) for mask in masked)
+    return tuple(MaskedView(image, mask.window, mask.labels) for mask in masked)
 
 
 def distance_between(first: MaskedView, second: MaskedView) -> float:

@@ -35,7 +35,7 @@ from gepf.coordinator.tracking.pose_candidates import Detection
 from gepf.coordinator.tracking.refiner import Refiner
 from gepf.coordinator.tracking.reporting import Updated, judge_pose
 from gepf.coordinator.tracking.search import BodySearch
-from gepf.coordinator.tracking.segmenter import BodyView
+from gepf.coordinator.tracking.segmenter import BodyView, UntrackedPerson
 from gepf.coordinator.tracking.state import Checkpoint, PersonState
 from gepf.coordinator.tracking.track_state import (
     Body,
@@ -54,9 +54,9 @@ from gepf.coordinator.tracking.track_state import (
 
 
 class JustDetected(NamedTuple):
-    """The frame in which a body was searched for, and what shows the body in it."""
+    """Who was searched for, and what shows the body in that frame."""
 
-    searched: SubjectFrame
+    searched: UntrackedPerson
     person: SubjectFrame
 
 
@@ -101,7 +101,7 @@ class TargetTracker:
     def policy(self) -> Policy:
         """What the state machine needs to know of settings and body."""
         return Policy(
-            min_points=min(self._settings.gating.min_pixels, self._settings.points),
+            min_points=min(self._settings.gating.min_points, self._settings.points),
             settings=self._settings.track,
             recovers=self._settings.recover and self.start.is_free,
         )
@@ -309,11 +309,8 @@ class TargetTracker:
                 self.start = replace(self.start, noise=self._measure_noise(subject))
             else:
                 moved = self._move(self.track.belief, middle_of(subject) - self.track.place)
-        return self._step(
-            Segmented(
-                view.frame.time_s, subject.pixels, len(subject.picked), has_depth, view.is_elsewhere, moved
-            )
-        )
+        pixels, points = subject.pixels, len(subject.largest.picked)
+        return self._step(Segmented(view.frame.time_s, pixels, points, has_depth, view.is_elsewhere, moved))
 
     def _move(self, belief: Belief, step_m: Array) -> Belief:
         """The belief in a body that has moved (3,) since the frame in which it was detected."""
@@ -323,7 +320,7 @@ class TargetTracker:
     def _measure_noise(self, subject: SubjectFrame) -> SensorNoise:
         if not self._settings.measure_noise:
             return NO_NOISE
-        return measure_noise(subject.frame, self._settings.scene.noise)
+        return measure_noise(subject.largest.image, self._settings.scene.noise)
 
     def _begin_search(self, view: BodyView, subject: SubjectFrame) -> None:
         """Begin a search for the body in a frame: for any body, or for the known one."""
@@ -338,15 +335,16 @@ class TargetTracker:
                 lost=self.track.is_lost,
             )
         else:
-            stages = self._detector.detect(subject, self._measure_noise(subject), view.planes)
-        self.search.begin(stages, subject)
+            noise = self._measure_noise(subject)
+            stages = self._detector.detect(subject, noise, view.planes, view.alternatives)
+        self.search.begin(stages, UntrackedPerson(subject, view.alternatives))
 
     def _end_search(self) -> Detection | None:
         """Take the result of a search that has ended; returns that of a later one, to be compared.
 
         A first search finds the body, in the frame in which it began, or nothing.
         """
-        searched, detection = self.search.subject, self.search.take()
+        searched, detection = self.search.person, self.search.take()
         if searched is None or detection is None:
             return None
         if isinstance(self.track, Body):
@@ -357,12 +355,15 @@ class TargetTracker:
             return None
         self.start, person = detection.start, detection.subject
         belief = self._filter.believe(self.model, detection.candidates)
+        confirmed = is_shown(self.model, belief.reported, person, looked_at=False) is True
         detected = Found(
             belief=belief,
-            time_s=person.frame.time_s,
+            time_s=person.time_s,
             segmentation_pose=belief.reported,
             place=middle_of(person),
             detected_pixels=person.pixels,
+            unshown_s=None if confirmed else 0.0,
+            is_confirmed=confirmed,
         )
         if "learn the room" in self._step(SearchEnded(detected)):
             self._detected = JustDetected(searched, person)
@@ -395,7 +396,7 @@ class TargetTracker:
             belief=belief,
             gate=gate,
             pixels=context.subject.pixels,
-            time_s=context.subject.frame.time_s,
+            time_s=context.subject.time_s,
             redetected=redetected,
             ambiguous_facing=ambiguous_facing,
             faulty=faulty,
@@ -420,7 +421,8 @@ def resolve(settings: Settings, family: BodyFamily) -> Settings:
 
 
 def distance_to(subject: SubjectFrame | None) -> float:
-    """The median distance of a subject from the main camera, metres; 0 without one."""
-    if subject is None or not len(subject.picked):
+    """The median distance of a subject from the camera of its largest view, metres; 0 without one."""
+    if subject is None or not len(subject.largest.picked):
         return 0.0
-    return float(np.median(camera_points(subject, max(1, len(subject.picked) // POINTS))[:, 2]))
+    view = subject.largest
+    return float(np.median(camera_points(view, max(1, len(view.picked) // POINTS))[:, 2]))

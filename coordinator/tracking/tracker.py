@@ -7,14 +7,13 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from gepf.common.arrays import Array
-from gepf.common.frame import DepthFrame, SubjectFrame
+from gepf.common.frame import Frame, SubjectFrame
 from gepf.coordinator.bodies.family import Bodies
 from gepf.coordinator.colour.agreement import compare, trusted, unused
 from gepf.coordinator.colour.finder import (
     ExpectedBody,
     KeypointFinder,
     Sight,
-    possible_people,
     with_keypoints,
     with_sides_of,
     without_keypoints,
@@ -31,7 +30,7 @@ from gepf.coordinator.tracking.particle_filter import Encoders, FrameBudget, Sub
 from gepf.coordinator.tracking.preparation import warm_up
 from gepf.coordinator.tracking.refiner import Refiner
 from gepf.coordinator.tracking.reporting import TrackedFrame, Updated, report
-from gepf.coordinator.tracking.segmenter import SegmentedFrame, Segmenter
+from gepf.coordinator.tracking.segmenter import SegmentedFrame, Segmenter, possible_people
 from gepf.coordinator.tracking.state import FrameState, TrackerState, first_state
 from gepf.coordinator.tracking.target import TargetTracker
 from gepf.coordinator.tracking.track_state import ROUNDING_S, Body, Searching
@@ -118,13 +117,13 @@ class Tracker:
             self._colour.prepare()
         warm_up(self._settings, self._bodies)
 
-    def track(self, frame: DepthFrame) -> TrackedFrame:
+    def track(self, frame: Frame) -> TrackedFrame:
         """Track the next frame."""
         (tracked,) = self.follow([frame], look_ahead=False)
         return tracked
 
     def follow(
-        self, frames: Iterable[DepthFrame], *, look_ahead: bool = True, live: LiveFrames | None = None
+        self, frames: Iterable[Frame], *, look_ahead: bool = True, live: LiveFrames | None = None
     ) -> Iterator[TrackedFrame]:
         """Track frames; each frame is reported while the workers refine the next one.
 
@@ -158,7 +157,7 @@ class Tracker:
                 target.end()
         yield from reported(updated, self._settings)
 
-    def _segment(self, frame: DepthFrame) -> Ready:
+    def _segment(self, frame: Frame) -> Ready:
         """Segment a frame around the poses of people, and check its cameras."""
         settings, clocks = self._settings.track, [Stopwatch() for _ in self._targets]
         for target in self._targets:
@@ -196,8 +195,9 @@ class Tracker:
                 segmented = replace(segmented, subjects=tuple(subjects))
                 if self._takes_candidate(frame.time_s):
                     assert self._colour is not None
-                    upward = {view.frame.camera: view.scene.planes.up for view in segmented.views}
-                    people = self._colour.look_at(segmented.candidates, frame, upward, interval_s)
+                    upward = {view.image.camera: view.scene.planes.up for view in segmented.views}
+                    candidates = [(person.subject, person.widest) for person in segmented.candidates]
+                    people = self._colour.look_at(candidates, frame, upward, interval_s)
                     sight = sight._replace(candidates=people)
         return Ready(segmented, self._cameras, is_slow, clocks, sight, interval_s, steps)
 
@@ -208,7 +208,7 @@ class Tracker:
         return lost or any(target.is_search_due(time_s) for target in unknown[:1])  # one after another
 
     def _steps(
-        self, frame: DepthFrame, bodies: Sequence[ExpectedBody | None], sight: Sight, last_s: float | None
+        self, frame: Frame, bodies: Sequence[ExpectedBody | None], sight: Sight, last_s: float | None
     ) -> list[Array | None]:
         """The motion (3,) of each body by colour, if it was used in the frame before, at `last_s`."""
         longest_m, against = self._settings.track.max_motion_m, unused(self._frame.colours, last_s)
@@ -233,8 +233,8 @@ class Tracker:
         coloured = {view.camera for view in segmented.frame.views if view.colours is not None}
         shows_people = coloured & trusted(colours, segmented.frame.time_s)
         shown = {} if against else ready.sight.candidates
-        candidates = [with_keypoints(c, shown.get(n, {})) for n, c in enumerate(segmented.candidates)]
-        segmented = replace(segmented, candidates=tuple(filter(None, candidates)))
+        people = (who.with_keypoints(shown.get(n, {})) for n, who in enumerate(segmented.candidates))
+        segmented = replace(segmented, candidates=tuple(people))
         free = possible_people(segmented.candidates, shows_people)
         assignment = Assignment(self._targets, self._segmenter, segmented, free)
         submitted = list[Submitted | Updated]()
@@ -245,7 +245,7 @@ class Tracker:
                 view = replace(
                     view,
                     step_m=ready.steps[place] if target.is_segmented_at_last_pose else None,
-                    is_looked_at=any(crop.frame.camera in looked for crop in view.subject.views),
+                    is_looked_at=any(crop.image.camera in looked for crop in view.subject.views),
                     is_exchanged=sided[place] is not before[place],
                 )
             if ready.sight.doubles[place] and not against:  # it is lost, and looked for elsewhere

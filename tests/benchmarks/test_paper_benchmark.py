@@ -26,7 +26,7 @@ def test_frames_are_those_of_synth(tmp_path: Path) -> None:
     with DepthRenderer(scene.camera) as renderer:
         exact = renderer.depth(pose_vertices(scene.model, scene.poses[:1])[0], scene.model.triangles)
     frame = next(Footage(scene, exact[None]).frames(noise, 3, 1))
-    assert np.array_equal(frame.depth, open_source(tmp_path / "arm").frame(0).depth)
+    assert np.array_equal(frame.views[0].depth, open_source(tmp_path / "arm").view(0).depth)
 
 
 def test_the_bound_of_a_body_that_moves_along_the_axis_is_that_of_a_mean() -> None:

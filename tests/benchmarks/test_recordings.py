@@ -10,17 +10,17 @@ import scipy.io
 
 from benchmarks.recordings import JOINTS, Recording, fits_bones, fits_depth, read_reference, read_skeleton
 from gepf.common.camera import Intrinsics
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import Frame, View
 
 CAMERA = Intrinsics(40, 30, 30.0, 30.0, 20.0, 15.0)
 LEFT_WRIST_ROW, RIGHT_KNEE_ROW = 6, 17  # of the data set's skeleton
 
 
-def wall(depth_m: float) -> DepthFrame:
+def wall(depth_m: float) -> Frame:
     """A surface at this depth in the left half of the image, and no depth in the right half."""
     depth = np.zeros((30, 40), dtype=np.uint16)
     depth[:, :20] = round(1000 * depth_m)
-    return DepthFrame(0, 0.0, depth, 1000.0, CAMERA)
+    return Frame.of(View(0, 0.0, depth, 1000.0, CAMERA))
 
 
 def write_skeleton(path: Path, skeleton: np.ndarray) -> Path:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gepf.common.frame import EMPTY, HIDDEN, SUBJECT
+from gepf.common.frame import EMPTY, HIDDEN, SUBJECT, Frame
 from gepf.coordinator.bodies.human.plausibility import (
     reject_parts,
     reject_planes,
@@ -17,15 +17,15 @@ from gepf.coordinator.bodies.human.plausibility import (
 from gepf.coordinator.bodies.human.template import human
 from gepf.coordinator.bodies.tracked import name_pose
 from gepf.coordinator.tracking.observation import isolate, observed_points
-from tests.support.people import CAMERA, STANDING, show, subject_of
+from tests.support.people import CAMERA, STANDING, alone, show, subject_of
 from tests.support.rooms import Room
 
 
 def test_what_is_no_person_is_said() -> None:
     """A person ten times as far and large: the scale of the depth is wrong."""
-    frame, mask = Room().see((0.0, 2.6))
-    person = replace(frame, depth=np.where(mask, frame.depth, np.uint16(0)))
-    subjects = [isolate(one, 10_000) for one in (person, replace(person, depth_scale=100.0))]
+    view, mask = Room().see((0.0, 2.6))
+    person = replace(view, depth=np.where(mask, view.depth, np.uint16(0)))
+    subjects = [isolate(Frame.of(each), 10_000) for each in (person, replace(person, depth_scale=100.0))]
     said = [reject_points(observed_points(one), 1.75) for one in subjects if one is not None]
     assert said[0] == ""
     assert "depth_scale" in said[1]
@@ -54,16 +54,17 @@ def test_a_person_shows_head_and_legs_unless_something_hides_them(
     across, down, away = joints[[model.joint_names.index(name) for name in ("neck", "left_knee")]].T
     middle = CAMERA.cx + CAMERA.fx * across[0] / away[0]
     neck, knee = CAMERA.cy + CAMERA.fy * down / away
-    row, column = np.indices(frame.depth.shape)
+    (image,) = frame.views
+    row, column = np.indices(image.depth.shape)
     gone = {
-        "": np.zeros(frame.depth.shape, dtype=np.bool_),
+        "": np.zeros(image.depth.shape, dtype=np.bool_),
         "head": row < neck,
         "leg": (row > 0.5 * (neck + knee) + 10) & (abs(column - middle) > 3),
     }[without]
-    depth = np.where(gone, np.uint16(0), frame.depth)
+    depth = np.where(gone, np.uint16(0), image.depth)
     kinds = np.where(depth > 0, SUBJECT, np.where(gone, label, EMPTY)).astype(np.uint8)
-    whole, view = subject_of(frame, 1_000), (0, 0, CAMERA.width, CAMERA.height)
-    subject = replace(whole, frame=replace(frame, depth=depth), view=view, kinds=kinds)
+    whole, extent = subject_of(frame, 1_000).largest, (0, 0, CAMERA.width, CAMERA.height)
+    subject = alone(replace(whole, image=replace(image, depth=depth), extent=extent, kinds=kinds))
     said = reject_parts(model, pose, subject, 1.82)
     assert word in said
     assert bool(said) == bool(word)

@@ -105,7 +105,7 @@ class Killed(Direct):
 
     def publish(self, subject: SubjectFrame) -> None:
         """As if the user had pressed Ctrl-C."""
-        if subject.frame.number == 2:
+        if subject.number == 2:
             raise KeyboardInterrupt
 
 

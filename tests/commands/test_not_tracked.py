@@ -24,7 +24,7 @@ def test_a_run_in_which_nobody_is_tracked_says_so_everywhere(
 ) -> None:
     """Exit code 3, a line in red, all files, and a chip in the report."""
     room = Room((CABINET,), noise=0.001)
-    depth = np.array([room.see(None, number).frame.depth for number in range(FRAMES)])
+    depth = np.array([room.see(None, number).view.depth for number in range(FRAMES)])
     sequence = write_open3d(tmp_path / "empty", depth, CAMERA)
     out = tmp_path / "run"
     monkeypatch.setenv("FORCE_COLOR", "1")
@@ -47,7 +47,7 @@ def test_without_a_floor_a_line_asks_whether_the_camera_is_rotated(
 ) -> None:
     """Nobody is tracked, and up was guessed; not if the user said how the camera is rotated."""
     room = Room((CABINET,), noise=0.001)
-    depth = np.array([room.see(None, number).frame.depth for number in range(FRAMES)])
+    depth = np.array([room.see(None, number).view.depth for number in range(FRAMES)])
     depth[:, 85:] = 0  # the floor starts there
     sequence = write_open3d(tmp_path / "wall", depth, CAMERA)
     asked = ("--rotate", rotate, "--no-pictures")
@@ -62,8 +62,8 @@ def test_a_camera_upside_down_is_turned(
 ) -> None:
     """By --rotate, or detected, which a line says; with --rotate, exports know the vertical, too."""
     frame = shown("standing").frames[0]
-    depth = np.repeat(frame.depth[None, ::-1, ::-1], 2, axis=0)
-    camera = frame.intrinsics
+    depth = np.repeat(frame.views[0].depth[None, ::-1, ::-1], 2, axis=0)
+    camera = frame.views[0].intrinsics
     lens = (camera.fx, camera.fy, camera.width - 1 - camera.cx, camera.height - 1 - camera.cy)
     sequence = write_open3d(tmp_path / "turned", depth, type(camera)(camera.width, camera.height, *lens))
     out = tmp_path / "run"

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from examples import live_publisher
 from gepf.common.errors import ProtocolError
-from gepf.common.frame import EMPTY, SUBJECT, UNMEASURED, SubjectFrame
+from gepf.common.frame import EMPTY, SUBJECT, UNMEASURED, SubjectView
 from gepf.common.protocol import messages
 from gepf.common.protocol.frames import decode_frame, decode_live, encode_frame
 from gepf.common.protocol.models import decode_model, encode_model
@@ -84,7 +84,7 @@ def same(one: object, other: object) -> bool:
         if isinstance(a, np.ndarray):
             if (a.dtype, a.shape, a.tobytes()) != (b.dtype, b.shape, b.tobytes()):
                 return False
-        elif field.name == "others":
+        elif field.name == "views":
             if len(a) != len(b) or not all(map(same, a, b)):
                 return False
         elif not (same(a, b) if hasattr(a, "__dataclass_fields__") else a == b):
@@ -93,28 +93,32 @@ def same(one: object, other: object) -> bool:
 
 
 FRAME = tiny_frame()
+(SEEN,) = FRAME.views
 COVARIANCES = replace(tiny_request().particles, covariance=True)
 KEYPOINTS_SEEN = np.random.default_rng(0).uniform(0.0, 9.0, (17, 3)).astype(np.float32)
-KINDS_OF_PIXELS = np.where(FRAME.frame.depth > 0, SUBJECT, EMPTY).astype(np.uint8)
-BESIDE_ALL = SubjectFrame(  # a crop that lies outside of the image and has no picked pixel
+KINDS_OF_PIXELS = np.where(SEEN.image.depth > 0, SUBJECT, EMPTY).astype(np.uint8)
+BESIDE_ALL = SubjectView(  # a crop that lies outside of the image and has no picked pixel
     replace(
-        FRAME.frame,
+        SEEN.image,
         depth=np.zeros((32, 32), np.uint16),
-        intrinsics=msgspec.structs.replace(FRAME.frame.intrinsics, cx=-100.0),
+        intrinsics=msgspec.structs.replace(SEEN.image.intrinsics, cx=-100.0),
     ),
     np.zeros(0, np.uint32),
     (-50, -60, 10, 0),
 )
 
 
+LATER = replace(BESIDE_ALL, image=replace(BESIDE_ALL.image, time_s=0.01), delay_s=0.01)
+
+
 @pytest.mark.parametrize(
     ("sent", "encode", "decode"),
     [
         (FRAME, encode_frame, decode_frame),
-        (replace(FRAME, kinds=KINDS_OF_PIXELS), encode_frame, decode_frame),
-        (BESIDE_ALL, encode_frame, decode_frame),
-        (replace(FRAME, keypoints=KEYPOINTS_SEEN), encode_frame, decode_frame),
-        (replace(FRAME, others=(replace(BESIDE_ALL, delay_s=-0.01),)), encode_frame, decode_frame),
+        (replace(FRAME, views=(replace(SEEN, kinds=KINDS_OF_PIXELS),)), encode_frame, decode_frame),
+        (replace(FRAME, views=(BESIDE_ALL,)), encode_frame, decode_frame),
+        (replace(FRAME, views=(replace(SEEN, keypoints=KEYPOINTS_SEEN),)), encode_frame, decode_frame),
+        (replace(FRAME, views=(SEEN, LATER)), encode_frame, decode_frame),
         (tiny_model(), encode_model, decode_model),
         (tiny_request(), messages.encode_request, messages.decode_request),
         (replace(tiny_request(), particles=COVARIANCES), messages.encode_request, messages.decode_request),

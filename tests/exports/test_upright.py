@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 from gepf.common.arrays import Array
 from gepf.common.body import BodyModel
 from gepf.common.camera import Intrinsics
+from gepf.common.frame import Frame
 from gepf.common.kinematics.rotations import euler_angles, euler_matrix
 from gepf.coordinator.exports import export_run
 from gepf.coordinator.exports.axes import CAMERA_TO_Y_UP
@@ -161,17 +162,19 @@ def test_the_viewer_s_eye_stands_upright() -> None:
 def test_up_comes_from_the_floor_that_a_pitched_camera_sees() -> None:
     """Within half a degree, with a person, noise and 30 degrees of pitch."""
     room = Room(pitch=PITCH, noise=0.0015)
-    up = floor_up(Segmenter(1000, SceneSettings()).segment(room.see((0.0, 2.4)).frame, [None]).changes)
+    up = floor_up(
+        Segmenter(1000, SceneSettings()).segment(Frame.of(room.see((0.0, 2.4)).view), [None]).changes
+    )
     assert up is not None
     assert up @ (room.tilt.T @ np.array([0.0, -1.0, 0.0])) > np.cos(np.radians(0.5))
-    frame = room.see(None).frame
+    frame = room.see(None).view
     nothing = dataclasses.replace(frame, depth=np.zeros_like(frame.depth))
-    assert floor_up(Segmenter(1000, SceneSettings()).segment(nothing, [None]).changes) is None
+    assert floor_up(Segmenter(1000, SceneSettings()).segment(Frame.of(nothing), [None]).changes) is None
 
 
 def test_a_camera_on_its_side_finds_its_floor_where_gravity_is_known() -> None:
     """An image rotated by a quarter turn has its floor at one side; it is a floor only if up is known."""
-    frame = Room((), 0.2, noise=0.0015).see(None).frame
+    frame = Room((), 0.2, noise=0.0015).see(None).view
     camera = frame.intrinsics
     lens = Intrinsics(
         camera.height, camera.width, camera.fy, camera.fx, camera.cy, camera.width - 1 - camera.cx

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from gepf.common.arrays import Array
 from gepf.common.camera import Intrinsics
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import Frame, View
 from gepf.common.kinematics import retract
 from gepf.common.refinement import Refined
 from gepf.coordinator.bodies.choice import choose_bodies
@@ -148,11 +148,11 @@ FRAMES = 6
 
 
 @cache
-def shown() -> list[DepthFrame]:
+def shown() -> list[Frame]:
     """The arm's first frames, at half the size."""
     images = rendered(human(), arm().poses[:FRAMES], CAMERA)
     units = [np.rint(1000.0 * image).astype(np.uint16) for image in images]
-    return [DepthFrame(n, n / 25.0, image, 1000.0, CAMERA) for n, image in enumerate(units)]
+    return [Frame.of(View(n, n / 25.0, image, 1000.0, CAMERA)) for n, image in enumerate(units)]
 
 
 @pytest.mark.parametrize(("method", "particles"), [("condensation", 150), ("annealed", 20)])

@@ -20,20 +20,20 @@ WALL_M = 2.0
 TURNED = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
 
 
-def wall(**changes: object) -> gepf.DepthFrame:
+def wall(**changes: object) -> gepf.View:
     """A wall that fills the image, but for a row without depth."""
     depth = np.full((48, 64), 1000 * WALL_M, np.uint16)
     depth[0] = 0
     values = {"number": 0, "time_s": 0.0, "depth": depth, "depth_scale": 1000.0, "intrinsics": CAMERA}
-    return gepf.DepthFrame(**values | changes)  # type: ignore[arg-type]
+    return gepf.View(**values | changes)  # type: ignore[arg-type]
 
 
 def test_a_frame_is_a_point_cloud_as_open3d_makes_it() -> None:
     """The points that Open3D itself makes of the image, with normals towards the camera."""
-    frame = wall()
-    cloud = gepf.to_open3d(frame)
+    view = wall()
+    cloud = gepf.to_open3d(gepf.Frame.of(view))
     lens = o3d.camera.PinholeCameraIntrinsic(64, 48, 60.0, 60.0, 31.5, 23.5)
-    image = o3d.geometry.Image(frame.depth)  # type: ignore[call-overload]
+    image = o3d.geometry.Image(view.depth)  # type: ignore[call-overload]
     expected = o3d.geometry.PointCloud.create_from_depth_image(image, lens)
     assert np.allclose(np.asarray(cloud.points), np.asarray(expected.points), atol=1e-6)
     assert np.allclose(np.asarray(cloud.normals), (0.0, 0.0, -1.0), atol=1e-6)
@@ -42,7 +42,7 @@ def test_a_frame_is_a_point_cloud_as_open3d_makes_it() -> None:
 def test_the_cameras_of_a_rig_share_one_cloud() -> None:
     """Each with its pose: the wall of a camera that looks along x is where x is the distance."""
     side = wall(camera="side", T_rig_camera=rigid(TURNED, np.array([0.5, 0.0, 0.0])))
-    cloud = gepf.to_open3d(wall(others=(side,)))
+    cloud = gepf.to_open3d(gepf.Frame.of(wall(), side))
     points, count = np.asarray(cloud.points), 47 * 64
     assert len(points) == 2 * count
     assert np.allclose(points[:count, 2], WALL_M)
@@ -85,4 +85,4 @@ def test_without_open3d_one_line_names_the_extra(monkeypatch: pytest.MonkeyPatch
     """Before anything is computed."""
     monkeypatch.setitem(sys.modules, "open3d", None)
     with pytest.raises(ImportError, match=r"to_open3d needs the package open3d, .*'gepf\[open3d\]'"):
-        gepf.to_open3d(wall())
+        gepf.to_open3d(gepf.Frame.of(wall()))

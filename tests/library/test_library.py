@@ -17,7 +17,7 @@ import gepf
 from gepf.coordinator.bodies.human.measures import Measures
 from gepf.coordinator.bodies.human.template import human_of
 from tests.support.pairs import pair
-from tests.support.people import CAMERA, SETTINGS, STANDING, as_bytes, shown
+from tests.support.people import CAMERA, SETTINGS, STANDING, as_bytes, changed, shown
 from tests.support.refusals import refused
 from tests.support.small_sequence import write_small_sequence
 
@@ -27,20 +27,26 @@ MATRIX = [[CAMERA.fx, 0.0, CAMERA.cx], [0.0, CAMERA.fy, CAMERA.cy], [0.0, 0.0, 1
 
 
 FRAME = shown("standing").frames[0]
+(VIEW,) = FRAME.views
 
 
 def track_two(*changes: dict[str, Any]) -> None:
     """Track the frame with each of these changes, one after another."""
     tracker = gepf.Tracker(PERSON, SETTINGS, start=STANDING)
     for change in changes:
-        tracker.track(replace(FRAME, **change))
+        tracker.track(changed(FRAME, **change))
+
+
+def track_views(*views: gepf.View) -> None:
+    """Track a frame of these images."""
+    gepf.Tracker(PERSON, SETTINGS, start=STANDING).track(gepf.Frame(0, 0.0, views))
 
 
 def test_a_frame_that_was_refused_may_be_corrected() -> None:
     """Nothing of it is kept."""
     tracker = gepf.Tracker(PERSON, SETTINGS, start=STANDING)
     with refused("of its camera's shape"):
-        tracker.track(replace(FRAME, intrinsics=replace_lens(width=8)))
+        tracker.track(changed(FRAME, intrinsics=replace_lens(width=8)))
     assert tracker.track(FRAME).status == "tracked"
 
 
@@ -66,9 +72,9 @@ def test_arrays_are_tracked_as_frames_are() -> None:
     by_array = gepf.Tracker(PERSON, SETTINGS, start=STANDING, camera=MATRIX, depth_scale=1000.0)
     for frame in frames:
         units = by_frame.track(frame)
-        assert as_bytes(by_array.track(frame.depth)) == as_bytes(units)
+        assert as_bytes(by_array.track(frame.views[0].depth)) == as_bytes(units)
     in_metres = gepf.Tracker(PERSON, SETTINGS, start=STANDING, camera=MATRIX, depth_scale=1000.0)
-    metres = [in_metres.track(frame.metres(), time_s=frame.time_s) for frame in frames][-1]
+    metres = [in_metres.track(frame.views[0].metres(), time_s=frame.time_s) for frame in frames][-1]
     assert metres.time_s == frames[-1].time_s
     np.testing.assert_allclose(metres.joint_positions, units.joint_positions, atol=1e-3)
 
@@ -105,18 +111,16 @@ OPEN = gepf.Pool(0, listen="tcp/0.0.0.0:7447")
         (lambda: gepf.live("key", connect="tls/host:1", tls=gepf.TlsFiles("a", "b")), "tls.key missing"),
         (lambda: gepf.live("key", listen="tcp/127.0.0.1:1", idle_timeout=0.0), "would end at once"),
         (
-            lambda: track_two({"depth": FRAME.depth[1:]}),
+            lambda: track_two({"depth": VIEW.depth[1:]}),
             r"frame 0: depth is uint16 of shape .* its camera's shape",
         ),
-        (lambda: track_two({"depth": FRAME.metres()}), "depth is float32 of shape .* give uint16"),
+        (lambda: track_two({"depth": VIEW.metres()}), "depth is float32 of shape .* give uint16"),
         (lambda: track_two({"depth_scale": 0.0}), "the depth scale must be"),
         (lambda: track_two({"time_s": np.nan}), "time_s is nan; give seconds"),
         (lambda: track_two({"T_rig_camera": 2.0 * np.eye(4)}), "T_rig_camera is not a rotation"),
-        (
-            lambda: track_two({"others": (replace(FRAME, camera="b", time_s=np.inf),)}),
-            "of camera 'b': time_s",
-        ),
-        (lambda: track_two({"others": (FRAME,)}), "two images of one camera; give each camera its name"),
+        (lambda: track_views(VIEW, replace(VIEW, camera="b", time_s=np.inf)), "of camera 'b': time_s"),
+        (lambda: track_views(VIEW, VIEW), "two images of one camera; give each camera its name"),
+        (track_views, "frame 0 has no image; give it one view per camera"),
         (lambda: track_two({}, {"intrinsics": replace_lens(fx=1.0)}), "its intrinsics differ from those"),
         (lambda: gepf.PeopleTracker(0), "would track no one"),
         (lambda: gepf.PeopleTracker(2).save([], "nowhere"), "no person to save"),

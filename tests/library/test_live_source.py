@@ -34,7 +34,7 @@ def test_a_tracker_follows_live_input_to_its_end(endpoint: str, tmp_path: Path) 
     )
     frames = shown("standing").frames[:3]
     done = threading.Semaphore(0)
-    steps = ({KEY: message} for message in [*map(encode_live, frames), END])
+    steps = ({KEY: message} for message in [*(encode_live(frame.views[0]) for frame in frames), END])
     with publishing(endpoint, [KEY], steps, until_released(done)):
         live = gepf.live(KEY, listen=endpoint, idle_timeout=60.0)
         tracker = gepf.Tracker(PERSON, settings, start=STANDING)
@@ -55,7 +55,7 @@ def test_an_iteration_that_is_left_can_be_gone_on_with(endpoint: str) -> None:
 
     One image may be sent to the ended session, if the publisher has not noticed its end.
     """
-    first = shown("standing").frames[0]
+    (first,) = shown("standing").frames[0].views
     steps = ({KEY: message} for message in [*[encode_live(first)] * 4, b"rubbish", END])
     done, patience = threading.Semaphore(0), iter([60.0])
     with publishing(endpoint, [KEY], steps, lambda _: done.acquire(timeout=next(patience, 2.0))):

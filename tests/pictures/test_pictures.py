@@ -21,7 +21,7 @@ from gepf.common.camera import Intrinsics, project
 from gepf.common.kinematics import pose_vertices
 from gepf.coordinator.bodies.families import angles_of
 from gepf.coordinator.pictures.film import spread, tile, write_film
-from gepf.coordinator.pictures.overlay import View, paint, view_around
+from gepf.coordinator.pictures.overlay import Viewport, paint, view_around
 from gepf.coordinator.pictures.plots import STATUS, angle_curves, curves_of, plot_curves
 from gepf.coordinator.pictures.run import draw_run
 from gepf.coordinator.pictures.shading import draw_body, shade_depth
@@ -76,18 +76,18 @@ def track(model: BodyModel, truth: Truth) -> Track:
 
 
 @pytest.fixture(scope="module")
-def view(track: Track, source: Source) -> View:
+def view(track: Track, source: Source) -> Viewport:
     """The body, 300 pixels high."""
     return view_around(track, source.intrinsics, 600, 600)
 
 
-def painted(source: Source, view: View, model: BodyModel, track: Track, f: int) -> Array:
+def painted(source: Source, view: Viewport, model: BodyModel, track: Track, f: int) -> Array:
     """The picture (H, W, 3) of a frame."""
-    image = shade_depth(source.frame(f).metres(), source.intrinsics)
+    image = shade_depth(source.view(f).metres(), source.intrinsics)
     return np.asarray(paint(image, view, model, track, f), dtype=np.float64)
 
 
-def joint_pixel(view: View, track: Track, f: int, name: str) -> Array:
+def joint_pixel(view: Viewport, track: Track, f: int, name: str) -> Array:
     """Column and row (2,) of a joint in the picture, which is drawn at twice the size and averaged."""
     pixel = project(track.joint_positions[f, track.joint_names.index(name)], view.intrinsics)
     return np.asarray(pixel) / 2.0
@@ -140,7 +140,7 @@ def test_a_film_plays_in_real_time(tmp_path: Path) -> None:
 
 
 def test_the_body_is_drawn_where_the_tracker_says_it_is(
-    source: Source, view: View, model: BodyModel, track: Track
+    source: Source, view: Viewport, model: BodyModel, track: Track
 ) -> None:
     """Where the arm is reported 46 degrees off, the picture differs around that arm and nowhere else."""
     right, wrong = (painted(source, view, model, track, f) for f in (FRAMES - 3, FRAMES - 1))
@@ -152,7 +152,7 @@ def test_the_body_is_drawn_where_the_tracker_says_it_is(
     assert high[0] < joint_pixel(view, track, 0, "head")[0]
 
 
-def test_the_surface_covers_what_opengl_says(view: View, model: BodyModel, track: Track) -> None:
+def test_the_surface_covers_what_opengl_says(view: Viewport, model: BodyModel, track: Track) -> None:
     """Drawn opaque, it covers the pixels of an independent renderer, and a thin line around them."""
     camera = view.intrinsics
     base = Image.new("RGB", (camera.width, camera.height), (0, 0, 255))
@@ -165,7 +165,7 @@ def test_the_surface_covers_what_opengl_says(view: View, model: BodyModel, track
 
 
 def test_the_picture_of_a_frame_has_the_model_the_skeleton_and_the_status(
-    source: Source, view: View, model: BodyModel, track: Track
+    source: Source, view: Viewport, model: BodyModel, track: Track
 ) -> None:
     """The body has a warm colour, white lines join the joints, the status has its colour in the corner."""
     picture = painted(source, view, model, track, 3)
@@ -178,7 +178,7 @@ def test_the_picture_of_a_frame_has_the_model_the_skeleton_and_the_status(
     assert np.sum(np.abs(corner - ImageColor.getrgb(STATUS["lost"])).sum(axis=-1) < 40.0) > 10
 
 
-def test_a_flagged_joint_is_hollow(source: Source, view: View, model: BodyModel, track: Track) -> None:
+def test_a_flagged_joint_is_hollow(source: Source, view: Viewport, model: BodyModel, track: Track) -> None:
     """White in the middle of a joint that is not flagged, but not of a flagged one."""
     chance = np.zeros((FRAMES, len(model.joint_names)))
     chance[:, model.joint_names.index("left_wrist")] = 1.0
@@ -193,7 +193,7 @@ def test_a_flagged_joint_is_hollow(source: Source, view: View, model: BodyModel,
 
 
 def test_a_hypothesis_is_the_fainter_the_less_its_weight(
-    source: Source, view: View, model: BodyModel, track: Track
+    source: Source, view: Viewport, model: BodyModel, track: Track
 ) -> None:
     """The second of two hypotheses changes the picture, less if its weight is small."""
     alone, faint, strong = (
@@ -219,13 +219,13 @@ def test_what_a_lost_run_may_contain_can_be_drawn(source: Source, track: Track) 
         assert paint(empty, view, whole.model, away, 3).size == (100, 100)
 
 
-def test_a_view_shows_a_point_where_its_camera_says(view: View, track: Track, source: Source) -> None:
+def test_a_view_shows_a_point_where_its_camera_says(view: Viewport, track: Track, source: Source) -> None:
     """The picture's camera and the window of the image agree, whatever the image's resolution."""
     points = track.joint_positions[0]
     in_window = project(points, source.intrinsics) - (view.left, view.top)
     assert np.allclose(project(points, view.intrinsics), (in_window + 0.5) * view.scale - 0.5)
     assert np.all((in_window > 0) & (in_window * view.scale < (view.width, view.height)))
-    window = View(Intrinsics(64, 48, 50.0, 50.0, 31.5, 23.5), 22, 8, 4.0, 80, 80)
+    window = Viewport(Intrinsics(64, 48, 50.0, 50.0, 31.5, 23.5), 22, 8, 4.0, 80, 80)
     for scale in (1, 2):
         picture = Image.new("RGB", (64 * scale, 48 * scale), (0, 200, 0))
         picture.paste((200, 0, 0), (0, 0, 32 * scale, 48 * scale))
@@ -234,7 +234,7 @@ def test_a_view_shows_a_point_where_its_camera_says(view: View, track: Track, so
         assert shown[40, [5, 35, 45, 75], 0].tolist() == [200, 200, 0, 0]
 
 
-def test_a_lost_body_does_not_widen_the_view(view: View, track: Track, source: Source) -> None:
+def test_a_lost_body_does_not_widen_the_view(view: Viewport, track: Track, source: Source) -> None:
     """Joints of a lost frame do not change the view; if all frames are lost, they do."""
     away = track.joint_positions.copy()
     away[3] += (0.5, 0.0, -1.0)

@@ -63,7 +63,7 @@ def asked(run: str, number: int, *, spare: bool = False) -> RefineRequest:
 
 def memory_of(bus: ManyFrames) -> Memory:
     """A memory whose observation of a frame is its number."""
-    return Memory(cast("Bus", bus), lambda subject, _: subject.frame.number)
+    return Memory(cast("Bus", bus), lambda subject, _: subject.number)
 
 
 def test_a_hundred_runs_do_not_drive_each_other_out() -> None:
@@ -170,7 +170,7 @@ def test_one_worker_serves_two_runs_and_forgets_who_is_gone(endpoint: str, throu
         service = stack.enter_context(running(Service(bus, "w", Kernel(observe, hold))))
         for number in range(4):
             shown = frame(10 + number)
-            again = replace(shown, frame=replace(shown.frame, number=number))
+            again = replace(shown, number=number)
             assert refined_bytes(one, number) == expected(number)
             assert as_bytes(two.submit(again, MODEL, PARTICLES).result()) == expected(10 + number)
         assert len(service._memory) == 2

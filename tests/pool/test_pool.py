@@ -27,6 +27,7 @@ from gepf.common.transport.channels import IncomingRequest
 from gepf.common.transport.opening import open_coordinator, open_worker
 from gepf.coordinator.pool.options import Pool
 from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
+from gepf.worker.memory import MemoryLimits
 from tests.support.answers import as_bytes
 from tests.support.processes.instant_worker import observe, refine
 from tests.support.processes.programs import wait_until
@@ -73,7 +74,7 @@ def test_frames_of_one_number_are_not_mixed_up(endpoint: str, monkeypatch: pytes
 
     Only the body and the first frame are fetched: the worker receives the others.
     """
-    monkeypatch.setattr("gepf.worker.memory.FRAME_DELAY_S", 300.0)
+    monkeypatch.setattr("gepf.worker.memory.LIMITS", MemoryLimits(frame_delay_s=300.0))
     fetched = SimpleQueue[str]()
     with (
         pool(endpoint) as refiner,
@@ -81,7 +82,7 @@ def test_frames_of_one_number_are_not_mixed_up(endpoint: str, monkeypatch: pytes
     ):
         refiner.wait_for(1)
         for depth in (1, 2, 3, 4, 5):
-            again = replace(frame(depth), frame=replace(frame(depth).frame, number=7))
+            again = replace(frame(depth), number=7)
             assert as_bytes(refiner.submit(again, MODEL, PARTICLES).result()) == expected(depth)
             await_subscriber(refiner)
     kinds = Counter(fetched.get().split("/")[4] for _ in range(fetched.qsize()))
@@ -100,7 +101,7 @@ def telling(
     """Observe frames, and tell their numbers, and for which settings."""
 
     def observe_and_tell(subject: SubjectFrame, settings: RefineSettings) -> Any:
-        observed.put(subject.frame.number)
+        observed.put(subject.number)
         if prepared is not None:
             prepared.put(settings)
         return observe(subject)
@@ -184,8 +185,8 @@ def test_a_frame_sent_ahead_that_makes_no_sense_harms_its_own_turn_alone(endpoin
     coming, tried = frame(2), SimpleQueue[int]()
 
     def refuse_the_second(subject: SubjectFrame, _: RefineSettings) -> Any:
-        tried.put(subject.frame.number)
-        if subject.frame.number == 2:
+        tried.put(subject.number)
+        if subject.number == 2:
             raise ValueError("it hurts")
         return observe(subject)
 

@@ -21,6 +21,7 @@ from gepf.common.errors import BusError
 from gepf.common.kernel import Kernel
 from gepf.common.protocol import keys
 from gepf.common.refinement import Particles, Refined
+from gepf.coordinator.pool.local_worker import LocalWorkerLimits
 from gepf.coordinator.pool.options import Pool
 from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
 from gepf.coordinator.tracking.preparation import unmoved
@@ -93,7 +94,7 @@ def test_a_frozen_worker_is_worked_around(endpoint: str, tmp_path: Path) -> None
 
 def test_the_only_worker_is_replaced_when_it_stays_frozen(monkeypatch: pytest.MonkeyPatch) -> None:
     """When the bus no longer sees it, it has some time and is then killed."""
-    monkeypatch.setattr("gepf.coordinator.pool.local_worker.ABSENCE_S", 1.0)
+    monkeypatch.setattr("gepf.coordinator.pool.local_worker.LIMITS", LocalWorkerLimits(absence_s=1.0))
     said: list[str] = []
     with local(1, said.append) as refiner:
         assert refined_bytes(refiner, 0) == expected(0)

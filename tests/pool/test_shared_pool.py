@@ -21,6 +21,7 @@ from gepf.common.refinement import Particles, Refined
 from gepf.common.transport.opening import open_router, open_worker
 from gepf.coordinator.pool.options import Pool
 from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
+from gepf.worker.memory import MemoryLimits
 from gepf.worker.service import Service
 from tests.support.answers import as_bytes
 from tests.support.processes.instant_worker import observe, refine
@@ -256,7 +257,7 @@ def test_more_than_sixteen_runs_at_a_worker_do_not_thrash(
     endpoint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Each fetches its first frame and body; the others come, and only to a worker that has had requests."""
-    monkeypatch.setattr("gepf.worker.memory.FRAME_DELAY_S", 300.0)
+    monkeypatch.setattr("gepf.worker.memory.LIMITS", MemoryLimits(frame_delay_s=300.0))
     fetched, idle = SimpleQueue[str](), SimpleQueue[str]()
     with ExitStack() as stack:
         stack.enter_context(open_router([endpoint]))

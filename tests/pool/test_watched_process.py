@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from gepf.coordinator.pool.local_worker import LocalWorker
+from gepf.coordinator.pool.local_worker import LocalWorker, LocalWorkerLimits
 from gepf.coordinator.pool.options import Pool
 from gepf.coordinator.pool.watched_process import WatchedProcess
 from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
@@ -92,7 +92,7 @@ class Presence:
 
 def test_a_starved_worker_is_not_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """One that the bus loses while others take the processor goes on; frozen, it is killed and replaced."""
-    monkeypatch.setattr("gepf.coordinator.pool.local_worker.ABSENCE_S", 1.0)
+    monkeypatch.setattr("gepf.coordinator.pool.local_worker.LIMITS", LocalWorkerLimits(absence_s=1.0))
     bus, command = Presence(), (sys.executable, "-c", SPIN)
     worker = LocalWorker(Pool(1, worker_command=command), "w", bus, "nowhere", tmp_path)  # type: ignore[arg-type]
     assert worker.process is not None
@@ -136,7 +136,7 @@ instant_worker.main()
 
 def test_a_deadlocked_worker_is_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The bus sees it, but it answers nothing: it is killed, and its request is answered by the next one."""
-    monkeypatch.setattr("gepf.coordinator.pool.local_worker.SILENCE_S", 1.0)
+    monkeypatch.setattr("gepf.coordinator.pool.local_worker.LIMITS", LocalWorkerLimits(silence_s=1.0))
     said: list[str] = []
     command = (sys.executable, "-c", HANGS_ONCE, str(tmp_path / "asked"))
     with ZenohRefiner(Pool(1, worker_command=command), said.append) as refiner:

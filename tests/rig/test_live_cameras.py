@@ -72,7 +72,7 @@ def test_a_camera_that_leaves_and_comes_back_is_used_again(endpoint: str, tmp_pa
     assert [each["frame"] for each in results if each["kind"] == "estimate"][-1] == track.frame[-1]
     assert summary["frames_received"] == 24 + 18
     assert summary["cameras"]["front"]["frames_shown"] > 12
-    (back,) = open_source(tmp_path / "kept" / "rig.json").others
+    _, back = open_source(tmp_path / "kept" / "rig.json").views
     kept = list(back)
     assert kept[-1].time_s - kept[0].time_s > 14 / 30
     assert np.all(np.diff([frame.number for frame in kept]) > 0)

@@ -41,10 +41,10 @@ def test_frames_that_are_nearest_in_time_belong_together(
     found = []
     for number, frame in enumerate(source):
         assert frame.time_s == pytest.approx(0.25 + number / 30.0)
-        (other,) = frame.others
+        first, other = frame.views
+        assert first.time_s == frame.time_s
         found.append(int(other.depth[0, 0]) - 1000 if other.depth.any() else None)
-        for other in frame.others:
-            assert abs(other.time_s - frame.time_s) < 0.5 / 30.0 + 1e-3
+        assert abs(other.time_s - frame.time_s) < 0.5 / 30.0 + 1e-3
     assert found == expected
 
 

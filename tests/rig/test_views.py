@@ -11,7 +11,7 @@ import pytest
 
 from gepf.common.arrays import Array
 from gepf.common.body import BodyModel
-from gepf.common.frame import DepthFrame, SubjectFrame
+from gepf.common.frame import Frame, SubjectFrame
 from gepf.common.kinematics import joint_positions, retract
 from gepf.common.kinematics.rotations import euler_angles, euler_matrix
 from gepf.common.refinement import Particles, lower_triangular
@@ -24,7 +24,7 @@ from gepf.refiners import DirectRefiner
 from gepf.worker.kernel.icp import refine
 from gepf.worker.kernel.observation import observe
 from tests.support.people import SETTINGS, STANDING, known, subject_of
-from tests.support.rigs import around, seen_from, together
+from tests.support.rigs import around, seen_from
 
 RULES = msgspec.structs.replace(preset("default").refine, pose_deviation=0.0, noise_depth=0.015)
 ASIDE = {"front": around(0.0), "side": around(80.0)}
@@ -73,7 +73,7 @@ def test_a_rig_may_have_any_frame() -> None:
     here = refine(body(), observe(both()), Particles(near(), RULES))
     away = {name: move @ placed for name, placed in ASIDE.items()}
     frame = seen_from(body(), [pose()] * 2, ASIDE)
-    moved = together([replace(view, T_rig_camera=away[view.camera]) for view in frame.views])
+    moved = Frame.of(*(replace(view, T_rig_camera=away[view.camera]) for view in frame.views))
     there = refine(body(), observe(subject_of(moved, POINTS)), Particles(moved_by(move, near()), RULES))
     np.testing.assert_allclose(there.log_likelihood, here.log_likelihood, rtol=1e-3)
     joints = joint_positions(body(), here.poses) @ move[:3, :3].T + move[:3, 3]
@@ -83,9 +83,10 @@ def test_a_rig_may_have_any_frame() -> None:
 def test_the_log_likelihood_is_the_mean_over_the_points_of_all_cameras() -> None:
     """Each camera's own, weighted with its number of points."""
     whole, still = both(), msgspec.structs.replace(RULES, icp_iterations=0)
-    alone = [replace(view, others=()) for view in whole.views]
+    alone = [replace(whole, views=(view,)) for view in whole.views]
     assert len(alone) == 2
-    weights = np.array([len(view.picked) for view in alone]) / sum(len(view.picked) for view in alone)
+    points = np.array([len(view.picked) for view in whole.views])
+    weights = points / points.sum()
     particles = Particles(near(), still)
     each = np.array([refine(body(), observe(view), particles).log_likelihood for view in alone])
     found = refine(body(), observe(whole), Particles(near(), still)).log_likelihood
@@ -117,8 +118,9 @@ def test_a_camera_with_another_time_sees_the_body_where_it_is_then(delay_s: floa
     velocity[0, :3] = [1.5, 0.0, 0.5]
     then = retract(body(), pose()[None], delay_s * velocity)[0]
     frame = seen_from(body(), [pose(), then], ASIDE)
-    late = replace(frame.others[0], time_s=frame.time_s + delay_s)
-    observed = observe(subject_of(replace(frame, others=(late,)), POINTS))
+    front, side = frame.views
+    late = replace(side, time_s=frame.time_s + delay_s)
+    observed = observe(subject_of(Frame.of(front, late), POINTS))
     off = []
     for known_velocity in (velocity[0], None):
         found = refine(body(), observed, Particles(pose()[None], RULES, velocity=known_velocity))
@@ -131,11 +133,11 @@ def test_people_in_several_images_are_as_many_as_there_are() -> None:
     """One person in two images is one candidate; somebody whom only one camera shows is another."""
     lone = Segmenter(POINTS, SceneSettings()).segment(seen_from(body(), [pose()] * 2, ASIDE), [None])
     (candidate,) = lone.candidates
-    assert {view.frame.camera for view in candidate.views} == set(ASIDE)
+    assert {view.image.camera for view in candidate.subject.views} == set(ASIDE)
     far = pose().copy()
     far[0] += 0.9
     seen = Segmenter(POINTS, SceneSettings()).segment(seen_from(body(), [pose(), far], ASIDE), [None])
-    assert sorted(len(each.views) for each in seen.candidates) == [1, 1]
+    assert sorted(len(each.subject.views) for each in seen.candidates) == [1, 1]
 
 
 def test_a_person_whom_one_camera_no_longer_sees_is_kept_by_the_other() -> None:
@@ -153,12 +155,12 @@ def test_a_person_whom_one_camera_no_longer_sees_is_kept_by_the_other() -> None:
         assert np.linalg.norm(estimate.joint_positions - true, axis=1).max() < 0.08
 
 
-def shown_by(frame: DepthFrame, which: str, number: int) -> DepthFrame:
+def shown_by(frame: Frame, which: str, number: int) -> Frame:
     """The frame at a later number, with the depth of one camera only, or of both."""
     now = [replace(view, number=number, time_s=number / 30.0) for view in frame.views]
-    return together(
-        [
+    return Frame.of(
+        *(
             view if which in ("both", view.camera) else replace(view, depth=np.zeros_like(view.depth))
             for view in now
-        ]
+        )
     )

@@ -27,13 +27,13 @@ def people(view: SceneView, room: Room, person: tuple[float, float] = PERSON) ->
 def watch(scene: Scene, room: Room, frames: int, person: tuple[float, float] = PERSON) -> None:
     """Frames of a room, in which the body is known."""
     for number in range(frames):
-        view = scene.see(room.see(person, number).frame)
+        view = scene.see(room.see(person, number).view)
         scene.learn(view, people(view, room, person))
 
 
 def known(scene: Scene) -> NDArray[np.float32]:
     """The background (H, W), metres."""
-    return scene.see(Room().see(None).frame).background.copy()
+    return scene.see(Room().see(None).view).background.copy()
 
 
 def test_what_is_outside_the_body_is_known_at_once_and_the_body_never() -> None:
@@ -41,7 +41,7 @@ def test_what_is_outside_the_body_is_known_at_once_and_the_body_never() -> None:
     scene, room = Scene(SceneSettings()), Room((CABINET,))
     watch(scene, room, 35)
     truth = room.see(PERSON)
-    empty = room.see(None).frame.metres()
+    empty = room.see(None).view.metres()
     background = known(scene)
     learned = background > 0.0
     assert learned[~truth.mask].mean() > 0.95
@@ -55,7 +55,7 @@ def test_what_goes_away_is_forgotten_at_once() -> None:
     before = known(scene)
     watch(scene, Room(), 1)
     changed = known(scene) > before + 0.2
-    shown = Room((CHAIR,)).see(None).frame.metres() < Room().see(None).frame.metres() - 0.2
+    shown = Room((CHAIR,)).see(None).view.metres() < Room().see(None).view.metres() - 0.2
     assert changed[shown].mean() > 0.95
 
 
@@ -64,8 +64,8 @@ def test_what_comes_to_stay_is_taken_in_after_a_while() -> None:
     scene = Scene(SceneSettings())
     watch(scene, Room(), 5)
     watch(scene, Room((CHAIR,)), 15)
-    shown = Room((CHAIR,)).see(None).frame.metres() < Room().see(None).frame.metres() - 0.2
-    chair, empty = (Room(boxes).see(None).frame.metres()[shown] for boxes in ((CHAIR,), ()))
+    shown = Room((CHAIR,)).see(None).view.metres() < Room().see(None).view.metres() - 0.2
+    chair, empty = (Room(boxes).see(None).view.metres()[shown] for boxes in ((CHAIR,), ()))
     np.testing.assert_allclose(known(scene)[shown], empty, atol=0.03)
     watch(scene, Room((CHAIR,)), 45)
     assert np.mean(np.abs(known(scene)[shown] - chair) < 0.03) > 0.95
@@ -77,10 +77,10 @@ def test_changes_alone_lead_to_the_same_knowledge() -> None:
     room = Room((CABINET,), noise=0.002)
     for number in range(8):
         person = (PERSON[0] + 0.05 * number, PERSON[1])
-        view = first.see(room.see(person, number).frame)
+        view = first.see(room.see(person, number).view)
         second.recall(first.learn(view, people(view, room, person)))
     third.recall(second.all())
-    frame = room.see(PERSON, 9).frame
+    frame = room.see(PERSON, 9).view
     views = [scene.see(frame) for scene in (first, second, third)]
     for view in views[1:]:
         np.testing.assert_array_equal(view.background, views[0].background)
@@ -95,12 +95,12 @@ def test_changes_alone_lead_to_the_same_knowledge() -> None:
 def test_a_part_of_the_room_that_is_given_is_kept_with_the_rest() -> None:
     """If only a cabinet is known before, a first frame with the whole room does not discard it."""
     room = Room((CABINET,), noise=0.001)
-    empty = room.see(None).frame.metres()
-    cabinet = empty < Room().see(None).frame.metres() - 0.2
+    empty = room.see(None).view.metres()
+    cabinet = empty < Room().see(None).view.metres() - 0.2
     leg = cabinet & (np.arange(empty.shape[1]) == np.median(np.nonzero(cabinet)[1]))
     shown = np.where(leg, empty - np.float32(0.3), empty)
     scene = Scene(SceneSettings(), np.where(cabinet, empty, np.float32(0.0)))
-    frame = room.see(None).frame
+    frame = room.see(None).view
     for number in range(3):
         units = np.rint(1000.0 * shown).astype(np.uint16)
         view = scene.see(replace(frame, number=number, depth=units))
@@ -116,10 +116,10 @@ def test_a_camera_that_was_moved_forgets() -> None:
     turned = Room((CABINET,), pitch=0.5)
     watch(scene, turned, 1)
     truth = turned.see(PERSON)
-    background = scene.see(turned.see(None).frame).background
+    background = scene.see(turned.see(None).view).background
     learned = background > 0.0
     assert learned[~truth.mask].mean() > 0.9
-    np.testing.assert_allclose(background[learned], turned.see(None).frame.metres()[learned], atol=0.03)
+    np.testing.assert_allclose(background[learned], turned.see(None).view.metres()[learned], atol=0.03)
 
 
 def test_who_comes_through_a_door_is_seen() -> None:
@@ -157,10 +157,10 @@ def test_a_frame_of_another_size_begins_a_new_scene(*, background: bool) -> None
     """The scene is then the same as one with frames of that size only; also in a resumed run."""
     room = Room((CABINET,), noise=0.002)
     scene, recorded = (
-        Scene(SceneSettings(), room.see(None).frame.metres() if background else None) for _ in range(2)
+        Scene(SceneSettings(), room.see(None).view.metres() if background else None) for _ in range(2)
     )
     fresh = Scene(SceneSettings())
-    large = room.see(PERSON).frame
+    large = room.see(PERSON).view
     camera = large.intrinsics.crop(10, 5, 120, 90)
     small = replace(large, depth=np.ascontiguousarray(large.depth[5:95, 10:130]), intrinsics=camera)
     for frame in (large, large, small, small, small):
@@ -173,7 +173,7 @@ def test_a_frame_of_another_size_begins_a_new_scene(*, background: bool) -> None
         np.testing.assert_array_equal(seen.background, scene.see(small).background)
         np.testing.assert_array_equal(seen.planes.coefficients, scene.see(small).planes.coefficients)
         assert seen.background.shape == (90, 120)
-    resumed = Scene(SceneSettings(), room.see(None).frame.metres() if background else None)
+    resumed = Scene(SceneSettings(), room.see(None).view.metres() if background else None)
     resumed.recall(scene.all())
     np.testing.assert_array_equal(resumed.see(small).background, scene.see(small).background)
 
@@ -181,8 +181,8 @@ def test_a_frame_of_another_size_begins_a_new_scene(*, background: bool) -> None
 @pytest.mark.parametrize("pitch", [0.0, 0.5])
 def test_a_log_knows_the_background_that_was_given(pitch: float) -> None:
     """The recorded changes give the background, also if the given one does not fit."""
-    given = Room((CABINET,), pitch=pitch).see(None).frame.metres()
-    frame = Room((CABINET,)).see(None).frame
+    given = Room((CABINET,), pitch=pitch).see(None).view.metres()
+    frame = Room((CABINET,)).see(None).view
     dark = np.where(np.arange(frame.depth.shape[1]) < 20, 0, frame.depth).astype(np.uint16)
     watching, recorded, resumed = (
         Scene(SceneSettings(), given),
@@ -193,3 +193,29 @@ def test_a_log_knows_the_background_that_was_given(pitch: float) -> None:
     resumed.recall(recorded.all())
     assert known(watching)[:, :20].any() == (pitch == 0.0)
     np.testing.assert_array_equal(known(resumed), known(watching))
+
+
+@pytest.mark.parametrize("fps", [4.0, 15.0, 30.0, 60.0, 90.0])
+def test_what_comes_to_stay_is_taken_in_after_the_same_time_at_any_rate(fps: float) -> None:
+    """A chair is background after a second, and not before, however many frames show it."""
+    scene, empty, furnished = Scene(SceneSettings()), Room().see(None).view, Room((CHAIR,)).see(None).view
+    shown = furnished.metres() < empty.metres() - 0.2
+    for number in range(4):
+        scene.learn(scene.see(replace(empty, time_s=number / fps)))
+    taken_in = []
+    for number in range(4, 4 + round(1.5 * fps)):
+        view = scene.see(replace(furnished, time_s=number / fps))
+        scene.learn(view)
+        taken_in.append(np.mean(np.abs(view.background - view.depth)[shown] < 0.03) > 0.95)
+    first_s = (taken_in.index(True) + 1) / fps
+    assert first_s == pytest.approx(1.0, abs=1 / 30)
+    assert all(taken_in[taken_in.index(True) :])
+
+
+def test_what_has_come_during_a_gap_is_not_taken_in_at_once() -> None:
+    """A chair in the first frame after a minute without any."""
+    scene, empty, furnished = Scene(SceneSettings()), Room().see(None).view, Room((CHAIR,)).see(None).view
+    shown = furnished.metres() < empty.metres() - 0.2
+    scene.learn(scene.see(empty))
+    scene.learn(scene.see(replace(furnished, time_s=60.0)))
+    np.testing.assert_allclose(known(scene)[shown], empty.metres()[shown], atol=0.03)

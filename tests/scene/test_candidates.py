@@ -23,7 +23,7 @@ from tests.support.rooms import CABINET, HEIGHT, PERSON, TABLE, Room
 
 def found_in(room: Room, person: tuple[float, float] | None) -> list[Candidate]:
     """Candidates of a first frame."""
-    return candidates(Scene(SceneSettings()).see(room.see(person).frame))
+    return candidates(Scene(SceneSettings()).see(room.see(person).view))
 
 
 def overlap(mask: Mask, truth: Mask) -> tuple[float, float]:
@@ -83,9 +83,9 @@ def test_halves_that_are_separated_in_depth_are_one_candidate(scale: float, near
 
 def test_a_child_before_an_adult_is_another_candidate(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is seen of the adult is above the child, as a trunk is above legs."""
-    adult = Room(noise=0.001).see(PERSON).frame
+    adult = Room(noise=0.001).see(PERSON).view
     monkeypatch.setattr(rooms, "PARTS", 0.72 * np.array(rooms.PARTS))
-    child = Room(noise=0.001).see((PERSON[0], PERSON[1] - 0.3)).frame
+    child = Room(noise=0.001).see((PERSON[0], PERSON[1] - 0.3)).view
     both = replace(adult, depth=np.minimum(adult.depth, child.depth))
     assert len(candidates(Scene(SceneSettings()).see(both))) == 2
 
@@ -123,8 +123,8 @@ def test_a_line_of_pixels_has_no_flat_part() -> None:
 def test_one_of_two_is_chosen_as_asked() -> None:
     """The nearest, the one at a pixel, or the moving one, is first."""
     near, far = Room(noise=0.001).see((-0.5, 2.2)), Room(noise=0.001).see((0.7, 3.0))
-    both = np.where(near.mask, near.frame.depth, far.frame.depth)
-    frame = type(near.frame)(0, 0.0, both, 1000.0, near.frame.intrinsics)
+    both = np.where(near.mask, near.view.depth, far.view.depth)
+    frame = type(near.view)(0, 0.0, both, 1000.0, near.view.intrinsics)
     view = Scene(SceneSettings()).see(frame)
     found = candidates(view)
     assert len(found) == 2
@@ -132,14 +132,14 @@ def test_one_of_two_is_chosen_as_asked() -> None:
     assert Scope(person="nearest").choose(view, found)[0].mask[near.mask].mean() > 0.9
     assert Scope(person=(column, row)).choose(view, found)[0].mask[far.mask].mean() > 0.9
     assert Scope(person="moving").choose(view, found) == []
-    scene = Scene(SceneSettings(), Room(noise=0.001).see(None).frame.metres())
-    view = scene.see(near.frame)
+    scene = Scene(SceneSettings(), Room(noise=0.001).see(None).view.metres())
+    view = scene.see(near.view)
     assert len(Scope(person="moving").choose(view, candidates(view))) == 1
 
 
 def test_limits_leave_nothing_else() -> None:
     """Outside near, far and region there is no depth; without limits the frame is unchanged."""
-    frame = Room().see(PERSON).frame
+    frame = Room().see(PERSON).view
     kept = Scope(near=2.4, far=2.8, region=(10, 20, 90, 100)).limit(frame)[0]
     rows, columns = np.nonzero(kept.depth)
     assert kept.metres()[kept.depth > 0].min() >= 2.4
@@ -153,7 +153,7 @@ def test_limits_leave_nothing_else() -> None:
 def test_what_limits_leave_out_says_nothing_of_the_body() -> None:
     """It is neither empty nor unmeasured, so an arm that leaves the region is still possible."""
     room, scope = Room(), Scope(region=(0, 0, 66, 120))
-    frame = room.see(PERSON).frame
+    frame = room.see(PERSON).view
     frame, excluded = scope.limit(frame)
     view = Scene(SceneSettings()).see(frame, excluded)
     surface = room.surface(PERSON, 2000)

@@ -13,6 +13,7 @@ import pytest
 from PIL import Image
 
 from gepf.common.errors import InputError
+from gepf.common.frame import Frame
 from gepf.common.kinematics import joint_positions, pose_vertices
 from gepf.coordinator.bodies.human.template import human
 from gepf.coordinator.bodies.tracked import name_pose
@@ -37,7 +38,7 @@ def recording(tmp_path: Path) -> Path:
     """An empty room in two frames, and then a person in it, as recorders write it."""
     room = Room((CABINET,), noise=0.001)
     people = enumerate((None, None, PERSON, PERSON))
-    depth = np.array([room.see(person, number).frame.depth for number, person in people])
+    depth = np.array([room.see(person, number).view.depth for number, person in people])
     return write_open3d(tmp_path / "room", depth, CAMERA)
 
 
@@ -95,7 +96,7 @@ def test_who_is_doubtful_is_said_to_be(recording: Path) -> None:
 def test_an_empty_room_is_read_from_a_frame_a_picture_or_a_sequence(recording: Path) -> None:
     """All three give the same room; a number that is no frame is refused."""
     source = open_source(recording)
-    first = source.frame(0).metres()
+    first = source.view(0).metres()
     for asked in ("0", str(recording / "depth" / "000000.png")):
         np.testing.assert_array_equal(read_background(asked, source), first)
     whole = read_background(str(recording), source)
@@ -122,28 +123,28 @@ def test_all_that_decides_the_results_is_described() -> None:
 
 def test_a_chair_in_the_empty_room_is_none_of_the_body() -> None:
     """A box that touches the person is segmented with it, unless the empty room is given."""
-    alone = shown("standing").frames[0]
-    frame = in_a_room(alone)
+    (alone,) = shown("standing").frames[0].views
+    (view,) = in_a_room(Frame.of(alone)).views
     model = human(1.82)
     pose = name_pose(model, STANDING)
     knee = joint_positions(model, pose[None])[0][model.joint_names.index("left_knee")]
-    camera = frame.intrinsics
+    camera = view.intrinsics
     column = int(camera.cx + camera.fx * knee[0] / knee[2])
     row = int(camera.cy + camera.fy * knee[1] / knee[2])
-    box = np.zeros(frame.depth.shape, dtype=bool)
+    box = np.zeros(view.depth.shape, dtype=bool)
     box[row - 20 : row + 20, column - 12 : column + 40] = True
     box &= alone.depth == 0
-    furnished = frame.depth.copy()
+    furnished = view.depth.copy()
     furnished[box] = int(1000 * knee[2])
-    empty = in_a_room(alone).metres()
+    empty = view.metres()
     empty[alone.depth > 0] = 0.0
     empty[box] = knee[2]
-    seen = type(frame)(0, 0.0, furnished, 1000.0, camera)
+    seen = Frame.of(replace(view, depth=furnished))
     counts = []
     surface = pose_vertices(model, pose[None])[0]
     for scope in (None, Scope(background=empty)):
         subject = Segmenter(2000, SceneSettings(), scope).segment(seen, [surface]).subjects[0]
         assert subject is not None
-        counts.append(np.count_nonzero(subject.frame.depth))
+        counts.append(np.count_nonzero(subject.largest.image.depth))
     assert counts[0] > counts[1] + 0.3 * box.sum()
     assert counts[1] == pytest.approx(np.count_nonzero(alone.depth), rel=0.03)

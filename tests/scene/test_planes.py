@@ -21,7 +21,7 @@ CEILING: Box = ((-3.0, -1.4, 0.3), (3.0, -1.3, WALL))
 
 def planes_of(room: Room) -> Planes:
     """What is found with a person in the room."""
-    depth = room.see(PERSON).frame.metres()
+    depth = room.see(PERSON).view.metres()
     return find_planes(rays_of(depth), SIDES, SceneSettings().planes)
 
 
@@ -51,7 +51,7 @@ def test_planes_are_followed_when_the_camera_moves_a_little() -> None:
     followed = planes_of(Room(noise=0.002))
     for number in range(1, 9):
         after = Room(noise=0.002, pitch=np.radians(0.5 * number))
-        depth = after.see(PERSON, number).frame.metres()
+        depth = after.see(PERSON, number).view.metres()
         followed = replace(followed, coefficients=refit(followed.coefficients, rays_of(depth), 30))
     assert followed.up @ (after.tilt.T @ np.array([0.0, -1.0, 0.0])) > np.cos(np.radians(0.7))
 
@@ -59,14 +59,14 @@ def test_planes_are_followed_when_the_camera_moves_a_little() -> None:
 def test_a_person_alone_has_no_planes() -> None:
     """If only a person is measured, no part of it becomes a wall or a floor."""
     seen = Room().see(PERSON)
-    depth = np.where(seen.mask, seen.frame.metres(), np.float32(0.0))
+    depth = np.where(seen.mask, seen.view.metres(), np.float32(0.0))
     assert len(find_planes(rays_of(depth), SIDES, SceneSettings().planes).coefficients) == 0
 
 
 @pytest.mark.parametrize("growth", [0.001, 0.004])
 def test_noise_is_measured(growth: float) -> None:
     """The growth of the noise is found within a quarter, whatever is seen."""
-    depth = Room((TABLE,), noise=growth).see(PERSON).frame.metres()
+    depth = Room((TABLE,), noise=growth).see(PERSON).view.metres()
     assert fit_growth(depth, SceneSettings().noise) == pytest.approx(growth, rel=0.25)
 
 
@@ -86,7 +86,7 @@ def test_a_floor_between_furniture_is_found() -> None:
 def test_no_floor_is_made_up() -> None:
     """If boxes hide all of it, no slanted plane through edges of objects is used instead."""
     room = Room((((-2.5, 0.3, 1.3), (2.5, HEIGHT, 1.6)), CABINET), noise=0.002)
-    depth = room.see(PERSON).frame.metres()
+    depth = room.see(PERSON).view.metres()
     rows = (np.arange(CAMERA.height) - CAMERA.cy)[:, None] / CAMERA.fy
     shown = (np.abs(rows * depth - HEIGHT) > 0.05) | (rows < 0)  # without the floor itself
     above = np.where(shown, depth, np.float32(0.0))
@@ -114,10 +114,10 @@ def test_the_floor_of_a_rotated_camera_is_that_on_which_things_stand(
 ) -> None:
     """Without gravity, up is found within a degree in images rotated by any multiple of 90 degrees."""
     room = Room(boxes, 0.1, noise=0.002)
-    seen = room.see(PERSON).frame.metres()
+    seen = room.see(PERSON).view.metres()
     if people == 2:
         other = room.see((0.45, 2.0))
-        seen = np.where(other.mask, other.frame.metres(), seen)
+        seen = np.where(other.mask, other.view.metres(), seen)
     depth, camera, up = seen, CAMERA, room.tilt.T @ np.array([0.0, -1.0, 0.0])
     for _ in range(quarters):
         depth, up = np.rot90(depth), np.array([up[1], -up[0], up[2]])
@@ -133,6 +133,6 @@ def test_the_floor_of_a_rotated_camera_is_that_on_which_things_stand(
 def test_a_wall_beside_is_no_floor_if_the_floor_is_not_visible() -> None:
     """A camera that sees a person to the knees, a wall ahead and one at its side is not taken as rotated."""
     seen = Room((SIDE_WALL,), noise=0.002).see(PERSON)
-    depth = seen.frame.metres()
+    depth = seen.view.metres()
     depth[85:] = 0.0  # the floor starts there
     assert not find_planes(rays_of(depth), SIDES, SceneSettings().planes).has_floor

@@ -13,7 +13,7 @@ import pytest
 from numpy.typing import NDArray
 
 from gepf.common.camera import Intrinsics
-from gepf.common.frame import EMPTY, HIDDEN, SUBJECT, UNKNOWN, UNMEASURED, DepthFrame
+from gepf.common.frame import EMPTY, HIDDEN, SUBJECT, UNKNOWN, UNMEASURED, View
 from gepf.coordinator.scene.scene import Scene
 from gepf.coordinator.scene.segmentation import (
     Segmentation,
@@ -35,7 +35,7 @@ def whole(cut: Segmentation, shape: tuple[int, int]) -> NDArray[np.uint8]:
     return kinds
 
 
-def cut_from(room: Room, frame: DepthFrame, off: float = 0.0) -> NDArray[np.uint8]:
+def cut_from(room: Room, frame: View, off: float = 0.0) -> NDArray[np.uint8]:
     """Labels of a frame's pixels, segmented with a body that has this offset, metres."""
     view = Scene(SceneSettings()).see(frame)
     surface = room.surface((PERSON[0] + off, PERSON[1]))
@@ -62,8 +62,8 @@ def test_a_table_hides_and_a_wall_does_not() -> None:
     assert set(kinds[looked_at & (depth > 0) & (depth < 2.1)]) == {HIDDEN}
     assert set(kinds[looked_at & (depth > 3.5)]) == {EMPTY}
     bare = Room()
-    floor = bare.see(None).frame.metres()
-    kinds = cut_from(bare, bare.see(PERSON).frame)
+    floor = bare.see(None).view.metres()
+    kinds = cut_from(bare, bare.see(PERSON).view)
     assert not np.any(kinds[(floor < 3.5) & ~truth] == HIDDEN)
 
 
@@ -104,9 +104,9 @@ def test_of_two_people_each_has_the_nearest_pixels() -> None:
     room = Room(noise=0.001)
     places = (-0.25, 2.4), (0.25, 2.6)
     seen = [room.see(place) for place in places]
-    depth = np.minimum(seen[0].frame.depth, seen[1].frame.depth)
-    truth = [one.mask & (one.frame.depth == depth) for one in seen]
-    view = Scene(SceneSettings()).see(replace(seen[0].frame, depth=depth))
+    depth = np.minimum(seen[0].view.depth, seen[1].view.depth)
+    truth = [one.mask & (one.view.depth == depth) for one in seen]
+    view = Scene(SceneSettings()).see(replace(seen[0].view, depth=depth))
     surfaces = [room.surface(place) for place in places]
     distances = [measure_distances(view, surface) for surface in surfaces]
     nearest = nearest_of(view, distances)
@@ -135,7 +135,7 @@ def segment_everywhere() -> None:
     places = (9.0, 2.0), (0.0, -1.0), (0.0, 0.05), (0.0, 60.0), (-1.15, 2.0)
     for (x, z), units in itertools.product(places, (0, 1, 2000, 60_000)):
         surface = cloud + np.array([x, 0.0, z])
-        frame = DepthFrame(0, 0.0, np.full((12, 16), units, np.uint16), 1000.0, camera)
+        frame = View(0, 0.0, np.full((12, 16), units, np.uint16), 1000.0, camera)
         scene = Scene(SceneSettings(), np.full((12, 16), 3.0, np.float32))
         view = scene.see(frame)
         distances = [measure_distances(view, surface), measure_distances(view, surface + 0.1)]

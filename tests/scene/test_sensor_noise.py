@@ -12,7 +12,7 @@ import pytest
 
 from gepf.common.arrays import Array
 from gepf.common.camera import Intrinsics
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import View
 from gepf.coordinator.bodies.human.template import human
 from gepf.coordinator.commands.job import choose_settings
 from gepf.coordinator.commands.options import TrackOptions
@@ -32,10 +32,10 @@ def person() -> Array:
     return rendered(human(), arm().poses[:1], CAMERA)[0]
 
 
-def noisy(noise: SensorNoise, seed: int = 0, scale: float = 5000.0) -> DepthFrame:
+def noisy(noise: SensorNoise, seed: int = 0, scale: float = 5000.0) -> View:
     """The person behind noise."""
     depth_m = add_noise(person(), CAMERA, noise, np.random.default_rng(seed))
-    return DepthFrame(0, 0.0, np.rint(depth_m * scale).astype(np.uint16), scale, CAMERA)
+    return View(0, 0.0, np.rint(depth_m * scale).astype(np.uint16), scale, CAMERA)
 
 
 @pytest.mark.parametrize(("depth", "lateral"), [(0.01, 0.0), (0.05, 0.02), (0.15, 0.0), (0.15, 0.02)])
@@ -72,7 +72,7 @@ def test_of_an_image_of_points_the_usual_noise_is_assumed() -> None:
     """Where no three pixels in a row are measured, it is what depth cameras have at that distance."""
     depth = np.zeros((9, 9), dtype=np.uint16)
     depth[::3, ::3] = 2000
-    measured = measure_noise(DepthFrame(0, 0.0, depth, 1000.0, CAMERA), NoiseSettings())
+    measured = measure_noise(View(0, 0.0, depth, 1000.0, CAMERA), NoiseSettings())
     assert measured.depth == pytest.approx(0.007, abs=0.003)
 
 
@@ -81,7 +81,7 @@ def test_rounding_is_noise() -> None:
     step = 2.85e-3 * 2.8**2
     inverse = 1.0 / np.clip(person(), 1e-6, None)
     rounded = np.where(person() > 0.0, 1.0 / (np.rint(inverse / 2.85e-3) * 2.85e-3), 0.0)
-    frame = DepthFrame(0, 0.0, np.rint(1000.0 * rounded).astype(np.uint16), 1000.0, CAMERA)
+    frame = View(0, 0.0, np.rint(1000.0 * rounded).astype(np.uint16), 1000.0, CAMERA)
     found = measure_noise(frame, NoiseSettings())
     expected = step * (found.distance / 2.8) ** 2
     assert expected / np.sqrt(12.0) < found.depth < 1.2 * expected / np.sqrt(6.0)

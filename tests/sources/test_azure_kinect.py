@@ -50,9 +50,9 @@ def test_the_camera_is_the_sensors_cropped(recording: Path) -> None:
 def test_frames_are_millimetres_from_time_zero(recording: Path) -> None:
     """Its depth frame is the same every time, between 0.19 and 3.7 m, mostly measured."""
     source = open_source(recording)
-    frame = source.frame(0)
+    frame = source.view(0)
     assert (frame.time_s, frame.depth_scale) == (0.0, 1000.0)
-    assert np.array_equal(source.frame(0).depth, frame.depth)
+    assert np.array_equal(source.view(0).depth, frame.depth)
     metres = frame.metres()
     assert np.mean(metres > 0) > 0.8
     assert 0.1 < metres[metres > 0].min() < metres.max() < 4.0
@@ -96,7 +96,7 @@ def test_the_file_is_closed_without_the_garbage_collector(recording: Path, tmp_p
         assert open_files(whole) == 0
         for camera in (AS_RECORDED, GivenCamera((500.0, 501.0, 320.0, 288.0))):
             with pytest.raises(InputError):
-                open_source(cut, camera).frame(0)
+                open_source(cut, camera).view(0)
         assert open_files(cut) == 0
     finally:
         gc.enable()
@@ -122,7 +122,7 @@ def test_a_given_camera_replaces_the_lens(recording: Path) -> None:
     """With --intrinsics the image stays as recorded; --depth-scale is applied, too."""
     source = open_source(recording, GivenCamera((500.0, 501.0, 320.0, 288.0), 500.0))
     assert source.intrinsics == Intrinsics(640, 576, 500.0, 501.0, 320.0, 288.0)
-    assert source.frame(0).depth_scale == 500.0
+    assert source.view(0).depth_scale == 500.0
 
 
 @pytest.mark.parametrize("kept", [5000, 300_000])
@@ -131,7 +131,7 @@ def test_a_cut_recording_is_one_line(recording: Path, tmp_path: Path, kept: int)
     cut = tmp_path / "cut.mkv"
     cut.write_bytes(recording.read_bytes()[:kept])
     with pytest.raises(InputError, match=r"not a Matroska file|holds no depth|truncated") as caught:
-        open_source(cut).frame(0)
+        open_source(cut).view(0)
     assert str(cut) in str(caught.value)
 
 
@@ -164,8 +164,8 @@ def test_a_camera_without_samples_has_no_gravity() -> None:
 def test_colour_is_registered_by_the_factory_calibration(recording: Path) -> None:
     """Each pixel with depth has the colour of the place where OpenCV projects its point, and others none."""
     cv = pytest.importorskip("cv2", reason="OpenCV is not installed")
-    frame = open_source(recording, color=True).frame(0)
-    assert open_source(recording).frame(0).colours is None
+    frame = open_source(recording, color=True).view(0)
+    assert open_source(recording).view(0).colours is None
     assert frame.colours is not None
     assert frame.colours.shape == (576, 640, 3)
     assert not frame.colours[frame.depth == 0].any()

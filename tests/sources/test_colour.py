@@ -75,10 +75,13 @@ def test_frames_of_a_recording_carry_colour_where_there_is_any(tmp_path: Path) -
     save(folder / "color", "000003.png", (64, 64))
     plain = open_source(folder)
     coloured = with_colours(plain)
-    shapes = [None if each.colours is None else each.colours.shape for each in coloured]
+    images = [frame.views[0].colours for frame in coloured]
+    shapes = [None if image is None else image.shape for image in images]
     assert shapes == [(48, 64, 3), (96, 128, 3), None, None, None]
-    assert all(each.colours is None for each in plain)
-    assert all(np.array_equal(a.depth, b.depth) for a, b in zip(plain, coloured, strict=True))
+    assert all(each.views[0].colours is None for each in plain)
+    assert all(
+        np.array_equal(a.views[0].depth, b.views[0].depth) for a, b in zip(plain, coloured, strict=True)
+    )
 
 
 def test_colour_of_another_folder_is_mirrored_like_depth(tmp_path: Path) -> None:
@@ -87,7 +90,7 @@ def test_colour_of_another_folder_is_mirrored_like_depth(tmp_path: Path) -> None
     folder = write_open3d(tmp_path / "recording", depth, CAMERA)
     save(tmp_path / "elsewhere", "0.png")
     for given, at_left in ((AS_RECORDED, RED), (GivenCamera(mirrored=True), GREEN)):
-        colours = with_colours(open_source(folder, given), tmp_path / "elsewhere").frame(0).colours
+        colours = with_colours(open_source(folder, given), tmp_path / "elsewhere").view(0).colours
         assert colours is not None
         assert tuple(colours[0, 0]) == at_left
     with pytest.raises(InputError, match="no such folder of colour frames"):

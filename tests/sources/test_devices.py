@@ -13,7 +13,7 @@ import pytest
 from PIL import Image as Picture
 
 from gepf.common.errors import InputError
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import Frame, View
 from gepf.common.protocol.frames import LIVE_END, decode_colour, decode_live
 from gepf.coordinator.cli import main
 from gepf.coordinator.results.track import read_track
@@ -111,7 +111,7 @@ def test_a_camera_is_tracked_in_one_command(tmp_path: Path) -> None:
     track, frames = read_track(out), [*open_source(kept)]
     assert track.frame.tolist() == [frame.number for frame in frames]
     assert len(frames) > 1
-    assert all(np.array_equal(frame.depth, DEPTH[frame.number]) for frame in frames)
+    assert all(np.array_equal(frame.views[0].depth, DEPTH[frame.number]) for frame in frames)
 
 
 def test_a_rotation_that_the_user_gives_is_stronger_than_the_accelerometer(tmp_path: Path) -> None:
@@ -127,7 +127,7 @@ def test_a_rotation_that_the_user_gives_is_stronger_than_the_accelerometer(tmp_p
 def test_the_measured_gravity_gives_the_vertical() -> None:
     """Without a floor in the image, up is against it."""
     gravity = np.array([0.0, np.cos(0.2), -np.sin(0.2)])
-    frame = DepthFrame(0, 0.0, DEPTH[0], 1000.0, CAMERA, gravity=gravity)
+    frame = Frame.of(View(0, 0.0, DEPTH[0], 1000.0, CAMERA, gravity=gravity))
     (segmented,) = Segmenter(1000, SceneSettings()).segment(frame, [None]).views
     np.testing.assert_allclose(segmented.scene.planes.up, -gravity, atol=1e-6)
 
@@ -141,7 +141,7 @@ def loose(failure: Exception = LOST, images: int = 2, at_stop: Exception | None 
     def shots() -> Generator[Shot]:
         try:
             for n in range(images):
-                yield DepthFrame(40 + n, 9.0 + n / 30.0, DEPTH[0], 1000.0, CAMERA), None
+                yield View(40 + n, 9.0 + n / 30.0, DEPTH[0], 1000.0, CAMERA), None
             raise failure
         finally:
             if at_stop is not None:
@@ -167,7 +167,7 @@ def test_a_camera_that_comes_back_is_picked_up(
         return opened
 
     monkeypatch.setattr(device, "open_camera", reopen)
-    monkeypatch.setattr(device, "RETRY_S", 0.01)
+    monkeypatch.setattr(device, "LIMITS", device.CameraLimits(retry_s=0.01))
     camera, frames = AttachedCamera("realsense:", print), []
     for frame, _ in camera:
         frames.append(frame)

@@ -127,7 +127,7 @@ def test_all_that_belongs_to_a_mirrored_recording_is_mirrored_back(tmp_path: Pat
     path = write_open3d(tmp_path / "walk", depth, Intrinsics(8, 6, 10.0, 11.0, 2.0, 3.0))
     source = open_source(path, GivenCamera(mirrored=True))
     assert (source.intrinsics.cx, source.mirrored) == (5.0, True)
-    np.testing.assert_array_equal(source.frame(0).depth, depth[0, :, ::-1])
+    np.testing.assert_array_equal(source.view(0).depth, depth[0, :, ::-1])
     for asked in (str(path), str(path / "depth" / "000000.png"), "0"):
         np.testing.assert_array_equal(read_background(asked, source), depth[0, :, ::-1] / np.float32(1000.0))
     (tmp_path / "color").mkdir()

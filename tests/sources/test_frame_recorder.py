@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gepf.common.frame import Frame
 from gepf.common.protocol.frames import encode_colour
 from gepf.coordinator.sources import open_source
 from gepf.coordinator.sources.frame_recorder import FrameRecorder
@@ -53,10 +54,10 @@ def test_frames_are_written_again_when_the_disk_has_room(tmp_path: Path, size: i
     said, folder = Heard(), tmp_path / "kept"
     recorder = FrameRecorder(folder, ALONE, said)
     with full_disk(size):
-        recorder.put(plate_image(0))
+        recorder.put(Frame.of(plate_image(0)))
         assert said.came.wait(300.0)
     for number in range(1, 20):
-        recorder.put(plate_image(number))
+        recorder.put(Frame.of(plate_image(number)))
     assert recorder.close() == 1
     assert said == [f"frames cannot be written to {folder}: File too large"]
     kept = [*open_source(folder)]
@@ -69,14 +70,14 @@ def test_a_later_frame_that_is_not_written_leaves_no_part(tmp_path: Path) -> Non
     """Times and depth of the others are whole, and those that follow are in the same folder."""
     said = Heard()
     recorder = FrameRecorder(tmp_path / "kept", ALONE, said)
-    recorder.put(plate_image(0))
+    recorder.put(Frame.of(plate_image(0)))
     written = tmp_path / "kept" / "depth" / "000000.png"
     while not written.exists() or recorder.written < 1:
         assert not said.came.wait(0.01)
     with full_disk((tmp_path / "kept" / "timestamps.txt").stat().st_size + 4):
-        recorder.put(plate_image(1))
+        recorder.put(Frame.of(plate_image(1)))
         assert said.came.wait(300.0)
-    recorder.put(plate_image(2))
+    recorder.put(Frame.of(plate_image(2)))
     assert recorder.close() == 1
     kept = [*open_source(tmp_path / "kept")]
     assert [frame.number for frame in kept] == [0, 2]
@@ -88,8 +89,8 @@ def test_any_error_is_reported_and_the_next_frame_is_written(tmp_path: Path) -> 
     said = Heard()
     recorder = FrameRecorder(tmp_path / "kept", ALONE, said)
     odd = plate_image(0)
-    recorder.put(replace(odd, depth=odd.depth.astype(np.complex64)))
-    recorder.put(plate_image(1))
+    recorder.put(Frame.of(replace(odd, depth=odd.depth.astype(np.complex64))))
+    recorder.put(Frame.of(plate_image(1)))
     assert recorder.close() == 1
     assert [frame.number for frame in open_source(tmp_path / "kept")] == [1]
     assert len(said) == 1
@@ -100,7 +101,7 @@ def test_a_folder_of_another_recording_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "kept-2").mkdir()
     recorder = FrameRecorder(tmp_path / "kept", ALONE, print)
     for number in (5, 6, 1, 2):
-        recorder.put(plate_image(number))
+        recorder.put(Frame.of(plate_image(number)))
     assert recorder.close() == 0
     assert not any((tmp_path / "kept-2").iterdir())
     assert [frame.number for frame in open_source(tmp_path / "kept-3")] == [1, 2]
@@ -112,7 +113,7 @@ def test_a_rig_file_that_cannot_be_written_is_one_line(tmp_path: Path) -> None:
     recorder = FrameRecorder(tmp_path / "kept", cameras, said)
     left, right = (replace(plate_image(0), camera=each.camera) for each in cameras)
     (tmp_path / "kept" / "rig.json").mkdir(parents=True)
-    recorder.put(replace(left, others=(right,)))
+    recorder.put(Frame.of(left, right))
     assert recorder.close() == 0
     assert len(said) == 1
     assert said[0].startswith(f"the rig file of {tmp_path / 'kept'} cannot be written: ")
@@ -138,6 +139,6 @@ def test_the_colours_of_two_cameras_come_at_once(tmp_path: Path) -> None:
         sys.setswitchinterval(usual)
     recorder.put_colour("left", encode_colour(9999, b"\xff\xd8 last"))
     left = replace(plate_image(9999), camera="left")
-    recorder.put(left)
+    recorder.put(Frame.of(left))
     assert recorder.close() == 0
     assert (tmp_path / "kept" / "left" / "color" / "009999.jpg").read_bytes() == b"\xff\xd8 last"

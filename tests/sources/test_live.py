@@ -61,8 +61,8 @@ def test_a_stream_is_tracked_to_its_end(endpoint: str, tmp_path: Path) -> None:
     kept = [*open_source(tmp_path / "kept")]
     assert [frame.number for frame in kept] == [10, 11, 15]
     np.testing.assert_allclose([frame.time_s for frame in kept], np.array([0, 1, 5]) / 30)
-    assert all(np.array_equal(frame.depth, plate_image(0).depth) for frame in kept)
-    assert (kept[0].intrinsics, kept[0].depth_scale) == (CAMERA, 1000.0)
+    assert all(np.array_equal(frame.views[0].depth, plate_image(0).depth) for frame in kept)
+    assert (kept[0].views[0].intrinsics, kept[0].views[0].depth_scale) == (CAMERA, 1000.0)
     track, summary = read_track(tmp_path / "run"), summary_of(tmp_path / "run")
     assert track.frame.tolist() == [10, 11, 15]
     np.testing.assert_allclose(track.time_s, np.array([10, 11, 15]) / 30)

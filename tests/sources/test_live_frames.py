@@ -15,7 +15,7 @@ from PIL import Image
 
 from gepf.common.camera import Intrinsics
 from gepf.common.errors import InputError
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import Frame, View
 from gepf.common.protocol.frames import LIVE_END, encode_colour, encode_live
 from gepf.coordinator.sources.live import COUNTED, LiveFrames, from_first_seen
 from gepf.coordinator.sources.live_stream import LiveCamera, live_key
@@ -60,7 +60,7 @@ def test_colour_joins_its_frame_if_it_has_come() -> None:
         if before is not None:
             frames.receive_colour(encode_colour(number, before))
         frames.receive(encode_live(image(number)))
-        taken = next(numbers)
+        (taken,) = next(numbers).views
         assert np.array_equal(taken.depth, image(number).depth)
         assert (taken.colours is not None) == (number in (0, 4))
         frames.receive_colour(encode_colour(number, red.getvalue()))  # too late
@@ -96,7 +96,7 @@ def test_malformed_messages_are_counted_and_reported_once() -> None:
         (image(1, time_s=9.0), "is number 1 of 9 s"),
     ],
 )
-def test_an_odd_frame_is_rejected(odd: DepthFrame, line: str) -> None:
+def test_an_odd_frame_is_rejected(odd: View, line: str) -> None:
     """It is counted, its cause is reported the first time, and the stream goes on."""
     frames, reports = opened()
     numbers = iter(frames)
@@ -144,7 +144,7 @@ def test_two_cameras_on_one_key_leave_the_first_one_tracked() -> None:
             frames.receive(encode_live(image(number, camera=WIDE if number % 2 else CAMERA)))
             counts = frames.counts
             if counts["received"] - counts["skipped"] - counts["rejected"] > len(yielded):
-                yielded.append((frames.stream, next(numbers).intrinsics))
+                yielded.append((frames.stream, next(numbers).views[0].intrinsics))
     assert [camera for _, camera in yielded] == [CAMERA] * (20 + 16)
     assert frames.stream == 1
 
@@ -170,15 +170,15 @@ def test_a_stream_never_changes_silently(
     """Law: frames yielded with one `stream` have one camera and scale; their numbers and times increase."""
     frames, _ = opened()
     numbers = iter(frames)
-    yielded: list[tuple[int, DepthFrame]] = []
+    yielded: list[tuple[int, View]] = []
 
     def take() -> None:
         counts = frames.counts
         waiting = counts["received"] - counts["skipped"] - counts["rejected"] - len(yielded)
         assert waiting in (0, 1)
         if waiting:
-            frame = next(numbers)
-            yielded.append((frames.stream, frame))
+            (view,) = next(numbers).views
+            yielded.append((frames.stream, view))
 
     for camera, scale, number, time_s, step, interval, length in runs:
         for k in range(length):
@@ -222,9 +222,9 @@ def test_a_stream_whose_publisher_died_is_over_after_a_while() -> None:
 
 def test_nothing_starts_from_frames_without_depth() -> None:
     """Empty frames before the first with depth are passed over, which is reported once; later ones count."""
-    frames = [image(0, depth=0), image(1, depth=0), image(2), image(3, depth=0)]
+    images = [image(0, depth=0), image(1, depth=0), image(2), image(3, depth=0)]
     reports: list[str] = []
-    assert [frame.number for frame in from_first_seen(iter(frames), reports.append)] == [2, 3]
+    assert [frame.number for frame in from_first_seen(map(Frame.of, images), reports.append)] == [2, 3]
     assert reports == ["frames come, but without depth; waiting for one with depth"]
 
 

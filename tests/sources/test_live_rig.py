@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from gepf.common.errors import InputError
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import Frame
 from gepf.coordinator.sources.live import LiveRig
 from gepf.coordinator.sources.live_stream import LiveCamera
 from gepf.coordinator.sources.rig import live_cameras
@@ -36,7 +36,7 @@ def sent(
     return [(time_s + late, name, n, time_s + clock) for n, time_s in enumerate(times)]
 
 
-def play(rig: LiveRig, events: list[Sent]) -> Iterator[DepthFrame]:
+def play(rig: LiveRig, events: list[Sent]) -> Iterator[Frame]:
     """The frames that a tracker takes that is always idle."""
     for now, name, number, time_s in sorted(events):
         rig.accept(image(number, time_s, depth=2000 + number), now, "abc".index(name))
@@ -44,7 +44,7 @@ def play(rig: LiveRig, events: list[Sent]) -> Iterator[DepthFrame]:
             yield frame
 
 
-def played(offsets: tuple[float, ...], *events: list[Sent]) -> list[DepthFrame]:
+def played(offsets: tuple[float, ...], *events: list[Sent]) -> list[Frame]:
     """All frames that are taken."""
     return list(play(LiveRig(cameras(*offsets)), [each for some in events for each in some]))
 
@@ -52,9 +52,9 @@ def played(offsets: tuple[float, ...], *events: list[Sent]) -> list[DepthFrame]:
 def test_each_frame_of_the_first_camera_has_the_newest_of_the_others() -> None:
     """Unsynchronised, at one rate: from the third frame on, each with one of the other's, used once."""
     frames = played((0.0, 0.0), sent("a", 0.0, 20), sent("b", 0.012, 20))
-    assert [frame.camera for frame in frames] == ["a"] * 20
+    assert [frame.views[0].camera for frame in frames] == ["a"] * 20
     assert [frame.number for frame in frames] == list(range(20))
-    used = [frame.others[0] for frame in frames[3:]]
+    used = [frame.views[1] for frame in frames[3:]]
     assert [other.number for other in used] == list(range(2, 19))
     for frame, other in zip(frames[3:], used, strict=True):
         assert other.camera == "b"
@@ -66,7 +66,7 @@ def test_rates_may_differ(rate: float, share: float) -> None:
     """A slow camera adds to some frames, of a fast one each frame gets the newest; none is used twice."""
     frames = played((0.0, 0.0), sent("a", 0.0, 60), sent("b", 0.004, round(2 * rate), rate))
     assert len(frames) == 60
-    used = [other.number for frame in frames for other in frame.others]
+    used = [view.number for frame in frames for view in frame.views[1:]]
     assert len(used) == len(set(used)) == pytest.approx(60 * share, abs=5)
 
 
@@ -74,7 +74,7 @@ def test_another_clock_is_moved_by_the_offset() -> None:
     """Times are the rig's: the camera's own plus time_offset_s."""
     frames = played((0.25, -0.125), sent("a", 0.0, 9, clock=-0.25), sent("b", 0.01, 9, clock=0.125))
     assert [frame.time_s for frame in frames] == pytest.approx([n / 30 for n in range(9)])
-    assert [frame.others[0].time_s for frame in frames[3:]] == pytest.approx(
+    assert [frame.views[1].time_s for frame in frames[3:]] == pytest.approx(
         [0.01 + n / 30 for n in range(2, 8)]
     )
 
@@ -86,7 +86,7 @@ def test_a_late_camera_stops_nobody() -> None:
         rig.accept(image(number, time_s), now, "ab".index(name))
         frame = rig.take(now)
         assert (frame is not None) == (name == "a")
-        taken += frame is not None and not frame.others
+        taken += frame is not None and len(frame.views) == 1
     assert taken == 30
 
 
@@ -94,7 +94,7 @@ def test_when_the_first_camera_is_silent_the_next_one_gives_the_time() -> None:
     """Numbers and times go on; when the first is back, it leads again."""
     first = [each for each in sent("a", 0.0, 60) if not 0.5 < each[0] < 1.2]
     frames = played((0.0, 0.0), first, sent("b", 0.01, 60))
-    leads = [frame.camera for frame in frames]
+    leads = [frame.views[0].camera for frame in frames]
     assert leads.count("b") == pytest.approx(0.6 * 30, abs=2)
     after = leads[::-1].index("b")
     assert leads == ["a"] * leads.index("b") + ["b"] * leads.count("b") + ["a"] * after
@@ -106,8 +106,8 @@ def test_when_the_first_camera_is_silent_the_next_one_gives_the_time() -> None:
 def test_a_camera_that_never_sends_is_not_waited_for() -> None:
     """The second camera leads from its first frame on, until the first begins; one line names the first."""
     frames = played((0.0, 0.0), sent("a", 1.0, 20), sent("b", 0.0, 50))
-    assert [frame.camera for frame in frames[:30]] == ["b"] * 30
-    assert [frame.camera for frame in frames[32:]] == ["a"] * len(frames[32:])
+    assert [frame.views[0].camera for frame in frames[:30]] == ["b"] * 30
+    assert [frame.views[0].camera for frame in frames[32:]] == ["a"] * len(frames[32:])
     rig, events = LiveRig(cameras(0.0, 0.0)), sent("a", 8.0, 20) + sent("b", 0.0, 260)
     said = [rig.accept(image(n, time_s), now, "ab".index(name)) for now, name, n, time_s in sorted(events)]
     assert said[:150] == [None] * 150
@@ -126,7 +126,7 @@ def test_a_restarted_camera_goes_on_in_the_rigs_time(name: str) -> None:
     assert all(len(frame.views) == 2 for frame in last)
     for frame in last:
         assert {view.camera for view in frame.views} == {"a", "b"}
-        assert abs(frame.others[0].time_s - frame.time_s) < 1 / 30
+        assert abs(frame.views[1].time_s - frame.time_s) < 1 / 30
     assert np.all(np.diff([frame.number for frame in frames]) > 0)
     assert np.all(np.diff([frame.time_s for frame in frames]) > 0.0)
 

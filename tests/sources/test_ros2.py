@@ -154,8 +154,8 @@ def test_images_become_frames_with_exact_times(
             frame = next(iter(frames))
             assert frame.time_s == pytest.approx(time_s, abs=1e-9)
             assert ours.header(frame.time_s) == message.header
-            assert np.allclose(frame.metres(), metres, atol=1e-4)
-            assert (frame.intrinsics.fx, frame.intrinsics.cy) == (50.0, 0.5)
+            assert np.allclose(frame.views[0].metres(), metres, atol=1e-4)
+            assert (frame.views[0].intrinsics.fx, frame.views[0].intrinsics.cy) == (50.0, 0.5)
 
 
 def test_images_without_stamps_have_the_times_of_their_reception(endpoint: str) -> None:
@@ -185,7 +185,7 @@ def test_distortion_of_a_live_camera_is_undone(endpoint: str, name: str) -> None
         while not frames.counts["received"]:
             publish(image(robot, depth, 1.0), info)
         expected = depth if name == "image_rect" else Lens(camera, coefficients).undistort(depth)
-        received = next(iter(frames)).depth
+        received = next(iter(frames)).views[0].depth
         np.testing.assert_array_equal(received, expected)
         assert np.array_equal(received, depth) == (name == "image_rect")
 
@@ -203,7 +203,7 @@ def test_compressed_live_depth_is_read_unless_it_is_jpeg(endpoint: str) -> None:
             message = make(robot.header(1.0), form, np.frombuffer(content, np.uint8))
             while not (frames.counts["received"] if "png" in form else reports):
                 publish(message, camera_info(robot))
-        np.testing.assert_array_equal(next(iter(frames)).depth, DEPTH % 65535)
+        np.testing.assert_array_equal(next(iter(frames)).views[0].depth, DEPTH % 65535)
         assert "it is depth as JPEG (16UC1; jpeg compressed mono8), which has lost it; use" in reports[0]
 
 
@@ -239,7 +239,7 @@ def test_colour_of_the_camera_joins_its_depth(endpoint: str, name: str, frame_id
                 before = frames.counts["received"]
                 publish(image(robot, DEPTH, sent / 30), camera_info(robot))
                 if frames.counts["received"] > before:
-                    found = next(iter(frames)).colours  # None before its topic is known
+                    found = next(iter(frames)).views[0].colours  # None before its topic is known
             assert not infrared.has_subscriber
             if frame_id == "optical":
                 assert found is not None

@@ -44,7 +44,7 @@ TIES = [EPOCH_NS + n // 3 * 3 * STEP_NS for n in range(FRAMES)]
 
 def order(source: Source) -> list[int]:
     """Which image each frame is."""
-    return [int(frame.depth[0, 0]) - 1000 for frame in source]
+    return [int(frame.views[0].depth[0, 0]) - 1000 for frame in source]
 
 
 @pytest.mark.parametrize("name", BAGS)
@@ -100,7 +100,7 @@ def test_compressed_depth_without_loss_is_read(tmp_path: Path, form: str, pictur
     path = tmp_path / "walk"
     messages = compressed(path, form, pictures, f"{TOPIC}/compressed", STEP_NS)
     source = open_source(write(path, [camera(path), *messages]))
-    assert np.allclose([frame.metres() for frame in source], numbered(3) / 1000.0, atol=2e-4)
+    assert np.allclose([frame.views[0].metres() for frame in source], numbered(3) / 1000.0, atol=2e-4)
 
 
 def test_depth_as_jpeg_is_refused_by_name_and_not_preferred(tmp_path: Path) -> None:
@@ -173,11 +173,11 @@ def test_distortion_in_camera_info_is_undone(tmp_path: Path, name: str) -> None:
     source = open_source(write(path, [camera(path, distortion=coefficients), *images(path, STAMPS, STAMPS)]))
     assert source.intrinsics == SMALL
     for depth, frame in zip(numbered(FRAMES), source, strict=True):
-        np.testing.assert_array_equal(frame.depth, lens.undistort(depth))
+        np.testing.assert_array_equal(frame.views[0].depth, lens.undistort(depth))
     rect = tmp_path / f"rect_{name}"
     messages = images(rect, STAMPS, STAMPS, "/camera/depth/image_rect")
     source = open_source(write(rect, [camera(rect, distortion=coefficients), *messages]))
-    np.testing.assert_array_equal([frame.depth for frame in source], numbered(FRAMES))
+    np.testing.assert_array_equal([frame.views[0].depth for frame in source], numbered(FRAMES))
 
 
 def test_the_camera_of_another_camera_is_not_taken(tmp_path: Path) -> None:
@@ -268,17 +268,17 @@ def test_frames_have_the_colour_of_the_same_camera(tmp_path: Path, name: str, en
     write(
         path, [camera(path), *images(path, STAMPS, STAMPS), *pictures(path, "depth", encoding, slice(2, 9))]
     )
-    assert all(frame.colours is None for frame in open_source(path))
+    assert all(frame.views[0].colours is None for frame in open_source(path))
     frames = [*open_source(path, color=True)]
-    assert [frame.colours is not None for frame in frames] == [2 <= n < 9 for n in range(FRAMES)]
+    assert [frame.views[0].colours is not None for frame in frames] == [2 <= n < 9 for n in range(FRAMES)]
     for n, frame in [*enumerate(frames)][2:9]:
-        assert frame.colours is not None
-        assert frame.colours.shape == (2 * SMALL.height, 2 * SMALL.width, 3)
+        assert frame.views[0].colours is not None
+        assert frame.views[0].colours.shape == (2 * SMALL.height, 2 * SMALL.width, 3)
         tolerance = 12 if "jpeg" in encoding else 0
-        assert np.abs(frame.colours[0, -1].astype(int) - (10 * n, 50, 93)).max() <= tolerance
-    mirrored = open_source(path, GivenCamera(mirrored=True), color=True).frame(3).colours
+        assert np.abs(frame.views[0].colours[0, -1].astype(int) - (10 * n, 50, 93)).max() <= tolerance
+    mirrored = open_source(path, GivenCamera(mirrored=True), color=True).view(3).colours
     assert mirrored is not None
-    assert np.array_equal(mirrored, frames[3].colours[:, ::-1])
+    assert np.array_equal(mirrored, frames[3].views[0].colours[:, ::-1])
 
 
 def test_colour_loses_the_distortion_that_depth_loses(tmp_path: Path) -> None:
@@ -287,7 +287,7 @@ def test_colour_loses_the_distortion_that_depth_loses(tmp_path: Path) -> None:
     write(
         path, [camera(path, distortion=bent), *images(path, STAMPS, STAMPS), *pictures(path, "depth", "rgb8")]
     )
-    colours = open_source(path, color=True).frame(1).colours
+    colours = open_source(path, color=True).view(1).colours
     assert colours is not None
     twice = Intrinsics(32, 24, 100.0, 102.0, 15.5, 11.5)
     straight = [Lens(twice, bent).undistort(channel) for channel in np.moveaxis(picture(1), 2, 0)]
@@ -302,5 +302,5 @@ def test_colour_of_another_camera_is_not_used(
     """That is said in a line; infrared images are no colour, and nothing is said of them."""
     path = tmp_path / name
     write(path, [camera(path), *images(path, STAMPS, STAMPS), *pictures(path, "color", "rgb8")])
-    assert all(frame.colours is None for frame in open_source(path, color=True))
+    assert all(frame.views[0].colours is None for frame in open_source(path, color=True))
     assert f"colour on {COLOUR} is of another camera than depth, and not used" in caplog.text

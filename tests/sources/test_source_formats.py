@@ -63,9 +63,9 @@ def test_every_format_gives_the_same_frames(tmp_path: Path, name: str) -> None:
     assert (camera.width, camera.height) == (KINECT.width, KINECT.height)
     np.testing.assert_allclose(matrix_of(camera), matrix_of(KINECT), rtol=1e-5)
     for n, frame in enumerate(source):
-        assert (frame.number, frame.intrinsics) == (n, camera)
+        assert (frame.number, frame.views[0].intrinsics) == (n, camera)
         assert frame.time_s == pytest.approx(n / fps, abs=1e-5)
-        np.testing.assert_array_equal(frame.metres(), recorded()[n] / np.float32(1000.0))
+        np.testing.assert_array_equal(frame.views[0].metres(), recorded()[n] / np.float32(1000.0))
 
 
 @pytest.mark.parametrize("name", WRITERS)
@@ -75,7 +75,7 @@ def test_a_camera_that_the_user_gives_replaces_the_recorded_one(tmp_path: Path, 
     (path / "camera_intrinsic.json").unlink(missing_ok=True) if path.is_dir() and name != "ply" else None
     source = open_source(path, GivenCamera((300.0, 301.0, 150.0, 110.0), SCALES.get(name)))
     assert source.intrinsics == Intrinsics(320, 240, 300.0, 301.0, 150.0, 110.0)
-    depth, expected = source.frame(1).metres(), recorded()[1] / np.float32(1000.0)
+    depth, expected = source.view(1).metres(), recorded()[1] / np.float32(1000.0)
     if name not in ("ply", "pcd"):
         np.testing.assert_array_equal(depth, expected)
         return
@@ -89,7 +89,7 @@ def test_a_camera_that_the_user_gives_replaces_the_recorded_one(tmp_path: Path, 
 def test_every_encoding_of_pcd_is_read(tmp_path: Path, encoding: Encoding) -> None:
     """ASCII, binary, compressed."""
     source = open_source(write_pcd(tmp_path / "clouds", recorded()[:1], encoding))
-    np.testing.assert_array_equal(source.frame(0).metres(), recorded()[0] / np.float32(1000.0))
+    np.testing.assert_array_equal(source.view(0).metres(), recorded()[0] / np.float32(1000.0))
 
 
 def test_an_unorganised_cloud_without_a_camera_has_pixels_as_wide_as_its_spacing(tmp_path: Path) -> None:
@@ -99,7 +99,7 @@ def test_an_unorganised_cloud_without_a_camera_has_pixels_as_wide_as_its_spacing
     source = open_source(path)
     assert (source.intrinsics.fx, source.intrinsics.fy) == pytest.approx((KINECT.fx, KINECT.fy), rel=1e-3)
     for frame, whole in zip(source, recorded(), strict=True):
-        seen = frame.metres()
+        seen = frame.views[0].metres()
         assert np.count_nonzero(seen) == np.count_nonzero(whole)
         assert seen[seen > 0].mean() == pytest.approx(whole[whole > 0].mean() / 1000.0, abs=1e-3)
 
@@ -115,7 +115,7 @@ def test_a_thinned_cloud_has_a_surface_without_gaps(tmp_path: Path) -> None:
     source = open_source(path)
     assert source.intrinsics.fx == pytest.approx(0.5 * KINECT.fx, rel=0.15)
     share = (source.intrinsics.fx / KINECT.fx) ** 2
-    covered = np.count_nonzero(source.frame(0).depth) / (share * np.count_nonzero(recorded()[0]))
+    covered = np.count_nonzero(source.view(0).depth) / (share * np.count_nonzero(recorded()[0]))
     assert 0.9 < covered < 1.1
 
 
@@ -124,7 +124,7 @@ def test_points_in_millimetres_are_known_by_their_distance(
 ) -> None:
     """As the vendor's tools for Azure Kinect write them; a line says so."""
     path = write_ply(tmp_path / "clouds", recorded(), per_metre=1000.0)
-    depth = open_source(path).frame(0).metres()
+    depth = open_source(path).view(0).metres()
     assert np.median(depth[depth > 0]) == pytest.approx(
         np.median(recorded()[recorded() > 0]) / 1000.0, abs=0.01
     )
@@ -137,7 +137,7 @@ def test_of_points_in_one_pixel_the_nearest_counts(tmp_path: Path) -> None:
     points = "0 0 3\n0 0 2\n0 0 2.5\n0 0 -1\nnan 0 1\n"
     head = "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\nproperty float z\n"
     (tmp_path / "clouds" / "a.ply").write_text(head + "end_header\n" + points)
-    depth = open_source(tmp_path / "clouds").frame(0).metres()
+    depth = open_source(tmp_path / "clouds").view(0).metres()
     assert depth[depth > 0].tolist() == [2.0]
 
 
@@ -148,7 +148,7 @@ def test_clouds_are_in_the_order_of_their_numbers(tmp_path: Path) -> None:
     (path / "cloud_1.ply").write_bytes(b"")
     (path / "cloud_1.ply").rename(path / "cloud_10.ply")
     source = open_source(path)
-    assert source.frame(0).depth.any()
+    assert source.view(0).depth.any()
     with pytest.raises(InputError, match=r"cloud_10\.ply is damaged"):
         source.frame(1)
 
@@ -164,13 +164,13 @@ def test_a_tum_folder_has_the_camera_that_the_data_set_documents(
     depth = np.full((1, 480, 640), 2000, np.uint16)
     source = open_source(write_tum(tmp_path / name, depth, with_camera=False))
     assert source.intrinsics.fx == fx
-    assert source.frame(0).metres()[0, 0] == 2.0
+    assert source.view(0).metres()[0, 0] == 2.0
 
 
 def test_a_bag_without_units_is_in_millimetres_and_one_with_units_in_those(tmp_path: Path) -> None:
     """Millimetres, as in ROS for 16-bit depth; 0.1 mm for a D405."""
-    assert open_source(write_bag(tmp_path / "a.bag", recorded(), None)).frame(0).depth_scale == 1000.0
-    assert open_source(write_bag(tmp_path / "b.bag", recorded(), 1e-4)).frame(0).depth_scale == 10_000.0
+    assert open_source(write_bag(tmp_path / "a.bag", recorded(), None)).view(0).depth_scale == 1000.0
+    assert open_source(write_bag(tmp_path / "b.bag", recorded(), 1e-4)).view(0).depth_scale == 10_000.0
 
 
 def cut(path: Path, share: float = 0.5) -> None:

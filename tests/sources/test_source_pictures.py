@@ -47,7 +47,7 @@ def taken(path: Path, given: GivenCamera = LENS) -> tuple[list[int], list[float]
     """Numbers and times of all frames, in order."""
     source = open_source(path, given)
     frames = list(source)
-    assert [frame.depth[0, 0] for frame in frames] == [1000 + n for n in range(len(frames))]
+    assert [frame.views[0].depth[0, 0] for frame in frames] == [1000 + n for n in range(len(frames))]
     return [frame.number for frame in frames], [round(frame.time_s, 6) for frame in frames]
 
 
@@ -201,7 +201,7 @@ def test_an_array_file_is_metres_whatever_it_holds(
     np.save(tmp_path / "depth.npy", convert(depth(2)))
     with caplog.at_level(logging.WARNING):
         source = open_source(tmp_path / "depth.npy", GivenCamera(LENS.intrinsics, scale))
-    assert np.allclose(source.frame(1).metres(), depth(2)[1] / 1000.0, atol=1e-3)
+    assert np.allclose(source.view(1).metres(), depth(2)[1] / 1000.0, atol=1e-3)
     assert source.intrinsics.fy == 51.0
     assert ("is interpreted as millimetres" in caplog.text) == (units == "millimetres as floats")
 
@@ -213,7 +213,7 @@ def test_an_array_file_is_read_frame_by_frame(tmp_path: Path) -> None:
     file[:] = 2.0
     del file
     tracemalloc.start()
-    assert all(frame.metres().min() == 2.0 for frame in open_source(path, LENS))
+    assert all(frame.views[0].metres().min() == 2.0 for frame in open_source(path, LENS))
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert peak < 0.2 * path.stat().st_size
@@ -250,7 +250,7 @@ def test_a_ros_2_bag_round_trip(tmp_path: Path, encoding: str, kind: str) -> Non
     source = open_source(write_ros2(tmp_path / "bag", encoding, f"sensor_msgs/msg/{kind}"))
     frames = list(source)
     assert [round(frame.time_s, 6) for frame in frames] == [0.0, 0.04, 0.14]
-    assert np.allclose([f.metres() for f in frames], depth(3) / 1000.0, atol=1e-4)
+    assert np.allclose([frame.views[0].metres() for frame in frames], depth(3) / 1000.0, atol=1e-4)
     camera = source.intrinsics
     assert (camera.width, camera.height, camera.fx, camera.cy) == (16, 12, 50.0, 5.5)
 

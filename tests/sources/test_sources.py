@@ -184,7 +184,7 @@ def test_the_camera_is_as_each_recorder_of_open3d_writes_it(
         (folder / "depth" / f"{n:06d}.png").rename(folder / "depth" / f"{n:05d}.png")
     (folder / name).write_text(json.dumps(content))
     source = open_source(folder, given)
-    assert (source.intrinsics.fx, source.frame(2).depth_scale) == (fx, scale)
+    assert (source.intrinsics.fx, source.view(2).depth_scale) == (fx, scale)
     assert (source.intrinsics.width, source.numbers) == (8, range(3))
     assert source.fps == content.get("fps", 30.0)
 
@@ -194,7 +194,7 @@ def test_the_largest_value_is_no_depth(folder: Path) -> None:
     depth = np.full((6, 8), 2000, np.uint16)
     depth[:, 4:] = 65535
     Image.fromarray(depth).save(folder / "depth" / "000001.png")
-    assert open_source(folder).frame(1).metres().max() == 2.0
+    assert open_source(folder).view(1).metres().max() == 2.0
 
 
 @pytest.mark.parametrize(
@@ -224,7 +224,7 @@ def test_a_utd_file_of_one_frame_or_of_doubles_is_read_too(tmp_path: Path) -> No
     depth = np.random.default_rng(0).integers(0, 4000, (240, 320)).astype(np.float64)
     source = open_source(write_mat(tmp_path / "one.mat", depth))
     assert len(source) == 1
-    np.testing.assert_array_equal(source.frame(0).depth, depth)
+    np.testing.assert_array_equal(source.view(0).depth, depth)
 
 
 @pytest.mark.parametrize(

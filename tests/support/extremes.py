@@ -15,7 +15,7 @@ from gepf.common.body import LEAST_SPREAD, ROOT_DOFS, BodyModel
 from gepf.common.bounds import LARGEST, LARGEST_PRECISION, SMALLEST
 from gepf.common.camera import Intrinsics
 from gepf.common.errors import ProtocolError
-from gepf.common.frame import DepthFrame, SubjectFrame
+from gepf.common.frame import SubjectFrame, SubjectView, View
 from gepf.common.protocol.frames import decode_frame, encode_frame
 from gepf.common.protocol.messages import RefineRequest, decode_request, encode_request
 from gepf.common.protocol.models import decode_model, encode_model
@@ -175,7 +175,8 @@ class Extremes:
         seen = np.flatnonzero(depth)
         picked = seen[self._rng.random(len(seen)) < self._one_of((1.0, 0.5, 0.05))].astype(np.uint32)
         scale = self._one_of((1000.0, SMALLEST, LARGEST, 1.0))
-        return SubjectFrame(DepthFrame(0, 0.0, depth, scale, camera), picked, self._one_of(views))
+        view = SubjectView(View(0, 0.0, depth, scale, camera), picked, self._one_of(views))
+        return SubjectFrame(0, 0.0, (view,))
 
     def _settings(self) -> RefineSettings:
         return RefineSettings(

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from gepf.common.body import BodyModel
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import View
 from gepf.common.kernel import Kernel
 from gepf.common.refinement import Particles, Refined
 from gepf.common.transport.bus import Bus
@@ -30,7 +30,7 @@ from tests.support.processes.serving import running
 from tests.support.recordings import write_open3d
 
 KEY = "camera/depth"
-CAMERA = tiny_frame().frame.intrinsics
+CAMERA = tiny_frame().largest.image.intrinsics
 PLATE = """<robot name="plate"><link name="plate"><visual>
 <geometry><box size="0.2 0.2 0.1"/></geometry>
 </visual></link></robot>"""
@@ -39,11 +39,11 @@ AT_TWO_METRES = np.array([0.0, 0.0, 2.05, 0.0, 0.0, 0.0])  # the plate's pose in
 Rest = Callable[[threading.Event], object]  # ends when the event is set
 
 
-def plate_image(number: int, depth: int = 2000, time_s: float | None = None) -> DepthFrame:
+def plate_image(number: int, depth: int = 2000, time_s: float | None = None) -> View:
     """A plate in the middle of 32 by 32 pixels, with no depth around it."""
     seen = np.zeros((CAMERA.height, CAMERA.width), dtype=np.uint16)
     seen[8:24, 8:24] = depth
-    return DepthFrame(number, number / 30 if time_s is None else time_s, seen, 1000.0, CAMERA)
+    return View(number, number / 30 if time_s is None else time_s, seen, 1000.0, CAMERA)
 
 
 class Finder:

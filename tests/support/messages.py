@@ -51,7 +51,7 @@ class Kind:
 
 KINDS = {
     "frame": Kind(encode_frame(tiny_frame()), decode_frame),
-    "live-frame": Kind(encode_live(tiny_frame().frame), decode_live),
+    "live-frame": Kind(encode_live(tiny_frame().largest.image), decode_live),
     "live-end": Kind(LIVE_END, decode_live),
     "model": Kind(encode_model(tiny_model()), decode_model),
     "request": Kind(messages.encode_request(tiny_request()), messages.decode_request),

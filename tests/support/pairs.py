@@ -49,7 +49,7 @@ def nearer(one: NDArray[np.floating], other: NDArray[np.floating]) -> Array:
 def write_pair(folder: Path, frames: int = FRAMES) -> Path:
     """The two as a sequence; its truth is the first one's."""
     shown, _ = pair()
-    write_open3d(folder, np.array([frame.depth for frame in shown.frames[:frames]]), CAMERA)
+    write_open3d(folder, np.array([frame.views[0].depth for frame in shown.frames[:frames]]), CAMERA)
     names = np.array(human(STATURES[0]).joint_names)
     np.savez(folder / "truth.npz", joint_names=names, joint_positions=shown.joints[:frames])
     return folder

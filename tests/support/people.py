@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from functools import cache
-from typing import NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 import msgspec
 import numpy as np
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from gepf.common.arrays import Array
 from gepf.common.body import BodyModel
 from gepf.common.camera import Intrinsics, inverse, moved
-from gepf.common.frame import DepthFrame, SubjectFrame
+from gepf.common.frame import Frame, SubjectFrame, SubjectView, View
 from gepf.common.kinematics import joint_positions, pose_vertices
 from gepf.coordinator.bodies.family import Bodies
 from gepf.coordinator.bodies.human.dofs import HUMAN_DOFS
@@ -51,7 +51,7 @@ class OnePerson(Tracker):
         """The body that is tracked."""
         return self.person.body
 
-    def track(self, frame: DepthFrame) -> Estimate:  # type: ignore[override]
+    def track(self, frame: Frame) -> Estimate:  # type: ignore[override]
         """The estimate of the next frame."""
         return super().track(frame).people[0].estimate
 
@@ -78,7 +78,7 @@ SETTINGS = msgspec.structs.replace(
 class Shown(NamedTuple):
     """Frames of a person, and where the joints are (F, J, 3)."""
 
-    frames: list[DepthFrame]
+    frames: list[Frame]
     joints: Array
 
 
@@ -113,7 +113,7 @@ def rendered(
         return [renderer.depth(each, model.triangles).astype(np.float64) for each in vertices]
 
 
-def subject_of(frame: DepthFrame, points: int) -> SubjectFrame:
+def subject_of(frame: Frame, points: int) -> SubjectFrame:
     """A frame of which all that is measured is the subject's."""
     subject = isolate(frame, points)
     assert subject is not None
@@ -122,12 +122,24 @@ def subject_of(frame: DepthFrame, points: int) -> SubjectFrame:
 
 def frame_of(
     number: int, depth_m: NDArray[np.floating], camera: Intrinsics = CAMERA, scale: float = 1000.0
-) -> DepthFrame:
-    """A frame in millimetres, or in other units of depth."""
-    return DepthFrame(number, number / 30.0, np.rint(depth_m * scale).astype(np.uint16), scale, camera)
+) -> Frame:
+    """A frame of one camera in millimetres, or in other units of depth."""
+    units = np.rint(depth_m * scale).astype(np.uint16)
+    return Frame.of(View(number, number / 30.0, units, scale, camera))
 
 
-def empty(number: int) -> DepthFrame:
+def changed(frame: Frame, **changes: Any) -> Frame:
+    """A frame of one camera with other values of its image."""
+    (view,) = frame.views
+    return Frame.of(replace(view, **changes))
+
+
+def alone(view: SubjectView) -> SubjectFrame:
+    """A subject that one camera shows."""
+    return SubjectFrame(view.image.number, view.image.time_s, (view,))
+
+
+def empty(number: int) -> Frame:
     """A frame that shows nothing."""
     return frame_of(number, np.zeros((CAMERA.height, CAMERA.width)))
 

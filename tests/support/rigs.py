@@ -9,7 +9,7 @@ import numpy as np
 
 from gepf.common.arrays import Array
 from gepf.common.body import BodyModel
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import Frame
 from gepf.common.kinematics.rotations import euler_matrix
 from tests.support.people import frame_of, rendered
 
@@ -24,15 +24,10 @@ def around(yaw_deg: float) -> Array:
     return placed
 
 
-def seen_from(model: BodyModel, poses: Sequence[Array], places: Mapping[str, Array]) -> DepthFrame:
+def seen_from(model: BodyModel, poses: Sequence[Array], places: Mapping[str, Array]) -> Frame:
     """A frame of cameras at places by name, each with the body in its own pose (D,)."""
     views = []
     for pose, (name, placed) in zip(poses, places.items(), strict=True):
         (depth,) = rendered(model, pose[None], placed=placed)
-        views.append(replace(frame_of(0, depth), camera=name, T_rig_camera=placed))
-    return together(views)
-
-
-def together(views: Sequence[DepthFrame]) -> DepthFrame:
-    """The frame of a rig whose cameras have these."""
-    return replace(views[0], others=tuple(replace(view, others=()) for view in views[1:]))
+        views.append(replace(frame_of(0, depth).views[0], camera=name, T_rig_camera=placed))
+    return Frame.of(*views)

@@ -10,7 +10,7 @@ import numpy as np
 
 from gepf.common.arrays import Array, Mask
 from gepf.common.camera import Intrinsics
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import Frame, View
 
 Box = tuple[tuple[float, float, float], tuple[float, float, float]]  # least and greatest corner
 
@@ -30,9 +30,9 @@ PERSON = (-0.4, 2.6)  # where somebody stands: x and z
 
 
 class Seen(NamedTuple):
-    """A frame, and which pixels (H, W) are the person's."""
+    """An image, and which pixels (H, W) are the person's."""
 
-    frame: DepthFrame
+    view: View
     mask: Mask
 
 
@@ -46,7 +46,7 @@ class Room:
     wall: float = WALL
 
     def see(self, person: tuple[float, float] | None, number: int = 0) -> Seen:
-        """A frame of the room with a person at x and z, or without one."""
+        """An image of the room with a person at x and z, or without one."""
         across = (np.arange(CAMERA.width) - CAMERA.cx) / CAMERA.fx
         down = (np.arange(CAMERA.height) - CAMERA.cy) / CAMERA.fy
         rays = np.stack([*np.meshgrid(across, down), np.ones((CAMERA.height, CAMERA.width))], axis=-1)
@@ -64,7 +64,7 @@ class Room:
         depth = np.minimum(mine, depth)
         depth += np.random.default_rng(number).normal(0.0, 1.0, depth.shape) * self.noise * depth**2
         units = np.where(depth < 8.0, np.rint(1000.0 * depth), 0.0).astype(np.uint16)
-        return Seen(DepthFrame(number, number / 30.0, units, 1000.0, CAMERA), mask)
+        return Seen(View(number, number / 30.0, units, 1000.0, CAMERA), mask)
 
     @property
     def tilt(self) -> Array:
@@ -84,15 +84,15 @@ class Room:
         return turned
 
 
-def in_a_room(frame: DepthFrame, behind: float = 0.6) -> DepthFrame:
+def in_a_room(frame: Frame, behind: float = 0.6) -> Frame:
     """A frame that shows somebody alone, with a floor under the lowest point and a wall so far behind."""
-    depth = frame.metres().astype(np.float64)
-    camera = frame.intrinsics
+    (view,) = frame.views
+    depth, camera = view.metres().astype(np.float64), view.intrinsics
     down = np.broadcast_to(((np.arange(camera.height) - camera.cy) / camera.fy)[:, None], depth.shape)
     floor = float((down * depth).max()) + 0.01
     room = np.minimum(along(floor, down), depth.max() + behind)
     units = np.rint(1000.0 * np.where(depth > 0.0, depth, room)).astype(np.uint16)
-    return replace(frame, depth=units)
+    return Frame.of(replace(view, depth=units))
 
 
 def along(distance: float, rays: Array) -> Array:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from itertools import count
 
 from gepf.common.offer import Offer
-from gepf.coordinator.pool.scheduler import TICK_S, Batch, Request, Scheduler, Worker
+from gepf.coordinator.pool.scheduler import LIMITS, Batch, Request, Scheduler, Worker
 from gepf.worker.service import PARTICLES_A_TURN
 from gepf.worker.turns import Turns
 
@@ -181,4 +181,4 @@ class SimulatedRoom:
 
     def _tick(self) -> None:
         self._send(self.scheduler.dispatch(self._clock.now))
-        self._clock.after(TICK_S, self._tick)
+        self._clock.after(LIMITS.tick_s, self._tick)

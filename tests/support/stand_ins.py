@@ -82,7 +82,7 @@ class StillWorkers(StandIn):
 
     def submit(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Pending:
         """Keep the particles; or fail, if it is time."""
-        number = subject.frame.number
+        number = subject.number
         self.before(number)
         if number == self.fail_at and self.failure is not None:
             raise self.failure

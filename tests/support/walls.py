@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gepf.common.camera import Intrinsics
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import View
 
 CAMERA = Intrinsics(4, 3, 10.0, 10.0, 2.0, 1.5)
 LONG = Intrinsics(4, 3, 11.0, 10.0, 2.0, 1.5)
@@ -18,7 +18,7 @@ def image(
     camera: Intrinsics = CAMERA,
     depth_scale: float = 1000.0,
     depth: int = 2000,
-) -> DepthFrame:
+) -> View:
     """A frame that shows a wall; by default of the camera that all tests begin with."""
     seen = np.full((camera.height, camera.width), depth, dtype=np.uint16)
-    return DepthFrame(number, number / 30 if time_s is None else time_s, seen, depth_scale, camera)
+    return View(number, number / 30 if time_s is None else time_s, seen, depth_scale, camera)

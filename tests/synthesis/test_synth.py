@@ -16,7 +16,7 @@ from gepf.coordinator.results.evaluation import read_truth
 from gepf.coordinator.scene.noise import NO_NOISE, SensorNoise
 from gepf.coordinator.sources import Source, open_source
 from gepf.coordinator.synthesis.noise import add_noise
-from gepf.coordinator.synthesis.person_scene import FPS, person
+from gepf.coordinator.synthesis.person_scene import SHOT, person
 from gepf.coordinator.synthesis.rendering import DepthRenderer
 from gepf.coordinator.synthesis.scenes import SCENES
 from gepf.coordinator.synthesis.sequence import synthesise
@@ -89,8 +89,8 @@ def test_a_sequence_is_one_that_can_be_opened_with_its_truth_and_start(sequence:
     assert np.array_equal(truth.joint_positions, joint_positions(scene.model, scene.poses[:3]))
     with DepthRenderer(scene.camera) as renderer:
         exact = renderer.depth(pose_vertices(scene.model, scene.poses[2:3])[0], scene.model.triangles)
-    assert np.abs(source.frame(2).metres() - exact).max() < 0.6e-4
-    assert np.array_equal(source.frame(2).depth > 0, exact > 0.0)
+    assert np.abs(source.view(2).metres() - exact).max() < 0.6e-4
+    assert np.array_equal(source.view(2).depth > 0, exact > 0.0)
 
 
 def test_the_same_seed_gives_the_same_bytes_and_another_seed_other_noise(tmp_path: Path) -> None:
@@ -164,7 +164,7 @@ def test_a_person_is_another_with_every_seed_and_moves_as_people_can() -> None:
     lowest = [pose_vertices(scene.model, pose[None])[0, :, 1].max() for pose in scene.poses[::10]]
     assert np.ptp(lowest) < 1e-9
     joints = joint_positions(scene.model, scene.poses)
-    speed = np.linalg.norm(np.diff(joints, axis=0), axis=-1).max(axis=1) * FPS
+    speed = np.linalg.norm(np.diff(joints, axis=0), axis=-1).max(axis=1) * SHOT.fps
     assert speed[:4].max() < 0.01
     assert speed.max() > 2.5  # metres a second, of a wrist
     assert scene.start is None
@@ -175,7 +175,7 @@ def test_a_person_is_rendered_without_a_start(tmp_path: Path) -> None:
     synthesise("person", tmp_path / "fast", frames=2, seed=1, kinect=True)
     source = open_source(tmp_path / "fast")
     assert source.init is None
-    assert source.fps == FPS
+    assert source.fps == SHOT.fps
     truth = read_truth(tmp_path / "fast" / "truth.npz")
     assert truth.joint_positions.shape == (2, 15, 3)
     with pytest.raises(InputError, match="has a body of its own"):
@@ -211,12 +211,13 @@ def test_truth_and_images_are_one_motion(rig: Source) -> None:
         assert view.truth is not None
         joints = read_truth(view.truth, np.eye(4)).joint_positions
         paths.append(joints @ view.T_rig_camera[:3, :3].T + view.T_rig_camera[:3, 3])
-        for frame in view.changed(others=()):
-            metres = frame.metres()
-            points = back_project(metres, frame.intrinsics)[metres > 0.0]
+        for frame in view:
+            (image,) = frame.views
+            metres = image.metres()
+            points = back_project(metres, image.intrinsics)[metres > 0.0]
             floor = (points @ view.T_rig_camera[:3, :3].T + view.T_rig_camera[:3, 3])[:, 1].max()
             assert floor == pytest.approx(1.0, abs=0.01)  # the camera is one metre high
-            at = np.rint(project(joints[frame.number], frame.intrinsics)).astype(int)
+            at = np.rint(project(joints[frame.number], image.intrinsics)).astype(int)
             inside = (
                 (at[:, 1] < metres.shape[0] - 1) & (at[:, 0] < metres.shape[1] - 1) & np.all(at > 0, axis=1)
             )

@@ -11,7 +11,7 @@ import pytest
 from gepf.common.arrays import Array
 from gepf.common.body import BodyModel
 from gepf.common.camera import Intrinsics
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import Frame, View
 from gepf.common.kinematics import joint_positions
 from gepf.common.kinematics.rotations import euler_matrix
 from gepf.coordinator.bodies.human.template import human
@@ -30,24 +30,22 @@ from gepf.coordinator.tracking.track_state import Tracked
 from gepf.coordinator.tracking.tracker import Tracker
 from gepf.refiners import DirectRefiner
 from tests.support.people import SETTINGS, STANDING, frame_of, known, rendered
-from tests.support.rigs import around, together
+from tests.support.rigs import around
 
 TINY = Intrinsics(4, 16, 10.0, 10.0, 2.0, 1.5)
 FPS = 30.0
 
 
-def shown(number: int, **images: int) -> DepthFrame:
+def shown(number: int, **images: int) -> Frame:
     """A frame of cameras by name, each with an image of this depth in units."""
     views = [
-        DepthFrame(number, number / FPS, np.full((16, 4), depth, np.uint16), 1000.0, TINY, name)
+        View(number, number / FPS, np.full((16, 4), depth, np.uint16), 1000.0, TINY, name)
         for name, depth in images.items()
     ]
-    return together(views)
+    return Frame.of(*views)
 
 
-def watched(
-    frames: list[DepthFrame], contradicting: dict[int, str] | None = None
-) -> Iterator[dict[str, str]]:
+def watched(frames: list[Frame], contradicting: dict[int, str] | None = None) -> Iterator[dict[str, str]]:
     """The lasting faults after each frame."""
     states = CameraStates()
     for frame in frames:
@@ -92,7 +90,7 @@ def watched(
     ],
 )
 def test_a_fault_that_lasts_is_found_with_its_start(
-    frames: list[DepthFrame], fault: tuple[str, str] | None
+    frames: list[Frame], fault: tuple[str, str] | None
 ) -> None:
     """After half a second, until the end; never while no other camera could do without it."""
     found = list(watched(frames))
@@ -127,17 +125,17 @@ def test_only_new_images_reach_the_tracker() -> None:
 
 
 @pytest.fixture(scope="module")
-def seen() -> tuple[BodyModel, Array, list[dict[str, DepthFrame]]]:
+def seen() -> tuple[BodyModel, Array, list[dict[str, View]]]:
     """A person who moves arms and sways, poses (F, D), and in each frame the images of two cameras."""
     model = human(1.82)
     poses = np.tile(name_pose(model, STANDING), (40, 1))
     phase = 2.0 * np.pi * np.arange(40) / FPS
     for name, swing in (("l_shoulder_flexion", 0.4), ("r_elbow_flexion", 0.3), ("root_tx", 0.05)):
         poses[:, model.dof(name)] += swing * np.sin(phase)
-    frames: list[dict[str, DepthFrame]] = [{} for _ in poses]
+    frames: list[dict[str, View]] = [{} for _ in poses]
     for name, placed in {"front": around(0.0), "side": around(80.0)}.items():
         for number, depth in enumerate(rendered(model, poses, placed=placed)):
-            frames[number][name] = replace(frame_of(number, depth), camera=name, T_rig_camera=placed)
+            frames[number][name] = replace(frame_of(number, depth).views[0], camera=name, T_rig_camera=placed)
     return model, poses, frames
 
 
@@ -151,7 +149,7 @@ def knock(angle_deg: float, metres: float) -> Array:
 
 @pytest.mark.parametrize(("which", "since"), [("front", 20), ("side", 20), ("side", 0)])
 def test_a_camera_at_a_wrong_place_is_left_out(
-    seen: tuple[BodyModel, Array, list[dict[str, DepthFrame]]], which: str, since: int
+    seen: tuple[BodyModel, Array, list[dict[str, View]]], which: str, since: int
 ) -> None:
     """By 5 degrees and 10 cm: named with its time; the other alone keeps the person.
 
@@ -167,7 +165,7 @@ def test_a_camera_at_a_wrong_place_is_left_out(
             else view
             for name, view in images.items()
         ]
-        (tracked,) = tracker.track(together(views)).people
+        (tracked,) = tracker.track(Frame.of(*views)).people
         found.append(tracked.estimate)
     assert all(set(each.seen_by) == {"front", "side"} for each in found[:since])
     assert not any(which in each.seen_by for each in found[since + 3 :])
@@ -184,14 +182,14 @@ def test_a_camera_at_a_wrong_place_is_left_out(
 
 
 def test_the_body_is_searched_for_when_a_camera_is_back(
-    seen: tuple[BodyModel, Array, list[dict[str, DepthFrame]]],
+    seen: tuple[BodyModel, Array, list[dict[str, View]]],
 ) -> None:
     """After a fault of more than half a second; its image may show what was hidden from the other camera."""
     _, _, frames = seen
     tracker, since = Tracker(DirectRefiner(), SETTINGS, known(), start=STANDING), list[float]()
     for number, images in enumerate(frames):
         views = [view for name, view in images.items() if name == "front" or not 5 <= number < 25]
-        (tracked,) = tracker.track(together(views)).people
+        (tracked,) = tracker.track(Frame.of(*views)).people
         assert isinstance(tracked.state.track, Tracked)
         since.append(tracked.state.track.age_s)
     assert since[24:27] == pytest.approx([since[0] + 24 / FPS, 3 / FPS, 4 / FPS])
@@ -202,7 +200,7 @@ def test_the_body_is_searched_for_when_a_camera_is_back(
     [(5.0, 0.0, ("side",)), (1.0, 0.0, ()), (5.0, 90.0, ()), (0.0, 0.0, ())],
 )
 def test_a_camera_that_sees_through_the_body_contradicts(
-    seen: tuple[BodyModel, Array, list[dict[str, DepthFrame]]],
+    seen: tuple[BodyModel, Array, list[dict[str, View]]],
     shows_m: float,
     turned_deg: float,
     against: tuple[str, ...],
@@ -214,8 +212,8 @@ def test_a_camera_that_sees_through_the_body_contradicts(
         depth=np.full_like(images["side"].depth, 1000.0 * shows_m),
         T_rig_camera=images["side"].T_rig_camera @ knock(turned_deg, 0.0),
     )
-    subject = isolate(images["front"], 1000)
+    subject = isolate(Frame.of(images["front"]), 1000)
     assert subject is not None
-    frame = together([images["front"], side])
-    residuals = camera_residuals(model, poses[0], frame, [subject], 0.04)
+    frame = Frame.of(images["front"], side)
+    residuals = camera_residuals(model, poses[0], frame, subject.views, 0.04)
     assert Agreement().after(residuals, 0.04, 0.1, 0.5).contradicting == against

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from gepf.common.arrays import Array
 from gepf.common.body import KEYPOINTS, ROOT_DOFS
 from gepf.common.camera import project
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import Frame
 from gepf.common.kinematics import keypoint_positions
 from gepf.common.protocol.frames import decode_frame, encode_frame
 from gepf.common.refinement import Particles
@@ -31,7 +31,6 @@ from gepf.coordinator.colour.finder import (
     in_image,
     keypoint_cost,
     keypoint_pixels,
-    possible_people,
     with_keypoints,
     with_sides_of,
 )
@@ -41,6 +40,7 @@ from gepf.coordinator.results.log import Entry, Opening, append_records, assembl
 from gepf.coordinator.sources.live import LiveFrames
 from gepf.coordinator.sources.live_stream import LiveCamera
 from gepf.coordinator.tracking.observation import isolate
+from gepf.coordinator.tracking.segmenter import UntrackedPerson, possible_people
 from gepf.coordinator.tracking.track_state import Tracked
 from gepf.coordinator.tracking.tracker import Tracker
 from gepf.refiners import DirectRefiner
@@ -52,6 +52,7 @@ from tests.support.people import (
     STANDING,
     OnePerson,
     as_bytes,
+    changed,
     frame_of,
     known,
     raised,
@@ -115,7 +116,7 @@ def test_workers_weigh_what_the_coordinator_says() -> None:
     seen = with_keypoints(subject, found)
     assert subject is not None
     assert seen is not None
-    assert seen.frame.colours is None  # workers and searches do not keep it
+    assert seen.largest.image.colours is None  # workers and searches do not keep it
     np.testing.assert_allclose(in_image(seen)[""], found[""], atol=1e-4)
     still = msgspec.structs.replace(SETTINGS.refine, icp_iterations=0)
     poses = whole[1] + 0.1 * np.random.default_rng(0).normal(size=(5, len(whole[1])))
@@ -131,11 +132,11 @@ def test_workers_weigh_what_the_coordinator_says() -> None:
 def test_nobody_is_looked_for_outside_the_image() -> None:
     """A body beside the image or behind the camera has no crop."""
     model, pose = known().tracked(known().usual_size, STANDING)
-    assert crop_of(ExpectedBody(model, pose), coloured()[0]) is not None
+    assert crop_of(ExpectedBody(model, pose), coloured()[0].views[0]) is not None
     for name, value in (("root_tx", 9.0), ("root_tz", -3.0)):
         away = pose.copy()
         away[model.dof(name)] = value
-        assert crop_of(ExpectedBody(model, away), coloured()[0]) is None
+        assert crop_of(ExpectedBody(model, away), coloured()[0].views[0]) is None
 
 
 def test_a_person_in_the_image_is_one_body() -> None:
@@ -161,7 +162,7 @@ def test_keypoints_of_another_tracked_person_are_that_persons() -> None:
     beside[model.dof("root_tx")] += 0.6
     bodies, frame = [ExpectedBody(model, each) for each in (pose, beside)], coloured()[0]
     first, second = (
-        {"": np.column_stack([keypoint_pixels(body, frame), np.full(17, 0.1)]).astype(np.float32)}
+        {"": np.column_stack([keypoint_pixels(body, frame.views[0]), np.full(17, 0.1)]).astype(np.float32)}
         for body in bodies
     )
     for seen, given in (
@@ -191,19 +192,19 @@ def test_a_second_body_on_the_same_person_is_given_up() -> None:
         assert second not in {"tracked", "ambiguous"}
 
 
-def with_a_dummy() -> list[DepthFrame]:
+def with_a_dummy() -> list[Frame]:
     """A person, and beside the person something of the same shape, which colour does not show."""
     still, model = coloured()[0], human(1.82)
-    (dummy,) = rendered(model, moved_pose())
-    depth = np.where(still.depth > 0, still.depth, (1000.0 * dummy).astype(np.uint16))
-    return [replace(still, depth=depth, number=n, time_s=0.25 * n) for n in range(10)]
+    (view,), (dummy,) = still.views, rendered(model, moved_pose())
+    depth = np.where(view.depth > 0, view.depth, (1000.0 * dummy).astype(np.uint16))
+    return [changed(still, depth=depth, number=n, time_s=0.25 * n) for n in range(10)]
 
 
 def test_a_body_that_only_depth_shows_ends_where_colour_shows_people() -> None:
     """By depth both are people. With colour the dummy ends within a second or so, and does not come back."""
-    dark = [replace(frame, colours=None) for frame in with_a_dummy()]
+    dark = [changed(frame, colours=None) for frame in with_a_dummy()]
 
-    def known_bodies(frames: list[DepthFrame], colour: KeypointFinder | None) -> list[int]:
+    def known_bodies(frames: list[Frame], colour: KeypointFinder | None) -> list[int]:
         two = Tracker(DirectRefiner(), SETTINGS, known(), people=2, colour=colour)
         statuses = [[person.estimate.status for person in each.people] for each in two.follow(frames)]
         return [sum(status in {"tracked", "ambiguous"} for status in each) for each in statuses]
@@ -216,9 +217,10 @@ def test_a_body_that_only_depth_shows_ends_where_colour_shows_people() -> None:
 def test_colour_that_shows_nobody_denies_nobody() -> None:
     """In the dark, depth alone decides, from the first frame on or after the light has gone out."""
     lit = with_a_dummy()
-    assert lit[0].colours is not None
-    dark = np.zeros_like(lit[0].colours)
-    frames = [replace(lit[0], number=n, time_s=0.5 * n, colours=dark) for n in range(4)]
+    colours = lit[0].views[0].colours
+    assert colours is not None
+    dark = np.zeros_like(colours)
+    frames = [changed(lit[0], number=n, time_s=0.5 * n, colours=dark) for n in range(4)]
     two = Tracker(DirectRefiner(), SETTINGS, known(), people=2, colour=KeypointFinder())
     for tracked in two.follow(frames):
         assert {person.estimate.status for person in tracked.people} <= {"tracked", "ambiguous", "searching"}
@@ -247,26 +249,23 @@ def test_a_person_is_segmented_where_colour_shows_the_person() -> None:
 def test_candidates_whom_colour_shows_come_first() -> None:
     """They get their keypoints, if these are on their pixels; the others stay unless colour is trusted."""
     person, beside = (
-        subject_of(replace(frame, colours=None), 500)
+        subject_of(changed(frame, colours=None), 500)
         for frame in (coloured()[0], frame_of(0, rendered(human(1.82), moved_pose())[0]))
     )
     finder, up = KeypointFinder(), {"": np.array([0.0, -1.0, 0.0])}
-    candidates = [beside, person]
+    candidates = [(beside, beside), (person, person)]
     found = finder.look_at(candidates, coloured()[0], up, 0.0)
     assert {place: bool(keypoints) for place, keypoints in found.items()} == {0: False, 1: True}
     turns = [finder.look_at(candidates, replace(coloured()[0], number=n), up, 1 / 30) for n in range(2)]
     assert [list(turn) for turn in turns] == [[0], [1]]
     model, pose = known().tracked(known().usual_size, STANDING)
-    places = keypoint_pixels(ExpectedBody(model, pose), coloured()[0])
+    places = keypoint_pixels(ExpectedBody(model, pose), coloured()[0].views[0])
     assert np.median(np.linalg.norm(found[1][""][:, :2] - places, axis=1)) < 6.0  # pixels
-    marked = with_keypoints(person, found[1])
-    assert marked is not None
-    shown = [beside, marked]
-    first, second = possible_people(shown, {})
-    assert first.keypoints is not None
-    assert second is beside
-    assert possible_people(shown, {""}) == [first]
-    assert possible_people(candidates, {""}) == []  # until their turn
+    people = [UntrackedPerson(beside), UntrackedPerson(person).with_keypoints(found[1])]
+    assert possible_people(people, {}) == people[::-1]
+    assert people[1].subject.largest.keypoints is not None
+    assert possible_people(people, {""}) == people[1:]
+    assert possible_people(people[:1], {""}) == []  # until their turn
 
 
 def moved_pose() -> Array:
@@ -280,11 +279,11 @@ def test_colour_that_is_elsewhere_is_not_used_until_it_agrees() -> None:
     With `follow`, with `track`, and from any recorded state, the same frames have keypoints.
     """
     still, used, resumed = coloured()[0], list[bool](), list[bool]()
-    assert still.colours is not None
-    shifted = np.roll(still.colours, 11, axis=1)
+    right = still.views[0].colours
+    assert right is not None
+    shifted = np.roll(right, 11, axis=1)
     frames = [
-        replace(still, number=n, time_s=0.5 * n, colours=shifted if n < 12 else still.colours)
-        for n in range(24)
+        changed(still, number=n, time_s=0.5 * n, colours=shifted if n < 12 else right) for n in range(24)
     ]
     following = looking()
     for tracked in following.follow(frames):
@@ -327,7 +326,7 @@ class DisturbedFinder(KeypointFinder):
         super().__init__()
         self._disturb = disturb
 
-    def _look(self, frame: DepthFrame, body: ExpectedBody | None) -> Keypoints:
+    def _look(self, frame: Frame, body: ExpectedBody | None) -> Keypoints:
         return {camera: self._disturb(seen) for camera, seen in super()._look(frame, body).items()}
 
 
@@ -348,7 +347,7 @@ def test_left_and_right_are_those_of_a_body_whose_facing_is_known() -> None:
     model, pose = known().tracked(known().usual_size, STANDING)
     body, frame = ExpectedBody(model, pose), coloured()[0]
     subject = isolate(frame, 500)
-    right = np.column_stack([keypoint_pixels(body, frame), np.full(17, 0.1)]).astype(np.float32)
+    right = np.column_stack([keypoint_pixels(body, frame.views[0]), np.full(17, 0.1)]).astype(np.float32)
     for seen, taken in ((right, right), (right[EXCHANGED], right), (right + 40.0, right + 40.0)):
         before = with_keypoints(subject, {"": seen})
         sided = with_sides_of(before, body)

@@ -11,7 +11,7 @@ import pytest
 from gepf.common.arrays import Array, Mask
 from gepf.common.body import BodyModel
 from gepf.common.camera import project
-from gepf.common.frame import EMPTY, HIDDEN, SUBJECT, DepthFrame
+from gepf.common.frame import EMPTY, HIDDEN, SUBJECT, Frame
 from gepf.coordinator.bodies.human.shape_space import Size
 from gepf.coordinator.bodies.tracked import name_pose
 from gepf.coordinator.scene.noise import NO_NOISE
@@ -19,7 +19,18 @@ from gepf.coordinator.scene.planes import Planes
 from gepf.coordinator.tracking.detector import Detector
 from gepf.coordinator.tracking.field_of_view import in_view
 from gepf.refiners import DirectRefiner
-from tests.support.people import CAMERA, SETTINGS, OnePerson, complete, frame_of, people, show, subject_of
+from tests.support.people import (
+    CAMERA,
+    SETTINGS,
+    OnePerson,
+    alone,
+    changed,
+    complete,
+    frame_of,
+    people,
+    show,
+    subject_of,
+)
 
 FRAMES = 6
 NOISE_M = 0.006  # of depth
@@ -33,22 +44,24 @@ ARMS: dict[str, dict[str, float]] = {
 class Part(NamedTuple):
     """Frames of a person who waves a little, cut, and the joints (F, J, 3); those in view (F, J)."""
 
-    frames: list[DepthFrame]
+    frames: list[Frame]
     joints: Array
     seen: Array
 
 
-def crop(frame: DepthFrame, window: tuple[int, int, int, int]) -> DepthFrame:
+def crop(frame: Frame, window: tuple[int, int, int, int]) -> Frame:
     """What a camera with a smaller image shows: left, top, right and bottom, half-open."""
     left, top, right, bottom = window
-    camera = frame.intrinsics.crop(left, top, right - left, bottom - top)
-    return replace(frame, depth=frame.depth[top:bottom, left:right].copy(), intrinsics=camera)
+    (view,) = frame.views
+    camera = view.intrinsics.crop(left, top, right - left, bottom - top)
+    return changed(frame, depth=view.depth[top:bottom, left:right].copy(), intrinsics=camera)
 
 
-def noisy(frame: DepthFrame, rng: np.random.Generator) -> DepthFrame:
+def noisy(frame: Frame, rng: np.random.Generator) -> Frame:
     """The frame with noise in depth."""
-    depth = frame.depth + np.rint(1e3 * NOISE_M * rng.standard_normal(frame.depth.shape))
-    return replace(frame, depth=np.where(frame.depth > 0, depth, 0).astype(np.uint16))
+    (view,) = frame.views
+    depth = view.depth + np.rint(1e3 * NOISE_M * rng.standard_normal(view.depth.shape))
+    return changed(frame, depth=np.where(view.depth > 0, depth, 0).astype(np.uint16))
 
 
 def part_of(model: BodyModel, values: dict[str, float], side: str, joint: str, beyond_m: float) -> Part:
@@ -109,10 +122,11 @@ def test_who_is_partly_outside_the_image_is_tracked_by_what_is_in_view(case: str
     assert Size(*tracker.start.size).stature == pytest.approx(stature, rel=0.07)
 
 
-def shown_at(joints: Array, frame: DepthFrame) -> Mask:
+def shown_at(joints: Array, frame: Frame) -> Mask:
     """Which joints (J, 3) are inside of an image."""
-    u, v = np.rint(project(joints, frame.intrinsics)).T
-    return np.asarray((u >= 0) & (u < frame.intrinsics.width) & (v >= 0) & (v < frame.intrinsics.height))
+    camera = frame.views[0].intrinsics
+    u, v = np.rint(project(joints, camera)).T
+    return np.asarray((u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height))
 
 
 def test_legs_out_of_view_keep_still() -> None:
@@ -130,13 +144,13 @@ def test_a_board_before_the_legs_is_no_evidence_against_them() -> None:
     model = people().for_start(1.74, 1.05)
     pose = name_pose(model, CASES["at the knees"][1])
     whole = show(model, pose[None])
-    subject = subject_of(whole.frames[0], 2_000)
-    depth, kinds = subject.frame.depth.copy(), np.full(subject.frame.depth.shape, EMPTY, dtype=np.uint8)
+    (view,) = subject_of(whole.frames[0], 2_000).views
+    depth, kinds = view.image.depth.copy(), np.full(view.image.depth.shape, EMPTY, dtype=np.uint8)
     row = int(0.55 * len(depth))
     depth[row:], kinds[row:] = 0, HIDDEN
     kinds[depth > 0] = SUBJECT
     picked = np.flatnonzero(depth).astype(np.uint32)[::4]
-    behind = replace(subject, frame=replace(subject.frame, depth=depth), kinds=kinds, picked=picked)
+    behind = alone(replace(view, image=replace(view.image, depth=depth), kinds=kinds, picked=picked))
     search = Detector(people(), DirectRefiner(), SETTINGS).detect(behind, NO_NOISE, Planes())
     found = complete(search)
     seen = in_view(behind, whole.joints[0])

@@ -34,6 +34,7 @@ from tests.support.people import (
     SETTINGS,
     STANDING,
     OnePerson,
+    changed,
     complete,
     empty,
     frame_of,
@@ -105,11 +106,11 @@ def test_the_front_of_a_seat_is_not_taken_for_a_part_of_the_person() -> None:
     truth = joint_positions(model, pose[None])[0]
     pelvis, ankle = truth[NAMES.index("pelvis")], truth[NAMES.index("right_ankle")]
     frame = show(model, pose[None]).frames[0]
-    front = pelvis[2] - 0.12
-    x, y, _ = np.moveaxis(back_project(np.full(frame.depth.shape, front), frame.intrinsics), -1, 0)
+    (view,), front = frame.views, pelvis[2] - 0.12
+    x, y, _ = np.moveaxis(back_project(np.full(view.depth.shape, front), view.intrinsics), -1, 0)
     box = (np.abs(x - pelvis[0]) < 0.25) & (pelvis[1] + 0.08 < y) & (y < ankle[1] + 0.05)
-    depth = np.where(box & (frame.depth == 0), np.uint16(front * frame.depth_scale), frame.depth)
-    subject = subject_of(replace(frame, depth=depth), 2_000)
+    depth = np.where(box & (view.depth == 0), np.uint16(front * view.depth_scale), view.depth)
+    subject = subject_of(changed(frame, depth=depth), 2_000)
     found = complete(Detector(people(), DirectRefiner(), SETTINGS).detect(subject, NO_NOISE, Planes()))
     assert found.gate.passes
     assert np.linalg.norm(found.candidates.joints[0] - truth, axis=-1).max() < 0.05
@@ -161,17 +162,20 @@ def test_what_may_be_the_persons_is_used_if_a_body_explains_it(extra: str) -> No
     """A raised arm that was left out belongs to the person, and a board that hangs beside them does not."""
     pose = name_pose(MODEL, {**STANDING, "l_shoulder_abduct": 1.5})
     (whole,) = show(MODEL, pose[None]).frames
-    depth = whole.depth.copy()
+    depth = whole.views[0].depth.copy()
     columns = np.flatnonzero(depth.any(axis=0))
     first = columns[-1] - len(columns) // 3
     if extra == "arm":
         depth[:, first:] = 0
     else:
-        whole = replace(whole, depth=whole.depth.copy())
-        whole.depth[40:160, columns[-1] + 1 : columns[-1] + 60] = 2600
+        whole = changed(whole, depth=depth.copy())
+        whole.views[0].depth[40:160, columns[-1] + 1 : columns[-1] + 60] = 2600
     wider = subject_of(whole, 2_000)
-    subject = replace(subject_of(replace(whole, depth=depth), 2_000), wider=(wider,))
-    found = complete(Detector(people(), DirectRefiner(), SETTINGS).detect(subject, NO_NOISE, Planes()))
+    subject, detector = (
+        subject_of(changed(whole, depth=depth), 2_000),
+        Detector(people(), DirectRefiner(), SETTINGS),
+    )
+    found = complete(detector.detect(subject, NO_NOISE, Planes(), [wider]))
     assert (found.subject is wider) is (extra == "arm")
     off = found.candidates.joints[0] - joint_positions(MODEL, pose[None])[0]
     assert np.linalg.norm(off, axis=-1).max() < 0.12
@@ -237,11 +241,15 @@ def test_a_smaller_body_in_a_part_of_the_person_is_not_preferred() -> None:
     }
     pose = name_pose(model, {**STANDING, **raised, "root_ry": -0.7})
     (whole,) = show(model, pose[None]).frames
-    depth, rows = whole.depth.copy(), np.flatnonzero(whole.depth.any(axis=1))
+    depth = whole.views[0].depth.copy()
+    rows = np.flatnonzero(depth.any(axis=1))
     depth[: rows[int(0.4 * len(rows))]] = 0
     wider = subject_of(whole, 2_000)
-    subject = replace(subject_of(replace(whole, depth=depth), 2_000), wider=(wider,))
-    found = complete(Detector(people(), DirectRefiner(), SETTINGS).detect(subject, NO_NOISE, Planes()))
+    subject, detector = (
+        subject_of(changed(whole, depth=depth), 2_000),
+        Detector(people(), DirectRefiner(), SETTINGS),
+    )
+    found = complete(detector.detect(subject, NO_NOISE, Planes(), [wider]))
     assert found.subject is wider
     assert Size(*found.start.size).stature == pytest.approx(1.9, rel=0.03)
 
@@ -274,5 +282,5 @@ def test_a_person_in_whom_no_candidate_is_visible_is_searched_for() -> None:
     """The run goes on without an error."""
     still = show(MODEL, name_pose(MODEL, STANDING)[None]).frames[0]
     tracker = OnePerson(Blind(), SETTINGS, people())
-    frames = (replace(still, number=n, time_s=n / 30) for n in range(3))
+    frames = (changed(still, number=n, time_s=n / 30) for n in range(3))
     assert [tracker.track(frame).status for frame in frames] == ["searching"] * 3

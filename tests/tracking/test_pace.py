@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gepf.common.camera import Intrinsics
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import Frame, View
 from gepf.coordinator.settings import preset
 from gepf.coordinator.tracking.observation import filter_observation
 from gepf.coordinator.tracking.particle_filter import pace_iterations
@@ -28,7 +28,7 @@ def test_iterations_go_with_the_time_between_frames(interval: float, factor: int
 def test_a_sighting_has_the_points_and_the_time_of_its_frame() -> None:
     """Points lie on the surface that is seen; time that stands still or goes back is the usual interval."""
     depth = np.full((24, 32), 2000, dtype=np.uint16)
-    subject = subject_of(DepthFrame(3, 0.5, depth, 1000.0, CAMERA), 100)
+    subject = subject_of(Frame.of(View(3, 0.5, depth, 1000.0, CAMERA)), 100)
     sighting = filter_observation(subject, 0.4)
     np.testing.assert_allclose(sighting.points[:, 2], 2.0)
     u = CAMERA.cx + CAMERA.fx * sighting.points[:, 0] / 2.0

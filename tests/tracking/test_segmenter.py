@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gepf.common.frame import HIDDEN, SUBJECT
+from gepf.common.frame import HIDDEN, SUBJECT, Frame
 from gepf.common.kinematics import pose_vertices
 from gepf.coordinator.bodies.human.template import human
 from gepf.coordinator.bodies.tracked import name_pose
@@ -19,14 +19,15 @@ from tests.support.rooms import HEIGHT, PERSON, TABLE, Room, along
 def test_a_person_is_found_whose_body_is_not_known() -> None:
     """In a room it is the best candidate, with what hides it; the points are the subject's."""
     room = Room((TABLE,), noise=0.001)
-    frame, truth = room.see(PERSON)
-    segmented = Segmenter(300, SceneSettings()).segment(frame, [None])
-    (subject,) = segmented.candidates
-    assert subject.kinds is not None
-    assert len(subject.picked) == 300
-    assert np.all(subject.kinds.ravel()[subject.picked] == SUBJECT)
-    assert np.any(subject.kinds == HIDDEN)
-    assert np.sum(subject.kinds == SUBJECT) / truth.sum() > 0.9
+    image, truth = room.see(PERSON)
+    segmented = Segmenter(300, SceneSettings()).segment(Frame.of(image), [None])
+    (person,) = segmented.candidates
+    (view,) = person.subject.views
+    assert view.kinds is not None
+    assert len(view.picked) == 300
+    assert np.all(view.kinds.ravel()[view.picked] == SUBJECT)
+    assert np.any(view.kinds == HIDDEN)
+    assert np.sum(view.kinds == SUBJECT) / truth.sum() > 0.9
     assert segmented.changes[""].furnished
 
 
@@ -35,12 +36,12 @@ def test_what_is_no_person_is_learned_as_room_at_once() -> None:
     room = Room((((-0.5, 0.8, 2.5), (-0.22, HEIGHT, 2.7)),), noise=0.001)
     seen = room.see((-0.15, 2.6))
     segmenter, again = Segmenter(300, SceneSettings()), Segmenter(300, SceneSettings())
-    segmented = segmenter.segment(seen.frame, [None])
-    (subject,) = segmented.candidates
-    again.recall(segmenter.learn_things(segmented, segmented.changes, subject, subject, ()))
-    following = room.see((-0.15, 2.6), 1).frame
+    segmented = segmenter.segment(Frame.of(seen.view), [None])
+    (person,) = segmented.candidates
+    again.recall(segmenter.learn_things(segmented, segmented.changes, person, person.subject, ()))
+    following = Frame.of(room.see((-0.15, 2.6), 1).view)
     views = [each.segment(following, [None]).views[0].scene for each in (segmenter, again)]
-    box = (Room().see(None).frame.depth > room.see(None).frame.depth + 60) & ~seen.mask
+    box = (Room().see(None).view.depth > room.see(None).view.depth + 60) & ~seen.mask
     assert np.mean(views[0].marks[box] == BACKGROUND) > 0.85
     np.testing.assert_array_equal(views[0].marks, views[1].marks)
 

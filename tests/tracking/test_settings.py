@@ -51,7 +51,7 @@ def test_presets_are_valid_and_survive_storage(name: str) -> None:
     ("name", "value"),
     [
         ("scene.planes.min_floor_width_m", -0.2),
-        ("scene.settled_frames", 0),
+        ("scene.settled_s", 0.0),
         ("gating.max_misfit_m", math.nan),
         ("track.patience_s", math.inf),
         ("certainty.flagged_probability", 1.5),
@@ -66,15 +66,15 @@ def test_a_value_out_of_range_is_named(name: str, value: object) -> None:
 
 def test_the_scene_obeys_its_settings() -> None:
     """A cabinet that appears is background after as many frames as they say, in each scene by its own."""
-    quick = changed(SceneSettings(), "settled_frames", 3)
+    quick = changed(SceneSettings(), "settled_s", 0.1)
     scenes, empty, furnished = (Scene(quick), Scene(SceneSettings())), Room(), Room((CABINET,))
     left = []
     for scene in scenes:
         for number in range(8):
-            view = scene.see((furnished if number > 1 else empty).see(None, number).frame)
+            view = scene.see((furnished if number > 1 else empty).see(None, number).view)
             scene.learn(view)
-        last = furnished.see(None, 8).frame
-        appeared = np.abs(last.metres() - empty.see(None, 8).frame.metres()) > 0.1
+        last = furnished.see(None, 8).view
+        appeared = np.abs(last.metres() - empty.see(None, 8).view.metres()) > 0.1
         left.append(int(np.count_nonzero((scene.see(last).background < last.metres() + 0.1)[appeared])))
     assert left[0] == np.count_nonzero(appeared)
     assert left[1] == 0

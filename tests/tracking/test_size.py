@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gepf.common.arrays import Array
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import Frame
 from gepf.common.kinematics import joint_positions
 from gepf.coordinator.bodies.choice import choose_bodies
 from gepf.coordinator.bodies.human.measures import Measures
@@ -19,7 +19,7 @@ from gepf.coordinator.bodies.tracked import name_pose
 from gepf.coordinator.settings import Settings
 from gepf.coordinator.tracking.state import PersonState
 from gepf.refiners import DirectRefiner
-from tests.support.people import SETTINGS, SITTING, STANDING, OnePerson, frame_of, rendered
+from tests.support.people import SETTINGS, SITTING, STANDING, OnePerson, changed, frame_of, rendered
 from tests.support.rigs import around, seen_from
 
 BODIES = choose_bodies(None, "default")
@@ -41,7 +41,7 @@ def swaying(measures: Measures, posture: dict[str, float], frames: int) -> list[
     return list(rendered(body, np.array(poses)))
 
 
-def follow(frames: list[DepthFrame], settings: Settings = SETTINGS) -> PersonState:
+def follow(frames: list[Frame], settings: Settings = SETTINGS) -> PersonState:
     """The state after frames in which a person of unknown size is detected and tracked."""
     tracker = OnePerson(DirectRefiner(), settings, BODIES)
     for frame in frames:
@@ -50,15 +50,14 @@ def follow(frames: list[DepthFrame], settings: Settings = SETTINGS) -> PersonSta
     return tracker.person
 
 
-def timed(images: list[Array]) -> list[DepthFrame]:
+def timed(images: list[Array]) -> list[Frame]:
     """Frames of depth images, ten a second."""
-    return [replace(frame_of(n, image), time_s=0.1 * n) for n, image in enumerate(images)]
+    return [changed(frame_of(n, image), time_s=0.1 * n) for n, image in enumerate(images)]
 
 
-def at_time(frame: DepthFrame, n: int) -> DepthFrame:
+def at_time(frame: Frame, n: int) -> Frame:
     """The images of all cameras as the n-th frame, ten a second."""
-    others = tuple(replace(other, number=n, time_s=0.1 * n) for other in frame.others)
-    return replace(frame, number=n, time_s=0.1 * n, others=others)
+    return Frame.of(*(replace(view, number=n, time_s=0.1 * n) for view in frame.views))
 
 
 @pytest.mark.parametrize(

@@ -46,6 +46,7 @@ from tests.support.people import (
     STANDING,
     OnePerson,
     as_bytes,
+    changed,
     empty,
     frame_of,
     known,
@@ -100,9 +101,9 @@ def test_legs_behind_a_table_are_not_drawn_out_of_it() -> None:
         following = tracker()
         for frame in frames:
             scene = in_a_room(frame)
-            depth = scene.depth.copy()
+            depth = scene.views[0].depth.copy()
             depth[rows] = 1500 if nearer else 3300
-            estimate = following.track(replace(scene, depth=depth))
+            estimate = following.track(changed(scene, depth=depth))
         return float(apart(estimate, joints[-1])[legs].max())
 
     assert error(nearer=True) < 0.5 * error(nearer=False)
@@ -166,11 +167,11 @@ class Watched(Direct):
 
     def publish(self, subject: SubjectFrame) -> None:
         """The workers get a frame."""
-        self.events.append(f"sent {subject.frame.number}")
+        self.events.append(f"sent {subject.number}")
 
     def submit(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> WatchedRequest:
         """The workers get busy."""
-        if subject.frame.number == self._fails_at:
+        if subject.number == self._fails_at:
             raise RuntimeError("the workers are gone")
         self.events.append("busy")
         return WatchedRequest(super().submit(subject, model, particles), self.events)
@@ -202,7 +203,7 @@ def test_at_low_rates_a_frame_is_segmented_around_the_pose_of_the_frame_before()
     """Four frames a second, also with look-ahead; at video rate, around that of two frames before."""
     frames = shown("standing").frames
     for interval_s in (0.25, 1 / 30):
-        timed = [replace(frame, time_s=interval_s * n) for n, frame in enumerate(frames)]
+        timed = [changed(frame, time_s=interval_s * n) for n, frame in enumerate(frames)]
         ahead, alone = tracker(FOLLOWING), tracker(FOLLOWING)
         estimates = [tracked.people[0].estimate for tracked in ahead.follow(timed)]
         assert [as_bytes(each) for each in estimates] == [as_bytes(alone.track(frame)) for frame in timed]
@@ -248,7 +249,7 @@ def test_a_live_frame_does_not_wait_for_a_search(monkeypatch: pytest.MonkeyPatch
 
     monkeypatch.setattr("gepf.refiners.refine", count)
     places = [min(n, FRAMES - 1) for n in range(8)]
-    frames = [replace(posture.frames[k], number=n, time_s=n / 30) for n, k in enumerate(places)]
+    frames = [changed(posture.frames[k], number=n, time_s=n / 30) for n, k in enumerate(places)]
     follow = Tracker(DirectRefiner(), SETTINGS, people()).follow
     live = follow(frames, live=Waiting([LiveCamera("depth")], print))
     (first, _), *others = [(tracked.people[0].estimate, len(requests)) for tracked in live]
@@ -265,7 +266,7 @@ def test_a_person_who_moves_during_a_live_search_is_tracked_soon_after(rates: di
     numbers = (0, 4, 5, 6, 7, 8)
     poses = [name_pose(human(1.82), raised(STANDING, min(n, 4), rates)) for n in numbers]
     images, joints = show(human(1.82), np.array(poses))
-    frames = [replace(f, number=n, time_s=n / 30) for f, n in zip(images, numbers, strict=True)]
+    frames = [changed(f, number=n, time_s=n / 30) for f, n in zip(images, numbers, strict=True)]
     target = TargetTracker(DirectRefiner(), SETTINGS, known(), first_state(known(), None, SETTINGS))
     budget, estimates = FrameBudget(1 / 30, is_late=True), list[Estimate]()
     for frame in frames:
@@ -283,7 +284,7 @@ def test_a_person_who_walks_during_a_live_search_is_tracked_whole() -> None:
     """In a room, so far that the detected pose is no longer near most of the person."""
     poses = [name_pose(human(1.82), {**STANDING, "root_tx": x}) for x in (0.0, 0.6, 0.6)]
     images, joints = show(human(1.82), np.array(poses))
-    frames = [replace(in_a_room(f), number=n, time_s=n / 30) for f, n in zip(images, (0, 6, 7), strict=True)]
+    frames = [changed(in_a_room(f), number=n, time_s=n / 30) for f, n in zip(images, (0, 6, 7), strict=True)]
     follow = Tracker(DirectRefiner(), SETTINGS, people()).follow
     _, first, _ = follow(frames, live=Idle([LiveCamera("depth")], print))
     assert apart(first.people[0].estimate, joints[1]).mean() < 0.05
@@ -369,7 +370,8 @@ def test_what_is_far_from_the_body_and_no_person_is_not_tracked(settings: Settin
     frames, _ = shown("standing")
     followed = tracker(settings)
     followed.track(frames[0])
-    depth_m = np.where(frames[1].depth > 0, frames[1].metres() + 3.5, 0.0)
+    (view,) = frames[1].views
+    depth_m = np.where(view.depth > 0, view.metres() + 3.5, 0.0)
     status = [followed.track(frame_of(n, depth_m)).status for n in range(1, 6)]
     assert "tracked" not in status
     assert status[-1] in POSE_UNKNOWN
@@ -410,7 +412,7 @@ def test_a_rival_is_about_as_likely_and_has_a_joint_elsewhere(
 def test_points_are_picked_evenly() -> None:
     """As many as asked for, in ascending order, each from its own equal share of the pixels."""
     frame = shown("standing").frames[0]
-    every, some = subject_of(frame, 10**6), subject_of(frame, 500)
+    every, some = (subject_of(frame, points).largest for points in (10**6, 500))
     assert len(some.picked) == 500 < len(every.picked)
     steps = np.diff(np.searchsorted(every.picked, some.picked))
     assert steps.max() - steps.min() <= 1

@@ -83,7 +83,7 @@ def test_live_frames_and_results_are_shown_as_they_come(
             while not (camera.has_subscriber and results.has_subscriber) and not stop.wait(0.01):
                 pass
             for f, frame in enumerate(open_source(recorded[0])):
-                camera.put_blocking(encode_live(frame))
+                camera.put_blocking(encode_live(frame.views[0]))
                 pose = track.pose[f]
                 joints = track.joint_positions[f]
                 certainty = unknown_certainty(len(joints))
@@ -111,7 +111,7 @@ def test_what_a_live_view_lacks_is_said_once() -> None:
         shown[:] = [(KEY, encode_live(plate_image(number)))] * (number > 3)
         assert scene.take_results() == {}
     assert [line.split(";")[0] for line in said] == ["no frame comes", "frames come, but no results"]
-    assert scene.frame(7) is not None
+    assert scene.image(7) is not None
 
 
 def test_a_moved_sequence_is_a_warning(

@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from gepf.common.arrays import Array
 from gepf.common.camera import Intrinsics
 from gepf.worker.kernel.correspondence import closest_points
-from gepf.worker.kernel.observation import TILE, Observation, pack_views, view_of
+from gepf.worker.kernel.observation import TILE, Observation, ObservedView, pack_views, view_of
 from gepf.worker.kernel.surface import LEAF
 from gepf.worker.kernel.workspace import make_search
 from tests.support.kernel.kernel_cases import PAPER
@@ -77,8 +77,8 @@ def search(
     nothing = np.zeros((1, 1), np.bool_), np.zeros((2, 1, 1), np.int32)
     camera = Intrinsics(1, 1, 1.0, 1.0, 0.0, 0.0)
     points = np.concatenate([observed, np.repeat(observed[-1:], -len(observed) % TILE, axis=0)])
-    of = Observation(points, len(observed), *nothing, camera, np.zeros(4, int), np.eye(4)[:3], 0.0)
-    packed = view_of(pack_views(of, PAPER), 0)
+    of = ObservedView(points, len(observed), *nothing, camera, np.zeros(4, int), np.eye(4)[:3], 0.0)
+    packed = view_of(pack_views(Observation((of,)), PAPER), 0)
     assert PAPER.noise_lateral == PAPER.noise_depth  # so depth is not scaled
     leaves = -(-len(model) // LEAF)
     found = make_search(len(model), leaves, len(points))

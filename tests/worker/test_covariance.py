@@ -67,7 +67,7 @@ def kernel_covariance(of: PosteriorCase, pose: Array) -> tuple[Array, Array]:
 
 def hard_information(of: PosteriorCase, pose: Array) -> Array:
     """J^T W J (D, D) in units of the log posterior, with its prior."""
-    model, settings, count = of.model, of.settings, len(of.subject.picked)
+    model, settings, count = of.model, of.settings, len(of.subject.largest.picked)
     posed, visible = plain_path.visible_vertices(model, pose)
     factors = plain_path.weigh_correspondences(model, pose, posed, visible, of.subject, settings)
     gram, gradient = plain_path.equations(model, factors, pose, settings)
@@ -80,13 +80,15 @@ def hard_information(of: PosteriorCase, pose: Array) -> Array:
 
 def keypoint_information(of: PosteriorCase, pose: Array) -> Array:
     """J^T W J (D, D) of the keypoints, of which W has the robust weights at the pose."""
-    if of.subject.keypoints is None:
+    if of.subject.largest.keypoints is None:
         return np.zeros((len(pose), len(pose)))
     slopes = tangents(of.model, pose, lambda at: keypoint_offsets(of.model, at[None], of.subject)[0])
-    squared = of.subject.keypoints[:, 2] * np.sum(
+    squared = of.subject.largest.keypoints[:, 2] * np.sum(
         keypoint_offsets(of.model, pose[None], of.subject)[0] ** 2, axis=1
     )
-    weights = of.subject.keypoints[:, 2] * (KEYPOINT_OUTLIER**2 / (KEYPOINT_OUTLIER**2 + squared)) ** 2
+    weights = (
+        of.subject.largest.keypoints[:, 2] * (KEYPOINT_OUTLIER**2 / (KEYPOINT_OUTLIER**2 + squared)) ** 2
+    )
     return np.asarray(np.einsum("kad,k,kae->de", slopes, weights, slopes))
 
 

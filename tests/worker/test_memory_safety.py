@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gepf.common.frame import EMPTY, SUBJECT, UNMEASURED, DepthFrame, SubjectFrame
+from gepf.common.frame import EMPTY, SUBJECT, UNMEASURED, SubjectFrame, SubjectView, View
 from gepf.common.refinement import Particles, PosePrior
 from gepf.common.settings import RefineSettings
 from gepf.coordinator.settings import preset
@@ -23,6 +24,7 @@ from gepf.worker.kernel.workspace import Workspaces, make_workspaces
 from tests.support.bodies import puppet
 from tests.support.kernel import plain_path
 from tests.support.kernel.kernel_cases import CAMERA, TRUTH, near
+from tests.support.people import alone
 
 ROOT = Path(__file__).parents[2]
 GUARD = 64  # entries on each side of an array
@@ -54,15 +56,16 @@ FAR_OFF = {  # what is added to the pose before refinement
 def cropped(name: str, *, kinds: bool) -> SubjectFrame:
     """The puppet in a part of the camera's image, of which every second pixel is picked."""
     left, top, width, height = FRAMES[name]
-    depth = plain_path.render(puppet(), TRUTH, CAMERA).depth[top : top + height, left : left + width].copy()
+    (whole,) = plain_path.render(puppet(), TRUTH, CAMERA).views
+    depth = whole.depth[top : top + height, left : left + width].copy()
     if not depth.any():
         depth[:] = 2000
-    frame = DepthFrame(0, 0.0, depth, 1000.0, CAMERA.crop(left, top, width, height))
+    image = View(0, 0.0, depth, 1000.0, CAMERA.crop(left, top, width, height))
     marks = np.where(depth > 0, SUBJECT, EMPTY).astype(np.uint8)
     marks[::3][depth[::3] == 0] = UNMEASURED
     picked = np.flatnonzero(depth)[::2].astype(np.uint32)
-    view = (-left, -top, CAMERA.width - left, CAMERA.height - top)
-    return SubjectFrame(frame, picked, view, marks if kinds else None)
+    extent = (-left, -top, CAMERA.width - left, CAMERA.height - top)
+    return alone(SubjectView(image, picked, extent, marks if kinds else None))
 
 
 def guarded(array: NDArray[Any], guards: list[NDArray[np.uint8]]) -> NDArray[Any]:
@@ -121,9 +124,10 @@ def test_a_pose_that_is_no_number_is_rejected_before_anything_is_searched() -> N
 def test_pixels_outside_of_a_frame_are_refused() -> None:
     """As when the pixels of one frame are picked in another, smaller one."""
     subject = cropped("odd sizes", kinds=False)
-    frame = DepthFrame(0, 0.0, subject.frame.depth[:40], 1000.0, subject.frame.intrinsics)
+    view = subject.largest
+    smaller = replace(view, image=replace(view.image, depth=view.image.depth[:40]))
     with pytest.raises(ValueError, match="outside of the depth image"):
-        observe(SubjectFrame(frame, subject.picked, subject.view))
+        observe(alone(smaller))
 
 
 @pytest.mark.slow

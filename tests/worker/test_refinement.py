@@ -19,7 +19,7 @@ from gepf.coordinator.filters.priors import pose_prior
 from gepf.worker.kernel import icp
 from gepf.worker.kernel.gauss_newton import solve_ltl
 from gepf.worker.kernel.icp import Batch, refine, refine_some
-from gepf.worker.kernel.observation import observe, pack_views
+from gepf.worker.kernel.observation import Observation, observe, pack_views
 from gepf.worker.lanes import Lanes
 from tests.support.answers import as_bytes
 from tests.support.bodies import person, puppet
@@ -82,12 +82,14 @@ def test_a_descent_ends_when_a_step_is_small() -> None:
 def test_padding_does_not_count() -> None:
     """Points of the observation beyond its count do not change any result."""
     observation = observe(subject())
-    assert observation.count == POINTS < len(observation.points)
-    points = observation.points.copy()
+    (view,) = observation.views
+    assert view.count == POINTS < len(view.points)
+    points = view.points.copy()
     points[POINTS:] = points[:1] + np.float32(0.5)
     for settings in (PAPER, DEFAULT):
         one = icp.refine(puppet(), observation, Particles(starts(2), settings))
-        other = icp.refine(puppet(), replace(observation, points=points), Particles(starts(2), settings))
+        moved = Observation((replace(view, points=points),))
+        other = icp.refine(puppet(), moved, Particles(starts(2), settings))
         np.testing.assert_allclose(other.poses, one.poses, atol=1e-9)
         np.testing.assert_allclose(other.log_likelihood, one.log_likelihood, rtol=1e-9)
         np.testing.assert_allclose(other.residual, one.residual, rtol=1e-9)

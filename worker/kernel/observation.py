@@ -5,7 +5,7 @@ They are computed once per frame and shared by all its particles.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from gepf.common.arrays import Array, Indices, Mask
 from gepf.common.camera import Intrinsics
 from gepf.common.compiling import numba
-from gepf.common.frame import EMPTY, SubjectFrame
+from gepf.common.frame import EMPTY, SubjectFrame, SubjectView
 from gepf.common.settings import RefineSettings
 from gepf.worker.kernel.neighbourhoods import neighbourhoods
 
@@ -25,9 +25,9 @@ TILE = 16  # observed points in one search
 NONE = -1  # instead of a row, if a column has no occupied pixel
 
 
-@dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
-class Observation:
-    """Observed points in the camera frame, ordered by neighbourhood, padded to whole tiles with the last.
+@dataclass(frozen=True, slots=True, eq=False)
+class ObservedView:
+    """Observed points of one camera, in its frame, by neighbourhood, padded to whole tiles with the last.
 
     empty: the pixels in which the body can be neither visible nor hidden. nearest: for each pixel the nearest
     pixel (row, column) that is not empty.
@@ -38,21 +38,22 @@ class Observation:
     empty: Mask  # (H, W)
     nearest: NDArray[np.int32]  # (2, H, W)
     camera: Intrinsics
-    view: Indices  # (4,) left, top, right, bottom of the whole image
+    extent: Indices  # (4,) left, top, right, bottom of the whole image
     T_camera_rig: Array  # (3, 4)
     delay_s: float  # after the time of the frame
-    keypoints: Array = field(default_factory=lambda: np.empty((0, 3)))  # (K, 3) of the SubjectFrame, if any
-    others: tuple[Observation, ...] = ()  # of other cameras
+    keypoints: Array = field(default_factory=lambda: np.empty((0, 3)))  # (K, 3) of the SubjectView, if any
 
-    @property
-    def views(self) -> tuple[Observation, ...]:
-        """The observations of all cameras."""
-        return (self, *self.others)
+
+@dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
+class Observation:
+    """What the cameras of a frame observe."""
+
+    views: tuple[ObservedView, ...]
 
     @property
     def total(self) -> int:
         """Number of points of all cameras."""
-        return sum(each.count for each in self.views)
+        return sum(view.count for view in self.views)
 
 
 class PackedObservation(NamedTuple):
@@ -63,7 +64,7 @@ class PackedObservation(NamedTuple):
     count: int  # type: ignore[assignment]  # tuples have a method of that name
     empty: Mask  # (H, W)
     nearest: NDArray[np.int32]  # (2, H, W)
-    seen: Indices  # (4,) the observation's view
+    seen: Indices  # (4,) the view's extent
     lens: Array  # (5,) fx, fy, cx, cy, delay
     keypoints: Array  # (K, 3) column, row, inverse variance
 
@@ -85,8 +86,7 @@ class PackedViews(NamedTuple):
 
 def observe(subject: SubjectFrame) -> Observation:
     """Observed points of the picked pixels of a frame; ValueError if a pixel is outside."""
-    first, *others = map(observe_view, subject.views)
-    return replace(first, others=tuple(others))
+    return Observation(tuple(map(observe_view, subject.views)))
 
 
 def observe_for(subject: SubjectFrame, settings: RefineSettings) -> Observation:
@@ -96,26 +96,26 @@ def observe_for(subject: SubjectFrame, settings: RefineSettings) -> Observation:
     return observation
 
 
-def observe_view(subject: SubjectFrame) -> Observation:
+def observe_view(view: SubjectView) -> ObservedView:
     """The observed points of one camera."""
-    depth, camera, picked = subject.frame.metres(), subject.frame.intrinsics, subject.picked
+    depth, camera, picked = view.image.metres(), view.image.intrinsics, view.picked
     if len(picked) and picked.max() >= depth.size:
         raise ValueError("picked pixels lie outside of the depth image")
     rows, columns = np.divmod(picked, depth.shape[1])
     z = depth.ravel()[picked].astype(np.float64)
     points = np.column_stack([(columns - camera.cx) / camera.fx * z, (rows - camera.cy) / camera.fy * z, z])
     ordered = points[neighbourhoods(points, TILE)].astype(np.float32)
-    empty = subject.frame.depth == 0 if subject.kinds is None else subject.kinds == EMPTY
-    return Observation(
+    empty = view.image.depth == 0 if view.kinds is None else view.kinds == EMPTY
+    return ObservedView(
         points=np.concatenate([ordered, np.repeat(ordered[-1:], -len(points) % TILE, axis=0)]),
         count=len(points),
         empty=empty,
         nearest=nearest_occupied_pixels(~empty),
         camera=camera,
-        view=np.array(subject.view, dtype=np.int64),
-        T_camera_rig=subject.frame.T_camera_rig[:3],
-        delay_s=subject.delay_s,
-        keypoints=np.empty((0, 3)) if subject.keypoints is None else subject.keypoints.astype(np.float64),
+        extent=np.array(view.extent, dtype=np.int64),
+        T_camera_rig=view.image.T_camera_rig[:3],
+        delay_s=view.delay_s,
+        keypoints=np.empty((0, 3)) if view.keypoints is None else view.keypoints.astype(np.float64),
     )
 
 
@@ -148,7 +148,7 @@ def join_views(observation: Observation, stretch: float) -> PackedViews:
         empty=np.concatenate([each.empty.ravel() for each in views]),
         nearest=np.concatenate([each.nearest.ravel() for each in views]),
         extents=np.array(extents, dtype=np.int64),
-        seen=np.stack([each.view for each in views]),
+        seen=np.stack([each.extent for each in views]),
         lenses=np.array(lenses),
         T_camera_rig=np.stack([each.T_camera_rig for each in views]),
         keypoints=np.stack(

@@ -2,23 +2,33 @@
 
 from __future__ import annotations
 
+import msgspec
 import numpy as np
 from scipy.ndimage import generate_binary_structure, maximum_filter, minimum_filter
 
 from gepf.common.arrays import Array, Indices, Mask
 from gepf.common.body import BodyModel
 from gepf.common.camera import pixels_at
-from gepf.common.frame import EMPTY, SubjectFrame
+from gepf.common.frame import EMPTY, SubjectFrame, SubjectView
 from gepf.common.kinematics import pose_vertices
 from gepf.coordinator.bodies.family import FittedBody
 
-SPAN_SHARES = (0.35, 1.6)  # extent / stature of a person in a frame; else the depth scale is wrong
-PART_SHARE = 0.2  # the smallest extent if a part is in view: head and shoulders
-HEAD_DOWN_M = -0.2  # lowest head above the pelvis
-FLOOR_M = (-0.25, 0.6)  # height of the lowest joint above the floor
-SHOWN_SHARE = 0.75  # smallest agreeing share of head or legs: people have at least 0.79
-AGREES_M = 0.06  # largest distance in depth between the body and what shows it
-CELL_SHARE = 0.018  # of stature: side of the cells that are drawn; vertices and triangles fill them
+
+class PersonLimits(msgspec.Struct, frozen=True):
+    """What a person may be like. Shares of extents are of the stature."""
+
+    min_extent_share: float = 0.35  #: of a person in a frame; else the depth scale is wrong
+    min_part_share: float = 0.2  #: the same if a part is in view: head and shoulders
+    max_extent_share: float = 1.6
+    max_head_below_m: float = 0.2  #: of the head below the pelvis
+    max_below_floor_m: float = 0.25  #: of the lowest joint
+    max_above_floor_m: float = 0.6  #: the same
+    min_shown_share: float = 0.75  #: agreeing share of head or legs: people have at least 0.79
+    agrees_m: float = 0.06  #: largest distance in depth between the body and what shows it
+    cell_share: float = 0.018  #: side of the cells that are drawn; vertices and triangles fill them
+
+
+LIMITS = PersonLimits()
 CROSS = generate_binary_structure(2, 1)  # a cell and its four neighbours
 PARTS = {"head": ("head",), "legs": ("hip", "knee", "ankle")}  # and their joints
 
@@ -43,7 +53,8 @@ def reject_points(points: Array, stature: float, *, whole: bool = True) -> str:
     """
     low, high = np.percentile(points, [1.0, 99.0], axis=0)
     span = float(np.max(high - low))
-    if (SPAN_SHARES[0] if whole else PART_SHARE) * stature <= span <= SPAN_SHARES[1] * stature:
+    least = LIMITS.min_extent_share if whole else LIMITS.min_part_share
+    if least * stature <= span <= LIMITS.max_extent_share * stature:
         return ""
     size = f"{span:.1f} m" if span >= 1.0 else f"{100 * span:.0f} cm"
     return f"the observed points extend over {size}, which is not a person: is depth_scale right?"
@@ -91,24 +102,23 @@ def reject_parts(model: BodyModel, pose: Array, subject: SubjectFrame, stature: 
     surface, links = pose_vertices(model, pose[None])[0], model.skin_links[:, 0]
     surface = np.concatenate([surface, surface[model.triangles].mean(axis=1)])
     links = np.concatenate([links, links[model.triangles[:, 0]]])
-    views = [agreeing_points(surface, each, CELL_SHARE * stature) for each in subject.views]
+    views = [agreeing_points(surface, view, LIMITS.cell_share * stature) for view in subject.views]
     drawn, agrees = (np.concatenate(each) for each in zip(*views, strict=True))
     for part, names in PARTS.items():
         joints = [n for n, joint in enumerate(model.joint_names) if joint.split("_")[-1] in names]
         mine = agrees[np.isin(links[drawn], model.joint_links[joints])]
-        if np.sum(mine) <= SHOWN_SHARE * len(mine):
+        if np.sum(mine) <= LIMITS.min_shown_share * len(mine):
             return f"where the {part} of the body should be, there is something else: an object, not a person"
     return ""
 
 
-def agreeing_points(surface: Array, view: SubjectFrame, cell_m: float) -> tuple[Indices, Mask]:
+def agreeing_points(surface: Array, view: SubjectView, cell_m: float) -> tuple[Indices, Mask]:
     """Some points (N,) of a surface (V, 3) that face a camera, and which of them agree with its image (N,).
 
     They are the nearest ones in each cell of the body's image. Its outline is left out: noise and clothes
     move it. Anything agrees with pixels that are hidden, unmeasured or outside of the image.
     """
-    frame, camera = view.frame, view.frame.intrinsics
-    places = frame.to_camera(surface)
+    camera, places = view.image.intrinsics, view.image.to_camera(surface)
     ahead = np.flatnonzero(places[:, 2] > cell_m)
     x, y, z = places[ahead].T
     at = np.stack([camera.cy + camera.fy * y / z, camera.cx + camera.fx * x / z])  # rows, columns
@@ -117,14 +127,14 @@ def agreeing_points(surface: Array, view: SubjectFrame, cell_m: float) -> tuple[
     image = np.full((row.max() + 1, column.max() + 1), np.inf)
     np.minimum.at(image, (row, column), z)
     low, high = (each(image, footprint=CROSS)[row, column] for each in (minimum_filter, maximum_filter))
-    inner = np.flatnonzero((z == image[row, column]) & (z < low + AGREES_M) & np.isfinite(high))
+    inner = np.flatnonzero((z == image[row, column]) & (z < low + LIMITS.agrees_m) & np.isfinite(high))
     row, column, inside = pixels_at(places[ahead[inner]], camera)
-    left, top, right, bottom = view.view
+    left, top, right, bottom = view.extent
     empty = ~inside & (left <= column) & (column < right) & (top <= row) & (row < bottom)
     pixels, depth = (row[inside], column[inside]), np.zeros(len(inner))
-    depth[inside] = frame.depth[pixels] / frame.depth_scale
+    depth[inside] = view.image.depth[pixels] / view.image.depth_scale
     empty[inside] = (depth[inside] == 0.0) & (True if view.kinds is None else view.kinds[pixels] == EMPTY)
-    return ahead[inner], ~empty & ((depth == 0.0) | (np.abs(depth - z[inner]) < AGREES_M))
+    return ahead[inner], ~empty & ((depth == 0.0) | (np.abs(depth - z[inner]) < LIMITS.agrees_m))
 
 
 def reject_position(rises: float, lowest: float) -> str:
@@ -132,10 +142,10 @@ def reject_position(rises: float, lowest: float) -> str:
 
     The head `rises` above the pelvis, and the `lowest` joint is above the floor, by so many metres.
     """
-    if rises < HEAD_DOWN_M:
+    if rises < -LIMITS.max_head_below_m:
         return "the body is upside down; if the camera is, use --rotate"
-    if lowest < FLOOR_M[0]:
+    if lowest < -LIMITS.max_below_floor_m:
         return f"the body reaches {-100 * lowest:.0f} cm below the floor"
-    if lowest > FLOOR_M[1]:
+    if lowest > LIMITS.max_above_floor_m:
         return f"the body floats {100 * lowest:.0f} cm above the floor"
     return ""

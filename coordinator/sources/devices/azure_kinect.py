@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 
 from gepf.common.camera import Intrinsics
 from gepf.common.errors import InputError
-from gepf.common.frame import DepthFrame
-from gepf.coordinator.sources.devices.device import AVERAGED, SILENCE_MS, Camera, CameraLost, Shot
+from gepf.common.frame import View
+from gepf.coordinator.sources.devices.device import LIMITS, Camera, CameraLost, Shot
 from gepf.coordinator.sources.lens import Lens
 from gepf.coordinator.sources.source import downward
 
@@ -37,7 +37,7 @@ def open_device(which: str, colour: bool) -> Camera | None:
 def shots(device: pyk4a.PyK4A) -> Generator[Shot]:
     """Start, yield the images as they come, and stop. Their numbers follow from the times and the rate."""
     axes, calibration = pyk4a.CalibrationType, device.calibration
-    accelerations = deque[ArrayLike](maxlen=AVERAGED)
+    accelerations = deque[ArrayLike](maxlen=LIMITS.averaged)
     (fx, _, cx), (_, fy, cy), _ = calibration.get_camera_matrix(axes.DEPTH).tolist()
     distortion = calibration.get_distortion_coefficients(axes.DEPTH).tolist()
     lens = Lens(Intrinsics(640, 576, fx, fy, cx, cy), distortion)
@@ -48,14 +48,14 @@ def shots(device: pyk4a.PyK4A) -> Generator[Shot]:
             with suppress(pyk4a.K4ATimeoutException):
                 while (sample := device.get_imu_sample(0)) is not None:
                     accelerations.append(turn @ sample["acc_sample"])
-            capture = device.get_capture(SILENCE_MS)
+            capture = device.get_capture(LIMITS.silence_ms)
             if capture.depth is None:
                 continue
             time_s, colour = capture.depth_timestamp_usec * 1e-6, capture.transformed_color
             units = lens.undistort(capture.depth)
             number, gravity = round(30.0 * time_s), downward(accelerations)
             rgb = None if colour is None else np.ascontiguousarray(colour[..., 2::-1])  # from BGRA
-            yield DepthFrame(number, time_s, units, 1000.0, lens.camera, gravity=gravity), rgb
+            yield View(number, time_s, units, 1000.0, lens.camera, gravity=gravity), rgb
     except pyk4a.K4AException as error:
         raise CameraLost(f"no image comes ({error}); it may be unplugged") from error
     finally:

@@ -12,16 +12,24 @@ from importlib import import_module
 from pathlib import Path
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from gepf.common.errors import GepfError, InputError
-from gepf.common.frame import DepthFrame
+from gepf.common.frame import View
 from gepf.common.packages import MissingPackage, needs
 
-SILENCE_MS = 3000  # without an image, after which a camera is lost
-RETRY_S = 1.0
-AVERAGED = 200  # accelerations for gravity: about a second
+
+class CameraLimits(msgspec.Struct, frozen=True):
+    """What is expected of an attached camera."""
+
+    silence_ms: int = 3000  #: without an image, after which it is lost
+    retry_s: float = 1.0  #: between tries to open it again
+    averaged: int = 200  #: accelerations for gravity: about a second
+
+
+LIMITS = CameraLimits()
 USB_DEVICES = Path("/sys/bus/usb/devices")
 USB_NODES = Path("/dev/bus/usb")
 
@@ -34,7 +42,7 @@ class CameraFailed(GepfError):
     """A camera has stopped and cannot come back: it never gave an image, or it is a recording."""
 
 
-Shot = tuple[DepthFrame, NDArray[np.uint8] | None]
+Shot = tuple[View, NDArray[np.uint8] | None]
 """A frame and its colours (H, W, 3), RGB, registered to depth; None if they were not requested.
 
 Number and time are the camera's, so that a gap shows dropped images. The depth has no distortion.
@@ -138,9 +146,9 @@ class AttachedCamera:
         while self._camera is not None:
             try:
                 with closing(self._camera.shots) as shots:
-                    for frame, colour in self._continued(shots, began, last):
-                        last = frame
-                        yield frame, colour
+                    for view, colour in self._continued(shots, began, last):
+                        last = view
+                        yield view, colour
             except Exception as error:  # an SDK may raise anything, also when it stops the camera
                 if self._closed.is_set():
                     return
@@ -153,22 +161,22 @@ class AttachedCamera:
                 return
             self._camera = self._reopen()
 
-    def _continued(self, shots: Iterator[Shot], began: float, last: DepthFrame | None) -> Iterator[Shot]:
+    def _continued(self, shots: Iterator[Shot], began: float, last: View | None) -> Iterator[Shot]:
         """The images of one opening, with numbers after the `last` one, and times in seconds from `began`."""
         before = None
-        for frame, colour in shots:
+        for view, colour in shots:
             if self._closed.is_set():
                 return
             if before is None:
-                shift = (0 if last is None else last.number + 1) - frame.number
+                shift = (0 if last is None else last.number + 1) - view.number
                 now = time.monotonic() - began
-                shift_s = (now if last is None else max(now, last.time_s + RETRY_S)) - frame.time_s
-            elif frame.number > before + 1:
+                shift_s = (now if last is None else max(now, last.time_s + LIMITS.retry_s)) - view.time_s
+            elif view.number > before + 1:
                 if self.dropped == 0:
                     self._report(f"{self._name}: the camera dropped an image; is it in a USB 3 port?")
-                self.dropped += frame.number - before - 1
-            before = frame.number
-            yield replace(frame, number=frame.number + shift, time_s=frame.time_s + shift_s), colour
+                self.dropped += view.number - before - 1
+            before = view.number
+            yield replace(view, number=view.number + shift, time_s=view.time_s + shift_s), colour
 
     def _open(self) -> Camera:
         camera = open_camera(self._name, colour=self._colour)
@@ -177,7 +185,7 @@ class AttachedCamera:
 
     def _reopen(self) -> Camera | None:
         """The camera when it is back; None if this is closed before."""
-        while not self._closed.wait(RETRY_S):
+        while not self._closed.wait(LIMITS.retry_s):
             with suppress(Exception):  # it is not there, or not ready
                 return self._open()
         return None

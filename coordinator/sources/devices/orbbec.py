@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 
 from gepf.common.camera import Intrinsics
 from gepf.common.errors import InputError
-from gepf.common.frame import DepthFrame
-from gepf.coordinator.sources.devices.device import AVERAGED, SILENCE_MS, Camera, CameraLost, Shot
+from gepf.common.frame import View
+from gepf.coordinator.sources.devices.device import LIMITS, Camera, CameraLost, Shot
 from gepf.coordinator.sources.lens import Lens
 from gepf.coordinator.sources.source import downward
 
@@ -66,14 +66,14 @@ def configured(device: Any, *, colour: bool, playback: bool) -> Camera:
 
 def shots(pipeline: Any, config: Any, profile: Any, lens: Lens, *, playback: bool) -> Generator[Shot]:
     """Start, yield the images as they come, and stop."""
-    accelerations = deque[ArrayLike](maxlen=AVERAGED)
+    accelerations = deque[ArrayLike](maxlen=LIMITS.averaged)
     align = ob.AlignFilter(ob.OBStreamType.DEPTH_STREAM)
     try:
         pipeline.start(config)
     except FAILURES as error:
         raise CameraLost(f"does not start ({error})") from error
     try:
-        while (frames := pipeline.wait_for_frames(SILENCE_MS)) is not None:
+        while (frames := pipeline.wait_for_frames(LIMITS.silence_ms)) is not None:
             depth, colour = frames.get_depth_frame(), None
             if (accelerated := frames.get_frame(ob.OBFrameType.ACCEL_FRAME)) is not None:
                 sample = accelerated.as_accel_frame()
@@ -89,7 +89,7 @@ def shots(pipeline: Any, config: Any, profile: Any, lens: Lens, *, playback: boo
             time_s = depth.get_timestamp_us() * 1e-6
             scale = 1000.0 / depth.get_depth_scale()  # it gives millimetres
             number, gravity = depth.get_index(), downward(accelerations)
-            yield DepthFrame(number, time_s, units, scale, lens.camera, gravity=gravity), colour
+            yield View(number, time_s, units, scale, lens.camera, gravity=gravity), colour
         if not playback:
             raise CameraLost("no image comes; it may be unplugged")
     finally:

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from gepf.common.camera import Intrinsics
 from gepf.common.errors import InputError
-from gepf.common.frame import DepthFrame
-from gepf.coordinator.sources.devices.device import AVERAGED, SILENCE_MS, Camera, CameraLost, Shot
+from gepf.common.frame import View
+from gepf.coordinator.sources.devices.device import LIMITS, Camera, CameraLost, Shot
 from gepf.coordinator.sources.lens import Lens
 from gepf.coordinator.sources.source import downward
 
@@ -62,7 +62,7 @@ def lens_of(depth: Any) -> Lens:
 def shots(pipeline: Any, config: Any, profile: Any, lens: Lens) -> Generator[Shot]:
     """Start, yield the images as they come, and stop."""
     device, last, waited_ms = profile.get_device(), -1, 0
-    accelerations = deque[ArrayLike](maxlen=AVERAGED)
+    accelerations = deque[ArrayLike](maxlen=LIMITS.averaged)
     inertial = any(each.stream_type() == rs.stream.accel for each in profile.get_streams())
     scale = 1.0 / float(str(np.float32(device.first_depth_sensor().get_depth_scale())))
     playback = device.as_playback() if device.is_playback() else None
@@ -76,7 +76,7 @@ def shots(pipeline: Any, config: Any, profile: Any, lens: Lens) -> Generator[Sho
     except RuntimeError as error:
         raise CameraLost(f"does not start ({error})") from error
     try:
-        while waited_ms < SILENCE_MS:
+        while waited_ms < LIMITS.silence_ms:
             there, image = queue.try_wait_for_frame(100)
             if not there:
                 waited_ms += 100
@@ -93,7 +93,7 @@ def shots(pipeline: Any, config: Any, profile: Any, lens: Lens) -> Generator[Sho
                     last, waited_ms = number, 0
                     units = lens.undistort(np.array(depth.get_data(), dtype=np.uint16))
                     gravity = downward(accelerations)
-                    yield DepthFrame(number, time_s, units, scale, lens.camera, gravity=gravity), colour
+                    yield View(number, time_s, units, scale, lens.camera, gravity=gravity), colour
         raise CameraLost("no image comes; it may be unplugged")
     finally:
         pipeline.stop()

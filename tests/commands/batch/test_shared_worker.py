@@ -14,6 +14,7 @@ from gepf.coordinator.commands.job import Job
 from gepf.coordinator.commands.many import track_many
 from gepf.coordinator.commands.progress import Show
 from gepf.coordinator.filters.methods import settings_for
+from gepf.coordinator.pool.local_worker import LocalWorkerLimits
 from gepf.coordinator.pool.options import Pool
 from gepf.coordinator.results.track import read_track
 from tests.support.processes.instant_worker import DISTURBANCES, disturb
@@ -51,7 +52,7 @@ def test_a_batch_outlives_its_workers(
     jobs: list[Job], number: signal.Signals, times: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """However often the worker dies after it has served, and if it freezes, it is replaced; all runs end."""
-    monkeypatch.setattr("gepf.coordinator.pool.local_worker.ABSENCE_S", 1.0)
+    monkeypatch.setattr("gepf.coordinator.pool.local_worker.LIMITS", LocalWorkerLimits(absence_s=1.0))
     written = io.StringIO()
     for _ in range(times):
         disturb(tmp_path / "disturbances", number)

@@ -57,7 +57,7 @@ class Interrupted(Direct):
 
     def publish(self, subject: SubjectFrame) -> None:
         """Raise the interrupt at its frame."""
-        if subject.frame.number == self._until:
+        if subject.number == self._until:
             raise KeyboardInterrupt
         super().publish(subject)
 
@@ -112,7 +112,7 @@ def test_an_interrupted_run_goes_on_with_the_same_bytes(sequence: Path, calm: Pa
 def test_where_nobody_is_nobody_was_found(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The first person has a folder nevertheless."""
     empty = in_a_room(frame_of(0, np.zeros((CAMERA.height, CAMERA.width))))
-    sequence = write_open3d(tmp_path / "empty", np.repeat(empty.depth[None], 2, axis=0), CAMERA)
+    sequence = write_open3d(tmp_path / "empty", np.repeat(empty.views[0].depth[None], 2, axis=0), CAMERA)
     assert track(sequence, tmp_path / "out") == 3
     assert "0 of up to 2 people were found" in capsys.readouterr().err
 
@@ -164,7 +164,7 @@ def until_tracked(heard: Listener, results: list[str]) -> Iterator[dict[str, byt
     shown, _ = pair()
     last = FRAMES - 1
     for number in range(900):
-        image = shown.frames[last - abs(number % (2 * last) - last)]
+        (image,) = shown.frames[last - abs(number % (2 * last) - last)].views
         yield {KEY: encode_live(replace(image, number=number, time_s=number / 2))}
         if all(map(tracked, results)):
             break

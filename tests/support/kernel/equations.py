@@ -87,7 +87,8 @@ class KernelAt:
             drawn = draw(surface.triangles, True, workspace), surface
         held = hold(self.of.model, self.pose, self.of.subject, self.of.settings, drawn)
         order, closest = order_vertices(self.of.model)[0], held.closest.copy()
-        _, of_points = cKDTree(held.points).query(observe(self.of.subject).points[: len(closest)])
+        (observed,) = observe(self.of.subject).views
+        _, of_points = cKDTree(held.points).query(observed.points[: len(closest)])
         closest[of_points] = order[self.view.visible[workspace.search.closest[: len(closest)]]]
         same = replace(held, closest=closest)
         (posed,), stretch = pose_vertices(self.of.model, self.pose[None]), self.of.settings.stretch

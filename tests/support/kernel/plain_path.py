@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 from gepf.common.arrays import Array, Indices, Mask
 from gepf.common.body import ROOT_DOFS, ROTATION, BodyModel
 from gepf.common.camera import Intrinsics, back_project, project
-from gepf.common.frame import EMPTY, DepthFrame, SubjectFrame
+from gepf.common.frame import EMPTY, Frame, SubjectFrame, View
 from gepf.common.kinematics import difference, dof_transforms, link_transforms, pose_vertices, retract
 from gepf.common.kinematics.chain import motion_axes
 from gepf.common.settings import RefineSettings
@@ -40,14 +40,14 @@ class Factors:
     weights: Array
 
 
-def render(model: BodyModel, pose: Array, camera: Intrinsics, number: int = 0) -> DepthFrame:
+def render(model: BodyModel, pose: Array, camera: Intrinsics, number: int = 0) -> Frame:
     """What a depth camera sees of a body."""
     vertices = pose_vertices(model, pose[None])[0]
     depth = rasterise(
         project(vertices, camera), vertices[:, 2], model.triangles, (camera.height, camera.width)
     )
     units = np.where(np.isfinite(depth), np.rint(depth * UNITS_PER_METRE), 0.0).astype(np.uint16)
-    return DepthFrame(number, number / 30.0, units, UNITS_PER_METRE, camera)
+    return Frame.of(View(number, number / 30.0, units, UNITS_PER_METRE, camera))
 
 
 def rasterise(image: Array, z: Array, triangles: Indices, shape: tuple[int, int]) -> Array:
@@ -100,8 +100,10 @@ def visible_vertices(model: BodyModel, pose: Array) -> tuple[Array, Indices]:
 
 def observed_points(subject: SubjectFrame) -> Array:
     """Points (P, 3) of the picked pixels, rounded as they are kept."""
-    points = back_project(subject.frame.metres().astype(np.float64), subject.frame.intrinsics).reshape(-1, 3)
-    return points[subject.picked].astype(np.float32).astype(np.float64)
+    points = back_project(
+        subject.largest.image.metres().astype(np.float64), subject.largest.image.intrinsics
+    ).reshape(-1, 3)
+    return points[subject.largest.picked].astype(np.float32).astype(np.float64)
 
 
 def closest_points(points: Array, seen: Array, settings: RefineSettings) -> Indices:
@@ -173,13 +175,13 @@ def is_measurable(model: BodyModel, pose: Array, posed: Array) -> Mask:
 
 def nearest_outline(seen: Array, facing: Mask, subject: SubjectFrame) -> tuple[Array, Mask]:
     """Nearest pixel (column, row) of the outline to model points (Q, 3); which (Q,) are in free space."""
-    camera, depth = subject.frame.intrinsics, subject.frame.depth
-    left, top, right, bottom = subject.view
+    camera, depth = subject.largest.image.intrinsics, subject.largest.image.depth
+    left, top, right, bottom = subject.largest.extent
     pixels = project(seen, camera)
     cells = np.floor(pixels + 0.5).astype(int)
     viewed = np.all((cells >= (left, top)) & (cells < (right, bottom)), axis=1)
     inside = np.clip(cells, 0, np.array(depth.shape[::-1]) - 1)
-    empty = depth == 0 if subject.kinds is None else subject.kinds == EMPTY
+    empty = depth == 0 if subject.largest.kinds is None else subject.largest.kinds == EMPTY
     nearest = distance_transform_edt(empty, return_distances=False, return_indices=True)
     outline = nearest[::-1, inside[:, 1], inside[:, 0]].T  # (Q, 2) column, row
     off = outline - pixels
@@ -192,7 +194,7 @@ def project_onto_silhouette(
     seen: Array, facing: Mask, subject: SubjectFrame, settings: RefineSettings
 ) -> tuple[Array, Array]:
     """The targets of model points (Q, 3) and the squared distances (Q,), 0 for those not in free space."""
-    camera = subject.frame.intrinsics
+    camera = subject.largest.image.intrinsics
     outline, free = nearest_outline(seen, facing, subject)
     rays = (outline - (camera.cx, camera.cy)) / (camera.fx, camera.fy)
     shift = np.column_stack([rays * seen[:, 2:] - seen[:, :2], np.zeros(len(seen))]) * free[:, None]
@@ -425,7 +427,7 @@ def refine(
         if len(visible) == 0:
             break
         factors = weigh_correspondences(model, pose, posed, visible, subject, settings)
-        moved = minimise(model, factors, len(subject.picked), settings)
+        moved = minimise(model, factors, len(subject.largest.picked), settings)
         settled = np.abs(moved - pose).max() < STEPS[settings.descent].settled
         if settled or k == settings.icp_iterations - 1:
             pose = moved

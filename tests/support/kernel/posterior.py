@@ -28,7 +28,7 @@ from gepf.worker.kernel.terms.soft import OUTLIER_DENSITY, sample_window
 from gepf.worker.kernel.visibility import DepthImage
 from tests.support.kernel import plain_path
 from tests.support.kernel.kernel_cases import DEFAULT, PAPER
-from tests.support.people import frame_of, rendered, subject_of
+from tests.support.people import alone, frame_of, rendered, subject_of
 
 CAMERA = Intrinsics(320, 240, 300.0, 300.0, 159.5, 119.5)
 POINTS = 800
@@ -68,7 +68,8 @@ def posterior_case(body: str, name: str) -> PosteriorCase:
     noisy = add_noise(rendered(model, truth[None], CAMERA)[0], CAMERA, noise, np.random.default_rng(0))
     subject = subject_of(frame_of(0, noisy, CAMERA, 1e4), POINTS)
     if name == COLOUR:
-        subject = replace(subject, keypoints=seen_keypoints(model, truth, subject.frame.intrinsics))
+        view = subject.largest
+        subject = alone(replace(view, keypoints=seen_keypoints(model, truth, view.image.intrinsics)))
     return PosteriorCase(model, truth, in_a_room(subject) if name == ROOM else subject, settings)
 
 
@@ -85,11 +86,11 @@ def seen_keypoints(model: BodyModel, pose: Array, camera: Intrinsics) -> NDArray
 
 def in_a_room(subject: SubjectFrame) -> SubjectFrame:
     """The frame with patches beside the subject of which the camera measured nothing, or something nearer."""
-    rng, depth = np.random.default_rng(2), subject.frame.depth
+    rng, depth = np.random.default_rng(2), subject.largest.image.depth
     patches = rng.choice([EMPTY, EMPTY, UNMEASURED, HIDDEN], size=-(-np.array(depth.shape) // 6))
     beside = np.kron(patches, np.ones((6, 6), dtype=np.uint8))[: depth.shape[0], : depth.shape[1]]
     kinds = np.where(depth > 0, SUBJECT, beside).astype(np.uint8)
-    return replace(subject, kinds=kinds)
+    return alone(replace(subject.largest, kinds=kinds))
 
 
 def random_poses(of: PosteriorCase, count: int) -> Array:
@@ -136,7 +137,7 @@ def hold(
 ) -> Held:
     """Visibility and correspondences at a pose (D,); soft ones with its depth image and surface."""
     posed, visible = plain_path.visible_vertices(model, pose)
-    points, camera = plain_path.observed_points(subject), subject.frame.intrinsics
+    points, camera = plain_path.observed_points(subject), subject.largest.image.intrinsics
     index = plain_path.closest_points(points, posed[visible], settings)
     facing = plain_path.is_measurable(model, pose, posed)[visible]
     outline, free = plain_path.nearest_outline(posed[visible], facing, subject)
@@ -187,18 +188,18 @@ def log_posterior(held: Held, poses: Array) -> Array:
 
 def keypoint_cost(held: Held, poses: Array) -> Array:
     """Half the robust squared distances (N,) of the keypoints, in deviations."""
-    if held.subject.keypoints is None:
+    if held.subject.largest.keypoints is None:
         return np.zeros(len(poses))
     offsets = keypoint_offsets(held.model, poses, held.subject)
-    squared = held.subject.keypoints[:, 2] * np.sum(offsets**2, axis=-1)
+    squared = held.subject.largest.keypoints[:, 2] * np.sum(offsets**2, axis=-1)
     return np.asarray(0.5 * np.sum(KEYPOINT_OUTLIER**2 * squared / (KEYPOINT_OUTLIER**2 + squared), axis=1))
 
 
 def keypoint_offsets(model: BodyModel, poses: Array, subject: SubjectFrame) -> Array:
     """From where keypoints were seen to where the body has them (N, K, 2), pixels."""
-    assert subject.keypoints is not None
-    pixels = project(keypoint_positions(model, poses), subject.frame.intrinsics)
-    return np.asarray(pixels - subject.keypoints[:, :2])
+    assert subject.largest.keypoints is not None
+    pixels = project(keypoint_positions(model, poses), subject.largest.image.intrinsics)
+    return np.asarray(pixels - subject.largest.keypoints[:, :2])
 
 
 def point_cost(held: Held, posed: Array) -> Array:

@@ -42,7 +42,7 @@ def suffer() -> None:
 def observe(subject: SubjectFrame, settings: RefineSettings | None = None) -> float:
     """Mean depth of the picked pixels, for any settings."""
     del settings
-    return float(subject.frame.metres().ravel()[subject.picked].mean())
+    return float(subject.largest.image.metres().ravel()[subject.largest.picked].mean())
 
 
 def refine(model: BodyModel, observation: float, particles: Particles, lanes: int = 1) -> Refined:

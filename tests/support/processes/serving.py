@@ -35,8 +35,9 @@ PARTICLES = Particles(POSES, SETTINGS)
 def frame(number: int) -> SubjectFrame:
     """A frame that differs from others by its depth."""
     subject = tiny_frame()
-    depth = np.where(subject.frame.depth > 0, 2000 + number, 0).astype(np.uint16)
-    return replace(subject, frame=replace(subject.frame, number=number, depth=depth))
+    (view,) = subject.views
+    depth = np.where(view.image.depth > 0, 2000 + number, 0).astype(np.uint16)
+    return replace(subject, number=number, views=(replace(view, image=replace(view.image, depth=depth)),))
 
 
 def expected(number: int, poses: Array = POSES) -> list[bytes]:

@@ -21,7 +21,7 @@ from gepf.coordinator.tracking.estimate import Certainty
 from gepf.coordinator.tracking.reporting import explain_doubt, least_probability
 from tests.support.bodies import person
 from tests.support.features import features_in
-from tests.support.people import SETTINGS, STANDING, frame_of, rendered, subject_of
+from tests.support.people import SETTINGS, STANDING, alone, frame_of, rendered, subject_of
 
 BODY = person()
 FINE = Intrinsics(1280, 960, 1160.0, 1160.0, 639.5, 479.5)
@@ -80,11 +80,12 @@ def test_what_is_seen_of_a_joint_is_what_a_rendering_shows(posture: str) -> None
 def test_a_table_hides_what_is_behind_it() -> None:
     """Legs behind something nearer are not seen, and may be anywhere."""
     subject = seen_as("standing")
-    depth, knee = subject.frame.depth.copy(), BODY.joint_names.index("right_knee")
+    depth, knee = subject.largest.image.depth.copy(), BODY.joint_names.index("right_knee")
     depth[depth.shape[0] // 2 :] = 0
     kinds = np.where(depth > 0, np.uint8(SUBJECT), np.uint8(HIDDEN))
     picked = np.flatnonzero(depth).astype(np.uint32)[::8]
-    behind = replace(subject, frame=replace(subject.frame, depth=depth), kinds=kinds, picked=picked)
+    view = subject.largest
+    behind = alone(replace(view, image=replace(view.image, depth=depth), kinds=kinds, picked=picked))
     whole, hidden = certainty_of(STANDING, subject), certainty_of(STANDING, behind)
     assert hidden.seen[knee] < 0.05
     assert hidden.off_probability[knee] > 10.0 * whole.off_probability[knee]
@@ -107,22 +108,22 @@ def test_a_joint_that_colour_shows_is_more_certain() -> None:
     """By how precise its keypoint is, and only if it is there; one that colour shows elsewhere is not."""
     body, pose = human(1.82), name_pose(human(1.82), STANDING)
     subject = subject_of(frame_of(0, rendered(body, pose[None])[0]), 500)
-    places = project(keypoint_positions(body, pose[None])[0], subject.frame.intrinsics)
+    places = project(keypoint_positions(body, pose[None])[0], subject.largest.image.intrinsics)
     keypoints = np.column_stack([places, np.full(len(places), 0.1)]).astype(np.float32)
     knee, ankle, wrist = ([*KEYPOINTS].index(name) for name in ("left_knee", "left_ankle", "left_wrist"))
     keypoints[ankle, 2] *= 0.25
     keypoints[wrist, 0] += 60.0
     assert not shown_in_colour(body, pose, subject).any()
-    shown = shown_in_colour(body, pose, replace(subject, keypoints=keypoints))
+    shown = shown_in_colour(body, pose, alone(replace(subject.largest, keypoints=keypoints)))
     named = dict(zip(body.joint_names, shown.tolist(), strict=True))
     assert [named[KEYPOINTS[k]] for k in (knee, ankle, wrist)] == pytest.approx([1.0, 0.25, 0.0])
     assert named["pelvis"] == 0.0  # not a keypoint
     features = features_in(body, pose[None], subject, SETTINGS.refine)
-    alone, beside = (judge(features, CertaintySettings(), None, each) for each in (None, shown))
-    ratio = beside.off_probability / alone.off_probability
+    plain, beside = (judge(features, CertaintySettings(), None, each) for each in (None, shown))
+    ratio = beside.off_probability / plain.off_probability
     assert ratio[body.joint_names.index("left_knee")] < 0.5
     assert (ratio[shown == 0.0] == 1.0).all()
-    np.testing.assert_array_equal(beside.deviation, alone.deviation)
+    np.testing.assert_array_equal(beside.deviation, plain.deviation)
 
 
 def test_rivals_make_a_joint_unsure() -> None:
@@ -137,12 +138,12 @@ def test_rivals_make_a_joint_unsure() -> None:
 def test_points_that_the_body_does_not_explain_are_doubts_of_the_joints_beside_them() -> None:
     """A skirt's width of points around the knees: their distance is told for the knees, not for the head."""
     subject = seen_as("standing")
-    depth, row = subject.frame.depth.copy(), knee_row(subject)
+    depth, row = subject.largest.image.depth.copy(), knee_row(subject)
     shin = depth[row - 10 : row + 10]
     columns = np.flatnonzero(shin.any(axis=0))
     reach = slice(max(0, columns[0] - 20), columns[-1] + 21)
     shin[:, reach] = np.where(shin[:, reach] > 0, shin[:, reach], np.median(shin[shin > 0]))
-    wide = subject_of(replace(frame_of(0, depth / 1000.0), intrinsics=subject.frame.intrinsics), 4_000)
+    wide = subject_of(frame_of(0, depth / 1000.0, subject.largest.image.intrinsics), 4_000)
     plain, skirt = features_of(STANDING, subject), features_of(STANDING, wide)
     knees = np.isin(BODY.joint_names, ("right_knee", "left_knee"))
     assert (skirt.misfit[knees] > 1.5 * plain.misfit[knees]).all()
@@ -154,7 +155,7 @@ def test_points_that_the_body_does_not_explain_are_doubts_of_the_joints_beside_t
 def knee_row(subject: SubjectFrame) -> int:
     """The row of the crop in which the right knee of the standing body is."""
     joints = joint_positions(BODY, name_pose(BODY, STANDING)[None])[0]
-    (_, row), *_ = project(joints[[BODY.joint_names.index("right_knee")]], subject.frame.intrinsics)
+    (_, row), *_ = project(joints[[BODY.joint_names.index("right_knee")]], subject.largest.image.intrinsics)
     return round(float(row))
 
 

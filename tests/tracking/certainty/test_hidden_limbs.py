@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache
 
 import msgspec
@@ -25,6 +24,7 @@ from tests.support.people import (
     SETTINGS,
     STANDING,
     Shown,
+    changed,
     frame_of,
     rendered,
     show,
@@ -65,7 +65,7 @@ def test_a_hidden_arm_is_not_said_to_be_known() -> None:
 def test_a_hidden_arm_does_not_fall_to_rest() -> None:
     """A forearm held up before the chest, seen from behind with noise: it does not move in any frame."""
     (still,), (true,) = shown_in(HELD_UP)
-    picture = still.depth / 1000.0
+    picture = still.views[0].depth / 1000.0
     noise = 0.01 * np.random.default_rng(0).standard_normal((15, *picture.shape))
     follower = tracker(MANY, HELD_UP)
     wrist = follower.model.joint_names.index("right_wrist")
@@ -83,9 +83,10 @@ def followed(*, cropped: bool) -> Certainty:
     """The certainty in the last frame, whole or cut at the knees, of a person whose start is known."""
     following = tracker()
     for frame in shown("standing").frames:
-        rows = KNEES if cropped else frame.intrinsics.height
-        camera = frame.intrinsics.crop(0, 0, frame.intrinsics.width, rows)
-        estimate = following.track(replace(frame, depth=frame.depth[:rows].copy(), intrinsics=camera))
+        (view,) = frame.views
+        rows = KNEES if cropped else view.intrinsics.height
+        camera = view.intrinsics.crop(0, 0, view.intrinsics.width, rows)
+        estimate = following.track(changed(frame, depth=view.depth[:rows].copy(), intrinsics=camera))
     assert estimate.certainty is not None
     return estimate.certainty
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,13 +34,20 @@ AGES = {"baby": (1.0, 0.75), "child": (10.0, 1.38), "young": (16.0, 1.5)}
 
 Children: the medians of the World Health Organization's growth standards. Adults differ by scale.
 """
-CLOTHES_M = 0.008
-GAP_M = 0.02  # half the width of gaps in which clothes hang, and between fingers
-CELL = 0.0225
-"""Approximate distance of neighbouring vertices, as a share of stature."""
-HIP_INWARD = 0.867  # of the distance of MakeHuman's hip joints from the middle
-HIP_FORWARD = 0.014  # of stature, from there
-STEP = 0.01  # of stature, of a length, for its effect
+
+
+class TemplateSettings(msgspec.Struct, frozen=True):
+    """How the template is made of MakeHuman's people. Shares are of stature."""
+
+    clothes_m: float = 0.008  #: thickness
+    gap_m: float = 0.02  #: half the width of gaps in which clothes hang, and between fingers
+    cell_share: float = 0.0225  #: approximate distance of neighbouring vertices
+    hip_inward: float = 0.867  #: of the distance of MakeHuman's hip joints from the middle
+    hip_forward_share: float = 0.014  #: from there
+    step_share: float = 0.01  #: of a length, for its effect
+
+
+TEMPLATE = TemplateSettings()
 BARE = ("skull", "hand", "foot", "toes")
 
 
@@ -71,7 +79,11 @@ def upright(data: MakeHuman, age: str, weight: str = "average") -> tuple[Array, 
     joints = {name: vertices[rows].mean(axis=0) for name, rows in data.joints.items()}
     stature = float(np.ptp(vertices[np.unique(data.triangles), 1]))
     for name in ("l-upper-leg", "r-upper-leg"):  # where our hips are in the body: see `joints`
-        joints[name] = joints[name] * (HIP_INWARD, 1.0, 1.0) + stature * HIP_FORWARD * np.array(FRONT)
+        joints[name] = joints[name] * (
+            TEMPLATE.hip_inward,
+            1.0,
+            1.0,
+        ) + stature * TEMPLATE.hip_forward_share * np.array(FRONT)
     origin = 0.5 * (joints["l-upper-leg"] + joints["r-upper-leg"])
     joints = {name: point - origin for name, point in joints.items()}
     return fold_fingers(vertices - origin, joints, data.weights), joints, stature
@@ -82,9 +94,11 @@ def build_surface(data: MakeHuman) -> Built:
     from gepf.coordinator.bodies.human.build.mesh import Shell
 
     vertices, _, stature = upright(data, "young")
-    shell = Shell(vertices, data.triangles, CLOTHES_M, GAP_M)
+    shell = Shell(vertices, data.triangles, TEMPLATE.clothes_m, TEMPLATE.gap_m)
     low = np.array([0.0, *shell.low[1:]])
-    surface, triangles, mirror = mesh_symmetric(shell.distance, low, shell.high, CELL * stature)
+    surface, triangles, mirror = mesh_symmetric(
+        shell.distance, low, shell.high, TEMPLATE.cell_share * stature
+    )
     nearest, parts = shell.closest(surface)
     corners = data.triangles[nearest]
     apart = surface - np.einsum("vc,vcx->vx", parts, vertices[corners])
@@ -150,7 +164,8 @@ def build(data: MakeHuman) -> dict[str, Array]:
     slim, stout = (rest_person(data, built, "young", weight, ADULT)[0] for weight in ("min", "max"))
     wide, heavy, normals = widen(built, adult, joints), stout - slim, vertex_normals(adult, built.triangles)
     outward = [float(np.mean(np.sum(change * normals, axis=1))) for change in (wide, heavy)]
-    longer = [place_joints({**CLOTHED, name: CLOTHED[name] + STEP}) for name in LENGTHS]
+    step = TEMPLATE.step_share
+    longer = [place_joints({**CLOTHED, name: CLOTHED[name] + step}) for name in LENGTHS]
     names = tuple(joints)
     links = tuple(built.shares)
     table = np.stack([built.shares[link] for link in links], axis=1)
@@ -169,9 +184,9 @@ def build(data: MakeHuman) -> dict[str, Array]:
         "people_joints": np.stack([stacked(place_joints(lengths[age]), names) for age in AGES]),
         "girth": packed(0.5 * wide + 0.5 * heavy * outward[0] / outward[1]),
         "longer": packed(
-            np.stack([(stretch(adult, built.shares, joints, j) - adult) / STEP for j in longer])
+            np.stack([(stretch(adult, built.shares, joints, j) - adult) / step for j in longer])
         ),
-        "longer_joints": np.stack([(stacked(j, names) - stacked(joints, names)) / STEP for j in longer]),
+        "longer_joints": np.stack([(stacked(j, names) - stacked(joints, names)) / step for j in longer]),
     }
 
 

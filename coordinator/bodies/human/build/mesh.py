@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import msgspec
 import numpy as np
 import open3d as o3d
 from scipy.ndimage import label
@@ -18,8 +19,15 @@ from gepf.common.arrays import Array, Indices
 
 _tensor = o3d.core.Tensor.from_numpy
 
-STEP_M = 0.006  # of the grid that tells outside from inside
-MARGIN_M = 0.06
+
+class Grid(msgspec.Struct, frozen=True):
+    """The grid that tells outside from inside."""
+
+    step_m: float = 0.006
+    margin_m: float = 0.06  #: around the surface
+
+
+GRID = Grid()
 
 
 class Shell:
@@ -37,21 +45,21 @@ class Shell:
     def __init__(self, vertices: Array, triangles: Indices, thickness: float, reach: float) -> None:
         self._surface = _scene(vertices, triangles)
         used = vertices[np.unique(triangles)]
-        self.low, self.high = used.min(axis=0) - MARGIN_M, used.max(axis=0) + MARGIN_M
-        counts = np.ceil((self.high - self.low) / STEP_M).astype(np.int64) + 1
+        self.low, self.high = used.min(axis=0) - GRID.margin_m, used.max(axis=0) + GRID.margin_m
+        counts = np.ceil((self.high - self.low) / GRID.step_m).astype(np.int64) + 1
         grid = np.stack(np.meshgrid(*(np.arange(n) for n in counts), indexing="ij"), axis=-1)
-        distance = _distance(self._surface, self.low + STEP_M * grid.reshape(-1, 3)).reshape(counts)
+        distance = _distance(self._surface, self.low + GRID.step_m * grid.reshape(-1, 3)).reshape(counts)
         regions = label(distance > reach)[0]
         self._outside = regions == regions[0, 0, 0]
         values = np.where((regions > 0) & ~self._outside, 0.0, distance)
-        corners, faces, _, _ = marching_cubes(values, reach, spacing=(STEP_M,) * 3)  # type: ignore[no-untyped-call]
+        corners, faces, _, _ = marching_cubes(values, reach, spacing=(GRID.step_m,) * 3)  # type: ignore[no-untyped-call]
         self._far = _scene(corners + self.low, faces)
         self._gap = reach - thickness
 
     def distance(self, points: Array) -> Array:
         """Signed distances (n,) of points (n, 3) from the shell, negative inside."""
         last = np.array(self._outside.shape) - 1
-        cell = np.clip(np.rint((points - self.low) / STEP_M).astype(np.int64), 0, last)
+        cell = np.clip(np.rint((points - self.low) / GRID.step_m).astype(np.int64), 0, last)
         distance = _distance(self._far, points)
         return self._gap + np.where(self._outside[tuple(cell.T)], distance, -distance)
 
