@@ -30,6 +30,7 @@ def test_a_scene_is_tracked_in_both_ways_and_compared(
     assert {p.name for p in out.iterdir()} == {f"sequence-{seed}" for seed in seeds} | runs | {MARKER}
     assert all(len(list((out / f"sequence-{seed}" / "depth").iterdir())) == FRAMES for seed in seeds)
     assert all((out / run / "track.npz").exists() for run in runs)
+    assert f"tracking {len(runs)} runs; the first time, compiling" in screen.getvalue()
     drawn = {f"{LONE}-0", f"{FILTER}-0"}
     assert {run for run in runs if (out / run / "overlay.mp4").exists()} == drawn
     assert all((out / run / "sheet.png").exists() for run in drawn)
