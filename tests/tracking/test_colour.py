@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -256,7 +255,7 @@ def test_candidates_whom_colour_shows_come_first() -> None:
     candidates = [(beside, beside), (person, person)]
     found = finder.look_at(candidates, coloured()[0], up, 0.0)
     assert {place: bool(keypoints) for place, keypoints in found.items()} == {0: False, 1: True}
-    turns = [finder.look_at(candidates, replace(coloured()[0], number=n), up, 1 / 30) for n in range(2)]
+    turns = [finder.look_at(candidates, changed(coloured()[0], number=n), up, 1 / 30) for n in range(2)]
     assert [list(turn) for turn in turns] == [[0], [1]]
     model, pose = known().tracked(known().usual_size, STANDING)
     places = keypoint_pixels(ExpectedBody(model, pose), coloured()[0].views[0])
@@ -307,7 +306,7 @@ def test_a_body_is_searched_for_again_after_seconds_of_exchanged_sides() -> None
     still = coloured()[0]
     mirrored = DisturbedFinder(lambda seen: seen[EXCHANGED])
     follow = OnePerson(DirectRefiner(), SETTINGS, known(), colour=mirrored, start=STANDING).follow
-    frames = [replace(still, number=n, time_s=0.5 * n) for n in range(14)]
+    frames = [changed(still, number=n, time_s=0.5 * n) for n in range(14)]
     used, sides = list[bool](), list[float]()
     for tracked in follow(frames):
         (person,) = tracked.people
