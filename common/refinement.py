@@ -16,6 +16,9 @@ WEAK_TURN, WEAK_SLIDE, WEAK_SHAPE = float(np.radians(30.0)), 0.05, 1.0
 KEYPOINT_OUTLIER = 3.0
 """Scale of the robust kernel of keypoints, in their standard deviations."""
 
+KEYPOINT_WEIGHT = 0.25
+"""Of a keypoint in the log posterior: the 17 errors in an image have common causes, and count as four."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PosePrior:

@@ -19,7 +19,7 @@ from gepf.common.camera import points_of, project
 from gepf.common.frame import Frame, SubjectFrame, SubjectView, View
 from gepf.common.kinematics import keypoint_positions, pose_vertices
 from gepf.common.packages import MissingPackage
-from gepf.common.refinement import KEYPOINT_OUTLIER
+from gepf.common.refinement import KEYPOINT_OUTLIER, KEYPOINT_WEIGHT
 from gepf.coordinator.colour.crop import Crop, crop_of_body, crop_of_points
 from gepf.coordinator.colour.keypoints import HIPS, SHOULDERS, find_keypoints
 from gepf.coordinator.colour.network import PoseNetwork, check_installed
@@ -365,4 +365,4 @@ def keypoint_cost(model: BodyModel, pose: Array, subject: SubjectFrame) -> float
             squared[ahead] = seen[ahead, 2] * np.sum(off**2, axis=1)
             farther = np.where(np.isfinite(squared), scale * squared / (scale + squared), scale)
             total += 0.5 * float(np.sum(farther[seen[:, 2] > 0.0]))
-    return total
+    return KEYPOINT_WEIGHT * total

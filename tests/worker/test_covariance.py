@@ -11,7 +11,13 @@ import pytest
 
 from gepf.common.arrays import Array
 from gepf.common.body import ROTATION, BodyModel
-from gepf.common.refinement import KEYPOINT_OUTLIER, Particles, lower_triangular, triangle_size
+from gepf.common.refinement import (
+    KEYPOINT_OUTLIER,
+    KEYPOINT_WEIGHT,
+    Particles,
+    lower_triangular,
+    triangle_size,
+)
 from gepf.common.settings import RefineSettings
 from gepf.coordinator.filters.priors import pose_prior
 from gepf.worker.kernel.gauss_newton import fill_covariance_root, solve
@@ -89,7 +95,7 @@ def keypoint_information(of: PosteriorCase, pose: Array) -> Array:
     weights = (
         of.subject.largest.keypoints[:, 2] * (KEYPOINT_OUTLIER**2 / (KEYPOINT_OUTLIER**2 + squared)) ** 2
     )
-    return np.asarray(np.einsum("kad,k,kae->de", slopes, weights, slopes))
+    return np.asarray(KEYPOINT_WEIGHT * np.einsum("kad,k,kae->de", slopes, weights, slopes))
 
 
 def soft_information(of: PosteriorCase, pose: Array, drawn: tuple[DepthImage, Surface]) -> Array:

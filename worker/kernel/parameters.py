@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from gepf.common.refinement import KEYPOINT_WEIGHT
 from gepf.common.settings import Descent, RefineSettings
 
 OUTLIER_DISTANCE_M = 0.1  # scale of the robust kernel
@@ -74,7 +75,7 @@ def pack_parameters(settings: RefineSettings, points: int) -> KernelParameters:
     count = max(1, points)
     of_point = of_mean / count
     damping = (settings.damping + steps.damping_share * points) * of_point
-    closest = Weights(of_point, of_point if camera else 0.0, 0.0, 1.0)
+    closest = Weights(of_point, of_point if camera else 0.0, 0.0, KEYPOINT_WEIGHT)
     return KernelParameters(
         settings.icp_iterations,
         settings.icp_iterations if soft else 0,
@@ -82,7 +83,7 @@ def pack_parameters(settings: RefineSettings, points: int) -> KernelParameters:
         Solver(steps.gauss_newton_iterations, damping, math.inf),
         Solver(1, independent / count / LONGEST_STEP**2, LONGEST_STEP),
         closest,
-        Weights(0.0, 0.0, independent / count, 1.0) if soft else closest,
+        Weights(0.0, 0.0, independent / count, KEYPOINT_WEIGHT) if soft else closest,
         LIMIT_WEIGHT_M2 * of_mean,
         settings.stretch,
         OUTLIER_DISTANCE_M**2 if camera else 0.0,

@@ -16,7 +16,7 @@ from gepf.common.body import ROTATION, BodyModel
 from gepf.common.camera import Intrinsics, project
 from gepf.common.frame import EMPTY, HIDDEN, SUBJECT, UNMEASURED, SubjectFrame
 from gepf.common.kinematics import keypoint_positions, link_transforms, pose_vertices, retract, within_limits
-from gepf.common.refinement import KEYPOINT_OUTLIER
+from gepf.common.refinement import KEYPOINT_OUTLIER, KEYPOINT_WEIGHT
 from gepf.common.settings import RefineSettings
 from gepf.coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from gepf.coordinator.bodies.tracked import name_pose
@@ -192,7 +192,8 @@ def keypoint_cost(held: Held, poses: Array) -> Array:
         return np.zeros(len(poses))
     offsets = keypoint_offsets(held.model, poses, held.subject)
     squared = held.subject.largest.keypoints[:, 2] * np.sum(offsets**2, axis=-1)
-    return np.asarray(0.5 * np.sum(KEYPOINT_OUTLIER**2 * squared / (KEYPOINT_OUTLIER**2 + squared), axis=1))
+    costs = KEYPOINT_OUTLIER**2 * squared / (KEYPOINT_OUTLIER**2 + squared)
+    return np.asarray(0.5 * KEYPOINT_WEIGHT * np.sum(costs, axis=1))
 
 
 def keypoint_offsets(model: BodyModel, poses: Array, subject: SubjectFrame) -> Array:
