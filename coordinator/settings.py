@@ -115,6 +115,7 @@ class TrackSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     max_motion_m: Quantity = 0.8  #: of a body between two frames
     gone_share: Share = 0.35  #: of the pixels in the last good frame; with fewer the body may have left
     whole_share: Share = 0.85  #: of the pixels in which it was detected; with fewer a part is missing
+    late_look_s: Quantity = 0.5  #: between looks at colour while live frames are late
     facing_s: Quantity = 1.0  #: of colour that shows left and right, until it tells front from back
     exchanged_s: Quantity = 4.0  #: of colour that shows left and right exchanged, until depth is doubted
     unshown_s: Quantity = 1.0  #: after which a new body ends that colour has not confirmed

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -101,7 +102,7 @@ class Tracker:
         self._colour, self._segmenter = colour, Segmenter(settings.points, settings.scene, scope)
         self._segmenter.recall(state.frame.scenes)
         self._frame = state.frame
-        self._is_late = self._looked = False  # the last live frame; whether its colour was looked at
+        self._is_late, self._looked_s = False, -math.inf  # the last live frame; when colour was looked at
         self._cameras, self._time_s = state.frame.cameras, state.frame.time_s  # of the last segmented frame
         self._targets = [TargetTracker(refiner, settings, bodies, person, motion) for person in state.people]
 
@@ -130,7 +131,7 @@ class Tracker:
         The results are those of `track`. If a frame fails, the frame before is still reported. Without
         `look_ahead`, each frame is reported at once. So is each `live` frame, see `Live`. A frame is
         segmented around the pose of two frames before; at low rates, around that of the frame before. While
-        live frames are late, every second one is tracked without keypoints.
+        live frames are late, colour is looked at `late_look_s` apart.
         """
         upcoming = Lookahead(map(self._segment, frames))  # read, segment
         pacing = Recorded(look_ahead=look_ahead) if live is None else Live(live, upcoming)
@@ -169,9 +170,10 @@ class Tracker:
             last_s = self._time_s
             interval_s, self._time_s = 0.0 if last_s is None else frame.time_s - last_s, frame.time_s
             bodies = [target.expected_body for target in self._targets]
-            hurries, self._looked, looking = self._is_late and self._looked, False, None
+            hurries = self._is_late and frame.time_s < self._looked_s + settings.late_look_s - ROUNDING_S
+            looking = None
             if self._colour is not None and not (hurries and self._colour.leave_out(frame, bodies)):
-                looking, self._looked = self._colour.submit(frame, bodies), True
+                looking, self._looked_s = self._colour.submit(frame, bodies), frame.time_s
             is_slow = interval_s > settings.max_lookahead_s + ROUNDING_S
             sight = Sight.of_nobody(len(self._targets))
             steps: Sequence[Array | None] = [None] * len(self._targets)

@@ -358,12 +358,13 @@ def test_left_and_right_are_those_of_a_body_whose_facing_is_known() -> None:
     assert [KEYPOINTS.index(name) for name in names] == EXCHANGED
 
 
-def test_under_load_frames_are_tracked_without_keypoints() -> None:
-    """Every second one while frames are late; they are counted. Recorded frames never are."""
+def test_under_load_colour_is_looked_at_twice_a_second() -> None:
+    """While frames are late; those without are counted. Recorded frames never are."""
     finder = KeypointFinder()
     hurried = OnePerson(DirectRefiner(), SETTINGS, known(), colour=finder, start=STANDING)
-    said = [
-        bool(tracked.people[0].estimate.keypoints) for tracked in hurried.follow(coloured(), live=Hurried())
+    frames = [
+        changed(frame, time_s=time_s) for frame, time_s in zip(coloured(), (0.0, 0.1, 0.5, 0.6), strict=True)
     ]
+    said = [bool(tracked.people[0].estimate.keypoints) for tracked in hurried.follow(frames, live=Hurried())]
     assert said == [True, False, True, False]
     assert finder.left_out == 2
