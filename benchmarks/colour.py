@@ -22,10 +22,11 @@ from benchmarks.tracking import bodies_of, follow, prepare
 from gepf.common.arrays import Array
 from gepf.common.frame import Frame, View
 from gepf.common.kinematics import joint_positions, pose_vertices
-from gepf.coordinator.colour.finder import EXCHANGED, ExpectedBody, KeypointFinder, Sight
+from gepf.coordinator.colour.finder import KeypointFinder, PeopleInColour
+from gepf.coordinator.colour.matching import EXCHANGED, ExpectedBody
 from gepf.coordinator.filters.methods import settings_for
 from gepf.coordinator.scene.noise import SensorNoise
-from gepf.coordinator.settings import CertaintySettings
+from gepf.coordinator.settings import CertaintySettings, ColourSettings
 from gepf.coordinator.sources.source import to_units
 from gepf.coordinator.synthesis.clothes import dress
 from gepf.coordinator.synthesis.noise import add_noise
@@ -125,18 +126,20 @@ class DisturbedFinder(KeypointFinder):
         self._disturb, self._past = disturb, dict[float, Seen]()
         self._rng = np.random.default_rng([seed, 59])
 
-    def submit(self, frame: Frame, bodies: Sequence[ExpectedBody | None]) -> Future[Sight]:
+    def submit(
+        self, frame: Frame, bodies: Sequence[ExpectedBody | None], settings: ColourSettings
+    ) -> Future[PeopleInColour]:
         """Disturbed keypoints."""
-        sight = super().submit(frame, bodies).result()
-        (found,) = sight.keypoints
-        future = Future[Sight]()
+        people = super().submit(frame, bodies, settings).result()
+        (found,) = people.keypoints
+        future = Future[PeopleInColour]()
         if "" in found:
             self._past[frame.time_s] = found[""]
             (view,) = frame.views
             per_metre = view.intrinsics.fx / float(np.median(view.metres()[view.depth > 0]))
             seen = self._disturb(Moment(frame, found[""], self._past, per_metre, self._rng))
             found = {} if seen is None else {"": seen.astype(np.float32)}
-        future.set_result(sight._replace(keypoints=[found]))
+        future.set_result(people._replace(keypoints=[found]))
         return future
 
 

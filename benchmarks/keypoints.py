@@ -26,6 +26,7 @@ from gepf.coordinator.bodies.human.template import human
 from gepf.coordinator.colour.crop import Crop, crop_of_body
 from gepf.coordinator.colour.keypoints import LANDMARK_OF
 from gepf.coordinator.colour.network import PoseNetwork
+from gepf.coordinator.settings import ColourSettings
 from gepf.coordinator.synthesis.clothes import dress
 from gepf.coordinator.synthesis.rendering import ColouredSurface, DepthRenderer
 
@@ -102,7 +103,7 @@ def look(
         surface.vertices, 0.5 * (joints["right_hip"] + joints["left_hip"]), joints["neck"], CAMERA
     )
     assert isinstance(crop, Crop)
-    found = network.see(crop.take(noisy, np.ones(noisy.shape[:2], np.bool_)))
+    found = network.see(crop.take(noisy, np.ones(noisy.shape[:2], np.bool_), ColourSettings().max_gap_px))
     if found.presence < 0.9:
         return None
     chosen = list(LANDMARK_OF.values())

@@ -115,11 +115,30 @@ class TrackSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     max_motion_m: Quantity = 0.8  #: of a body between two frames
     gone_share: Share = 0.35  #: of the pixels in the last good frame; with fewer the body may have left
     whole_share: Share = 0.85  #: of the pixels in which it was detected; with fewer a part is missing
-    late_look_s: Quantity = 0.5  #: between looks at colour while live frames are late
-    facing_s: Quantity = 1.0  #: of colour that shows left and right, until it tells front from back
-    exchanged_s: Quantity = 4.0  #: of colour that shows left and right exchanged, until depth is doubted
-    unshown_s: Quantity = 1.0  #: after which a new body ends that colour has not confirmed
     camera_confirmed_s: Quantity = 0.5  #: until a fault is reported, and cameras that agree are believed
+
+
+class ColourSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Keypoints in colour: how they are found, whose they are, and what follows from them."""
+
+    min_presence: Share = 0.5  #: probability that a crop shows a person
+    visible_deviation_share: Share = 0.012  #: of a visible keypoint along each axis, in sides of the crop
+    hidden_deviation_share: Share = 0.035  #: that is added if it is hidden (`python -m benchmarks.keypoints`)
+    max_gap_px: Quantity = 12.0  #: width of gaps in registered colour that are closed
+    reach_m: Quantity = 0.95  #: from the hips of an adult to the farthest point: half of a first crop
+    outline_px: Count = 3  #: to which keypoints at the outline of a candidate may be off it
+    same_person_deviations: Quantity = 3.0  #: median distance of the keypoints of one person
+    trunk_m: Quantity = 0.2  #: thickness of a trunk: the mean distance of two people's keypoints is above it
+    trunk_middle_m: Quantity = 0.08  #: across the line of sight, around which the trunk's depth is measured
+    hand_share: Share = 0.1  #: of the surface there that may be nearer than the trunk
+    looks_per_s: Quantity = 40.0  #: at candidates: half of the time of a processor core
+    late_look_s: Quantity = 0.5  #: between looks while live frames are late
+    max_step_s: Quantity = 0.5  #: of the interval between two frames that counts as time of colour
+    facing_s: Quantity = 1.0  #: in which colour shows left and right, until it tells front from back
+    exchanged_s: Quantity = 4.0  #: in which it shows them exchanged, until depth is doubted
+    unshown_s: Quantity = 1.0  #: after which a new body ends that colour has not confirmed
+    persistent_s: Quantity = 4.0  #: by which disagreement outlasts agreement, until colour is not used
+    shifted_deviations: Quantity = 1.5  #: median offset of all keypoints; of real people 0.8, rarely above
 
 
 class SearchSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -252,6 +271,7 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     search: SearchSettings = SearchSettings()
     gating: GatingSettings = GatingSettings()
     track: TrackSettings = TrackSettings()
+    colour: ColourSettings = ColourSettings()
     certainty: CertaintySettings = CertaintySettings()
 
 

@@ -15,18 +15,9 @@ from numpy.typing import NDArray
 
 from gepf.common.arrays import Array
 from gepf.common.frame import Frame
-from gepf.coordinator.colour.finder import (
-    EXCHANGED,
-    SAME_PERSON,
-    ExpectedBody,
-    Keypoints,
-    distance_of,
-    keypoint_pixels,
-)
+from gepf.coordinator.colour.matching import EXCHANGED, ExpectedBody, Keypoints, distance_of
+from gepf.coordinator.settings import ColourSettings
 
-PERSISTENT_S = 4.0  # by which disagreement outlasts agreement until colour is not used; and the reverse
-SHIFTED = 1.5  # median of the offsets of keypoints, in deviations; of real people 0.8, rarely above 1.5
-LONGEST_STEP_S = 0.5  # between two frames, that counts
 REMEDY = "is it registered to depth, and taken at the same time? --no-color uses depth alone"
 
 
@@ -34,9 +25,9 @@ REMEDY = "is it registered to depth, and taken at the same time? --no-color uses
 class ColourState:
     """Whether the colour of a camera is used.
 
-    against_s: seconds of disagreement less those of agreement, from 0 to PERSISTENT_S. since_s: time of the
-    frame in which the use last ended or began. agreed_s: that of the last one in
-    which it showed a person where depth does.
+    against_s: seconds of disagreement less those of agreement, from 0 to `persistent_s`. since_s: time of the
+    frame in which the use last ended or began. agreed_s: time of the last frame in which colour showed a
+    person where depth does.
     """
 
     against_s: float = 0.0
@@ -44,14 +35,16 @@ class ColourState:
     since_s: float | None = None
     agreed_s: float | None = None
 
-    def after(self, against: Sequence[bool], interval_s: float, time_s: float) -> Self:
+    def after(
+        self, against: Sequence[bool], interval_s: float, time_s: float, settings: ColourSettings
+    ) -> Self:
         """The state after a frame in which keypoints are against poses that explain depth, or for them."""
         if not against:
             return self
-        apart = sum(1.0 if each else -1.0 for each in against) / len(against)
-        against_s = self.against_s + apart * min(interval_s, LONGEST_STEP_S)
-        against_s = min(max(against_s, 0.0), PERSISTENT_S)
-        used = against_s < PERSISTENT_S if self.used else against_s == 0.0
+        balance = (2 * sum(against) - len(against)) / len(against)
+        against_s = self.against_s + balance * min(interval_s, settings.max_step_s)
+        against_s = min(max(against_s, 0.0), settings.persistent_s)
+        used = against_s < settings.persistent_s if self.used else against_s == 0.0
         return type(self)(
             against_s,
             used,
@@ -68,36 +61,38 @@ def compare(
     states: ColourStates,
     frame: Frame,
     bodies: Sequence[ExpectedBody | None],
-    found: Sequence[Keypoints],
+    seen: Sequence[Keypoints],
     interval_s: float,
+    settings: ColourSettings,
 ) -> ColourStates:
-    """The states after a frame with `found` keypoints of people.
+    """The states after a frame in which these keypoints of people were seen.
 
     `bodies` are in the poses of the frame; None for those that depth does not explain.
     """
     after = dict(states)
     for view in frame.views:
         against = [
-            are_elsewhere(keypoint_pixels(body, view), keypoints[view.camera])
-            for body, keypoints in zip(bodies, found, strict=True)
+            are_elsewhere(body.pixels(view), keypoints[view.camera], settings)
+            for body, keypoints in zip(bodies, seen, strict=True)
             if body is not None and view.camera in keypoints
         ]
         if against:
             before = states.get(view.camera, ColourState())
-            after[view.camera] = before.after(against, interval_s, frame.time_s)
+            after[view.camera] = before.after(against, interval_s, frame.time_s, settings)
     return after
 
 
-def are_elsewhere(pixels: Array, keypoints: NDArray[np.float32]) -> bool:
+def are_elsewhere(pixels: Array, keypoints: NDArray[np.float32], settings: ColourSettings) -> bool:
     """Whether keypoints are not where a body has them (17, 2), whichever way it faces, or all shifted.
 
-    A shift below SHIFTED is also that of other clothes; the pose follows a larger one half of the way.
+    Clothes shift them, too, but less. The pose follows a larger shift half of the way.
     """
     sides = keypoints, keypoints[EXCHANGED]
     keypoints = min(sides, key=lambda shown: distance_of(pixels, shown))
     off = (keypoints[:, :2] - pixels) * np.sqrt(keypoints[:, 2:])
     shift = float(np.linalg.norm(np.median(off, axis=0)))
-    return shift > SHIFTED or distance_of(pixels, keypoints) > SAME_PERSON
+    farthest = settings.same_person_deviations
+    return shift > settings.shifted_deviations or distance_of(pixels, keypoints) > farthest
 
 
 def unused(states: ColourStates, before_s: float | None = None) -> frozenset[str]:
@@ -110,7 +105,7 @@ def unused(states: ColourStates, before_s: float | None = None) -> frozenset[str
     return frozenset(name for name, state in states.items() if not is_used(state))
 
 
-def trusted(states: ColourStates, time_s: float) -> frozenset[str]:
+def trusted(states: ColourStates, time_s: float, settings: ColourSettings) -> frozenset[str]:
     """The cameras whose colour shows people now: it is used, and has lately shown somebody where depth does.
 
     Others, in the dark for example, do not tell that nobody is there.
@@ -118,7 +113,7 @@ def trusted(states: ColourStates, time_s: float) -> frozenset[str]:
     return frozenset(
         name
         for name, state in states.items()
-        if state.used and state.agreed_s is not None and time_s - state.agreed_s <= PERSISTENT_S
+        if state.used and state.agreed_s is not None and time_s - state.agreed_s <= settings.persistent_s
     )
 
 

@@ -21,8 +21,6 @@ SIDE_PX = 256  # of what the network sees
 MARGIN = 1.25  # side of the crop / diameter of the person, with which the network was trained
 NEAREST_M = 0.2  # depth of a point that is projected
 BLACK = 16  # brightest channel of a pixel without colour, after compression
-GAP_PX = 12  # widest gap that is closed
-REACH_M = 0.95  # from the hips of an adult to the farthest point
 TINY_PX = 8.0  # smallest side of a crop
 LARGEST_SHIFT, LARGEST_GROWTH, LARGEST_TURN = 0.15, np.log(1.5), np.radians(30.0)
 """Of crops that show much the same: share of the side, logarithm of the ratio of sides, angle."""
@@ -54,11 +52,11 @@ class Crop:
         off = (places - 0.5 * SIDE_PX) * (self.side / SIDE_PX)
         return np.asarray(off @ self._turned.T + (self.column, self.row))
 
-    def take(self, colours: Colours, measured: Mask) -> Colours:
+    def take(self, colours: Colours, measured: Mask, max_gap_px: float) -> Colours:
         """The pixels (SIDE_PX, SIDE_PX, 3) of an image (h, w, 3), black outside of it.
 
         The image covers the depth image, of which the pixels (H, W) with depth are `measured`, at any scale.
-        Registered colour has gaps where there is no depth; narrow ones are closed.
+        Registered colour has gaps where there is no depth; those up to `max_gap_px` wide are closed.
         """
         corners = self.to_image(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])) + 0.5
         scale = np.array(colours.shape[1::-1]) / measured.shape[::-1]
@@ -66,7 +64,7 @@ class Crop:
         image = Image.fromarray(colours)
         seen = warp(image.reduce(shrink), corners * scale / shrink, Image.Resampling.BILINEAR)
         holds = warp(Image.fromarray(measured), corners, Image.Resampling.NEAREST)
-        return close_gaps(seen, holds > 0, GAP_PX * SIDE_PX / self.side)
+        return close_gaps(seen, holds > 0, max_gap_px * SIDE_PX / self.side)
 
     def fits(self, other: Crop) -> bool:
         """Whether both show much the same: their middles are near, and their sides and turns similar."""
@@ -87,14 +85,16 @@ class Crop:
         return np.array([[c, -s], [s, c]])
 
 
-def crop_of_points(points: Array, upward: Array, camera: Intrinsics) -> Crop:
+def crop_of_points(points: Array, upward: Array, camera: Intrinsics, reach_m: float) -> Crop:
     """The crop around a person of whom points (P, 3) are seen; `upward` (3,), camera's frame.
+
+    The person may reach `reach_m` from their middle.
 
     The points may be a part of the person, and a little more: the network looks again where it sees one.
     """
     middle = np.median(points, axis=0)
     before, above = project(np.stack([middle, middle + 0.1 * upward]), camera)
-    return Crop.around(before, REACH_M * 0.5 * (camera.fx + camera.fy) / float(middle[2]), above - before)
+    return Crop.around(before, reach_m * 0.5 * (camera.fx + camera.fy) / float(middle[2]), above - before)
 
 
 def warp(image: Image.Image, corners: Array, how: Image.Resampling) -> NDArray[np.uint8]:

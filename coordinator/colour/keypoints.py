@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from gepf.common.arrays import Mask
 from gepf.coordinator.colour.crop import Colours, Crop
 from gepf.coordinator.colour.network import PoseNetwork
+from gepf.coordinator.settings import ColourSettings
 
 LANDMARK_OF = {
     "nose": 0, "left_eye": 2, "right_eye": 5, "left_ear": 7, "right_ear": 8, "left_shoulder": 11,
@@ -20,15 +21,11 @@ SHOULDERS, HIPS = (
     for joint in ("shoulder", "hip")
 )
 MIDDLE, RIM = 33, 34  # auxiliary landmarks: middle of the hips, and a point on the circle around the person
-LEAST_PRESENCE = 0.5
 LOOKS = 2
-DEVIATIONS = (0.012, 0.035)
-"""Standard deviation of a visible keypoint along each axis, and the increase if it is hidden, in sides of the
-crop. From rendered people (`python -m benchmarks.keypoints`)."""
 
 
 def find_keypoints(
-    network: PoseNetwork, colours: Colours, measured: Mask, crop: Crop
+    network: PoseNetwork, colours: Colours, measured: Mask, crop: Crop, settings: ColourSettings
 ) -> NDArray[np.float32] | None:
     """Keypoints (17, 3) of the person in a crop of an image: column, row, inverse variance (pixels^-2).
 
@@ -38,8 +35,8 @@ def find_keypoints(
     person fills the crop badly, the network looks again, where the person is.
     """
     for _ in range(LOOKS):
-        found = network.see(crop.take(colours, measured))
-        if found.presence < LEAST_PRESENCE:
+        found = network.see(crop.take(colours, measured, settings.max_gap_px))
+        if found.presence < settings.min_presence:
             return None
         middle, rim = crop.to_image(found.places[[MIDDLE, RIM]])
         seen_in, crop = crop, Crop.around(middle, float(np.linalg.norm(rim - middle)), rim - middle)
@@ -47,6 +44,6 @@ def find_keypoints(
             break
     chosen = list(LANDMARK_OF.values())
     hidden = 1.0 - found.visibility[chosen]
-    deviation = (DEVIATIONS[0] + DEVIATIONS[1] * hidden) * seen_in.side
+    share = settings.visible_deviation_share + settings.hidden_deviation_share * hidden
     pixels = seen_in.to_image(found.places[chosen])
-    return np.column_stack([pixels, deviation**-2.0]).astype(np.float32)
+    return np.column_stack([pixels, (share * seen_in.side) ** -2.0]).astype(np.float32)

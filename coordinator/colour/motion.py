@@ -9,13 +9,12 @@ import numpy as np
 
 from gepf.common.arrays import Array
 from gepf.common.frame import Frame
-from gepf.common.kinematics import keypoint_positions, pose_vertices
-from gepf.coordinator.colour.finder import ExpectedBody, Keypoints
+from gepf.common.kinematics import pose_vertices
 from gepf.coordinator.colour.keypoints import HIPS, SHOULDERS
+from gepf.coordinator.colour.matching import ExpectedBody, Keypoints
+from gepf.coordinator.settings import ColourSettings
 
 TRUNK = [*SHOULDERS, *HIPS]
-FRONT = 0.1  # share of the vertices there that may be nearer than the trunk: a hand
-NEAR_M = 0.08  # from the middle of the trunk across the line of sight, where its surface is measured
 ACROSS = np.linspace(0.1, 0.9, 7)  # places between the corners of the trunk, where depth is looked at
 INSIDE = np.array(
     [
@@ -27,12 +26,15 @@ INSIDE = np.array(
 """Weights (N, 4) of the corners at these places."""
 
 
-def trunk_step(body: ExpectedBody, keypoints: Keypoints, frame: Frame, longest_m: float) -> Array | None:
+def trunk_step(
+    body: ExpectedBody, keypoints: Keypoints, frame: Frame, max_motion_m: float, settings: ColourSettings
+) -> Array | None:
     """The motion (3,) of a person from an expected body to its keypoints, metres, in the frame of the rig.
 
-    None if there are no keypoints or no depth at the trunk, or if it is longer than `longest_m`: then it is
-    somebody else's.
+    None if there are no keypoints or no depth at the trunk, or if it is longer than `max_motion_m`: then it
+    is somebody else's.
     """
+    middle_m, front = settings.trunk_middle_m, settings.hand_share
     for view in frame.views:
         if view.camera not in keypoints:
             continue
@@ -41,16 +43,16 @@ def trunk_step(body: ExpectedBody, keypoints: Keypoints, frame: Frame, longest_m
         inside = (columns >= 0) & (columns < camera.width) & (rows >= 0) & (rows < camera.height)
         surface = depth_m[rows[inside], columns[inside]]
         surface = surface[surface > 0.0]
-        joints = view.to_camera(keypoint_positions(body.model, body.pose[None])[0])[TRUNK]
+        joints = view.to_camera(body.keypoints)[TRUNK]
         vertices = view.to_camera(pose_vertices(body.model, body.pose[None])[0])
         middle, ahead = joints.mean(axis=0), vertices[vertices[:, 2] > 0.0]
         aside = middle[2] * np.linalg.norm(ahead[:, :2] / ahead[:, 2:] - middle[:2] / middle[2], axis=1)
-        if 2 * len(surface) < len(INSIDE) or not (aside < NEAR_M).any() or middle[2] <= 0.0:
+        if 2 * len(surface) < len(INSIDE) or not (aside < middle_m).any() or middle[2] <= 0.0:
             continue
         weights = seen[:, 2] / seen[:, 2].sum()
         before, (column, row) = weights @ joints, weights @ seen[:, :2]
-        z = float(np.median(surface)) + before[2] - float(np.quantile(ahead[aside < NEAR_M, 2], FRONT))
+        z = float(np.median(surface)) + before[2] - float(np.quantile(ahead[aside < middle_m, 2], front))
         after = np.array([(column - camera.cx) / camera.fx * z, (row - camera.cy) / camera.fy * z, z])
-        if np.linalg.norm(after - before) <= longest_m:
+        if np.linalg.norm(after - before) <= max_motion_m:
             return np.asarray(view.T_rig_camera[:3, :3] @ (after - before))
     return None

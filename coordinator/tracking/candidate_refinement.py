@@ -21,7 +21,7 @@ from gepf.common.refinement import Particles
 from gepf.common.settings import RefineSettings
 from gepf.coordinator.bodies.family import Bodies, BodyFamily, BodySize
 from gepf.coordinator.bodies.tracked import coarsen
-from gepf.coordinator.colour.finder import keypoint_cost
+from gepf.coordinator.colour.matching import ExpectedBody, keypoint_cost
 from gepf.coordinator.filters.exploration import layout_of
 from gepf.coordinator.filters.priors import pose_prior
 from gepf.coordinator.settings import SearchSettings, Settings
@@ -200,7 +200,7 @@ class CandidateStages:
         last = iterations(settings, self._search.iterations // 2)
         groups, precision = map(of_one, (taken[::2], taken[1::2])), None if shape is None else shape.precision
         refined = yield from self._refine(subject, [model], groups, last, precision)
-        by_depth = refined.log_likelihood[0] + keypoint_cost(model, refined.poses[0], subject)
+        by_depth = refined.log_likelihood[0] + keypoint_cost(ExpectedBody(model, refined.poses[0]), subject)
         return refined, gate_pose(by_depth, refined.residual[0], settings, self._settings.gating)
 
     def _choose_size(

@@ -18,6 +18,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
+from scipy.spatial.distance import cdist
 
 from gepf.common.activation import nearest_in
 from gepf.common.arrays import Array, Mask
@@ -26,7 +27,7 @@ from gepf.common.camera import Pinhole
 from gepf.common.compiling import numba
 from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions, pose_vertices
-from gepf.coordinator.colour.finder import SAME_PERSON, ExpectedBody, deviations_of, keypoint_pixels
+from gepf.coordinator.colour.matching import ExpectedBody, deviations_of
 from gepf.coordinator.settings import CertaintySettings
 from gepf.coordinator.tracking.estimate import Certainty
 from gepf.coordinator.tracking.observation import POINTS, camera_points
@@ -123,23 +124,22 @@ def measure_features(
     )
 
 
-def shown_in_colour(model: BodyModel, pose: Array, subject: SubjectFrame) -> Array:
-    """How well colour shows each joint (J,) of pose (D,) where it is, from 0 to 1; 0 without colour.
+def shown_in_colour(body: ExpectedBody, subject: SubjectFrame, farthest_deviations: float) -> Array:
+    """How well colour shows each joint (J,) of a body where it is, from 0 to 1; 0 without colour.
 
     The precision of the keypoint of the same name, relative to that of the most precise one of the body; 0 if
-    it is elsewhere.
+    it is farther away.
     """
-    shown = np.zeros(len(model.joint_names))
-    pairs = [
-        (model.joint_names.index(name), k) for k, name in enumerate(KEYPOINTS) if name in model.joint_names
-    ]
+    names = body.model.joint_names
+    shown = np.zeros(len(names))
+    pairs = [(names.index(name), k) for k, name in enumerate(KEYPOINTS) if name in names]
     for view in subject.views:
         if view.keypoints is not None and pairs:
             joints, points = np.array(pairs).T
             precision = view.keypoints[:, 2].astype(np.float64)
             precision = precision / np.maximum(precision.max(), np.finfo(np.float64).tiny)
-            off = deviations_of(keypoint_pixels(ExpectedBody(model, pose), view.image), view.keypoints)
-            here = np.where(off < SAME_PERSON, precision, 0.0)
+            off = deviations_of(body.pixels(view.image), view.keypoints)
+            here = np.where(off < farthest_deviations, precision, 0.0)
             shown[joints] = np.maximum(shown[joints], here[points])
     return shown
 
@@ -227,9 +227,10 @@ def misfits(
     every = max(1, sum(len(view.picked) for view in subject.views) // POINTS)
     for view in subject.views:
         points = camera_points(view, every) * scale
-        nearest, _ = cKDTree(view.image.to_camera(vertices) * scale).query(points)
-        aside = points[:, None] - view.image.to_camera(joints) * scale
-        near = np.exp(-0.5 * np.sum(aside**2, axis=-1) / settings.region_m**2)
+        surface = cKDTree(view.image.to_camera(vertices) * scale, balanced_tree=False, compact_nodes=False)
+        nearest, _ = surface.query(points, distance_upper_bound=settings.wrong_m)  # farther: infinite
+        squares = cdist(points, view.image.to_camera(joints) * scale, "sqeuclidean")
+        near = np.exp(-0.5 * squares / settings.region_m**2)
         weights += near.sum(axis=0)
         sums += np.minimum(nearest, settings.wrong_m) @ near
     return np.asarray(sums / weights)

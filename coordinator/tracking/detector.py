@@ -24,7 +24,7 @@ from gepf.common.refinement import Particles
 from gepf.common.settings import RefineSettings
 from gepf.coordinator.bodies.family import Bodies, FittedBody
 from gepf.coordinator.bodies.tracked import pose_by_name
-from gepf.coordinator.colour.finder import keypoint_cost
+from gepf.coordinator.colour.matching import ExpectedBody, keypoint_cost
 from gepf.coordinator.filters.exploration import layout_of
 from gepf.coordinator.filters.priors import pose_prior
 from gepf.coordinator.scene.noise import SensorNoise, assume_noise
@@ -194,7 +194,7 @@ class Detector:
         candidates = ordered([candidates_of(model, pending.result(), 0)])
         if not candidates.is_visible:
             return detection
-        by_depth = candidates.log_likelihood[0] + keypoint_cost(model, candidates.poses[0], now)
+        by_depth = candidates.log_likelihood[0] + keypoint_cost(ExpectedBody(model, candidates.poses[0]), now)
         gate = gate_pose(by_depth, candidates.residual[0], rules, self._settings.gating)
         return Detection(now, replace(detection.start, pose=candidates.poses[0]), candidates, gate)
 

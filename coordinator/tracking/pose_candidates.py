@@ -13,7 +13,7 @@ from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions, natural_angles
 from gepf.common.refinement import Refined
 from gepf.coordinator.bodies.families import family_of
-from gepf.coordinator.colour.finder import keypoint_cost
+from gepf.coordinator.colour.matching import ExpectedBody, keypoint_cost
 from gepf.coordinator.tracking.field_of_view import in_view
 from gepf.coordinator.tracking.gating import Gate
 from gepf.coordinator.tracking.state import Start
@@ -92,7 +92,7 @@ class Detection:
     def by_depth(self) -> Array:
         """The log likelihood (N,) of the candidates without keypoints."""
         model, found = self.start.model, self.candidates
-        costs = [keypoint_cost(model, pose, self.subject) for pose in found.poses]
+        costs = [keypoint_cost(ExpectedBody(model, pose), self.subject) for pose in found.poses]
         return np.asarray(found.log_likelihood + costs)
 
 

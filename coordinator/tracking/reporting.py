@@ -11,7 +11,7 @@ from gepf.common.arrays import Array, Mask
 from gepf.common.body import BodyModel
 from gepf.common.frame import Frame, SubjectFrame
 from gepf.common.kinematics import joint_positions, retract
-from gepf.coordinator.colour.finder import in_image
+from gepf.coordinator.colour.matching import ExpectedBody, in_image
 from gepf.coordinator.filters.belief import Belief
 from gepf.coordinator.filters.priors import weak_precisions
 from gepf.coordinator.settings import CertaintySettings, Settings
@@ -53,16 +53,17 @@ class Judgement:
 
 
 def judge_pose(
-    start: Start, belief: Belief, residual: float, context: FrameContext, settings: CertaintySettings
+    start: Start, belief: Belief, residual: float, context: FrameContext, all_settings: Settings
 ) -> Judgement:
     """Judge a belief that has this normalised residual in a frame."""
-    model, pose = start.model, belief.reported
+    model, pose, settings = start.model, belief.reported, all_settings.certainty
     poses, weights = belief.poses[: settings.max_hypotheses], belief.weights[: settings.max_hypotheses]
     joints = joint_positions(model, np.concatenate([pose[None], poses]))
     in_sight = in_view(context.subject, joints[0])
     seen_by = seen_shares(model, pose, context.subject, context.stretch, settings) * in_sight
     features = measure_features(model, pose, joints, weights, context, residual, seen_by, settings)
-    shown = shown_in_colour(model, pose, context.subject)
+    farthest = all_settings.colour.same_person_deviations
+    shown = shown_in_colour(ExpectedBody(model, pose), context.subject, farthest)
     certainty = certainty_of(start, belief, features, in_sight, shown, settings)
     rivals = has_rival(weights, joints[1:, in_sight], joints[0, in_sight], settings)
     likely = bool(np.any(certainty.off_probability[in_sight] > settings.ambiguous_probability))
@@ -123,8 +124,8 @@ def report(updated: Updated, cameras: CameraStates, settings: Settings) -> Track
             disputed = followed.agreement.dispute(views, confirmed_s)
             in_doubt = np.where(judgement.in_sight, limit, 1.0)
             doubt = explain_doubt(model.joint_names, certainty, in_doubt, limits.wrong_m)
-            why = disputed or followed.doubt(settings.track) or doubt
-            unsure = not followed.knows_facing(settings.track)
+            why = disputed or followed.doubt(settings.colour) or doubt
+            unsure = not followed.knows_facing(settings.colour)
             is_ambiguous = bool(disputed or doubt or unsure or judgement.has_rival)
         elif isinstance(track, Searching):
             why = track.why

@@ -11,7 +11,7 @@ import numpy as np
 from gepf.common.arrays import Array, Mask
 from gepf.common.camera import points_of
 from gepf.common.frame import Frame, SubjectFrame, View
-from gepf.coordinator.colour.finder import Keypoints, with_keypoints
+from gepf.coordinator.colour.matching import Keypoints, with_keypoints
 from gepf.coordinator.scene.candidates import Candidate, candidates
 from gepf.coordinator.scene.planes import Planes
 from gepf.coordinator.scene.scene import Scene, SceneChange, SceneChanges, SceneView
@@ -70,9 +70,8 @@ class UntrackedPerson:
         """The person with the keypoints that colour shows."""
         if not keypoints:
             return self
-        frames = (with_keypoints(frame, keypoints) for frame in (self.subject, *self.alternatives))
-        subject, *alternatives = (frame for frame in frames if frame is not None)
-        return UntrackedPerson(subject, tuple(alternatives))
+        alternatives = (with_keypoints(frame, keypoints) for frame in self.alternatives)
+        return UntrackedPerson(with_keypoints(self.subject, keypoints), tuple(alternatives))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -19,7 +19,7 @@ from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions, pose_vertices
 from gepf.common.settings import RefineSettings
 from gepf.coordinator.bodies.family import Bodies, BodyFamily
-from gepf.coordinator.colour.finder import ExpectedBody, is_shown, keypoint_cost, shown_sides
+from gepf.coordinator.colour.matching import ExpectedBody, keypoint_cost, match_sides
 from gepf.coordinator.filters.belief import USUAL_INTERVAL, Belief
 from gepf.coordinator.filters.methods import apply_method
 from gepf.coordinator.scene.noise import NO_NOISE, SensorNoise, assume_noise, measure_noise
@@ -103,6 +103,7 @@ class TargetTracker:
         return Policy(
             min_points=min(self._settings.gating.min_points, self._settings.points),
             settings=self._settings.track,
+            colour=self._settings.colour,
             recovers=self._settings.recover and self.start.is_free,
         )
 
@@ -139,13 +140,13 @@ class TargetTracker:
         is_sure = (
             isinstance(track, Tracked)
             and not track.is_new(self._settings.track)
-            and track.knows_facing(self._settings.track)
+            and track.knows_facing(self._settings.colour)
         )
         return body if is_sure else None
 
     @property
     def _knows_facing(self) -> bool:
-        return isinstance(self.track, Followed) and self.track.knows_facing(self._settings.track)
+        return isinstance(self.track, Followed) and self.track.knows_facing(self._settings.colour)
 
     @property
     def last_seen(self) -> Array:
@@ -256,8 +257,8 @@ class TargetTracker:
         with submitted.clock.stage("measure"):
             confirmed_s = self._settings.track.camera_confirmed_s
             faulty = tuple(faults_of(cameras, submitted.view.frame.time_s, confirmed_s))
-            event, limits = self._assess(belief, submitted, faulty), self._settings.certainty
-            judgement = judge_pose(self.start, event.belief, event.gate.residual, submitted.context, limits)
+            event, context = self._assess(belief, submitted, faulty), submitted.context
+            judgement = judge_pose(self.start, event.belief, event.gate.residual, context, self._settings)
             todo = self._step(replace(event, is_doubtful=judgement.is_doubtful))
             if "stop searching" in todo:
                 self.search.drop()
@@ -355,15 +356,16 @@ class TargetTracker:
             return None
         self.start, person = detection.start, detection.subject
         belief = self._filter.believe(self.model, detection.candidates)
-        confirmed = is_shown(self.model, belief.reported, person, looked_at=False) is True
+        body = ExpectedBody(self.model, belief.reported)
+        is_shown = match_sides(body, person, self._settings.colour).is_shown
         detected = Found(
             belief=belief,
             time_s=person.time_s,
             segmentation_pose=belief.reported,
             place=middle_of(person),
             detected_pixels=person.pixels,
-            unshown_s=None if confirmed else 0.0,
-            is_confirmed=confirmed,
+            unshown_s=None if is_shown else 0.0,
+            is_confirmed=is_shown,
         )
         if "learn the room" in self._step(SearchEnded(detected)):
             self._detected = JustDetected(searched, person)
@@ -373,7 +375,8 @@ class TargetTracker:
         """Gate the tracked hypotheses, or those of a detection that explains the frame better."""
         assert isinstance(self.track, Body)  # it was refined
         settings, context, detection = self._settings, submitted.context, submitted.detection
-        by_depth = belief.log_weights[0] + keypoint_cost(self.model, belief.poses[0], context.subject)
+        tracked = ExpectedBody(self.model, belief.poses[0])
+        by_depth = belief.log_weights[0] + keypoint_cost(tracked, context.subject)
         gate = gate_pose(by_depth, belief.residual[0], submitted.settings, settings.gating)
         redetected, ambiguous_facing = False, None
         if detection is not None:
@@ -389,7 +392,8 @@ class TargetTracker:
                 gate = detection.gate
             joints = joint_positions(self.model, belief.poses[:1])[0]
             ambiguous_facing = detection.looks_alike(joints, by_depth, settings.search.alike_nats)
-        view = submitted.view
+        view, body = submitted.view, ExpectedBody(self.model, belief.poses[0])
+        shown = match_sides(body, context.subject, settings.colour)
         allowed_m = settings.gating.max_residual_m + submitted.settings.noise_depth
         views = [*context.subject.views, *(view.excluded.views if view.excluded is not None else ())]
         return Refined(
@@ -405,8 +409,8 @@ class TargetTracker:
             # the interval of the first frame includes the search, in which no cameras were compared
             interval_s=USUAL_INTERVAL if context.first else submitted.proposal.interval,
             is_slow=view.is_slow,
-            is_shown=is_shown(self.model, belief.poses[0], context.subject, looked_at=view.is_looked_at),
-            sides=-1 if view.is_exchanged else shown_sides(self.model, belief.poses[0], context.subject),
+            is_shown=shown.is_shown or (False if view.is_looked_at else None),
+            sides=-1 if view.is_exchanged else shown.sides,
         )
 
 

@@ -16,11 +16,10 @@ from msgspec.structs import replace
 
 from gepf.common.arrays import Array
 from gepf.coordinator.filters.belief import USUAL_INTERVAL, Belief
-from gepf.coordinator.settings import TrackSettings
+from gepf.coordinator.settings import ColourSettings, TrackSettings
 from gepf.coordinator.tracking.cameras import Agreement
 from gepf.coordinator.tracking.gating import Gate
 
-LONGEST_STEP_S = 0.5  # between two frames, that counts as time of colour
 ROUNDING_S = 1e-3  # of times in files
 FACING_DOUBT = "front and back look alike: it may face the other way"
 
@@ -96,13 +95,13 @@ class Followed(Body, frozen=True, kw_only=True):
         """Whether the body was detected, or a camera came back, shortly before."""
         return self.age_s < settings.check_interval_s - ROUNDING_S
 
-    def knows_facing(self, settings: TrackSettings) -> bool:
+    def knows_facing(self, settings: ColourSettings) -> bool:
         """Whether front and back are told apart, by depth or by colour that lasts."""
         if self.ambiguous_facing:
             return self.sides_s >= settings.facing_s - ROUNDING_S
         return self.sides_s > ROUNDING_S - settings.exchanged_s
 
-    def doubt(self, settings: TrackSettings) -> str:
+    def doubt(self, settings: ColourSettings) -> str:
         """Why the pose is doubtful, as text."""
         return self.why or ("" if self.knows_facing(settings) else FACING_DOUBT)
 
@@ -185,6 +184,7 @@ class Policy(NamedTuple):
 
     min_points: int  # that can show a body
     settings: TrackSettings
+    colour: ColourSettings
     recovers: bool = True  # a lost body is searched for
 
 
@@ -203,7 +203,7 @@ def step(state: TrackState, event: Event, policy: Policy) -> tuple[TrackState, I
 def _segmented(state: TrackState, event: Segmented, policy: Policy) -> tuple[TrackState, Instructions]:
     if not isinstance(state, Body):
         return _look_for_anybody(state, event, policy)
-    if policy.recovers and (state.unshown_s or 0.0) > policy.settings.unshown_s - ROUNDING_S:
+    if policy.recovers and (state.unshown_s or 0.0) > policy.colour.unshown_s - ROUNDING_S:
         return Absent(), ("stop searching", "report")
     state = replace(state, is_confirmed=state.unshown_s is None)
     if event.is_elsewhere and isinstance(state, Followed):
@@ -256,24 +256,24 @@ def _follow(
     state = replace(state, segmentation_pose=_segmentation_pose(state, policy))
     if isinstance(state, Found):
         return state, ("refine",)
-    if state.is_searched or not (policy.recovers and _check_due(state, event.time_s, policy.settings)):
+    if state.is_searched or not (policy.recovers and _check_due(state, event.time_s, policy)):
         return replace(state, sight="body"), ("refine",)
     return replace(state, sight="body", is_searched=True), ("search", "refine")
 
 
-def _check_due(state: Tracked | Lost, time_s: float, settings: TrackSettings) -> bool:
+def _check_due(state: Tracked | Lost, time_s: float, policy: Policy) -> bool:
     """Whether to search for a body again: lost, new, or in doubt.
 
     A check of a pose that explains the frame badly is due in the frame in which the age of the track reaches
     an interval, or a multiple of it. While a joint may be wrong, a check that changes nothing makes the next
     one wait twice as long.
     """
-    interval = _interval(state, time_s)
+    settings, interval = policy.settings, _interval(state, time_s)
     before = state.age_s + ROUNDING_S
     after = before + interval
     new = before < settings.search_interval_s <= after
     due = after // settings.check_interval_s > before // settings.check_interval_s
-    is_bad = state.residual > 1.0 or not state.knows_facing(settings)
+    is_bad = state.residual > 1.0 or not state.knows_facing(policy.colour)
     in_doubt = _doubt_is_due(state.doubtful_s, interval, settings)
     return state.is_lost or new or (due and is_bad) or in_doubt
 
@@ -341,8 +341,8 @@ def _refined(
             before.ambiguous_facing if event.ambiguous_facing is None else event.ambiguous_facing
         ),
         faulty=event.faulty,
-        unshown_s=_unshown(0.0 if event.redetected else before.unshown_s, event, interval),
-        sides_s=0.0 if event.redetected else _sides(before.sides_s, event.sides, interval, settings),
+        unshown_s=_unshown(0.0 if event.redetected else before.unshown_s, event, interval, policy.colour),
+        sides_s=0.0 if event.redetected else _sides(before.sides_s, event.sides, interval, policy.colour),
     )
     if event.is_slow:
         pose = _segmentation_pose(after, policy)
@@ -354,16 +354,18 @@ def _refined(
     return after, ("report",)
 
 
-def _unshown(before_s: float | None, event: Refined, interval_s: float) -> float | None:
+def _unshown(
+    before_s: float | None, event: Refined, interval_s: float, settings: ColourSettings
+) -> float | None:
     """Seconds since its detection for which colour has not shown a body; None if it has once."""
     if event.is_shown or before_s is None:
         return None
-    return before_s if event.is_shown is None else before_s + min(interval_s, LONGEST_STEP_S)
+    return before_s if event.is_shown is None else before_s + min(interval_s, settings.max_step_s)
 
 
-def _sides(before_s: float, sides: int, interval_s: float, settings: TrackSettings) -> float:
+def _sides(before_s: float, sides: int, interval_s: float, settings: ColourSettings) -> float:
     """The time for which colour showed left and right as they are, or exchanged, after a frame."""
-    after_s = before_s + sides * min(interval_s, LONGEST_STEP_S)
+    after_s = before_s + sides * min(interval_s, settings.max_step_s)
     return min(max(after_s, -settings.exchanged_s), max(settings.facing_s, settings.exchanged_s))
 
 

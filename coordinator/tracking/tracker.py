@@ -2,36 +2,27 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from gepf.common.arrays import Array
-from gepf.common.frame import Frame, SubjectFrame
+from gepf.common.frame import Frame
 from gepf.coordinator.bodies.family import Bodies
-from gepf.coordinator.colour.agreement import compare, trusted, unused
-from gepf.coordinator.colour.finder import (
-    ExpectedBody,
-    KeypointFinder,
-    Sight,
-    with_keypoints,
-    with_sides_of,
-    without_keypoints,
-)
-from gepf.coordinator.colour.motion import trunk_step
+from gepf.coordinator.colour.agreement import unused
+from gepf.coordinator.colour.finder import KeypointFinder
 from gepf.coordinator.scene.scope import Scope
 from gepf.coordinator.settings import Settings
 from gepf.coordinator.sources.live import LiveFrames
 from gepf.coordinator.stopwatch import Stopwatch
 from gepf.coordinator.tracking.assignment import Assignment
 from gepf.coordinator.tracking.cameras import CameraStates, watch
+from gepf.coordinator.tracking.colour import ColouredFrame, ColourWatch, Look, Sight, with_own_keypoints
 from gepf.coordinator.tracking.pacing import Live, Lookahead, Recorded, advance_search
 from gepf.coordinator.tracking.particle_filter import Encoders, FrameBudget, Submitted
 from gepf.coordinator.tracking.preparation import warm_up
 from gepf.coordinator.tracking.refiner import Refiner
 from gepf.coordinator.tracking.reporting import TrackedFrame, Updated, report
-from gepf.coordinator.tracking.segmenter import SegmentedFrame, Segmenter, possible_people
+from gepf.coordinator.tracking.segmenter import SegmentedFrame, Segmenter
 from gepf.coordinator.tracking.state import FrameState, TrackerState, first_state
 from gepf.coordinator.tracking.target import TargetTracker
 from gepf.coordinator.tracking.track_state import ROUNDING_S, Body, Searching
@@ -42,7 +33,6 @@ class Ready:
     """A segmented frame, the state of its cameras, what colour shows, and a stopwatch for each person.
 
     interval_s: since the frame before, seconds; 0 in the first. is_slow: it is longer than `max_lookahead_s`.
-    steps: the motion (3,) of each person since then by colour, metres; None if unknown.
     """
 
     segmented: SegmentedFrame
@@ -51,7 +41,6 @@ class Ready:
     clocks: Sequence[Stopwatch]
     sight: Sight
     interval_s: float
-    steps: Sequence[Array | None]
 
 
 class SubmittedFrame(NamedTuple):
@@ -99,10 +88,12 @@ class Tracker:
     ) -> None:
         state = state or TrackerState([first_state(bodies, start, settings)] * people)
         self._refiner, self._settings, self._bodies = refiner, settings, bodies
-        self._colour, self._segmenter = colour, Segmenter(settings.points, settings.scene, scope)
+        self._colour = colour
+        self._watch = ColourWatch(colour, settings.colour)
+        self._segmenter = Segmenter(settings.points, settings.scene, scope)
         self._segmenter.recall(state.frame.scenes)
         self._frame = state.frame
-        self._is_late, self._looked_s = False, -math.inf  # the last live frame; when colour was looked at
+        self._is_late = False  # the last live frame
         self._cameras, self._time_s = state.frame.cameras, state.frame.time_s  # of the last segmented frame
         self._targets = [TargetTracker(refiner, settings, bodies, person, motion) for person in state.people]
 
@@ -130,8 +121,7 @@ class Tracker:
 
         The results are those of `track`. If a frame fails, the frame before is still reported. Without
         `look_ahead`, each frame is reported at once. So is each `live` frame, see `Live`. A frame is
-        segmented around the pose of two frames before; at low rates, around that of the frame before. While
-        live frames are late, colour is looked at `late_look_s` apart.
+        segmented around the pose of two frames before; at low rates, around that of the frame before.
         """
         upcoming = Lookahead(map(self._segment, frames))  # read, segment
         pacing = Recorded(look_ahead=look_ahead) if live is None else Live(live, upcoming)
@@ -159,7 +149,7 @@ class Tracker:
         yield from reported(updated, self._settings)
 
     def _segment(self, frame: Frame) -> Ready:
-        """Segment a frame around the poses of people, and check its cameras."""
+        """Segment a frame around the poses of people, look at them in colour, and check its cameras."""
         settings, clocks = self._settings.track, [Stopwatch() for _ in self._targets]
         for target in self._targets:
             target.begin_frame()
@@ -167,91 +157,52 @@ class Tracker:
             tracks = [target.track for target in self._targets]
             excluded = [track.excluded if isinstance(track, Body) else () for track in tracks]
             self._cameras, frame = watch(self._cameras, frame, set().union(*excluded))
-            last_s = self._time_s
-            interval_s, self._time_s = 0.0 if last_s is None else frame.time_s - last_s, frame.time_s
-            bodies = [target.expected_body for target in self._targets]
-            hurries = self._is_late and frame.time_s < self._looked_s + settings.late_look_s - ROUNDING_S
-            looking = None
-            if self._colour is not None and not (hurries and self._colour.leave_out(frame, bodies)):
-                looking, self._looked_s = self._colour.submit(frame, bodies), frame.time_s
+            last_s, self._time_s = self._time_s, frame.time_s
+            interval_s = 0.0 if last_s is None else frame.time_s - last_s
             is_slow = interval_s > settings.max_lookahead_s + ROUNDING_S
+            bodies = [target.expected_body for target in self._targets]
+            look = self._watch.begin(frame, bodies, is_late=self._is_late)
             sight = Sight.of_nobody(len(self._targets))
-            steps: Sequence[Array | None] = [None] * len(self._targets)
-            if looking is not None and is_slow:  # people are elsewhere now
-                sight = looking.result()
-                steps = self._steps(frame, bodies, sight, last_s)
+            if look is not None and is_slow:  # people are elsewhere now
+                is_trusted = not unused(self._frame.colours, last_s)
+                usable = [is_trusted and target.is_confirmed for target in self._targets]
+                sight = replace(sight, steps=look.steps(usable, settings.max_motion_m))
             segmented = self._segmenter.segment(
                 frame,
                 [
                     target.segmentation_surface(step)
-                    for target, step in zip(self._targets, steps, strict=True)
+                    for target, step in zip(self._targets, sight.steps, strict=True)
                 ],
                 excluded=excluded,
                 rejected=any(isinstance(t, Searching) and t.searches > settings.max_searches for t in tracks),
                 find=any(target.needs_candidates for target in self._targets),
             )
-        if looking is not None:
+        if look is not None:
             with clocks[0].stage("keypoints"):
-                sight = looking.result()
-                subjects = map(with_keypoints, segmented.subjects, sight.keypoints)
-                segmented = replace(segmented, subjects=tuple(subjects))
-                if self._takes_candidate(frame.time_s):
-                    assert self._colour is not None
-                    upward = {view.image.camera: view.scene.planes.up for view in segmented.views}
-                    candidates = [(person.subject, person.widest) for person in segmented.candidates]
-                    people = self._colour.look_at(candidates, frame, upward, interval_s)
-                    sight = sight._replace(candidates=people)
-        return Ready(segmented, self._cameras, is_slow, clocks, sight, interval_s, steps)
+                sight = self._see(look, segmented, sight, interval_s)
+                segmented = with_own_keypoints(segmented, sight.people.keypoints)
+        return Ready(segmented, self._cameras, is_slow, clocks, sight, interval_s)
 
-    def _takes_candidate(self, time_s: float) -> bool:
-        """Whether a candidate of a frame at this time is searched, or taken for a lost body."""
+    def _see(self, look: Look, segmented: SegmentedFrame, sight: Sight, interval_s: float) -> Sight:
+        """What a look at a segmented frame shows: of people, and of candidates if one is searched for."""
+        people, time_s = look.people.result(), segmented.frame.time_s
         unknown = [target for target in self._targets if not isinstance(target.track, Body)]
-        lost = any(target.is_searched_anywhere for target in self._targets)
-        return lost or any(target.is_search_due(time_s) for target in unknown[:1])  # one after another
-
-    def _steps(
-        self, frame: Frame, bodies: Sequence[ExpectedBody | None], sight: Sight, last_s: float | None
-    ) -> list[Array | None]:
-        """The motion (3,) of each body by colour, if it was used in the frame before, at `last_s`."""
-        longest_m, against = self._settings.track.max_motion_m, unused(self._frame.colours, last_s)
-        return [
-            trunk_step(body, keypoints, frame, longest_m)
-            if body is not None and not against and target.is_confirmed
-            else None
-            for target, body, keypoints in zip(self._targets, bodies, sight.keypoints, strict=True)
-        ]
+        is_lost = any(target.is_searched_anywhere for target in self._targets)
+        if is_lost or any(target.is_search_due(time_s) for target in unknown[:1]):  # one after another
+            return replace(sight, people=people, candidates=look.candidates(segmented, interval_s))
+        return replace(sight, people=people)
 
     def _submit(self, ready: Ready, budget: FrameBudget | None) -> SubmittedFrame:
         """Predict the particles of each person, and send them to the workers."""
-        colours = self._frame.colours
-        if against := unused(colours):
-            subjects = (without_keypoints(subject, against) for subject in ready.segmented.subjects)
-            ready = replace(ready, segmented=replace(ready.segmented, subjects=tuple(subjects)))
-        before, sided = ready.segmented.subjects, list[SubjectFrame | None]()
-        for target, subject in zip(self._targets, before, strict=True):
-            body = target.body_of_known_facing
-            sided.append(subject if body is None else with_sides_of(subject, body))
-        segmented, scenes = replace(ready.segmented, subjects=tuple(sided)), ready.segmented.changes
-        coloured = {view.camera for view in segmented.frame.views if view.colours is not None}
-        shows_people = coloured & trusted(colours, segmented.frame.time_s)
-        shown = {} if against else ready.sight.candidates
-        people = (who.with_keypoints(shown.get(n, {})) for n, who in enumerate(segmented.candidates))
-        segmented = replace(segmented, candidates=tuple(people))
-        free = possible_people(segmented.candidates, shows_people)
-        assignment = Assignment(self._targets, self._segmenter, segmented, free)
+        colours, scenes = self._frame.colours, ready.segmented.changes
+        facing = [target.body_of_known_facing for target in self._targets]
+        coloured = ColouredFrame(ready.segmented, ready.sight, colours, facing, self._settings.colour)
+        segmented = coloured.segmented
+        assignment = Assignment(self._targets, self._segmenter, segmented, coloured.free)
         submitted = list[Submitted | Updated]()
         for place, (target, clock) in enumerate(zip(self._targets, ready.clocks, strict=True)):
             view = replace(assignment.view_of(place), is_slow=ready.is_slow)
-            if view.subject is not None and view.subject is sided[place]:
-                looked = shows_people.intersection(ready.sight.looked_in[place])
-                view = replace(
-                    view,
-                    step_m=ready.steps[place] if target.is_segmented_at_last_pose else None,
-                    is_looked_at=any(crop.image.camera in looked for crop in view.subject.views),
-                    is_exchanged=sided[place] is not before[place],
-                )
-            if ready.sight.doubles[place] and not against:  # it is lost, and looked for elsewhere
-                view = replace(view, subject=None)
+            view = coloured.complete(view, place, is_at_last_pose=target.is_segmented_at_last_pose)
             submitted.append(target.submit(view, clock, budget))
             if (detected := target.take_detected()) is not None:
                 beside = assignment.people_beside(place, detected.searched)
@@ -274,11 +225,11 @@ class Tracker:
             target.update(person, frame.state.cameras) if isinstance(person, Submitted) else person
             for target, person in zip(self._targets, frame.people, strict=True)
         ]
-        if any(frame.ready.sight.keypoints):
-            bodies = [target.explained_body for target in self._targets]
-            seen, shown = frame.ready.sight.keypoints, frame.ready.segmented.frame
-            colours = compare(frame.state.colours, shown, bodies, seen, frame.ready.interval_s)
-            self._frame = replace(frame.state, colours=colours)
+        bodies = [target.explained_body for target in self._targets]
+        ready, settings = frame.ready, self._settings.colour
+        shown, sight = ready.segmented.frame, ready.sight
+        colours = sight.compare(frame.state.colours, shown, bodies, ready.interval_s, settings)
+        self._frame = replace(frame.state, colours=colours)
         return UpdatedFrame(people, self._frame)
 
 

@@ -21,8 +21,11 @@ from gepf.coordinator.colour.build import MEMBER, SHA256, extract
 from gepf.coordinator.colour.crop import SIDE_PX, Colours, Crop, close_gaps, crop_of_body
 from gepf.coordinator.colour.keypoints import LANDMARK_OF, find_keypoints
 from gepf.coordinator.colour.network import FILE, PoseNetwork
+from gepf.coordinator.settings import ColourSettings
 from gepf.coordinator.synthesis.clothes import dress
 from gepf.coordinator.synthesis.rendering import ColouredSurface, DepthRenderer
+
+SETTINGS = ColourSettings()
 
 pytest.importorskip("ai_edge_litert", reason="the extra color is not installed")
 
@@ -87,7 +90,7 @@ def test_threads_do_not_change_a_byte() -> None:
     """One, two and again one thread: the same keypoints."""
     image, _, _ = person()
     crop = Crop(160.0, 120.0, 240.0)
-    seen = [find_keypoints(PoseNetwork(n), image, everything(image), crop) for n in (1, 2, 1)]
+    seen = [find_keypoints(PoseNetwork(n), image, everything(image), crop, SETTINGS) for n in (1, 2, 1)]
     assert all(each is not None for each in seen)
     assert len({each.tobytes() for each in seen if each is not None}) == 1
 
@@ -107,7 +110,7 @@ def test_a_person_is_found_where_it_is(turned: bool, scale: int) -> None:
     )
     crop = crop_of_body(vertices, 0.5 * (left + right), neck, CAMERA)
     assert crop is not None
-    seen = find_keypoints(PoseNetwork(), larger, everything(image), crop)
+    seen = find_keypoints(PoseNetwork(), larger, everything(image), crop, SETTINGS)
     assert seen is not None
     found = dict(zip(LANDMARK_OF, seen, strict=True))
     off = np.array([np.linalg.norm(found[name][:2] - pixel) for name, pixel in at.items()])
@@ -120,14 +123,16 @@ def test_a_person_is_found_where_it_is(turned: bool, scale: int) -> None:
 def test_nobody_is_found_in_an_empty_image() -> None:
     """Where there is nobody, there are no keypoints."""
     image = np.full((240, 320, 3), 120, np.uint8)
-    assert find_keypoints(PoseNetwork(), image, everything(image), Crop(160.0, 120.0, 200.0)) is None
+    assert (
+        find_keypoints(PoseNetwork(), image, everything(image), Crop(160.0, 120.0, 200.0), SETTINGS) is None
+    )
 
 
 def test_a_crop_shows_the_image() -> None:
     """An upright crop of an image's own size has the pixels of the image."""
     image = np.random.default_rng(1).integers(20, 255, (SIDE_PX, SIDE_PX, 3), np.uint8)
     whole = Crop((SIDE_PX - 1) / 2, (SIDE_PX - 1) / 2, SIDE_PX)
-    assert np.array_equal(whole.take(image, everything(image)), image)
+    assert np.array_equal(whole.take(image, everything(image), SETTINGS.max_gap_px), image)
 
 
 def test_only_narrow_gaps_of_registered_colour_are_closed() -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from gepf.coordinator.filters.belief import USUAL_INTERVAL, Belief
-from gepf.coordinator.settings import TrackSettings
+from gepf.coordinator.settings import ColourSettings, TrackSettings
 from gepf.coordinator.tracking.gating import Gate
 from gepf.coordinator.tracking.reporting import status_of
 from gepf.coordinator.tracking.track_state import (
@@ -36,8 +36,8 @@ from gepf.coordinator.tracking.track_state import (
 PAGE = Path(__file__).parents[2] / "docs" / "states.md"
 START, END = "<!-- transitions: make with tests.support.transitions -->\n", "<!-- end -->\n"
 
-LIMITS = TrackSettings()
-POLICY = Policy(min_points=100, settings=LIMITS)
+LIMITS, COLOUR = TrackSettings(), ColourSettings()
+POLICY = Policy(min_points=100, settings=LIMITS, colour=COLOUR)
 NEVER_RECOVERS = POLICY._replace(recovers=False)
 
 BELIEF = with_fields(Belief.at(np.array([0.5])), residual=np.array([0.01]), velocities=np.array([[1.0]]))
@@ -256,7 +256,7 @@ TRANSITIONS = [
         ("search", "refine"),
     ),
     Transition(
-        replace(DUE, ambiguous_facing=True, sides_s=LIMITS.facing_s),
+        replace(DUE, ambiguous_facing=True, sides_s=COLOUR.facing_s),
         "a check is due, front and back look alike, but colour has told them apart",
         CANDIDATE,
         "it is seen",
@@ -265,7 +265,7 @@ TRANSITIONS = [
         ("refine",),
     ),
     Transition(
-        replace(DUE, sides_s=-LIMITS.exchanged_s),
+        replace(DUE, sides_s=-COLOUR.exchanged_s),
         "a check is due, and colour has shown left and right exchanged for long",
         CANDIDATE,
         "it is seen",
@@ -357,7 +357,7 @@ TRANSITIONS = [
         ("report",),
     ),
     Transition(
-        replace(TRACKED, unshown_s=LIMITS.unshown_s),
+        replace(TRACKED, unshown_s=COLOUR.unshown_s),
         "since its detection, colour showed nobody there, but other people",
         CANDIDATE,
         "it is seen",
@@ -375,7 +375,7 @@ TRANSITIONS = [
         ("report",),
     ),
     Transition(
-        replace(TRACKED, unshown_s=LIMITS.unshown_s),
+        replace(TRACKED, unshown_s=COLOUR.unshown_s),
         "since its detection, colour showed nobody there",
         with_fields(FITS, is_shown=True),
         "its pose is refined, and colour shows it",

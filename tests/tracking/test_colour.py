@@ -20,24 +20,23 @@ from gepf.common.refinement import Particles
 from gepf.coordinator.bodies.human.template import human
 from gepf.coordinator.bodies.tracked import name_pose
 from gepf.coordinator.colour.agreement import ColourState, describe_changes, trusted
-from gepf.coordinator.colour.finder import (
+from gepf.coordinator.colour.finder import KeypointFinder, crop_of
+from gepf.coordinator.colour.matching import (
     EXCHANGED,
     ExpectedBody,
-    KeypointFinder,
-    Keypoints,
     assign,
-    crop_of,
     in_image,
     keypoint_cost,
-    keypoint_pixels,
     with_keypoints,
     with_sides_of,
 )
 from gepf.coordinator.colour.motion import trunk_step
 from gepf.coordinator.pool.options import PoolStatistics
 from gepf.coordinator.results.log import Entry, Opening, append_records, assemble, read_log
+from gepf.coordinator.settings import ColourSettings
 from gepf.coordinator.sources.live import LiveFrames
 from gepf.coordinator.sources.live_stream import LiveCamera
+from gepf.coordinator.tracking.colour import take_turns
 from gepf.coordinator.tracking.observation import isolate
 from gepf.coordinator.tracking.segmenter import UntrackedPerson, possible_people
 from gepf.coordinator.tracking.track_state import Tracked
@@ -60,6 +59,8 @@ from tests.support.people import (
     subject_of,
     tracker,
 )
+
+COLOUR = SETTINGS.colour
 
 pytest.importorskip("ai_edge_litert", reason="the extra color is not installed")
 
@@ -111,10 +112,9 @@ def test_workers_weigh_what_the_coordinator_says() -> None:
     """The log likelihood changes by the cost of the keypoints, which go over the wire with the frame."""
     frame, whole = coloured()[0], known().tracked(known().usual_size, STANDING)
     subject = isolate(frame, 500)
-    (found,) = KeypointFinder().submit(frame, [ExpectedBody(*whole)]).result().keypoints
-    seen = with_keypoints(subject, found)
     assert subject is not None
-    assert seen is not None
+    (found,) = KeypointFinder().submit(frame, [ExpectedBody(*whole)], COLOUR).result().keypoints
+    seen = with_keypoints(subject, found)
     assert seen.largest.image.colours is None  # workers and searches do not keep it
     np.testing.assert_allclose(in_image(seen)[""], found[""], atol=1e-4)
     still = msgspec.structs.replace(SETTINGS.refine, icp_iterations=0)
@@ -123,7 +123,9 @@ def test_workers_weigh_what_the_coordinator_says() -> None:
         DirectRefiner().refine(each, whole[0], Particles(poses, still))
         for each in (subject, decode_frame(encode_frame(seen)))
     )
-    costs = [keypoint_cost(whole[0], pose, seen) for pose in weighed.poses]  # within the joints' limits
+    costs = [
+        keypoint_cost(ExpectedBody(whole[0], pose), seen) for pose in weighed.poses
+    ]  # within the joints' limits
     assert min(costs) > 0.25
     np.testing.assert_allclose(without.log_likelihood - weighed.log_likelihood, costs, rtol=1e-6)
 
@@ -146,10 +148,10 @@ def test_a_person_in_the_image_is_one_body() -> None:
     bodies, frame = [ExpectedBody(model, each) for each in (pose, beside)], coloured()[0]
     finder = KeypointFinder()
     for body in bodies:
-        (alone,) = finder.submit(frame, [body]).result().keypoints
+        (alone,) = finder.submit(frame, [body], COLOUR).result().keypoints
         assert alone
     for pair, holder in ((bodies, 0), (bodies[::-1], 1)):
-        found = finder.submit(frame, pair).result()
+        found = finder.submit(frame, pair, COLOUR).result()
         assert not any(found.doubles)  # one of them may be a hidden person
         assert [bool(keypoints) for keypoints in found.keypoints] == [place == holder for place in range(2)]
 
@@ -161,7 +163,7 @@ def test_keypoints_of_another_tracked_person_are_that_persons() -> None:
     beside[model.dof("root_tx")] += 0.6
     bodies, frame = [ExpectedBody(model, each) for each in (pose, beside)], coloured()[0]
     first, second = (
-        {"": np.column_stack([keypoint_pixels(body, frame.views[0]), np.full(17, 0.1)]).astype(np.float32)}
+        {"": np.column_stack([body.pixels(frame.views[0]), np.full(17, 0.1)]).astype(np.float32)}
         for body in bodies
     )
     for seen, given in (
@@ -171,7 +173,7 @@ def test_keypoints_of_another_tracked_person_are_that_persons() -> None:
         ([{}, second], [{}, second]),
         ([{}, {}], [{}, {}]),
     ):
-        found = assign(bodies, seen, frame)
+        found = assign(bodies, seen, frame, COLOUR)
         assert [list(each) for each in found] == [list(each) for each in given]
         for mine, expected in zip(found, given, strict=True):
             for camera in mine:
@@ -224,10 +226,10 @@ def test_colour_that_shows_nobody_denies_nobody() -> None:
     for tracked in two.follow(frames):
         assert {person.estimate.status for person in tracked.people} <= {"tracked", "ambiguous", "searching"}
     assert {person.estimate.status for person in tracked.people} <= {"tracked", "ambiguous"}
-    agreed = ColourState().after([False], 0.5, 10.0)
-    assert trusted({"": agreed}, 10.5) == {""}
-    assert not trusted({"": agreed}, 60.0)
-    assert not trusted({"": ColourState().after([True], 0.5, 10.0)}, 10.0)
+    agreed = ColourState().after([False], 0.5, 10.0, COLOUR)
+    assert trusted({"": agreed}, 10.5, COLOUR) == {""}
+    assert not trusted({"": agreed}, 60.0, COLOUR)
+    assert not trusted({"": ColourState().after([True], 0.5, 10.0, COLOUR)}, 10.0, COLOUR)
 
 
 def test_a_person_is_segmented_where_colour_shows_the_person() -> None:
@@ -237,12 +239,12 @@ def test_a_person_is_segmented_where_colour_shows_the_person() -> None:
         before = pose.copy()
         before[[model.dof(name) for name in ROOT_DOFS[:3]]] -= step
         body = ExpectedBody(model, before)
-        (keypoints,) = KeypointFinder().submit(frame, [body]).result().keypoints
-        moved = trunk_step(body, keypoints, frame, 0.8)
+        (keypoints,) = KeypointFinder().submit(frame, [body], COLOUR).result().keypoints
+        moved = trunk_step(body, keypoints, frame, 0.8, COLOUR)
         assert moved is not None
         np.testing.assert_allclose(moved, step, atol=0.06)
-        assert trunk_step(body, {}, frame, 0.8) is None
-        assert np.linalg.norm(step) < 0.3 or trunk_step(body, keypoints, frame, 0.2) is None
+        assert trunk_step(body, {}, frame, 0.8, COLOUR) is None
+        assert np.linalg.norm(step) < 0.3 or trunk_step(body, keypoints, frame, 0.2, COLOUR) is None
 
 
 def test_candidates_whom_colour_shows_come_first() -> None:
@@ -253,18 +255,26 @@ def test_candidates_whom_colour_shows_come_first() -> None:
     )
     finder, up = KeypointFinder(), {"": np.array([0.0, -1.0, 0.0])}
     candidates = [(beside, beside), (person, person)]
-    found = finder.look_at(candidates, coloured()[0], up, 0.0)
+    found = finder.look_at(dict(enumerate(candidates)), coloured()[0], up, COLOUR)
     assert {place: bool(keypoints) for place, keypoints in found.items()} == {0: False, 1: True}
-    turns = [finder.look_at(candidates, changed(coloured()[0], number=n), up, 1 / 30) for n in range(2)]
-    assert [list(turn) for turn in turns] == [[0], [1]]
     model, pose = known().tracked(known().usual_size, STANDING)
-    places = keypoint_pixels(ExpectedBody(model, pose), coloured()[0].views[0])
+    places = ExpectedBody(model, pose).pixels(coloured()[0].views[0])
     assert np.median(np.linalg.norm(found[1][""][:, :2] - places, axis=1)) < 6.0  # pixels
     people = [UntrackedPerson(beside), UntrackedPerson(person).with_keypoints(found[1])]
     assert possible_people(people, {}) == people[::-1]
     assert people[1].subject.largest.keypoints is not None
     assert possible_people(people, {""}) == people[1:]
     assert possible_people(people[:1], {""}) == []  # until their turn
+
+
+@pytest.mark.parametrize("step", [1, 2, 3, 6])
+def test_every_candidate_has_its_turn(step: int) -> None:
+    """Whichever frames are looked at: live, some are left out. The turn follows from the frame's number."""
+    for count, most in ((2, 1), (6, 1), (6, 2), (3, 5)):
+        turns = [take_turns(number, count, most) for number in range(0, 40 * step, step)]
+        assert {place for turn in turns for place in turn} == set(range(count))
+        assert {len(set(turn)) for turn in turns} == {min(count, most)}
+        assert turns[-1] == take_turns(39 * step, count, most)
 
 
 def moved_pose() -> Array:
@@ -325,8 +335,11 @@ class DisturbedFinder(KeypointFinder):
         super().__init__()
         self._disturb = disturb
 
-    def _look(self, frame: Frame, body: ExpectedBody | None) -> Keypoints:
-        return {camera: self._disturb(seen) for camera, seen in super()._look(frame, body).items()}
+    def _look(
+        self, frame: Frame, body: ExpectedBody | None, settings: ColourSettings
+    ) -> dict[str, NDArray[np.float32] | None]:
+        looked = super()._look(frame, body, settings)
+        return {camera: None if seen is None else self._disturb(seen) for camera, seen in looked.items()}
 
 
 class Hurried(LiveFrames):
@@ -346,11 +359,11 @@ def test_left_and_right_are_those_of_a_body_whose_facing_is_known() -> None:
     model, pose = known().tracked(known().usual_size, STANDING)
     body, frame = ExpectedBody(model, pose), coloured()[0]
     subject = isolate(frame, 500)
-    right = np.column_stack([keypoint_pixels(body, frame.views[0]), np.full(17, 0.1)]).astype(np.float32)
+    assert subject is not None
+    right = np.column_stack([body.pixels(frame.views[0]), np.full(17, 0.1)]).astype(np.float32)
     for seen, taken in ((right, right), (right[EXCHANGED], right), (right + 40.0, right + 40.0)):
         before = with_keypoints(subject, {"": seen})
-        sided = with_sides_of(before, body)
-        assert sided is not None
+        sided = with_sides_of(before, body, COLOUR)
         assert (sided is before) == (seen is taken or np.array_equal(seen, taken))
         np.testing.assert_allclose(in_image(sided)[""][:, :2], taken[:, :2], atol=1e-3)
     names = [KEYPOINTS[place] for place in EXCHANGED]

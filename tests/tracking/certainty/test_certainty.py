@@ -15,6 +15,7 @@ from gepf.common.frame import HIDDEN, SUBJECT, SubjectFrame
 from gepf.common.kinematics import joint_positions, keypoint_positions, pose_vertices
 from gepf.coordinator.bodies.human.template import human
 from gepf.coordinator.bodies.tracked import name_pose
+from gepf.coordinator.colour.matching import ExpectedBody
 from gepf.coordinator.settings import CertaintySettings
 from gepf.coordinator.tracking.certainty import Features, judge, regions_of, shown_in_colour
 from gepf.coordinator.tracking.estimate import Certainty
@@ -113,8 +114,9 @@ def test_a_joint_that_colour_shows_is_more_certain() -> None:
     knee, ankle, wrist = ([*KEYPOINTS].index(name) for name in ("left_knee", "left_ankle", "left_wrist"))
     keypoints[ankle, 2] *= 0.25
     keypoints[wrist, 0] += 60.0
-    assert not shown_in_colour(body, pose, subject).any()
-    shown = shown_in_colour(body, pose, alone(replace(subject.largest, keypoints=keypoints)))
+    posed, coloured = ExpectedBody(body, pose), alone(replace(subject.largest, keypoints=keypoints))
+    assert not shown_in_colour(posed, subject, 3.0).any()
+    shown = shown_in_colour(posed, coloured, 3.0)
     named = dict(zip(body.joint_names, shown.tolist(), strict=True))
     assert [named[KEYPOINTS[k]] for k in (knee, ankle, wrist)] == pytest.approx([1.0, 0.25, 0.0])
     assert named["pelvis"] == 0.0  # not a keypoint

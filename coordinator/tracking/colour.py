@@ -1,0 +1,185 @@
+"""What colour tells of the people of each frame: where they are, who is one, and which side is left.
+
+Keypoints are found while depth is segmented, a frame ahead. Whether they are used follows from the states of
+the cameras after the frame before, in `ColouredFrame`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Future
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gepf.common.arrays import Array
+from gepf.common.frame import Frame, SubjectFrame
+from gepf.coordinator.colour.agreement import ColourStates, compare, trusted, unused
+from gepf.coordinator.colour.finder import KeypointFinder, PeopleInColour
+from gepf.coordinator.colour.matching import (
+    ExpectedBody,
+    Keypoints,
+    with_keypoints,
+    with_sides_of,
+    without_keypoints,
+)
+from gepf.coordinator.colour.motion import trunk_step
+from gepf.coordinator.settings import ColourSettings
+from gepf.coordinator.tracking.segmenter import BodyView, SegmentedFrame, possible_people
+from gepf.coordinator.tracking.track_state import ROUNDING_S
+
+
+class ColourWatch:
+    """Looks at the people of each frame. Without a finder, or without colour, it sees nobody.
+
+    While live frames are late, it looks at colour `late_look_s` apart, and counts the frames between.
+    """
+
+    def __init__(self, finder: KeypointFinder | None, settings: ColourSettings) -> None:
+        self._finder, self._settings = finder, settings
+        self._looked_s = -math.inf
+
+    def begin(self, frame: Frame, bodies: Sequence[ExpectedBody | None], *, is_late: bool) -> Look | None:
+        """Begin to look for people around the expected bodies; None if nothing will be seen."""
+        finder, settings = self._finder, self._settings
+        if finder is None:
+            return None
+        is_of_use = any(view.colours is not None for view in frame.views) and any(bodies)
+        if is_of_use and is_late and frame.time_s < self._looked_s + settings.late_look_s - ROUNDING_S:
+            finder.left_out += 1
+            return None
+        self._looked_s = frame.time_s
+        return Look(frame, bodies, finder, finder.submit(frame, bodies, settings), settings)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Look:
+    """A look at a frame that is under way."""
+
+    frame: Frame
+    bodies: Sequence[ExpectedBody | None]
+    finder: KeypointFinder
+    people: Future[PeopleInColour]
+    settings: ColourSettings
+
+    def steps(self, is_usable: Sequence[bool], max_motion_m: float) -> list[Array | None]:
+        """The motion (3,) since the last pose of each body whose keypoints are usable, metres."""
+        bodies, keypoints = self.bodies, self.people.result().keypoints
+        return [
+            trunk_step(body, own, self.frame, max_motion_m, self.settings)
+            if body is not None and usable
+            else None
+            for body, own, usable in zip(bodies, keypoints, is_usable, strict=True)
+        ]
+
+    def candidates(self, segmented: SegmentedFrame, interval_s: float) -> dict[int, Keypoints]:
+        """The keypoints of some candidates, by their place.
+
+        Random ones, as many as the `interval_s` since the frame before allows; in the first frame all.
+        """
+        candidates, most = segmented.candidates, len(segmented.candidates)
+        if interval_s > 0.0:
+            most = max(1, round(self.settings.looks_per_s * interval_s))
+        turns = take_turns(self.frame.number, len(candidates), most)
+        chosen = {n: (candidates[n].subject, candidates[n].widest) for n in turns}
+        upward = {view.image.camera: view.scene.planes.up for view in segmented.views}
+        return self.finder.look_at(chosen, self.frame, upward, self.settings)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sight:
+    """What was seen in a frame.
+
+    candidates: keypoints of those that were looked at, by place. steps: the motion (3,) of each person since
+    the last pose, metres; None if unknown.
+    """
+
+    people: PeopleInColour
+    candidates: Mapping[int, Keypoints]
+    steps: Sequence[Array | None]
+
+    @classmethod
+    def of_nobody(cls, count: int) -> Sight:
+        """Without colour, of this number of people."""
+        return cls(PeopleInColour([{}] * count, [False] * count, [()] * count), {}, [None] * count)
+
+    def compare(
+        self,
+        states: ColourStates,
+        frame: Frame,
+        bodies: Sequence[ExpectedBody | None],
+        interval_s: float,
+        settings: ColourSettings,
+    ) -> ColourStates:
+        """The states of the cameras after a frame in which bodies have these poses."""
+        if not any(self.people.keypoints):
+            return states
+        return compare(states, frame, bodies, self.people.keypoints, interval_s, settings)
+
+
+class ColouredFrame:
+    """A segmented frame with what is used of the sight of it: not of cameras that show people elsewhere.
+
+    `facing` are the bodies of which it is known which side is left: keypoints that are exchanged are turned.
+
+    Attributes:
+        segmented: The frame; its subjects and candidates have their keypoints.
+        free: The candidates who may be somebody, the most likely first.
+    """
+
+    def __init__(
+        self,
+        segmented: SegmentedFrame,
+        sight: Sight,
+        states: ColourStates,
+        facing: Sequence[ExpectedBody | None],
+        settings: ColourSettings,
+    ) -> None:
+        self._sight, self._distrusted = sight, unused(states)
+        coloured = {view.camera for view in segmented.frame.views if view.colours is not None}
+        self._shows_people = coloured & trusted(states, segmented.frame.time_s, settings)
+        self._before = [
+            without_keypoints(subject, self._distrusted) if subject and self._distrusted else subject
+            for subject in segmented.subjects
+        ]
+        self._sided = [
+            with_sides_of(subject, body, settings) if subject and body else subject
+            for subject, body in zip(self._before, facing, strict=True)
+        ]
+        shown = {} if self._distrusted else sight.candidates
+        people = [who.with_keypoints(shown.get(n, {})) for n, who in enumerate(segmented.candidates)]
+        self.segmented = replace(segmented, subjects=tuple(self._sided), candidates=tuple(people))
+        self.free = possible_people(people, self._shows_people)
+
+    def complete(self, view: BodyView, place: int, *, is_at_last_pose: bool) -> BodyView:
+        """What shows the body at this place, with what colour tells of it."""
+        if self._sight.people.doubles[place] and not self._distrusted:
+            return replace(view, subject=None)  # it is lost, and looked for elsewhere
+        subject = view.subject
+        if subject is None or subject is not self._sided[place]:
+            return view
+        looked_in = self._shows_people.intersection(self._sight.people.looked_in[place])
+        return replace(
+            view,
+            step_m=self._sight.steps[place] if is_at_last_pose else None,
+            is_looked_at=any(own.image.camera in looked_in for own in subject.views),
+            is_exchanged=subject is not self._before[place],
+        )
+
+
+def take_turns(number: int, count: int, most: int) -> list[int]:
+    """Whose turn it is in the frame with this number: at most so many of a `count`, at random.
+
+    So nobody waits for ever, whatever the numbers of the frames.
+    """
+    return [int(n) for n in np.random.default_rng(number).permutation(count)[:most]]
+
+
+def with_own_keypoints(segmented: SegmentedFrame, keypoints: Sequence[Keypoints]) -> SegmentedFrame:
+    """The frame, whose subjects have their keypoints."""
+    subjects: list[SubjectFrame | None] = [
+        with_keypoints(subject, own) if subject else None
+        for subject, own in zip(segmented.subjects, keypoints, strict=True)
+    ]
+    return replace(segmented, subjects=tuple(subjects))
