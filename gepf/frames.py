@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
+from gepf.common.bounds import check_camera
 from gepf.common.camera import Intrinsics, is_rigid
 from gepf.common.errors import InputError, ProtocolError
 from gepf.common.frame import Frame, View
-from gepf.common.protocol.frames import check_camera
 
 
 def check_frame(frame: Frame, cameras: dict[str, Intrinsics]) -> Frame:

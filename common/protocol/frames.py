@@ -10,11 +10,11 @@ import msgspec
 import numpy as np
 
 from gepf.common.body import KEYPOINTS
-from gepf.common.bounds import LARGEST, MAX_CAMERAS, MAX_PIXELS, SMALLEST
+from gepf.common.bounds import LARGEST, MAX_CAMERAS, check_camera, check_range
 from gepf.common.camera import ROUNDED, Intrinsics, is_rigid
 from gepf.common.errors import ProtocolError
 from gepf.common.frame import SUBJECT, UNMEASURED, SubjectFrame, SubjectView, View
-from gepf.common.protocol.wire import LIVE, Array, Message, Natural, check, decode, encode, pack, unpack
+from gepf.common.protocol.wire import LIVE, Array, Message, Natural, decode, encode, pack, unpack
 
 Pixel = Annotated[int, msgspec.Meta(gt=-(2**31), lt=2**31)]
 
@@ -110,7 +110,7 @@ def decode_frame(payload: bytes) -> SubjectFrame:
 
 def decode_view(frame: FrameMessage, message: ViewMessage) -> SubjectView:
     """One view of a frame, or ProtocolError."""
-    check("the delay", message.delay_s, -LARGEST, LARGEST)
+    check_range("the delay", message.delay_s, -LARGEST, LARGEST)
     image = depth_image(frame.number, frame.time_s + message.delay_s, message)
     placed = unpack("T_rig_camera", message.T_rig_camera, "<f8", (4, 4), -LARGEST, LARGEST)
     if not is_rigid(placed):
@@ -131,7 +131,7 @@ def decode_view(frame: FrameMessage, message: ViewMessage) -> SubjectView:
     image, keypoints = replace(image, T_rig_camera=placed), None
     if message.keypoints is not None:
         keypoints = unpack("keypoints", message.keypoints, "<f4", (len(KEYPOINTS), 3), -LARGEST, LARGEST)
-        check("the precisions of keypoints", keypoints[:, 2], 0.0, LARGEST)
+        check_range("the precisions of keypoints", keypoints[:, 2], 0.0, LARGEST)
     return SubjectView(image, picked, message.view, kinds, message.delay_s, keypoints)
 
 
@@ -193,12 +193,3 @@ def depth_image(number: int, time_s: float, message: ViewMessage | LiveFrameMess
         raise ProtocolError("the frame's time must be finite")
     depth = unpack("depth", message.depth, "<u2", (camera.height, camera.width))
     return View(number, time_s, depth, message.depth_scale, camera)
-
-
-def check_camera(camera: Intrinsics, depth_scale: float) -> None:
-    """ProtocolError if a frame cannot have this camera or this scale."""
-    if camera.width < 1 or camera.height < 1 or camera.width * camera.height > MAX_PIXELS:
-        raise ProtocolError(f"a frame has 1 to {MAX_PIXELS} pixels, not {camera.width} by {camera.height}")
-    check("the depth scale", depth_scale, SMALLEST, LARGEST)
-    check("the focal lengths", np.array([camera.fx, camera.fy]), SMALLEST, LARGEST)
-    check("the camera's centre", np.array([camera.cx, camera.cy]), -LARGEST, LARGEST)

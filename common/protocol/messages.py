@@ -18,10 +18,11 @@ from gepf.common.bounds import (
     MAX_PARTICLES,
     POSITIVE_SETTINGS,
     SMALLEST,
+    check_range,
 )
 from gepf.common.errors import ProtocolError
 from gepf.common.protocol.keys import RUN
-from gepf.common.protocol.wire import Array, Hash, Message, Natural, check, decode, encode, pack, unpack
+from gepf.common.protocol.wire import Array, Hash, Message, Natural, decode, encode, pack, unpack
 from gepf.common.refinement import Particles, PosePrior, Refined, triangle_size
 from gepf.common.settings import RefineSettings
 
@@ -94,8 +95,8 @@ def decode_request(payload: bytes) -> RefineRequest:
     """A batch, or ProtocolError."""
     message = decode(payload, RequestMessage)
     poses = unpack("poses", message.poses, "<f8", ("N", "D"), -LARGEST, LARGEST)
-    check("the number of poses", poses.shape[0], 1, MAX_PARTICLES)
-    check("the number of a pose's values", poses.shape[1], 1, MAX_DOFS)
+    check_range("the number of poses", poses.shape[0], 1, MAX_PARTICLES)
+    check_range("the number of a pose's values", poses.shape[1], 1, MAX_DOFS)
     check_settings(message.settings)
     velocity = None
     if message.velocity is not None:
@@ -126,7 +127,9 @@ def check_settings(settings: RefineSettings) -> None:
     for name, value in msgspec.structs.asdict(settings).items():
         if not isinstance(value, str):
             least = SMALLEST if name in POSITIVE_SETTINGS else 0.0
-            check(f"setting {name}", value, least, MAX_ITERATIONS if isinstance(value, int) else LARGEST)
+            check_range(
+                f"setting {name}", value, least, MAX_ITERATIONS if isinstance(value, int) else LARGEST
+            )
 
 
 def encode_refined(refined: Refined, waited_s: float = 0.0) -> bytes:
@@ -152,10 +155,10 @@ def decode_refined(
     values = unpack("the reply", message.values, "<f8", (count * (dofs + 2),))
     end = count * dofs
     poses, log_likelihood, residual = values[:end], values[end : end + count], values[end + count :]
-    check("the reply's poses", poses, -LARGEST, LARGEST)
+    check_range("the reply's poses", poses, -LARGEST, LARGEST)
     explained = log_likelihood[log_likelihood != -np.inf]
-    check("the reply's log_likelihood", explained, -LARGEST_LOG_LIKELIHOOD, LARGEST_LOG_LIKELIHOOD)
-    check("the reply's residual", residual, 0.0, np.inf)
+    check_range("the reply's log_likelihood", explained, -LARGEST_LOG_LIKELIHOOD, LARGEST_LOG_LIKELIHOOD)
+    check_range("the reply's residual", residual, 0.0, np.inf)
     roots = None
     if message.covariance_roots is not None:  # no deviation is above 1 m or rad
         packed, what = (count, triangle_size(dofs)), "the reply's covariance_roots"

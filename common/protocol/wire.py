@@ -16,7 +16,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from gepf.common.bounds import MAX_BYTES
+from gepf.common.bounds import MAX_BYTES, check_range
 from gepf.common.errors import ProtocolError, VersionError
 
 PROTOCOL = 21  # version of messages and kernel, which coordinator and workers share
@@ -126,16 +126,5 @@ def unpack(
     if array.data.nbytes != expected:
         raise ProtocolError(f"{what} {array.shape} has {array.data.nbytes} bytes, expected {expected}")
     values = np.ndarray(array.shape, dtype, array.data).astype(NATIVE[dtype])
-    check(what, values, least, extents[most] - 1 if isinstance(most, str) else most)
+    check_range(what, values, least, extents[most] - 1 if isinstance(most, str) else most)
     return values
-
-
-def check(what: str, values: NDArray[Any] | float, least: float, most: float) -> None:
-    """ProtocolError if a value is NaN or not between two bounds."""
-    array = np.asarray(values)
-    if array.size == 0:
-        return
-    low, high = array.min(), array.max()
-    if not (low >= least and high <= most):
-        shown = f"{low:.10g}" if low == high else f"{low:.10g} to {high:.10g}"
-        raise ProtocolError(f"{what} must be {least:.10g} to {most:.10g}, not {shown}")

@@ -14,8 +14,8 @@ from gepf.coordinator.files import HYPOTHESES_FILE
 from gepf.coordinator.results.configuration import CAMERA_GIVEN, PATH, PEOPLE
 from gepf.coordinator.results.evaluation import Truth, read_truth
 from gepf.coordinator.results.killed import finish_killed
-from gepf.coordinator.results.summary import find_summary, people_in, read_summary
-from gepf.coordinator.results.track import read_track, read_tracked_body
+from gepf.coordinator.results.summary import find_summary, read_summary
+from gepf.coordinator.results.track import Track, read_track, read_tracked_body
 from gepf.coordinator.sources import Source, open_source
 from gepf.coordinator.sources.camera import GivenCamera
 from gepf.coordinator.sources.colour_folder import ColourFolder
@@ -37,15 +37,20 @@ def run_pictures(options: PicturesOptions, show: Show) -> None:
         colours = ColourFolder(Path(folder), source.intrinsics, numbers, mirrored=mirrored)
     truth = own_truth(run, source)
     known = read_truth(truth, source.T_rig_camera) if truth else None
-    files = draw_pictures(source, run, show, known, colours)
+    files = draw_pictures(track, source, run, show, known, colours)
     show.say(f"{len(files)} pictures are in {run}: {', '.join(file.name for file in files)}")
 
 
 def draw_pictures(
-    source: Source | None, out: Path, show: Show, truth: Truth | None, colours: ColourFolder | None
+    track: Track,
+    source: Source | None,
+    out: Path,
+    show: Show,
+    truth: Truth | None,
+    colours: ColourFolder | None,
 ) -> list[Path]:
     """Draw a run with a progress bar; without its sequence, as for live input, only the hypotheses."""
-    track, body = read_track(out), read_tracked_body(out)
+    body = read_tracked_body(out)
     with show.steps("drawing pictures") as advance:
         if source is None:
             from gepf.coordinator.pictures.plots import draw_hypotheses
@@ -82,8 +87,6 @@ def run_report(run: Path, out: Path | None, show: Show) -> None:
     """Write the report. Raises InputError if the folder holds no finished run."""
     finish_killed(run)
     page = out or run / "report.html"
-    if not people_in(run):
-        read_track(run)
     with loading():
         from gepf.coordinator.report.page import write_report
     write_report(run, page)

@@ -56,8 +56,16 @@ class SentShow(Show):
         self._pipe.send(text)
 
     @contextmanager
-    def steps(self, label: str, *, keep: bool = False) -> Iterator[Advance]:  # noqa: ARG002 keeps none
-        """Send the state of a task from time to time."""
+    def steps(
+        self,
+        label: str,
+        done: int = 0,
+        total: int | None = None,
+        *,
+        keep: bool = False,  # noqa: ARG002 keeps none
+    ) -> Iterator[Advance]:
+        """Send the state of a task at its start, and from time to time."""
+        self._pipe.send((done, total, label))
         sent = -math.inf
 
         def advance(done: int, total: int | None, detail: str = "") -> None:

@@ -42,14 +42,16 @@ class Show:
         self.console.print(self._name + text, style=style, highlight=False, markup=False, soft_wrap=True)
 
     @contextmanager
-    def steps(self, label: str, *, keep: bool = False) -> Iterator[Advance]:
+    def steps(
+        self, label: str, done: int = 0, total: int | None = None, *, keep: bool = False
+    ) -> Iterator[Advance]:
         """Count the steps of a long task. With `keep` the last state stays visible.
 
         An interrupt that a library suppressed is raised again at the next step.
         """
         on_terminal, line, written = self.console.is_terminal, "", time.monotonic()
         bar = bars_on(self.console, keep=keep)
-        task = bar.add_task(label, total=None)
+        task = bar.add_task(label, completed=done, total=total)
 
         def advance(done: int, total: int | None, detail: str = "") -> None:
             nonlocal line, written

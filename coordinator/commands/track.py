@@ -30,6 +30,7 @@ from gepf.coordinator.results.ros2_results import RosOutlet
 from gepf.coordinator.results.ros_humans import HumanBodies
 from gepf.coordinator.results.summary import PERSON, folder_of
 from gepf.coordinator.results.tally import Outcome, describe_counts
+from gepf.coordinator.results.track import read_track
 from gepf.coordinator.sources.doubts import describe_range, measured_depth
 from gepf.coordinator.sources.live import LiveFrames
 from gepf.coordinator.sources.live_stream import is_topic, live_key
@@ -132,7 +133,7 @@ def track_frames(
     with (
         open_node(job, show) as node,
         connect(job.pool, show.say) as workers,
-        show.steps("frame", keep=True) as advance,
+        show.steps("frame", before, given.total, keep=True) as advance,
     ):
         outlets, streams = open_outlets(given, workers, node), given.streams(workers, node, before)
         make = partial(
@@ -264,7 +265,7 @@ def draw(given: RecordedInput | LiveInput, recorded: Mapping[int, Outcome], show
         drawn, later = "", f"; gepf pictures {out} draws them" if given.source else ""
         try:
             if job.pictures and (given.source or each.tally.frames <= LONGEST_DRAWN):
-                files = draw_pictures(given.source, out, show, given.truth, given.colours)
+                files = draw_pictures(read_track(out), given.source, out, show, given.truth, given.colours)
                 drawn, later = f" and {counted(len(files), 'picture')}", ""
         finally:
             show.say(f"{frames}{drawn} are in {out}: {status}{later}")

@@ -10,9 +10,9 @@ from itertools import count
 import numpy as np
 
 from gepf.common.arrays import Array
+from gepf.common.bounds import check_camera
 from gepf.common.errors import InputError, ProtocolError
 from gepf.common.frame import View
-from gepf.common.protocol.frames import check_camera
 from gepf.coordinator.sources.camera import MILLIMETRES
 from gepf.coordinator.sources.clock import SECOND_NS
 from gepf.coordinator.sources.joint_states import STATES, JointStates

@@ -43,10 +43,9 @@ class ColourWatch:
     def begin(self, frame: Frame, bodies: Sequence[ExpectedBody | None], *, is_late: bool) -> Look | None:
         """Begin to look for people around the expected bodies; None if nothing will be seen."""
         finder, settings = self._finder, self._settings
-        if finder is None:
+        if finder is None or all(view.colours is None for view in frame.views):
             return None
-        is_of_use = any(view.colours is not None for view in frame.views) and any(bodies)
-        if is_of_use and is_late and frame.time_s < self._looked_s + settings.late_look_s - ROUNDING_S:
+        if any(bodies) and is_late and frame.time_s < self._looked_s + settings.late_look_s - ROUNDING_S:
             finder.left_out += 1
             return None
         self._looked_s = frame.time_s
