@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from gepf.common.bounds import check_camera
 from gepf.common.camera import Intrinsics, is_rigid
+from gepf.common.checks import check_camera
 from gepf.common.errors import InputError, ProtocolError
 from gepf.common.frame import Frame, View
 

@@ -10,8 +10,9 @@ import msgspec
 import numpy as np
 
 from gepf.common.body import KEYPOINTS
-from gepf.common.bounds import LARGEST, MAX_CAMERAS, check_camera, check_range
+from gepf.common.bounds import LARGEST, MAX_CAMERAS
 from gepf.common.camera import ROUNDED, Intrinsics, is_rigid
+from gepf.common.checks import check_camera, check_range
 from gepf.common.errors import ProtocolError
 from gepf.common.frame import SUBJECT, UNMEASURED, SubjectFrame, SubjectView, View
 from gepf.common.protocol.wire import LIVE, Array, Message, Natural, decode, encode, pack, unpack

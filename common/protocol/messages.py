@@ -18,8 +18,8 @@ from gepf.common.bounds import (
     MAX_PARTICLES,
     POSITIVE_SETTINGS,
     SMALLEST,
-    check_range,
 )
+from gepf.common.checks import check_range
 from gepf.common.errors import ProtocolError
 from gepf.common.protocol.keys import RUN
 from gepf.common.protocol.wire import Array, Hash, Message, Natural, decode, encode, pack, unpack

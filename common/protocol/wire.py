@@ -16,7 +16,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from gepf.common.bounds import MAX_BYTES, check_range
+from gepf.common.bounds import MAX_BYTES
+from gepf.common.checks import check_range
 from gepf.common.errors import ProtocolError, VersionError
 
 PROTOCOL = 21  # version of messages and kernel, which coordinator and workers share

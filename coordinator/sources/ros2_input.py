@@ -10,7 +10,7 @@ from itertools import count
 import numpy as np
 
 from gepf.common.arrays import Array
-from gepf.common.bounds import check_camera
+from gepf.common.checks import check_camera
 from gepf.common.errors import InputError, ProtocolError
 from gepf.common.frame import View
 from gepf.coordinator.sources.camera import MILLIMETRES

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from gepf.common.arrays import Array
-from gepf.common.bounds import LARGEST, LARGEST_LOG_LIKELIHOOD, MOST_PIXELS, check_work
+from gepf.common.bounds import LARGEST, LARGEST_LOG_LIKELIHOOD, MOST_PIXELS
+from gepf.common.checks import check_work
 from gepf.common.errors import ProtocolError
 from gepf.common.protocol.messages import decode_refined, encode_refined
 from gepf.common.refinement import Particles, Refined, triangle_size

@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 
 from gepf.common.arrays import Array, Indices
 from gepf.common.body import BodyModel
-from gepf.common.bounds import LARGEST, check_work
+from gepf.common.bounds import LARGEST
+from gepf.common.checks import check_work
 from gepf.common.compiling import numba
 from gepf.common.kinematics.manifold import clamp_to_limits
 from gepf.common.refinement import Particles, PosePrior, Refined, triangle_size
