@@ -89,7 +89,7 @@ def gather(
     tracker = TargetTracker(DirectRefiner(), settings, bodies, state)
     rows: list[tuple[Array, Array, Mask, str]] = []
     for frame in frames[::every]:
-        tracker.begin_frame()
+        tracker.take_search()
         segmented = segmenter.segment(frame, [tracker.segmentation_surface()])
         (subject,) = segmented.subjects
         if segmented.candidates:

@@ -161,8 +161,8 @@ class Scene:
     def learn(self, view: SceneView, people: Mask | None = None, learned: Learned = NOTHING) -> SceneChange:
         """Learn from the last frame, the `view` that `see` returned, and return the change.
 
-        Pixels (H, W) of `people` or possible people are not learned. What was `learned` from this frame
-        before is a part of the change.
+        Pixels (H, W) of `people` or possible people are not learned. A frame may be learned twice, if the
+        pixels of the second time were people at the first; what was `learned` then is a part of the change.
         """
         if not self._furnished:
             return self._change(NOTHING.pixels)

@@ -16,9 +16,11 @@ from gepf.coordinator.tracking.track_state import Body, Found, Searching
 
 
 class Assignment:
-    """Assigns the pixels of one segmented frame to people, in their order.
+    """Assigns the pixels of one segmented frame to people.
 
-    Of its candidates, those in `free` may be somebody, the most likely first; each only once.
+    Of its candidates, those in `free` may be somebody, the most likely first; each only once. `view_of` is
+    called for people in their order, each after the person before was submitted: a person who was detected
+    just now is a body then.
     """
 
     def __init__(
@@ -42,16 +44,20 @@ class Assignment:
         if not isinstance(target.track, Body):
             subject, candidate = None, self._for_search(place)
         elif target.needs_candidates:
-            subject, candidate = None, nearest(self._free, target.last_seen)
+            subject, candidate = None, self._take(nearest(self._free, target.last_seen))
         else:
-            candidate = self._elsewhere(place) if self._misses(place) else None
+            candidate = self._take(self._elsewhere(place)) if self._misses(place) else None
             is_elsewhere = candidate is not None and not isinstance(target.track, Found)
         if candidate is not None:
             subject, alternatives = candidate.subject, candidate.alternatives
-        if candidate in self._free:
-            self._free.remove(candidate)
         planes, excluded = segmented.planes(subject), segmented.excluded[place]
         return BodyView(segmented.frame, subject, planes, alternatives, excluded, is_elsewhere)
+
+    def _take(self, candidate: UntrackedPerson | None) -> UntrackedPerson | None:
+        """The same candidate, who is nobody else from now on."""
+        if candidate in self._free:
+            self._free.remove(candidate)
+        return candidate
 
     def _for_search(self, place: int) -> UntrackedPerson | None:
         """The candidate in which a person is searched for: the one under way, or each in turn.
@@ -75,7 +81,7 @@ class Assignment:
         chosen = possible[turn]
         if target.search.person is not None:
             chosen = nearest(self._free, middle_of(target.search.person.subject)) or chosen
-        self._free.remove(chosen)
+        self._take(chosen)
         views = chosen.subject.views
         by_camera = [UntrackedPerson(replace(chosen.subject, views=(view,))) for view in views]
         options = [chosen, *by_camera] if len(views) > 1 else [chosen]
@@ -92,7 +98,10 @@ class Assignment:
         return pixels < whole and target.policy.recovers
 
     def _elsewhere(self, place: int) -> UntrackedPerson | None:
-        """A candidate nearby with more pixels than the present subject, who is probably the same person."""
+        """A candidate nearby with more pixels than the present subject, who is probably the same person.
+
+        The frame has no candidates of its own unless a body may be anywhere, so they are looked for now.
+        """
         target, pixels = self._targets[place], self._segmented.pixels(place)
         surfaces = [other.segmentation_surface() for n, other in enumerate(self._targets) if n != place]
         candidates = self._segmenter.find_candidates(

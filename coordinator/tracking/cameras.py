@@ -4,6 +4,11 @@ One principle decides: the pose that the other cameras support must explain the 
 camera's image, and its depth behind the body, within the allowed residual. A camera with a wrong or changed
 pose fails this, whatever the reason. A repeated image is no new evidence. A camera is left out only while
 another one is not.
+
+After a frame, `Agreement.after` says which cameras contradict the pose of a body. When the next frame is
+segmented, the body excludes these (`Body.excluded`): what they show of it is set aside, and compared again.
+`watch` gives a camera that a body excludes, or whose image is at fault, a fault for everybody. `faults_of`
+are the faults that last: estimates name them, and a track is checked when one of them ends.
 """
 
 from __future__ import annotations

@@ -68,17 +68,17 @@ def log_odds(features: Features, settings: CertaintySettings) -> Array:
 
 
 def judge(
-    features: Features, settings: CertaintySettings, in_view: Mask | None = None, shown: Array | None = None
+    features: Features, settings: CertaintySettings, in_sight: Mask | None = None, shown: Array | None = None
 ) -> Certainty:
-    """The certainty of joints (J,); those that are not `in_view` are outside of the image, or hidden.
+    """The certainty of joints (J,); those that are not `in_sight` are outside of the image, or hidden.
 
     `shown` is how well colour shows them there, from 0 to 1.
     """
     fit, odds = settings.fit, log_odds(features, settings)
     hidden = fit.log_deviation_hidden * (1.0 - features.seen)
     deviation = np.exp(fit.log_deviation + fit.log_deviation_odds * odds + hidden)
-    if in_view is not None:
-        odds = odds + np.where(in_view, 0.0, settings.out_of_view_nats)
+    if in_sight is not None:
+        odds = odds + np.where(in_sight, 0.0, settings.out_of_view_nats)
     if shown is not None:
         odds = odds - settings.shown_nats * shown
     return Certainty(features.seen, 1.0 / (1.0 + np.exp(-odds)), deviation)

@@ -15,7 +15,7 @@ Item = TypeVar("Item")
 
 
 class Lookahead(Generic[Item]):
-    """Iterates over items; `peek` makes the next one before its turn."""
+    """Iterates over items, each of which is made at its turn; `peek` makes the next one before."""
 
     def __init__(self, items: Iterable[Item]) -> None:
         self._items = iter(items)
@@ -81,7 +81,11 @@ class Live:
         self._is_tracked = False  # a body, before the present frame
 
     def begin_frame(self, targets: Sequence[TargetTracker]) -> FrameBudget:
-        """The budget of a frame: it is late if it had to wait, or a newer one waits already."""
+        """The budget of a frame: it is late if it had to wait, or a newer one waits already.
+
+        It had to wait if it was segmented while the one before was refined, or if it came before the end of
+        that one's searches.
+        """
         is_late = self._upcoming.was_ahead or self._waited or self._frames.is_ready
         self._is_tracked = any(target.is_tracked for target in targets)
         return FrameBudget(self._frames.period_s, is_late)

@@ -62,6 +62,6 @@ def warm_up(settings: Settings, bodies: Bodies) -> None:
         short = replace(whole, depth=whole.depth[:30], intrinsics=CAMERA.crop(0, 0, CAMERA.width, 30))
         for target in (tracked, unknown, cut):
             frame = Frame.of(short if target is cut else whole)
-            target.begin_frame()
+            target.take_search()
             updated = target.submit(BodyView(frame, isolate(frame, 400), Planes()), Stopwatch())
             report(updated if isinstance(updated, Updated) else target.update(updated, {}), {}, settings)

@@ -1,35 +1,23 @@
-"""The estimate of a frame: pose, joints, hypotheses, certainty of each joint, and a status."""
+"""The estimate of a frame, with a status and the reason for doubt."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from gepf.common.arrays import Array, Mask
-from gepf.common.body import BodyModel
+from gepf.common.arrays import Array
 from gepf.common.frame import Frame, SubjectFrame
-from gepf.common.kinematics import joint_positions, retract
-from gepf.coordinator.colour.matching import ExpectedBody, in_image
-from gepf.coordinator.filters.belief import Belief
-from gepf.coordinator.filters.priors import weak_precisions
+from gepf.common.kinematics import joint_positions
+from gepf.coordinator.colour.matching import in_image
 from gepf.coordinator.settings import CertaintySettings, Settings
 from gepf.coordinator.stopwatch import Stopwatch
 from gepf.coordinator.tracking.cameras import CameraStates, faults_of
-from gepf.coordinator.tracking.certainty import (
-    Features,
-    FrameContext,
-    judge,
-    measure_features,
-    movable_joints,
-    seen_shares,
-    shown_in_colour,
-    unknown_certainty,
-)
+from gepf.coordinator.tracking.certainty import FrameContext, unknown_certainty
 from gepf.coordinator.tracking.estimate import POSE_UNKNOWN, Certainty, Estimate, Status, list_joints
-from gepf.coordinator.tracking.field_of_view import in_view
-from gepf.coordinator.tracking.state import FrameState, PersonState, Start
+from gepf.coordinator.tracking.judgement import Judgement
+from gepf.coordinator.tracking.state import FrameState, PersonState
 from gepf.coordinator.tracking.track_state import (
     Absent,
     Followed,
@@ -39,35 +27,6 @@ from gepf.coordinator.tracking.track_state import (
     Tracked,
     TrackState,
 )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Judgement:
-    """How certain the joints (J,) of the most likely pose in a frame are."""
-
-    certainty: Certainty
-    seen_by: Array  # (C, J) share of the surface around each joint that each camera sees
-    in_sight: Mask  # (J,) joints that are in view and not hidden by something else
-    has_rival: bool  # an equally likely hypothesis has a joint in view elsewhere
-    is_doubtful: bool  # a joint in view may be wrong
-
-
-def judge_pose(
-    start: Start, belief: Belief, residual: float, context: FrameContext, all_settings: Settings
-) -> Judgement:
-    """Judge a belief that has this normalised residual in a frame."""
-    model, pose, settings = start.model, belief.reported, all_settings.certainty
-    poses, weights = belief.poses[: settings.max_hypotheses], belief.weights[: settings.max_hypotheses]
-    joints = joint_positions(model, np.concatenate([pose[None], poses]))
-    in_sight = in_view(context.subject, joints[0])
-    seen_by = seen_shares(model, pose, context.subject, context.stretch, settings) * in_sight
-    features = measure_features(model, pose, joints, weights, context, residual, seen_by, settings)
-    farthest = all_settings.colour.same_person_deviations
-    shown = shown_in_colour(ExpectedBody(model, pose), context.subject, farthest)
-    certainty = certainty_of(start, belief, features, in_sight, shown, settings)
-    rivals = has_rival(weights, joints[1:, in_sight], joints[0, in_sight], settings)
-    likely = bool(np.any(certainty.off_probability[in_sight] > settings.ambiguous_probability))
-    return Judgement(certainty, seen_by, in_sight, rivals, rivals or likely)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -166,32 +125,6 @@ def status_of(track: TrackState, *, is_ambiguous: bool) -> Status:
     return "lost"
 
 
-def has_rival(weights: Array, joints: Array, reported: Array, settings: CertaintySettings) -> bool:
-    """Whether an equally likely hypothesis has a joint in view elsewhere.
-
-    Of hypotheses with weights (M,) and joints (M, J, 3), the most likely first. `reported` (J, 3) may differ
-    from the most likely hypothesis.
-    """
-    apart = np.linalg.norm(joints[weights > settings.rival_share * weights[0]] - reported, axis=-1)
-    return bool(np.any(apart > settings.wrong_m))
-
-
-def certainty_of(
-    start: Start,
-    belief: Belief,
-    features: Features,
-    in_sight: Mask,
-    shown: Array,
-    settings: CertaintySettings,
-) -> Certainty:
-    """The certainty of each joint of the reported pose; those `in_sight` (J,), and `shown` (J,) in colour."""
-    certainty = judge(features, settings, in_sight, shown)
-    if belief.posterior.size and start.family.is_exact:
-        deviation = known_deviations(start.model, belief.reported, belief.posterior, settings.information)
-        certainty = replace(certainty, deviation=deviation)
-    return replace(certainty, off_probability=certainty.off_probability * movable_joints(start.model))
-
-
 def least_probability(certainty: Certainty, settings: CertaintySettings, *, faulty: bool, new: bool) -> Array:
     """Probabilities (J,) of being wrong above which joints are in doubt.
 
@@ -208,20 +141,3 @@ def explain_doubt(names: tuple[str, ...], certainty: Certainty, least: Array, wr
     doubted = [j for j in np.argsort(-probability, kind="stable") if probability[j] > least[j]]
     listed = ", ".join(names[j].replace("_", " ") for j in doubted)
     return list_joints(wrong_m, listed) if doubted else ""
-
-
-def known_deviations(model: BodyModel, pose: Array, covariance: Array, information: float) -> Array:
-    """Expected distance (J,) from a robot's or object's true joints, one standard deviation, metres.
-
-    `covariance` (D, D) of its pose (D,) is that of the refinement, which counts all points as one with an
-    error of 1 cm, because the shape of people is not known. Those of a known body are worth more, by the
-    factor `information`, the weak prior is not.
-    """
-    weak = np.diag(weak_precisions(model))
-    scaled = np.linalg.inv(weak + information * (np.linalg.inv(covariance) - weak))
-    step = 1e-5  # of differences, metres or radians
-    steps = step * np.concatenate([np.eye(len(pose)), -np.eye(len(pose))])
-    ahead, behind = np.split(joint_positions(model, retract(model, np.tile(pose, (len(steps), 1)), steps)), 2)
-    jacobian = (ahead - behind) / (2.0 * step)
-    squares: Array = np.einsum("djx,de,ejx->j", jacobian, scaled, jacobian)
-    return np.sqrt(squares)

@@ -9,7 +9,13 @@ from gepf.coordinator.tracking.segmenter import UntrackedPerson
 
 
 class BodySearch:
-    """At most one search for a body: running, or ended with a result that is not yet taken."""
+    """At most one search for a body: running, or ended with a result that is not yet taken.
+
+    A recorded frame that begins a search finishes and takes it (`TargetTracker.submit`). The search of a live
+    frame advances while the workers refine (`Tracker.follow`), and at the end of a frame (`Live.end_frame`).
+    Its result is taken before a later frame is segmented if the body was unknown
+    (`TargetTracker.take_search`), or else when a later frame is submitted.
+    """
 
     def __init__(self) -> None:
         self.person: UntrackedPerson | None = None  # who is searched for

@@ -143,8 +143,16 @@ class Segmenter:
     def recall(self, changes: SceneChanges) -> None:
         """Restore what was known after a frame; the changes of the frames before it come first."""
         for camera, change in changes.items():
-            up = None if self._scope.up is None else change.T_rig_camera[:3, :3].T @ self._scope.up
-            self._scenes.setdefault(camera, Scene(self._settings, up=up)).recall(change)
+            self._scene_of(camera, change.T_rig_camera, None).recall(change)
+
+    def _scene_of(self, camera: str, T_rig_camera: Array, gravity: Array | None) -> Scene:
+        """The scene of a camera, from its first frame on; `gravity` (3,) as the camera measures it."""
+        if camera not in self._scenes:
+            scope, up = self._scope.of(camera), None if gravity is None else -gravity
+            if scope.up is not None:
+                up = T_rig_camera[:3, :3].T @ scope.up
+            self._scenes[camera] = Scene(self._settings, scope.background, up)
+        return self._scenes[camera]
 
     def segment(
         self,
@@ -221,14 +229,9 @@ class Segmenter:
     ) -> SegmentedView:
         """Segment one image of a frame, with the surfaces (V, 3) of bodies."""
         scope = self._scope.of(image.camera)
-        if image.camera not in self._scenes:
-            up = None if image.gravity is None else -image.gravity
-            if scope.up is not None:
-                up = image.T_camera_rig[:3, :3] @ scope.up
-            self._scenes[image.camera] = Scene(self._settings, scope.background, up)
-        scene = self._scenes[image.camera]
-        image, excluded = scope.limit(image)
-        view = scene.see(image, excluded)
+        scene = self._scene_of(image.camera, image.T_rig_camera, image.gravity)
+        image, out_of_scope = scope.limit(image)
+        view = scene.see(image, out_of_scope)
         if not view.furnished and len(bodies) == 1:
             everything, change = next(iter(outline(image)), None), scene.learn(view)
             if bodies[0] is not None:
@@ -241,18 +244,18 @@ class Segmenter:
         foreign = [(distance > nearest) | apart for distance in distances]
         segmented = [segment_body(view, *body) for body in zip(surfaces, distances, foreign, strict=True)]
         complete = len(surfaces) == len(bodies)
-        strangers, people = tuple[MaskHypotheses, ...](), near_bodies
-        if find and not complete:
-            possible = candidates(view, near_bodies)
-            one = len(bodies) == 1 and image.colours is None  # colour tells who of several is a person
-            chosen = scope.choose(view, possible)[: 1 if one else None]
-            strangers = tuple(mask_candidate(image, view, person, near_bodies) for person in chosen)
-            if not rejected:
-                people = reduce(np.logical_or, (person.widest for person in possible), near_bodies)
+        possible = candidates(view, near_bodies) if find and not complete else []
+        # colour tells who of several candidates is a person
+        count = 1 if len(bodies) == 1 and image.colours is None else None
+        chosen = scope.choose(view, possible)[:count]
+        strangers = tuple(mask_candidate(image, view, person, near_bodies) for person in chosen)
         missing = any(is_missing(view, *body) for body in zip(surfaces, segmented, strict=True))
-        if missing or not (find or complete):  # a body may be anywhere, so no pixel is learned as the room
-            people = np.ones_like(near_bodies)
-        change = scene.learn(view, people)
+        if missing or not (find or complete):  # a body may be anywhere
+            not_learned = np.ones_like(near_bodies)
+        else:
+            people = [] if rejected else [person.widest for person in possible]
+            not_learned = reduce(np.logical_or, people, near_bodies)
+        change = scene.learn(view, not_learned)
         masked = iter([MaskedView(image, body.window, body.labels) for body in segmented])
         own = tuple(None if body is None else next(masked) for body in bodies)
         return SegmentedView(image, view, change, own, strangers)

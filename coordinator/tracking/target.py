@@ -1,6 +1,6 @@
 """Executes the state machine of one body (`track_state`): searches for it, refines it, and makes the events.
 
-A frame takes three steps. `begin_frame` takes over a body that a live search has detected, before the frame
+A frame takes three steps. `take_search` takes over a body that a live search has detected, before the frame
 is segmented. `submit` sends the particles of the frame to the workers. `update` waits for the refined ones.
 """
 
@@ -29,11 +29,12 @@ from gepf.coordinator.tracking.cameras import CameraStates, camera_residuals, fa
 from gepf.coordinator.tracking.certainty import FrameContext
 from gepf.coordinator.tracking.detector import Detector, move_root
 from gepf.coordinator.tracking.gating import gate_pose
+from gepf.coordinator.tracking.judgement import judge_pose
 from gepf.coordinator.tracking.observation import POINTS, camera_points, middle_of
 from gepf.coordinator.tracking.particle_filter import Encoders, FrameBudget, ParticleFilter, Submitted
 from gepf.coordinator.tracking.pose_candidates import Detection
 from gepf.coordinator.tracking.refiner import Refiner
-from gepf.coordinator.tracking.reporting import Updated, judge_pose
+from gepf.coordinator.tracking.reporting import Updated
 from gepf.coordinator.tracking.search import BodySearch
 from gepf.coordinator.tracking.segmenter import BodyView, UntrackedPerson
 from gepf.coordinator.tracking.state import Checkpoint, PersonState
@@ -167,9 +168,7 @@ class TargetTracker:
     @property
     def needs_candidates(self) -> bool:
         """Whether the body may be anywhere in the next frame, and no first search for it is under way."""
-        if isinstance(self.track, Body):
-            return self.track.segmentation_pose is None
-        return not self.search.is_running
+        return self.track.may_be_anywhere if isinstance(self.track, Body) else not self.search.is_running
 
     def is_search_due(self, time_s: float) -> bool:
         """Whether the next search for an unknown body may begin in a frame at this time."""
@@ -180,7 +179,7 @@ class TargetTracker:
     @property
     def is_searched_anywhere(self) -> bool:
         """Whether a known body may be anywhere in the next frame."""
-        return isinstance(self.track, Body) and self.track.segmentation_pose is None
+        return isinstance(self.track, Body) and self.track.may_be_anywhere
 
     @property
     def is_confirmed(self) -> bool:
@@ -202,7 +201,7 @@ class TargetTracker:
         if not isinstance(self.track, Body):
             self._detector.prepare()
 
-    def begin_frame(self) -> None:
+    def take_search(self) -> None:
         """Begin at the body that a first search has detected meanwhile, if it has."""
         if not isinstance(self.track, Body):
             self._end_search()  # in a recording a search ends with its frame
@@ -222,7 +221,7 @@ class TargetTracker:
     ) -> Submitted | Updated:
         """Predict particles for the next frame and send them to the workers.
 
-        `begin_frame` comes before, and `update` must follow. If there is nothing to refine, the frame is
+        `take_search` comes before, and `update` must follow. If there is nothing to refine, the frame is
         updated at once. A frame with a budget does not wait for a search: the search goes on during later
         frames, and this one takes the result of an earlier one.
         """
@@ -237,8 +236,9 @@ class TargetTracker:
                     self._begin_search(view, subject)
                 if budget is None:
                     self.search.finish()
+                was_unknown = not isinstance(self.track, Body)
                 detection = self._end_search()
-                if isinstance(self.track, Found) and "refine" not in todo:  # it was detected just now
+                if was_unknown and isinstance(self.track, Found):  # it is refined in the same frame
                     if budget is None and self._detected is not None:
                         subject = self._detected.person
                     todo = self._segmented(view, subject)

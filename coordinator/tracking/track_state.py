@@ -1,7 +1,8 @@
 """The state of a track, and how events change it: a state machine without clock, images and workers.
 
-`step` returns the state after an event, and instructions. `coordinator/tracking/target.py` executes them, in
-their order, and makes the events. The table of transitions is in docs/states.md.
+`step` returns the state after an event, and instructions; without any, nothing is left to do in the frame.
+`coordinator/tracking/target.py` executes them, and makes the events. The table of transitions is in
+docs/states.md.
 """
 
 from __future__ import annotations
@@ -23,9 +24,9 @@ from gepf.coordinator.tracking.gating import Gate
 ROUNDING_S = 1e-3  # of times in files
 FACING_DOUBT = "front and back look alike: it may face the other way"
 
-Instruction = Literal["search", "stop searching", "learn the room", "refine", "report"]
+Instruction = Literal["search", "stop searching", "learn the room", "refine"]
 """search: begin a search in this frame; its end is an event. learn the room: what was searched, except the
-person. refine: the particles of this frame; the result is an event. report: the frame is done."""
+person. refine: the particles of this frame; the result is an event."""
 
 Instructions = tuple[Instruction, ...]
 
@@ -57,12 +58,22 @@ class Body(msgspec.Struct, frozen=True, kw_only=True):
 
     belief: Belief
     time_s: float | None = None  # of the last frame that showed the body
-    segmentation_pose: Array | None  # (D,) around which the next frame is segmented; None: it may be anywhere
+    segmentation_pose: Array | None
+    """The pose (D,) around which the next frame is segmented; None: the body may be anywhere.
+
+    It is set when a frame is segmented, to the pose of the frame before, as the next frame is segmented while
+    this one is refined. At low rates it is set again when this one is refined.
+    """
     excluded: tuple[str, ...] = ()  # cameras that are not used for it when the next frame is segmented
     agreement: Agreement = msgspec.field(default_factory=Agreement)  # of the cameras, by the last pose
     is_searched: bool = False  # a search for it is running
     unshown_s: float | None = 0.0  # since the detection, without a person in colour; None: it was shown
     is_confirmed: bool = False  # colour had shown it before the last frame
+
+    @property
+    def may_be_anywhere(self) -> bool:
+        """Whether the next frame is not segmented around a pose."""
+        return self.segmentation_pose is None
 
 
 class Found(Body, frozen=True, kw_only=True, tag="found"):
@@ -204,12 +215,12 @@ def _segmented(state: TrackState, event: Segmented, policy: Policy) -> tuple[Tra
     if not isinstance(state, Body):
         return _look_for_anybody(state, event, policy)
     if policy.recovers and (state.unshown_s or 0.0) > policy.colour.unshown_s - ROUNDING_S:
-        return Absent(), ("stop searching", "report")
+        return Absent(), ("stop searching",)
     state = replace(state, is_confirmed=state.unshown_s is None)
     if event.is_elsewhere and isinstance(state, Followed):
         state = _lose(state, policy)
     if not event.pixels:
-        return _miss(state, event, policy), ("report",)
+        return _miss(state, event, policy), ()
     return _follow(state, event, policy)
 
 
@@ -219,21 +230,24 @@ def _look_for_anybody(
     """An unknown body: search for it at intervals while there is something to search in."""
     if isinstance(state, Searching) and state.is_running:
         if event.pixels or event.has_depth:
-            return replace(state, sight="something"), ("report",)
-        return replace(state, searches=1, why="", sight="nothing"), ("report",)
+            return replace(state, sight="something"), ()
+        return replace(state, searches=1, why="", sight="nothing"), ()
     if event.points < policy.min_points:
-        return Absent(), ("report",)
+        return Absent(), ()
     if isinstance(state, Absent):
-        return Searching(searched_s=event.time_s, is_running=True), ("search", "report")
+        return Searching(searched_s=event.time_s, is_running=True), ("search",)
     state = replace(state, sight="something")
     if not state.is_due(event.time_s, policy.settings):
-        return state, ("report",)
+        return state, ()
     state = replace(state, searches=state.searches + 1, searched_s=event.time_s, is_running=True)
-    return state, ("search", "report")
+    return state, ("search",)
 
 
 def _miss(state: Found | Tracked | Lost, event: Segmented, policy: Policy) -> TrackState:
-    """A body that is not seen: its hypotheses stay where they are, without velocity."""
+    """A body that is not seen: its hypotheses stay where they are, without velocity.
+
+    The next frame is still segmented around its pose; if it is not seen there, it may be anywhere.
+    """
     shows = state.segmentation_pose is not None and event.has_depth
     excluded = state.agreement.contradicting
     if isinstance(state, Found) and state.place is None:
@@ -350,8 +364,8 @@ def _refined(
     if set(before.faulty) - set(event.faulty) and policy.recovers:  # a camera is back
         # a running search began without it; check the body in the next frame
         after = replace(after, age_s=settings.search_interval_s - USUAL_INTERVAL, is_searched=False)
-        return after, ("stop searching", "report")
-    return after, ("report",)
+        return after, ("stop searching",)
+    return after, ()
 
 
 def _unshown(

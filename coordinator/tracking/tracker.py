@@ -123,7 +123,8 @@ class Tracker:
         `look_ahead`, each frame is reported at once. So is each `live` frame, see `Live`. A frame is
         segmented around the pose of two frames before; at low rates, around that of the frame before.
         """
-        upcoming = Lookahead(map(self._segment, frames))  # read, segment
+        # a frame is read and segmented at its turn; or by `peek`, while the workers refine the frame before
+        upcoming = Lookahead(map(self._segment, frames))
         pacing = Recorded(look_ahead=look_ahead) if live is None else Live(live, upcoming)
         updated = list[UpdatedFrame]()  # at most one frame, which is not reported yet
         try:
@@ -152,7 +153,7 @@ class Tracker:
         """Segment a frame around the poses of people, look at them in colour, and check its cameras."""
         settings, clocks = self._settings.track, [Stopwatch() for _ in self._targets]
         for target in self._targets:
-            target.begin_frame()
+            target.take_search()
         with clocks[0].stage("segment"):
             tracks = [target.track for target in self._targets]
             excluded = [track.excluded if isinstance(track, Body) else () for track in tracks]

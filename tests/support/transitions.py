@@ -77,18 +77,23 @@ class Transition(NamedTuple):
     instructions: Instructions
     policy: Policy = POLICY
 
+    @property
+    def ends_frame(self) -> bool:
+        """Whether nothing is left to do in the frame, which is reported now."""
+        return not isinstance(self.event, SearchEnded) and "refine" not in self.instructions
+
 
 TRANSITIONS = [
-    Transition(Absent(), "", NOTHING, "nothing is seen", Absent, {}, ("report",)),
-    Transition(Absent(), "", Segmented(NEXT_S, 50, 50), "too few points are seen", Absent, {}, ("report",)),
+    Transition(Absent(), "", NOTHING, "nothing is seen", Absent, {}, ()),
+    Transition(Absent(), "", Segmented(NEXT_S, 50, 50), "too few points are seen", Absent, {}, ()),
     Transition(
         Absent(), "", CANDIDATE, "a candidate is seen", Searching, {"searched_s": NEXT_S, "is_running": True},
-        ("search", "report")
+        ("search",)
     ),
     Transition(Absent(), "", ENDED, "the search is given up", Absent, {}, ()),
-    Transition(RUNNING, "a search runs", CANDIDATE, "a candidate is seen", Searching, {}, ("report",)),
+    Transition(RUNNING, "a search runs", CANDIDATE, "a candidate is seen", Searching, {}, ()),
     Transition(
-        RUNNING, "a search runs", NOTHING, "no candidate, but something is seen", Searching, {}, ("report",)
+        RUNNING, "a search runs", NOTHING, "no candidate, but something is seen", Searching, {}, ()
     ),
     Transition(
         replace(RUNNING, searches=4, why="wrong"),
@@ -97,7 +102,7 @@ TRANSITIONS = [
         "nothing is seen",
         Searching,
         {"searches": 1, "why": "", "sight": "nothing"},
-        ("report",),
+        (),
     ),
     Transition(
         RUNNING,
@@ -134,7 +139,7 @@ TRANSITIONS = [
         "a candidate is seen",
         Searching,
         {},
-        ("report",),
+        (),
     ),
     Transition(
         Searching(searched_s=1.0, why="wrong"),
@@ -143,11 +148,11 @@ TRANSITIONS = [
         "a candidate is seen",
         Searching,
         {"searches": 2, "searched_s": LATER_S, "is_running": True},
-        ("search", "report"),
+        ("search",),
     ),
     Transition(
         Searching(searched_s=1.0, why="wrong"), "no search runs", NOTHING, "no candidate is seen", Absent, {},
-        ("report",),
+        (),
     ),
     Transition(GIVEN, "its start is given", CANDIDATE, "it is seen", Found, {}, ("refine",)),
     Transition(
@@ -157,7 +162,7 @@ TRANSITIONS = [
         "it is not seen, but something is",
         Found,
         {"segmentation_pose": None},
-        ("report",),
+        (),
     ),
     Transition(
         GIVEN,
@@ -166,7 +171,7 @@ TRANSITIONS = [
         "nothing is seen",
         Found,
         {"segmentation_pose": None, "is_lost": True},
-        ("report",),
+        (),
     ),
     Transition(
         DETECTED,
@@ -184,7 +189,7 @@ TRANSITIONS = [
         "it is not seen, but something is",
         Lost,
         {"sight": "something"},
-        ("report",),
+        (),
     ),
     Transition(
         DETECTED,
@@ -193,7 +198,7 @@ TRANSITIONS = [
         "its pose is refined and explains the frame",
         Tracked,
         {"belief": AFTER, "time_s": NEXT_S, "age_s": USUAL_INTERVAL, "residual": 0.8, "pixels": 800},
-        ("report",),
+        (),
     ),
     Transition(
         GIVEN,
@@ -209,7 +214,7 @@ TRANSITIONS = [
             "why": "wrong",
             "unexplained_s": USUAL_INTERVAL,
         },
-        ("report",),
+        (),
     ),
     Transition(
         replace(GIVEN, is_lost=True, segmentation_pose=None),
@@ -225,7 +230,7 @@ TRANSITIONS = [
             "why": "doubt",
             "unexplained_s": USUAL_INTERVAL,
         },
-        ("report",),
+        (),
     ),
     Transition(TRACKED, "", CANDIDATE, "it is seen", Tracked, {}, ("refine",)),
     Transition(
@@ -280,7 +285,7 @@ TRANSITIONS = [
         "its pose is refined, and colour shows left and right as they are",
         Tracked,
         {**AS_REFINED, "sides_s": INTERVAL_S},
-        ("report",),
+        (),
     ),
     Transition(
         replace(TRACKED, sides_s=1.0),
@@ -289,7 +294,7 @@ TRANSITIONS = [
         "its pose is refined, and colour shows them exchanged",
         Tracked,
         {**AS_REFINED, "sides_s": 1.0 - INTERVAL_S},
-        ("report",),
+        (),
     ),
     Transition(
         UNSURE,
@@ -354,7 +359,7 @@ TRANSITIONS = [
         "it is not seen, but something is",
         Lost,
         {"sight": "something", "why": "", "ambiguous_facing": False},
-        ("report",),
+        (),
     ),
     Transition(
         replace(TRACKED, unshown_s=COLOUR.unshown_s),
@@ -363,7 +368,7 @@ TRANSITIONS = [
         "it is seen",
         Absent,
         {},
-        ("stop searching", "report"),
+        ("stop searching",),
     ),
     Transition(
         TRACKED,
@@ -372,7 +377,7 @@ TRANSITIONS = [
         "its pose is refined, and colour shows nobody there, but other people",
         Tracked,
         {**AS_REFINED, "unshown_s": INTERVAL_S},
-        ("report",),
+        (),
     ),
     Transition(
         replace(TRACKED, unshown_s=COLOUR.unshown_s),
@@ -381,9 +386,9 @@ TRANSITIONS = [
         "its pose is refined, and colour shows it",
         Tracked,
         {**AS_REFINED, "unshown_s": None},
-        ("report",),
+        (),
     ),
-    Transition(TRACKED, "", DARK, "nothing is seen", Lost, {"sight": "nothing"}, ("report",)),
+    Transition(TRACKED, "", DARK, "nothing is seen", Lost, {"sight": "nothing"}, ()),
     Transition(
         UNSURE,
         "a joint may have been wrong for an interval between checks",
@@ -399,7 +404,7 @@ TRANSITIONS = [
             "pixels": 800,
             "doubtful_s": LIMITS.check_interval_s + INTERVAL_S,
         },
-        ("report",),
+        (),
     ),
     Transition(
         UNSURE,
@@ -416,7 +421,7 @@ TRANSITIONS = [
             "pixels": 800,
             "doubtful_s": 0.0,
         },
-        ("report",),
+        (),
     ),
     Transition(
         replace(TRACKED, unexplained_s=INTERVAL_S, why="wrong"),
@@ -425,7 +430,7 @@ TRANSITIONS = [
         "its pose is refined and explains the frame",
         Tracked,
         {**AS_REFINED, "why": "", "unexplained_s": 0.0},
-        ("report",),
+        (),
     ),
     Transition(
         TRACKED,
@@ -434,7 +439,7 @@ TRANSITIONS = [
         "its pose is refined and explains the frame, long after the frame before",
         Tracked,
         {**AS_REFINED, "segmentation_pose": AFTER.reported},
-        ("report",),
+        (),
     ),
     Transition(
         TRACKED,
@@ -450,7 +455,7 @@ TRANSITIONS = [
             "why": "wrong",
             "unexplained_s": INTERVAL_S,
         },
-        ("report",),
+        (),
     ),
     Transition(
         replace(TRACKED, unexplained_s=0.09375),
@@ -466,7 +471,7 @@ TRANSITIONS = [
             "why": "wrong",
             "unexplained_s": 0.125,
         },
-        ("report",),
+        (),
     ),
     Transition(
         TRACKED,
@@ -482,7 +487,7 @@ TRANSITIONS = [
             "pixels": 800,
             "ambiguous_facing": True,
         },
-        ("report",),
+        (),
     ),
     Transition(
         replace(TRACKED, faulty=("side",), is_searched=True),
@@ -499,7 +504,7 @@ TRANSITIONS = [
             "faulty": (),
             "is_searched": False,
         },
-        ("stop searching", "report"),
+        ("stop searching",),
     ),
     Transition(
         replace(TRACKED, is_searched=True),
@@ -538,7 +543,7 @@ TRANSITIONS = [
         ("refine",),
         NEVER_RECOVERS,
     ),
-    Transition(LOST, "", NOTHING, "no candidate is seen", Lost, {"sight": "nothing"}, ("report",)),
+    Transition(LOST, "", NOTHING, "no candidate is seen", Lost, {"sight": "nothing"}, ()),
     Transition(
         replace(LOST, unexplained_s=INTERVAL_S),
         "",
@@ -553,7 +558,7 @@ TRANSITIONS = [
             "why": "doubt",
             "unexplained_s": 2 * INTERVAL_S,
         },
-        ("report",),
+        (),
     ),
     Transition(
         replace(LOST, unexplained_s=4 * INTERVAL_S),
@@ -562,7 +567,7 @@ TRANSITIONS = [
         "its pose is refined and explains the frame",
         Tracked,
         {**AS_REFINED, "unexplained_s": 0.0},
-        ("report",),
+        (),
     ),
     Transition(
         replace(LOST, is_searched=True),
@@ -583,7 +588,7 @@ def table() -> str:
         before = name_of(type(row.before)) + (f": {row.condition}" if row.condition else "")
         after = name_of(row.kind)
         done = ", ".join(row.instructions)
-        status = status_after(row) if "report" in row.instructions else ""
+        status = status_after(row) if row.ends_frame else ""
         lines.append(f"| {before} | {row.what} | {after} | {done} | {status} |")
     return "\n".join(lines) + "\n"
 

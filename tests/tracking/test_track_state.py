@@ -147,13 +147,11 @@ class Executor:
         todo = self.send(segmented)
         if waits:
             self.end_search("detects nothing" if how == "runs on" else how)
-            if isinstance(self.state, Found) and "report" in todo and segmented.pixels:
+            if isinstance(self.state, Found) and "refine" not in todo and segmented.pixels:
                 todo = self.send(segmented)
-        assert ("refine" in todo) != ("report" in todo)
         if "refine" in todo:
             assert segmented.pixels
-            todo = self.send(refined)
-            assert "report" in todo
+            assert "refine" not in self.send(refined)
             assert isinstance(self.state, Tracked | Lost)
         if not waits:
             self.end_search(how)

@@ -29,9 +29,10 @@ from gepf.coordinator.sources.live_stream import LiveCamera
 from gepf.coordinator.stopwatch import Stopwatch
 from gepf.coordinator.tracking.detector import Detector
 from gepf.coordinator.tracking.estimate import POSE_UNKNOWN, Estimate
+from gepf.coordinator.tracking.judgement import has_rival
 from gepf.coordinator.tracking.particle_filter import FrameBudget, Submitted
 from gepf.coordinator.tracking.refiner import Pending
-from gepf.coordinator.tracking.reporting import has_rival, report
+from gepf.coordinator.tracking.reporting import report
 from gepf.coordinator.tracking.segmenter import BodyView
 from gepf.coordinator.tracking.state import PersonState, first_state
 from gepf.coordinator.tracking.target import TargetTracker
@@ -270,7 +271,7 @@ def test_a_person_who_moves_during_a_live_search_is_tracked_soon_after(rates: di
     target = TargetTracker(DirectRefiner(), SETTINGS, known(), first_state(known(), None, SETTINGS))
     budget, estimates = FrameBudget(1 / 30, is_late=True), list[Estimate]()
     for frame in frames:
-        target.begin_frame()
+        target.take_search()
         submitted = target.submit(BodyView(frame, subject_of(frame, 2000), Planes()), Stopwatch(), budget)
         target.search.finish()
         if isinstance(submitted, Submitted):

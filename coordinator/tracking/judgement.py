@@ -1,0 +1,99 @@
+"""How certain the joints of the most likely pose in a frame are, and whether one of them is in doubt."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gepf.common.arrays import Array, Mask
+from gepf.common.body import BodyModel
+from gepf.common.kinematics import joint_positions, retract
+from gepf.coordinator.colour.matching import ExpectedBody
+from gepf.coordinator.filters.belief import Belief
+from gepf.coordinator.filters.priors import weak_precisions
+from gepf.coordinator.settings import CertaintySettings, Settings
+from gepf.coordinator.tracking.certainty import (
+    Features,
+    FrameContext,
+    judge,
+    measure_features,
+    movable_joints,
+    seen_shares,
+    shown_in_colour,
+)
+from gepf.coordinator.tracking.estimate import Certainty
+from gepf.coordinator.tracking.field_of_view import in_view
+from gepf.coordinator.tracking.state import Start
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Judgement:
+    """How certain the joints (J,) of the most likely pose in a frame are."""
+
+    certainty: Certainty
+    seen_by: Array  # (C, J) share of the surface around each joint that each camera sees
+    in_sight: Mask  # (J,) joints that are in view and not hidden by something else
+    has_rival: bool  # an equally likely hypothesis has a joint in view elsewhere
+    is_doubtful: bool  # a joint in view may be wrong
+
+
+def judge_pose(
+    start: Start, belief: Belief, residual: float, context: FrameContext, all_settings: Settings
+) -> Judgement:
+    """Judge a belief that has this normalised residual in a frame."""
+    model, pose, settings = start.model, belief.reported, all_settings.certainty
+    poses, weights = belief.poses[: settings.max_hypotheses], belief.weights[: settings.max_hypotheses]
+    joints = joint_positions(model, np.concatenate([pose[None], poses]))
+    in_sight = in_view(context.subject, joints[0])
+    seen_by = seen_shares(model, pose, context.subject, context.stretch, settings) * in_sight
+    features = measure_features(model, pose, joints, weights, context, residual, seen_by, settings)
+    farthest = all_settings.colour.same_person_deviations
+    shown = shown_in_colour(ExpectedBody(model, pose), context.subject, farthest)
+    certainty = certainty_of(start, belief, features, in_sight, shown, settings)
+    rivals = has_rival(weights, joints[1:, in_sight], joints[0, in_sight], settings)
+    likely = bool(np.any(certainty.off_probability[in_sight] > settings.ambiguous_probability))
+    return Judgement(certainty, seen_by, in_sight, rivals, rivals or likely)
+
+
+def has_rival(weights: Array, joints: Array, reported: Array, settings: CertaintySettings) -> bool:
+    """Whether an equally likely hypothesis has a joint in view elsewhere.
+
+    Of hypotheses with weights (M,) and joints (M, J, 3), the most likely first. `reported` (J, 3) may differ
+    from the most likely hypothesis.
+    """
+    apart = np.linalg.norm(joints[weights > settings.rival_share * weights[0]] - reported, axis=-1)
+    return bool(np.any(apart > settings.wrong_m))
+
+
+def certainty_of(
+    start: Start,
+    belief: Belief,
+    features: Features,
+    in_sight: Mask,
+    shown: Array,
+    settings: CertaintySettings,
+) -> Certainty:
+    """The certainty of each joint of the reported pose; those `in_sight` (J,), and `shown` (J,) in colour."""
+    certainty = judge(features, settings, in_sight, shown)
+    if belief.posterior.size and start.family.is_exact:
+        deviation = known_deviations(start.model, belief.reported, belief.posterior, settings.information)
+        certainty = replace(certainty, deviation=deviation)
+    return replace(certainty, off_probability=certainty.off_probability * movable_joints(start.model))
+
+
+def known_deviations(model: BodyModel, pose: Array, covariance: Array, information: float) -> Array:
+    """Expected distance (J,) from a robot's or object's true joints, one standard deviation, metres.
+
+    `covariance` (D, D) of its pose (D,) is that of the refinement, which counts all points as one with an
+    error of 1 cm, because the shape of people is not known. Those of a known body are worth more, by the
+    factor `information`, the weak prior is not.
+    """
+    weak = np.diag(weak_precisions(model))
+    scaled = np.linalg.inv(weak + information * (np.linalg.inv(covariance) - weak))
+    step = 1e-5  # of differences, metres or radians
+    steps = step * np.concatenate([np.eye(len(pose)), -np.eye(len(pose))])
+    ahead, behind = np.split(joint_positions(model, retract(model, np.tile(pose, (len(steps), 1)), steps)), 2)
+    jacobian = (ahead - behind) / (2.0 * step)
+    squares: Array = np.einsum("djx,de,ejx->j", jacobian, scaled, jacobian)
+    return np.sqrt(squares)
