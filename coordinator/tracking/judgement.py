@@ -8,6 +8,7 @@ import numpy as np
 
 from gepf.common.arrays import Array, Mask
 from gepf.common.body import BodyModel
+from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions, retract
 from gepf.coordinator.colour.matching import ExpectedBody
 from gepf.coordinator.filters.belief import Belief
@@ -31,8 +32,9 @@ from gepf.coordinator.tracking.state import Start
 class Judgement:
     """How certain the joints (J,) of the most likely pose in a frame are."""
 
+    subject: SubjectFrame  # the crop in which the pose is judged
     certainty: Certainty
-    seen_by: Array  # (C, J) share of the surface around each joint that each camera sees
+    seen_by: dict[str, Array]  # by camera: the share (J,) of the surface around each joint that it sees
     in_sight: Mask  # (J,) joints that are in view and not hidden by something else
     has_rival: bool  # an equally likely hypothesis has a joint in view elsewhere
     is_doubtful: bool  # a joint in view may be wrong
@@ -53,7 +55,8 @@ def judge_pose(
     certainty = certainty_of(start, belief, features, in_sight, shown, settings)
     rivals = has_rival(weights, joints[1:, in_sight], joints[0, in_sight], settings)
     likely = bool(np.any(certainty.off_probability[in_sight] > settings.ambiguous_probability))
-    return Judgement(certainty, seen_by, in_sight, rivals, rivals or likely)
+    shares = {view.image.camera: seen for view, seen in zip(context.subject.views, seen_by, strict=True)}
+    return Judgement(context.subject, certainty, shares, in_sight, rivals, rivals or likely)
 
 
 def has_rival(weights: Array, joints: Array, reported: Array, settings: CertaintySettings) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from gepf.coordinator.colour.matching import in_image
 from gepf.coordinator.settings import CertaintySettings, Settings
 from gepf.coordinator.stopwatch import Stopwatch
 from gepf.coordinator.tracking.cameras import CameraStates, faults_of
-from gepf.coordinator.tracking.certainty import FrameContext, unknown_certainty
+from gepf.coordinator.tracking.certainty import unknown_certainty
 from gepf.coordinator.tracking.estimate import POSE_UNKNOWN, Certainty, Estimate, Status, list_joints
 from gepf.coordinator.tracking.judgement import Judgement
 from gepf.coordinator.tracking.state import FrameState, PersonState
@@ -36,7 +37,6 @@ class Updated:
     frame: Frame
     state: PersonState  # after the frame
     particles: int  # refined ones
-    context: FrameContext | None  # None if nothing was refined
     judgement: Judgement | None  # of the pose; None if nothing was refined
     clock: Stopwatch
 
@@ -58,37 +58,32 @@ class TrackedFrame:
     state: FrameState
 
 
+class Doubt(NamedTuple):
+    """Why a pose is in doubt, as text, and whether it is ambiguous."""
+
+    why: str = ""
+    is_ambiguous: bool = False
+
+
 def report(updated: Updated, cameras: CameraStates, settings: Settings) -> TrackedPerson:
     """The estimate of an updated frame, with the certainty of each joint and a status."""
     with updated.clock.stage("report"):
-        start, track, context = updated.state.start, updated.state.track, updated.context
+        start, track, judgement = updated.state.start, updated.state.track, updated.judgement
         limits, confirmed_s = settings.certainty, settings.track.camera_confirmed_s
-        followed = track if isinstance(track, Followed) else None
-        model = start.model
+        model, followed = start.model, track if isinstance(track, Followed) else None
         pose, poses, weights = start.pose, np.empty((0, len(start.pose))), np.empty(0)
         if followed is not None:
             pose, poses = followed.belief.reported, followed.belief.poses[: limits.max_hypotheses]
             weights = followed.belief.weights[: limits.max_hypotheses]
             weights = weights / weights.sum()
         joints = joint_positions(model, pose[None])[0]
-        certainty, seen, why, is_ambiguous = unknown_certainty(len(joints)), dict[str, Array](), "", False
-        judgement = updated.judgement
-        if context is not None and judgement is not None and followed is not None:
+        certainty, doubt = unknown_certainty(len(joints)), Doubt()
+        if judgement is not None and followed is not None:
             certainty = judgement.certainty
-            views = [view.image.camera for view in context.subject.views]
-            seen = dict(zip(views, judgement.seen_by, strict=True))
-            faulty = any(state.fault for state in cameras.values())
-            new = followed.is_new(settings.track)
-            limit = least_probability(certainty, limits, faulty=faulty, new=new)
-            disputed = followed.agreement.dispute(views, confirmed_s)
-            in_doubt = np.where(judgement.in_sight, limit, 1.0)
-            doubt = explain_doubt(model.joint_names, certainty, in_doubt, limits.wrong_m)
-            why = disputed or followed.doubt(settings.colour) or doubt
-            unsure = not followed.knows_facing(settings.colour)
-            is_ambiguous = bool(disputed or doubt or unsure or judgement.has_rival)
+            doubt = doubt_of(followed, judgement, cameras, model.joint_names, settings)
         elif isinstance(track, Searching):
-            why = track.why
-        status = status_of(track, is_ambiguous=is_ambiguous)
+            doubt = Doubt(track.why)
+        status = status_of(track, is_ambiguous=doubt.is_ambiguous)
     estimate = Estimate(
         frame=updated.frame.number,
         time_s=updated.frame.time_s,
@@ -99,14 +94,36 @@ def report(updated: Updated, cameras: CameraStates, settings: Settings) -> Track
         hypothesis_weight=weights,
         residual=np.nan if followed is None else float(followed.belief.residual[0]),
         particles=updated.particles,
-        why=why,
+        why=doubt.why,
         stage_seconds=updated.clock.seconds,
-        seen_by=seen,
+        seen_by={} if judgement is None else judgement.seen_by,
         faults=faults_of(cameras, updated.frame.time_s, confirmed_s),
-        keypoints={} if context is None else in_image(context.subject),
+        keypoints={} if judgement is None else in_image(judgement.subject),
         certainty=unknown_certainty(len(joints)) if status in POSE_UNKNOWN else certainty,
     )
-    return TrackedPerson(estimate, updated.state, None if context is None else context.subject)
+    return TrackedPerson(estimate, updated.state, None if judgement is None else judgement.subject)
+
+
+def doubt_of(
+    track: Followed,
+    judgement: Judgement,
+    cameras: CameraStates,
+    joint_names: tuple[str, ...],
+    settings: Settings,
+) -> Doubt:
+    """Doubt in a pose: cameras disagree, front and back look alike, or joints in sight may be wrong."""
+    limits, certainty = settings.certainty, judgement.certainty
+    disputed = track.agreement.dispute(list(judgement.seen_by), settings.track.camera_confirmed_s)
+    thresholds = least_probability(
+        certainty,
+        limits,
+        faulty=any(state.fault for state in cameras.values()),
+        new=track.is_new(settings.track),
+    )
+    in_sight = np.where(judgement.in_sight, thresholds, 1.0)
+    joints = explain_doubt(joint_names, certainty, in_sight, limits.wrong_m)
+    is_ambiguous = disputed or joints or judgement.has_rival or not track.knows_facing(settings.colour)
+    return Doubt(disputed or track.doubt(settings.colour) or joints, bool(is_ambiguous))
 
 
 def status_of(track: TrackState, *, is_ambiguous: bool) -> Status:

@@ -249,7 +249,7 @@ class TargetTracker:
                 self._refiner.publish(subject)
             if "refine" in todo:
                 return self._refine(view, subject, detection, clock, budget)
-        return Updated(view.frame, self.state, 0, None, None, clock)
+        return Updated(view.frame, self.state, 0, None, clock)
 
     def update(self, submitted: Submitted, cameras: CameraStates) -> Updated:
         """Wait for the refined particles of the last submitted frame, and update the state."""
@@ -262,9 +262,7 @@ class TargetTracker:
             todo = self._step(replace(event, is_doubtful=judgement.is_doubtful))
             if "stop searching" in todo:
                 self.search.drop()
-        return Updated(
-            submitted.view.frame, self.state, particles, submitted.context, judgement, submitted.clock
-        )
+        return Updated(submitted.view.frame, self.state, particles, judgement, submitted.clock)
 
     def _refine(
         self,
