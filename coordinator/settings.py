@@ -171,6 +171,7 @@ class FeatureWeights(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     seen: float = -4.674  #: visible share of the surface around it
     residual: float = 5.210  #: normalised residual of the body
     misfit: float = 44.22  #: mean distance of the points around it from the surface, metres
+    unexplained: float = 0.0  #: logarithm of the share of points within reach that no surface explains
     spread: float = 0.3435  #: logarithm of the spread of the hypotheses
     speed: float = 0.3432  #: logarithm of the speed
     bend: float = 0.2535  #: sum of the squared angles above it
@@ -209,6 +210,9 @@ class CertaintySettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True)
     region_m: Quantity = 0.12  #: deviation of the weight of the surface around a joint by distance
     agrees_m: Quantity = 0.08  #: largest difference between the surface and the depth measured there
     aside_m: Quantity = 0.03  #: radius across the line of sight in which measured depth is searched
+    reach_m: Quantity = 0.25  #: deviation of the weight of unexplained points around a joint by distance
+    unexplained_m: Quantity = 0.05  #: largest distance of an explained point from the surface
+    share_floor: Quantity = 0.003  #: added to the share of unexplained points before the logarithm
     hidden_share: Share = 0.5  #: a joint of which less is seen is hidden
     rival_share: Share = 0.5  #: least weight of a rival, relative to the most likely hypothesis
     information: Quantity = 44.0  #: of points of a known body; fitted to rendered robots, a Kinect's noise
