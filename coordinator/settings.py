@@ -27,40 +27,42 @@ class NoiseSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The noise of depth by distance z: floor + growth z^2, and how it is measured in a frame."""
 
     floor_m: Quantity = 0.001  #: standard deviation at any distance
-    min_growth_m: Quantity = 0.0003  #: standard deviation that is added at 1 m: the smallest that is believed
-    max_growth_m: Quantity = 0.03  #: the largest that is believed
-    usual_growth_m: Quantity = 0.0015  #: of usual depth cameras; where none could be measured
-    margin_deviations: Quantity = 4.0  #: smaller differences are noise; 1 of 16 000 is beyond
-    outline_blur_px: Quantity = 4.0  #: an outline that is averaged over them is smooth
+    min_growth_m: Quantity = 0.0003  #: standard deviation added at 1 m: smallest value that is trusted
+    max_growth_m: Quantity = 0.03  #: largest value that is trusted
+    usual_growth_m: Quantity = 0.0015  #: value of usual depth cameras, used where none can be measured
+    margin_deviations: Quantity = 4.0  #: differences below this are noise; 1 in 16 000 is larger
+    outline_blur_px: Quantity = 4.0  #: radius over which a silhouette is blurred to remove its noise
 
 
 class PlaneSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Floor and walls, by RANSAC."""
 
-    points_across: Count = 80  #: points in a row of the image
-    samples: Count = 2_000  #: of three points each
-    refined_samples: Count = 40  #: the best of them
-    min_points: Count = 30  #: on a plane
-    max_beyond_share: Share = 0.01  #: of points behind a wall or below a floor
-    max_camera_tilt_deg: Degrees = 50.0  #: of the camera against the floor
-    max_wall_tilt_deg: Degrees = 20.0  #: of a wall against the vertical
-    min_floor_width_m: Quantity = 0.2  #: smallest width of what is seen of a floor
-    min_floor_area_m2: Quantity = 0.3  #: smallest area of it
-    min_wall_width_m: Quantity = 0.7  #: smallest width of what is seen of a wall
-    min_wall_area_m2: Quantity = 1.5  #: smallest area of it
-    resting_height_m: Quantity = 0.3  #: above a floor, at which a point counts 1 / e for resting on it
-    min_resting_share: Share = 0.1  #: of things at all heights up to 3 m; needed if the usual up has no floor
-    outlier_percent: Quantity = 1.0  #: of the points at each end do not count for an extent
+    points_across: Count = 80  #: points per row of the image
+    samples: Count = 2_000  #: planes drawn, through three points each
+    refined_samples: Count = 40  #: number of the best planes that are refined
+    min_points: Count = 30  #: minimum number of points on a plane
+    max_beyond_share: Share = 0.01  #: largest share of points behind a wall or below a floor
+    max_camera_tilt_deg: Degrees = 50.0  #: largest tilt of the camera against the floor
+    max_wall_tilt_deg: Degrees = 20.0  #: largest tilt of a wall against the vertical
+    min_floor_width_m: Quantity = 0.2  #: smallest visible width of a floor
+    min_floor_area_m2: Quantity = 0.3  #: smallest visible area of a floor
+    min_wall_width_m: Quantity = 0.7  #: smallest visible width of a wall
+    min_wall_area_m2: Quantity = 1.5  #: smallest visible area of a wall
+    resting_height_m: Quantity = 0.3  #: height above a floor at which the weight of resting on it is 1 / e
+    min_resting_share: Share = 0.1
+    """Minimum mean weight for another up direction, if the usual one has no floor; that of points spread
+    evenly up to 3 m."""
+    outlier_percent: Quantity = 1.0  #: points at each end that do not count for an extent, per cent
 
 
 class SegmentationSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The pixels of a posed body."""
 
-    near_m: Quantity = 0.12  #: from the surface; nearer foreground is the subject, and not learned
-    cell_m: Quantity = 0.04  #: of the field of distances; at less, body and room cannot be distinguished
+    near_m: Quantity = 0.12  #: distance from the surface; nearer foreground is the subject, and not learned
+    cell_m: Quantity = 0.04  #: cell size of the distance field; body and room are not separated below it
     reach_cells: Count = 7  #: largest distance of the subject from the surface, in cells
     step_m: Quantity = 0.03  #: largest step in depth between neighbours on one surface, without noise
-    min_person_m2: Quantity = 0.1  #: visible area of a person; no limb shows as much
+    min_person_m2: Quantity = 0.1  #: minimum visible area of a person; larger than that of any limb
 
     @property
     def reach_m(self) -> float:
@@ -74,21 +76,22 @@ class CandidateSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True)
     max_person_m2: Quantity = 1.6  #: largest visible area of a person
     min_length_m: Quantity = 0.6  #: smallest length of a person in any pose
     max_length_m: Quantity = 2.5  #: largest length of a person; a frame that extends farther shows a room
-    max_limb_step_m: Quantity = 0.8  #: in depth, from the outline of a body to its own limb
-    same_spot_m: Quantity = 0.35  #: horizontal distance of a further part of a person, beside an occluder
-    same_person_m: Quantity = 0.5  #: between a person's middles in two images, which show different sides
+    max_limb_step_m: Quantity = 0.8  #: largest step in depth from the outline of a body to its own limb
+    same_spot_m: Quantity = 0.35  #: largest horizontal distance of a person's parts beside an occluder
+    same_person_m: Quantity = 0.5  #: distance between the centres of one person as seen by two cameras
     min_part_m2: Quantity = 0.008  #: visible area of the smallest part of a person or of furniture
-    max_flat_share: Share = 0.5  #: of points in one plane; with more, an object is furniture
-    flat_points: Count = 800  #: of an object, for planes
-    flat_samples: Count = 400  #: of RANSAC, of three points each
-    min_moved_share: Share = 0.2  #: of the pixels of a person who moved: those with a known background
+    max_flat_share: Share = 0.5  #: share of points in one plane above which an object is furniture
+    flat_points: Count = 800  #: number of points of an object that are searched for planes
+    flat_samples: Count = 400  #: planes drawn by RANSAC, through three points each
+    min_moved_share: Share = 0.2  #: share of pixels with a known background above which a person moved
 
 
 class SceneSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The known scene of a camera, and the people in front of it."""
 
     settled_s: Quantity = 1.0
-    """Until something nearer that does not move becomes background; also between searches for planes."""
+    """Time after which a stationary nearer object becomes background; also the interval between searches for
+    planes."""
     noise: NoiseSettings = NoiseSettings()
     planes: PlaneSettings = PlaneSettings()
     segmentation: SegmentationSettings = SegmentationSettings()
@@ -100,147 +103,164 @@ class GatingSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     max_residual_m: Quantity = 0.03  #: mean distance of observed points, in addition to the camera's noise
     max_misfit_m: Quantity = 0.0235  #: root of the mean cost, which includes model surface in empty space
-    min_points: Count = 150  #: observed ones that can show a body
+    min_points: Count = 150  #: minimum number of observed points that can show a body
 
 
 class TrackSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """When a body is lost, searched for and checked, and which pixels may be its own."""
 
-    lost_residual: Quantity = 1.3  #: normalised; usual frames are below 1.2; with more one is not explained
-    patience_s: Quantity = 0.1  #: a body that explains no frame for so long is lost
-    search_interval_s: Quantity = 4 / 30  #: between searches for an unknown body; until the first check
-    check_interval_s: Quantity = 1 / 3  #: between checks while the pose is doubtful
-    max_searches: Count = 8  #: for an unknown body, until what detects nobody is learned as the room
-    max_lookahead_s: Quantity = 0.1  #: between frames; people move too far in longer intervals
-    max_motion_m: Quantity = 0.8  #: of a body between two frames
-    gone_share: Share = 0.35  #: of the pixels in the last good frame; with fewer the body may have left
-    whole_share: Share = 0.85  #: of the pixels in which it was detected; with fewer a part is missing
-    camera_confirmed_s: Quantity = 0.5  #: until a fault is reported, and cameras that agree are believed
+    lost_residual: Quantity = 1.3
+    """Normalised residual above which a frame is not explained; usually below 1.2."""
+    patience_s: Quantity = 0.1  #: time after which a body that explains no frame is lost
+    search_interval_s: Quantity = 4 / 30
+    """Interval between searches for an unknown body, and until a first check."""
+    check_interval_s: Quantity = 1 / 3  #: time between checks while the pose is doubtful
+    max_searches: Count = 8  #: failed searches after which candidates are added to the background
+    max_lookahead_s: Quantity = 0.1
+    """Longest interval for looking ahead; people move too far in a longer one."""
+    max_motion_m: Quantity = 0.8  #: largest motion of a body between two frames
+    gone_share: Share = 0.35
+    """Share of the pixels in the last explained frame below which the body may have left."""
+    whole_share: Share = 0.85  #: share of the pixels at its detection below which a part is missing
+    camera_confirmed_s: Quantity = 0.5  #: time until a fault is reported, and cameras that agree are trusted
 
 
 class ColourSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Keypoints in colour: how they are found, whose they are, and what follows from them."""
 
-    min_presence: Share = 0.5  #: probability that a crop shows a person
-    visible_deviation_share: Share = 0.012  #: of a visible keypoint along each axis, in sides of the crop
-    hidden_deviation_share: Share = 0.035  #: that is added if it is hidden (`python -m benchmarks.keypoints`)
-    max_gap_px: Quantity = 12.0  #: width of gaps in registered colour that are closed
-    reach_m: Quantity = 0.95  #: from the hips of an adult to the farthest point: half of a first crop
-    outline_px: Count = 3  #: to which keypoints at the outline of a candidate may be off it
-    same_person_deviations: Quantity = 3.0  #: median distance of the keypoints of one person
-    trunk_m: Quantity = 0.2  #: thickness of a trunk: the mean distance of two people's keypoints is above it
-    trunk_middle_m: Quantity = 0.08  #: across the line of sight, around which the trunk's depth is measured
-    hand_share: Share = 0.1  #: of the surface there that may be nearer than the trunk
-    looks_per_s: Quantity = 40.0  #: at candidates: half of the time of a processor core
-    late_look_s: Quantity = 0.5  #: between looks while live frames are late
-    max_step_s: Quantity = 0.5  #: of the interval between two frames that counts as time of colour
-    facing_s: Quantity = 1.0  #: in which colour shows left and right, until it tells front from back
-    exchanged_s: Quantity = 4.0  #: in which it shows them exchanged, until depth is doubted
-    unshown_s: Quantity = 1.0  #: after which a new body ends that colour has not confirmed
-    persistent_s: Quantity = 4.0  #: by which disagreement outlasts agreement, until colour is not used
-    shifted_deviations: Quantity = 1.5  #: median offset of all keypoints; of real people 0.8, rarely above
+    min_presence: Share = 0.5  #: minimum probability that a crop shows a person
+    visible_deviation_share: Share = 0.012
+    """Standard deviation of a visible keypoint along each axis, in sides of the crop."""
+    hidden_deviation_share: Share = 0.035  #: added if it is hidden (`python -m benchmarks.keypoints`)
+    max_gap_px: Quantity = 12.0  #: largest width of gaps in registered colour that are closed
+    reach_m: Quantity = 0.95  #: distance of an adult's hips from the farthest point: half of a first crop
+    outline_px: Count = 3  #: pixels by which keypoints at the outline of a candidate may be off it
+    same_person_deviations: Quantity = 3.0  #: largest median distance of the keypoints of one person
+    trunk_m: Quantity = 0.2  #: thickness of a trunk: the mean distance of two people's keypoints is larger
+    trunk_middle_m: Quantity = 0.08  #: radius across the line of sight in which the trunk's depth is measured
+    hand_share: Share = 0.1  #: share of the surface there that may be nearer than the trunk
+    looks_per_s: Quantity = 40.0  #: candidates looked at per second: half of the time of a processor core
+    late_look_s: Quantity = 0.5  #: time between looks while live frames are late
+    max_step_s: Quantity = 0.5  #: cap on the interval between two frames that counts as time of colour
+    facing_s: Quantity = 1.0  #: time for which colour shows left and right before it tells front from back
+    exchanged_s: Quantity = 4.0  #: time for which colour shows them swapped before depth is doubted
+    unshown_s: Quantity = 1.0  #: time after which a new body that colour has not confirmed is dropped
+    persistent_s: Quantity = 4.0  #: time by which disagreement outlasts agreement before colour is not used
+    shifted_deviations: Quantity = 1.5
+    """Largest median offset of all keypoints; of real people 0.8, rarely above."""
 
 
 class SearchSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The stages of a search for a body."""
 
-    library_poses: Count = 3_000  #: that are compared with the frame
-    library_vertices: Count = 1_700  #: of the surface; enough to fill the cells of a descriptor
-    max_cell_difference: Quantity = 4.0  #: of the depth of two descriptors, in cells; an empty cell has it
-    min_upright_share: Share = 0.3  #: cosine of the camera's pitch; with less no direction is upright
-    candidates: Count = 100  #: in the first orientation
-    further_candidates: Count = 15  #: in each other orientation, and for each wider mask
-    points: Count = 1_000  #: on which the first candidates are refined
-    rough_iterations: Count = 3  #: of the first candidates
-    rough_kept: Count = 16  #: distinct ones that remain
-    iterations: Count = 12  #: until they converge; the last stage has half of these
-    kept: Count = 4  #: distinct ones that remain then
-    recombined: Count = 2  #: candidates that get limbs of others
-    request_iterations: Count = 150  #: in one request: about 10 ms on one lane
-    distinct_m: Quantity = 0.05  #: mean distance of the joints; nearer candidates are the same
-    surer_nats: Quantity = 1.0  #: by which a detection must explain a frame better than the track
-    alike_nats: Quantity = 2.0  #: least difference that distinguishes two poses
-    end_m: Quantity = 0.06  #: depth of a person's end at the side of an image: a cell of a descriptor
-    cut_gap_m: Quantity = 0.03  #: largest distance in the image between a person and what cuts them
-    cut_share: Share = 0.5  #: least share of the end that is cut
+    library_poses: Count = 3_000  #: number of poses that are compared with the frame
+    library_vertices: Count = 1_700  #: vertices of the surface; enough to fill the cells of a descriptor
+    max_cell_difference: Quantity = 4.0
+    """Cap on the depth difference of two descriptors in a cell, in cells; also the difference of an empty
+    cell."""
+    min_upright_share: Share = 0.3  #: cosine of the camera's pitch below which no direction is upright
+    candidates: Count = 100  #: candidates in the first orientation
+    further_candidates: Count = 15  #: candidates in each other orientation, and for each wider mask
+    points: Count = 1_000  #: number of points on which the first candidates are refined
+    rough_iterations: Count = 3  #: iterations of the first candidates
+    rough_kept: Count = 16  #: distinct candidates that remain
+    iterations: Count = 12  #: iterations until they converge; the last stage has half of these
+    kept: Count = 4  #: distinct candidates that remain then
+    recombined: Count = 2  #: number of candidates into which limbs of other candidates are swapped
+    request_iterations: Count = 150  #: iterations in one request: about 10 ms on one lane
+    distinct_m: Quantity = 0.05  #: mean distance of the joints below which candidates are the same
+    surer_nats: Quantity = 1.0  #: margin by which a detection must explain a frame better than the track
+    alike_nats: Quantity = 2.0  #: minimum difference that distinguishes two poses
+    end_m: Quantity = 0.06  #: width of the outermost strip of a person at a side: a cell of a descriptor
+    cut_gap_m: Quantity = 0.03  #: largest distance in the image between a person and what truncates them
+    cut_share: Share = 0.5  #: minimum truncated share of that strip; the side is then truncated
 
 
 class FeatureWeights(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Log odds that a joint is wrong, for each unit of a feature, see `coordinator/tracking/certainty.py`."""
 
-    seen: float = -4.674  #: visible share of the surface around it
+    seen: float = -4.674  #: visible share of the surface around the joint
     residual: float = 5.210  #: normalised residual of the body
-    misfit: float = 44.22  #: mean distance of the points around it from the surface, metres
-    unexplained: float = 0.0  #: logarithm of the share of points within reach that no surface explains
+    misfit: float = 44.22  #: mean distance of the points around the joint from the surface, metres
+    unexplained: float = 0.0  #: logarithm of the share of points in a wider region that no surface explains
     spread: float = 0.3435  #: logarithm of the spread of the hypotheses
-    speed: float = 0.3432  #: logarithm of the speed
-    bend: float = 0.2535  #: sum of the squared angles above it
-    folding: float = 2.254  #: of the body
+    speed: float = 0.3432  #: logarithm of the joint's speed
+    bend: float = 0.2535  #: sum of the squared angles above the joint
+    folding: float = 2.254  #: folding of the body
     crowding: float = 1.437  #: number of joints nearby
-    protrusion: float = 5.038  #: in front of or behind the mean joint
+    protrusion: float = 5.038  #: distance in front of or behind the mean joint
 
 
 class CertaintyFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Log odds that a joint is wrong, linear in its features, and its deviation, a function of them.
 
     Fitted by `python -m benchmarks.certainty --fit`. The intercept, the weight of `misfit` and the deviation
-    were fitted later, with clothed people: with all weights fitted to these, limbs that jump were doubted
-    less.
+    were fitted later, with clothed people: with all weights fitted to these, sudden jumps of limbs were
+    flagged less often.
     """
 
     intercept: float = -4.092  #: log odds
     weights: FeatureWeights = FeatureWeights()
     log_deviation: float = -1.772  #: logarithm of the deviation in metres
-    log_deviation_odds: float = 0.2661  #: of the same, for each unit of the log odds
-    log_deviation_hidden: float = 0.2835  #: of the same, for the hidden share
+    log_deviation_odds: float = 0.2661  #: change of that logarithm per unit of the log odds
+    log_deviation_hidden: float = 0.2835  #: change of that logarithm with the hidden share
 
 
 class CertaintySettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The certainty of each joint, and the status of a frame."""
 
-    wrong_m: Quantity = 0.15  #: from the true joint; farther is wrong
-    flagged_probability: Share = 0.04  #: of a wrong joint; 4 to 9 % of the correct joints are flagged
-    ambiguous_probability: Share = 0.15  #: of a wrong joint; with more the frame is ambiguous
-    out_of_view_nats: float = 1.0  #: log odds beyond a joint that the body hides; people cut at the hips
-    shown_nats: Quantity = 2.0  #: less log odds of a joint that colour confirms; 4 fits rendered people
-    max_nats: Quantity = 10.0  #: log odds beyond which nothing was measured
+    wrong_m: Quantity = 0.15  #: distance from the true joint beyond which an estimate is wrong
+    flagged_probability: Share = 0.04
+    """Probability of being wrong above which a joint is flagged; 4 to 9 % of the correct joints are
+    flagged."""
+    ambiguous_probability: Share = 0.15  #: probability of a wrong joint above which the frame is ambiguous
+    out_of_view_nats: float = 1.0
+    """Log odds added for a joint out of view, over one that the body hides; fitted to people truncated at the
+    hips."""
+    shown_nats: Quantity = 2.0
+    """Log odds subtracted for a joint that colour confirms; 4 fits rendered people."""
+    max_nats: Quantity = 10.0  #: largest log odds; nothing was measured beyond
     spread_floor_m: Quantity = 0.005  #: added to the spread of hypotheses before the logarithm
     speed_floor_m_s: Quantity = 0.1  #: added to the speed before the logarithm; metres per second
-    crowded_m: Quantity = 0.2  #: deviation of the weight of a neighbouring joint by distance
-    region_m: Quantity = 0.12  #: deviation of the weight of the surface around a joint by distance
+    crowded_m: Quantity = 0.2  #: standard deviation of the weight of neighbouring joints by distance
+    region_m: Quantity = 0.12  #: standard deviation of the weight of the surface around a joint by distance
     agrees_m: Quantity = 0.08  #: largest difference between the surface and the depth measured there
     aside_m: Quantity = 0.03  #: radius across the line of sight in which measured depth is searched
-    reach_m: Quantity = 0.25  #: deviation of the weight of unexplained points around a joint by distance
-    unexplained_m: Quantity = 0.05  #: largest distance of an explained point from the surface
+    reach_m: Quantity = 0.25  #: standard deviation of the weight of unexplained points around a joint
+    unexplained_m: Quantity = 0.05  #: distance from the surface beyond which a point is unexplained
     share_floor: Quantity = 0.003  #: added to the share of unexplained points before the logarithm
-    hidden_share: Share = 0.5  #: a joint of which less is seen is hidden
-    rival_share: Share = 0.5  #: least weight of a rival, relative to the most likely hypothesis
-    information: Quantity = 44.0  #: of points of a known body; fitted to rendered robots, a Kinect's noise
-    max_hypotheses: Count = 100  #: of an estimate, the most likely ones
+    hidden_share: Share = 0.5  #: visible share below which a joint is hidden
+    rival_share: Share = 0.5  #: minimum weight of a rival, relative to the most likely hypothesis
+    information: Quantity = 44.0
+    """Factor on the information of the points if the shape is known; fitted to rendered robots, a Kinect's
+    noise."""
+    max_hypotheses: Count = 100  #: largest number of hypotheses in an estimate, the most likely ones
     fit: CertaintyFit = CertaintyFit()
 
 
 class ExplorationSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Proposals for single limbs."""
 
-    min_particles: Count = 8  #: of a frame that the prediction explains; with 5, hidden limbs are worse
-    data_driven_share: Share = 0.4  #: of the particles
-    vertices: Count = 400  #: of the body, for the comparison with observed points
+    min_particles: Count = 8
+    """Particles in a frame that the prediction explains; with 5, hidden limbs are tracked less accurately."""
+    data_driven_share: Share = 0.4  #: share of the particles that are moved to observed points
+    vertices: Count = 400  #: vertices of the body that are compared with observed points
     near_m: Quantity = 0.08  #: largest distance of an explained point from a vertex
-    max_unexplained_share: Share = 0.05  #: of points, for which all particles are used; 2 to 10 % are as good
-    draws: Count = 80  #: per limb; twice as many do not explain more points
+    max_unexplained_share: Share = 0.05
+    """Share of unexplained points above which all particles are used; 2 to 10 % work equally well."""
+    draws: Count = 80  #: draws per limb; twice as many do not explain more points
 
 
 class FilterSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Steps 1-3, 6 and 7 of the filter."""
 
-    particles: int = 20  #: of `annealed`: per layer
+    particles: int = 20  #: number of particles; for `annealed`, per layer
     merge_angle_deg: float = 4.0  #: d; with `explore` covariances decide, unless correspondences are soft
-    velocity_time_s: float | None = None  #: in which a velocity decays to 1 / e; None: never
-    explore: bool = False  #: proposals for single limbs, see coordinator/filters/exploration.py
+    velocity_time_s: float | None = None  #: time in which a velocity decays to 1 / e; None: never
+    explore: bool = False  #: whether to propose single limbs, see coordinator/filters/exploration.py
     merge_variances: Quantity = 2.0 / 3.0  #: squared Mahalanobis distance per degree of freedom
-    reduction_share: Share = 0.1  #: by which step 7 reduces every covariance in each frame
-    first_deviation_m: Quantity = 0.02  #: of the initial values of prismatic joints
+    reduction_share: Share = 0.1  #: share by which step 7 reduces every covariance in each frame
+    first_deviation_m: Quantity = 0.02  #: standard deviation of the initial values of prismatic joints
     usual_speed_m_s: Quantity = 1.8  #: root mean square over the joints; metres per second
     unexpected_turn_deg: Degrees = 15.0  #: deviation of a joint from its prediction after a usual interval
     exploration: ExplorationSettings = ExplorationSettings()
@@ -249,25 +269,25 @@ class FilterSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class ShapeSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The shape of a body, estimated over time."""
 
-    error_time_s: Quantity = 1.0  #: in which errors of the shape in successive frames are the same
+    error_time_s: Quantity = 1.0  #: time in which errors of the shape in successive frames are the same
     curvature_share: Share = 0.1
-    """Of the information of the Gauss-Newton matrix: with more, a wrong first stature of rendered people was
-    not corrected, and deviations were too small."""
+    """Share of the Gauss-Newton information that counts: with more, a wrong first stature of rendered people
+    was not corrected, and deviations were too small."""
 
 
 class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Everything that determines the results of a run, apart from the input."""
 
-    preset: str = "default"  #: `default` or `paper`: the values that were chosen together
-    method: str = "gepf"  #: of `coordinator/filters/methods.py`
-    seed: int = 0  #: of all random numbers
+    preset: str = "default"  #: `default` or `paper` (Grest and Krueger, 2007): values chosen together
+    method: str = "gepf"  #: a key of `METHODS` in `coordinator/filters/methods.py`
+    seed: int = 0  #: seed of all random numbers
     points: int = 10_000  #: largest number of observed points
-    measure_noise: bool = True  #: in the first frame; the noise of `refine` is the minimum
+    measure_noise: bool = True  #: whether to measure it in the first frame; that of `refine` is the minimum
     pace_iterations: float = 0.0  #: growth of iterations with the time between frames
     max_pace: Quantity = 3.0  #: the largest factor on the iterations is `max_pace ** pace_iterations`
-    measure_person: bool = True  #: stature, from the first frames that show a person
-    recover: bool = True  #: redetect the body if it is lost or in doubt
-    rotate_deg: int | None = None  #: clockwise, makes a person upright; None to find it
+    measure_person: bool = True  #: whether to estimate the stature, from the first frames that show a person
+    recover: bool = True  #: whether to redetect the body if it is lost or in doubt
+    rotate_deg: int | None = None  #: clockwise rotation that makes a person upright; None to estimate it
     refine: RefineSettings = RefineSettings()
     filter: FilterSettings = FilterSettings()
     shape: ShapeSettings = ShapeSettings()
