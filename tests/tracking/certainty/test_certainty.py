@@ -105,6 +105,16 @@ def test_a_limb_that_is_elsewhere_is_flagged() -> None:
     assert wrong.deviation[wrist] > 2.0 * right.deviation[wrist]
 
 
+def test_a_limb_that_is_elsewhere_leaves_points_that_nothing_explains() -> None:
+    """An arm on the trunk fits the points around it; those beside the trunk are within its reach."""
+    on_trunk = {**STANDING, "r_shoulder_flexion": 0.5, "r_elbow_flexion": 1.4, "r_shoulder_twisting": -0.9}
+    right, wrong = (features_of(values, seen_as("standing")) for values in (STANDING, on_trunk))
+    elbow, ankle = (BODY.joint_names.index(f"right_{name}") for name in ("elbow", "ankle"))
+    assert np.allclose(right.unexplained, right.unexplained.min())  # nothing is unexplained
+    assert wrong.unexplained[elbow] > right.unexplained[elbow] + 2.0
+    assert wrong.unexplained[ankle] < right.unexplained[ankle] + 0.5
+
+
 def test_a_joint_that_colour_shows_is_more_certain() -> None:
     """By how precise its keypoint is, and only if it is there; one that colour shows elsewhere is not."""
     body, pose = human(1.82), name_pose(human(1.82), STANDING)
