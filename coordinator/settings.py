@@ -179,10 +179,10 @@ class SearchSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class FeatureWeights(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Log odds that a joint is wrong, for each unit of a feature, see `coordinator/tracking/certainty.py`."""
 
-    seen: float = -4.674  #: visible share of the surface around the joint
-    residual: float = 5.210  #: normalised residual of the body
-    misfit: float = 44.22  #: mean distance of the points around the joint from the surface, metres
-    unexplained: float = 0.0  #: logarithm of the share of points in a wider region that no surface explains
+    seen: float = -4.364  #: visible share of the surface around the joint
+    residual: float = 3.232  #: normalised residual of the body
+    unexplained: float = 0.7432
+    """Logarithm of the share of the points within reach of the joint that no surface explains."""
     spread: float = 0.3435  #: logarithm of the spread of the hypotheses
     speed: float = 0.3432  #: logarithm of the joint's speed
     bend: float = 0.2535  #: sum of the squared angles above the joint
@@ -194,16 +194,16 @@ class FeatureWeights(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class CertaintyFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Log odds that a joint is wrong, linear in its features, and its deviation, a function of them.
 
-    Fitted by `python -m benchmarks.certainty --fit`. The intercept, the weight of `misfit` and the deviation
-    were fitted later, with clothed people: with all weights fitted to these, sudden jumps of limbs were
-    flagged less often.
+    Fitted by `python -m benchmarks.certainty --fit`. The intercept, the weights of what the frame
+    shows (the first three) and the deviation were fitted later, with clothed people: with all weights fitted
+    to these, wrong limbs of real people were flagged less often.
     """
 
-    intercept: float = -4.092  #: log odds
+    intercept: float = 0.7645  #: log odds
     weights: FeatureWeights = FeatureWeights()
-    log_deviation: float = -1.772  #: logarithm of the deviation in metres
-    log_deviation_odds: float = 0.2661  #: change of that logarithm per unit of the log odds
-    log_deviation_hidden: float = 0.2835  #: change of that logarithm with the hidden share
+    log_deviation: float = -1.965  #: logarithm of the deviation in metres
+    log_deviation_odds: float = 0.2205  #: change of that logarithm per unit of the log odds
+    log_deviation_hidden: float = 0.5114  #: change of that logarithm with the hidden share
 
 
 class CertaintySettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

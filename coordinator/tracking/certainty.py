@@ -1,11 +1,10 @@
-"""The certainty of each joint in a frame: a logistic function of ten features, fitted to people.
+"""The certainty of each joint in a frame: a logistic function of nine features, fitted to people.
 
-Four features come from the frame: the visible share of the surface around the joint that faces the camera,
-the normalised residual of the body, the distance of the observed points around the joint from the surface,
-and the share of the points within reach of the limb that no surface explains. Two come from the filter: the spread of the hypotheses, and the speed of
-the joint. Four come from the pose: joints are wrong more often in bent limbs and folded bodies, near other
-joints, and far in front of or behind the body. Joints that
-colour confirms are wrong less often.
+Three features come from the frame: the visible share of the surface around the joint that faces the camera,
+the normalised residual of the body, and the share of the points within reach of the joint that no surface
+explains. Two come from the filter: the spread of the hypotheses, and the speed of the joint. Four come from
+the pose: joints are wrong more often in bent limbs and folded bodies, near other joints, and far in front of
+or behind the body. Joints that colour confirms are wrong less often.
 """
 
 from __future__ import annotations
@@ -51,7 +50,6 @@ class Features(NamedTuple):
 
     seen: Array  # visible share of the surface around it that faces the camera that sees it best
     residual: Array  # normalised residual of the body
-    misfit: Array  # mean distance of the observed points around the joint from the surface, metres
     unexplained: Array  # logarithm of the share of the points within reach that are not near the surface
     spread: Array  # logarithm of the root mean square distance of the hypotheses, metres
     speed: Array  # logarithm, metres per second
@@ -115,7 +113,7 @@ def measure_features(
     return Features(
         seen=seen_by.max(axis=0),
         residual=np.full(len(joints), residual),
-        **misfits(model, pose, joints, context.subject, context.stretch, settings),
+        unexplained=unexplained_shares(model, pose, joints, context.subject, context.stretch, settings),
         spread=np.log(spread + settings.spread_floor_m),
         speed=np.log(speed + settings.speed_floor_m_s),
         bend=upstream @ pose**2,
@@ -210,36 +208,32 @@ def seen_shares(
     return np.asarray(areas[:, 1] / np.maximum(areas[:, 0], np.finfo(float).tiny))
 
 
-def misfits(
+def unexplained_shares(
     model: BodyModel,
     pose: Array,
     joints: Array,
     subject: SubjectFrame,
     stretch: float,
     settings: CertaintySettings,
-) -> dict[str, Array]:
-    """How badly a pose (D,) explains the observed points around each of its joints (J, 3): two features.
+) -> Array:
+    """Logarithm of the share (J,) of the observed points within reach of each joint that pose (D,) misses.
 
-    `misfit` is their mean distance from the nearest vertex, metres. Points farther than a wrong joint count
-    alike; without points around it a joint has none. `unexplained` is about the points in a wider region: a
-    limb that is elsewhere leaves points without a surface. Lengths along the line of sight are scaled by
-    `stretch`.
+    A limb that is elsewhere, or under loose clothes, leaves points without a surface. A point is missed if
+    the nearest vertex is far away, with lengths along the line of sight scaled by `stretch`. `joints` (J, 3)
+    are those of the pose.
     """
     vertices, scale = pose_vertices(model, pose[None])[0], np.array([1.0, 1.0, stretch])
-    weights, sums = np.ones((2, len(joints))), np.zeros((2, len(joints)))
+    weights, missed = np.ones(len(joints)), np.zeros(len(joints))
     every = max(1, sum(len(view.picked) for view in subject.views) // POINTS)
     for view in subject.views:
         points = camera_points(view, every) * scale
         surface = cKDTree(view.image.to_camera(vertices) * scale, balanced_tree=False, compact_nodes=False)
-        nearest, _ = surface.query(points, distance_upper_bound=settings.wrong_m)  # farther: infinite
+        nearest, _ = surface.query(points, distance_upper_bound=settings.unexplained_m)  # farther: infinite
         squares = cdist(points, view.image.to_camera(joints) * scale, "sqeuclidean")
-        counted = np.minimum(nearest, settings.wrong_m), nearest > settings.unexplained_m
-        for n, region_m in enumerate((settings.region_m, settings.reach_m)):
-            near = np.exp(-0.5 * squares / region_m**2)
-            weights[n] += near.sum(axis=0)
-            sums[n] += counted[n] @ near
-    misfit, share = sums / weights
-    return {"misfit": misfit, "unexplained": np.log(share + settings.share_floor)}
+        near = np.exp(-0.5 * squares / settings.reach_m**2)
+        weights += near.sum(axis=0)
+        missed += np.isinf(nearest) @ near
+    return np.log(missed / weights + settings.share_floor)
 
 
 @numba.njit(cache=True, nogil=True)

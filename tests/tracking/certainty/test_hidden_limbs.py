@@ -50,7 +50,7 @@ def shown_in(*poses: dict[str, float]) -> Shown:
 
 
 def test_a_hidden_arm_is_not_said_to_be_known() -> None:
-    """A hidden arm may be anywhere behind the body. It is found when it is visible again."""
+    """A hidden arm may be anywhere behind the body: it is flagged. It is found when it is visible again."""
     out = {**BACK, "r_shoulder_abduct": 1.0, "r_elbow_flexion": 0.5}
     frames, joints = shown_in(*[FOLDED] * 8, out, out, out)
     follower = tracker(MANY, FOLDED)
@@ -58,7 +58,7 @@ def test_a_hidden_arm_is_not_said_to_be_known() -> None:
     wrist = follower.model.joint_names.index("right_wrist")
     for estimate in estimates[3:8]:
         assert estimate.certainty is not None
-        assert estimate.certainty.off_probability[wrist] > 0.05
+        assert estimate.certainty.off_probability[wrist] > 0.04
     assert np.linalg.norm(estimates[-1].joint_positions[wrist] - joints[-1, wrist]) < 0.1
 
 
