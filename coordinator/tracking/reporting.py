@@ -27,14 +27,14 @@ from gepf.coordinator.tracking.certainty import (
     shown_in_colour,
     unknown_certainty,
 )
-from gepf.coordinator.tracking.estimate import POSE_UNKNOWN, Certainty, Estimate, Status, list_joints
+from gepf.coordinator.tracking.estimate import POSE_UNKNOWN, Certainty, Estimate, Status, doubtful_joints_text
 from gepf.coordinator.tracking.field_of_view import in_view
 from gepf.coordinator.tracking.state import FrameState, PersonState, Start
 from gepf.coordinator.tracking.track_state import (
     Absent,
-    Followed,
-    Found,
+    Initialised,
     Lost,
+    OnceTracked,
     Searching,
     Tracked,
     TrackState,
@@ -47,9 +47,9 @@ class Judgement:
 
     certainty: Certainty
     seen_by: Array  # (C, J) share of the surface around each joint that each camera sees
-    in_sight: Mask  # (J,) joints that are in view and not hidden by something else
-    has_rival: bool  # an equally likely hypothesis has a joint in view elsewhere
-    is_doubtful: bool  # a joint in view may be wrong
+    joints_in_view: Mask  # (J,) joints that are in view and not hidden by something else
+    has_rival: bool  # whether a comparably likely hypothesis places a joint in view elsewhere
+    is_doubtful: bool  # whether a joint in view may be wrong
 
 
 def judge_pose(
@@ -59,15 +59,15 @@ def judge_pose(
     model, pose, settings = start.model, belief.reported, all_settings.certainty
     poses, weights = belief.poses[: settings.max_hypotheses], belief.weights[: settings.max_hypotheses]
     joints = joint_positions(model, np.concatenate([pose[None], poses]))
-    in_sight = in_view(context.subject, joints[0])
-    seen_by = seen_shares(model, pose, context.subject, context.stretch, settings) * in_sight
+    joints_in_view = in_view(context.subject, joints[0])
+    seen_by = seen_shares(model, pose, context.subject, context.stretch, settings) * joints_in_view
     features = measure_features(model, pose, joints, weights, context, residual, seen_by, settings)
     farthest = all_settings.colour.same_person_deviations
     shown = shown_in_colour(ExpectedBody(model, pose), context.subject, farthest)
-    certainty = certainty_of(start, belief, features, in_sight, shown, settings)
-    rivals = has_rival(weights, joints[1:, in_sight], joints[0, in_sight], settings)
-    likely = bool(np.any(certainty.off_probability[in_sight] > settings.ambiguous_probability))
-    return Judgement(certainty, seen_by, in_sight, rivals, rivals or likely)
+    certainty = certainty_of(start, belief, features, joints_in_view, shown, settings)
+    rivals = has_rival(weights, joints[1:, joints_in_view], joints[0, joints_in_view], settings)
+    likely = bool(np.any(certainty.off_probability[joints_in_view] > settings.ambiguous_probability))
+    return Judgement(certainty, seen_by, joints_in_view, rivals, rivals or likely)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,7 +76,7 @@ class Updated:
 
     frame: Frame
     state: PersonState  # after the frame
-    particles: int  # refined ones
+    particles: int  # number of refined particles
     context: FrameContext | None  # None if nothing was refined
     judgement: Judgement | None  # of the pose; None if nothing was refined
     clock: Stopwatch
@@ -93,7 +93,7 @@ class TrackedPerson:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrackedFrame:
-    """All people in one frame, and what is known beside them after it."""
+    """All people in one frame, and the state after it that does not belong to a person."""
 
     people: Sequence[TrackedPerson]
     state: FrameState
@@ -104,7 +104,7 @@ def report(updated: Updated, cameras: CameraStates, settings: Settings) -> Track
     with updated.clock.stage("report"):
         start, track, context = updated.state.start, updated.state.track, updated.context
         limits, confirmed_s = settings.certainty, settings.track.camera_confirmed_s
-        followed = track if isinstance(track, Followed) else None
+        followed = track if isinstance(track, OnceTracked) else None
         model = start.model
         pose, poses, weights = start.pose, np.empty((0, len(start.pose))), np.empty(0)
         if followed is not None:
@@ -120,9 +120,9 @@ def report(updated: Updated, cameras: CameraStates, settings: Settings) -> Track
             seen = dict(zip(views, judgement.seen_by, strict=True))
             faulty = any(state.fault for state in cameras.values())
             new = followed.is_new(settings.track)
-            limit = least_probability(certainty, limits, faulty=faulty, new=new)
+            thresholds = doubt_thresholds(certainty, limits, faulty=faulty, new=new)
             disputed = followed.agreement.dispute(views, confirmed_s)
-            in_doubt = np.where(judgement.in_sight, limit, 1.0)
+            in_doubt = np.where(judgement.joints_in_view, thresholds, 1.0)
             doubt = explain_doubt(model.joint_names, certainty, in_doubt, limits.wrong_m)
             why = disputed or followed.doubt(settings.colour) or doubt
             unsure = not followed.knows_facing(settings.colour)
@@ -157,9 +157,9 @@ def status_of(track: TrackState, *, is_ambiguous: bool) -> Status:
     not explain the frame. `ambiguous`: a tracked pose is doubtful.
     """
     match track:
-        case Searching(sight="something") | Lost(sight="body"):
+        case Searching(visibility="something") | Lost(visibility="body"):
             return "searching"
-        case Absent() | Found() | Searching() | Lost(sight="nothing"):
+        case Absent() | Initialised() | Searching() | Lost(visibility="nothing"):
             return "absent"
         case Tracked(unexplained_s=0.0):
             return "ambiguous" if is_ambiguous else "tracked"
@@ -167,7 +167,7 @@ def status_of(track: TrackState, *, is_ambiguous: bool) -> Status:
 
 
 def has_rival(weights: Array, joints: Array, reported: Array, settings: CertaintySettings) -> bool:
-    """Whether an equally likely hypothesis has a joint in view elsewhere.
+    """Whether a comparably likely hypothesis places a joint in view elsewhere.
 
     Of hypotheses with weights (M,) and joints (M, J, 3), the most likely first. `reported` (J, 3) may differ
     from the most likely hypothesis.
@@ -180,42 +180,47 @@ def certainty_of(
     start: Start,
     belief: Belief,
     features: Features,
-    in_sight: Mask,
+    joints_in_view: Mask,
     shown: Array,
     settings: CertaintySettings,
 ) -> Certainty:
-    """The certainty of each joint of the reported pose; those `in_sight` (J,), and `shown` (J,) in colour."""
-    certainty = judge(features, settings, in_sight, shown)
+    """The certainty of each joint of the reported pose.
+
+    `joints_in_view` (J,): joints in view; `shown` (J,): how well colour confirms them.
+    """
+    certainty = judge(features, settings, joints_in_view, shown)
     if belief.posterior.size and start.family.is_exact:
         deviation = known_deviations(start.model, belief.reported, belief.posterior, settings.information)
         certainty = replace(certainty, deviation=deviation)
     return replace(certainty, off_probability=certainty.off_probability * movable_joints(start.model))
 
 
-def least_probability(certainty: Certainty, settings: CertaintySettings, *, faulty: bool, new: bool) -> Array:
+def doubt_thresholds(certainty: Certainty, settings: CertaintySettings, *, faulty: bool, new: bool) -> Array:
     """Probabilities (J,) of being wrong above which joints are in doubt.
 
-    A body is doubted sooner while it is `new`: detected a few frames before, or a camera has come back. While
-    a camera is `faulty`, hidden joints are, as the others may not show them.
+    A body is doubted sooner while it is `new`: detected a few frames earlier, or a camera has come back.
+    While a camera is `faulty`, hidden joints are also doubted sooner, because the remaining cameras may not
+    see them.
     """
     sooner = new | (faulty & (certainty.seen < settings.hidden_share))
     return np.where(sooner, settings.flagged_probability, settings.ambiguous_probability)
 
 
-def explain_doubt(names: tuple[str, ...], certainty: Certainty, least: Array, wrong_m: float) -> str:
+def explain_doubt(names: tuple[str, ...], certainty: Certainty, thresholds: Array, wrong_m: float) -> str:
     """Text that names joints (J,) with more than these probabilities to be wrong, the most probable first."""
     probability = certainty.off_probability
-    doubted = [j for j in np.argsort(-probability, kind="stable") if probability[j] > least[j]]
+    doubted = [j for j in np.argsort(-probability, kind="stable") if probability[j] > thresholds[j]]
     listed = ", ".join(names[j].replace("_", " ") for j in doubted)
-    return list_joints(wrong_m, listed) if doubted else ""
+    return doubtful_joints_text(wrong_m, listed) if doubted else ""
 
 
 def known_deviations(model: BodyModel, pose: Array, covariance: Array, information: float) -> Array:
     """Expected distance (J,) from a robot's or object's true joints, one standard deviation, metres.
 
-    `covariance` (D, D) of its pose (D,) is that of the refinement, which counts all points as one with an
-    error of 1 cm, because the shape of people is not known. Those of a known body are worth more, by the
-    factor `information`, the weak prior is not.
+    `covariance` (D, D) of its pose (D,) is that of the refinement, which treats all points together as one
+    observation with an error of 1 cm, because people's shape is not known exactly. For a known body the
+    points carry more information, so their part of the precision is multiplied by `information`; the weak
+    prior is not.
     """
     weak = np.diag(weak_precisions(model))
     scaled = np.linalg.inv(weak + information * (np.linalg.inv(covariance) - weak))

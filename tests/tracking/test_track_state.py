@@ -19,10 +19,10 @@ from gepf.coordinator.tracking.reporting import status_of
 from gepf.coordinator.tracking.track_state import (
     Absent,
     Body,
-    Followed,
-    Found,
+    Initialised,
     Instructions,
     Lost,
+    OnceTracked,
     Policy,
     Refined,
     SearchEnded,
@@ -61,7 +61,7 @@ def test_a_transition_is_as_the_table_says(row: Transition) -> None:
         value = getattr(after, name)
         if name in row.changes:
             assert value is row.changes[name] or value == row.changes[name], name
-        elif name == "belief" and isinstance(after, Lost) and after.sight != "body":
+        elif name == "belief" and isinstance(after, Lost) and after.visibility != "body":
             before = row.before.belief if isinstance(row.before, Body) else BELIEF
             np.testing.assert_array_equal(value.poses, before.poses)
             assert np.isnan(value.residual).all()
@@ -75,7 +75,7 @@ def test_the_table_has_every_event_of_every_state() -> None:
     rows = {(type(row.before), type(row.event)) for row in TRANSITIONS}
     kinds = get_args(TrackState)
     assert rows >= {(kind, event) for kind in kinds for event in (Segmented,)}
-    assert rows >= {(kind, Refined) for kind in (Found, Tracked, Lost)}
+    assert rows >= {(kind, Refined) for kind in (Initialised, Tracked, Lost)}
     assert rows >= {(kind, SearchEnded) for kind in (Absent, Searching, Tracked, Lost)}
 
 
@@ -138,7 +138,7 @@ class Executor:
         if how == "is given up" or isinstance(self.state, Body):
             assert self.send(SearchEnded()) == ()
         elif how == "detects":
-            assert self.send(SearchEnded(DETECTED)) == ("learn the room",)
+            assert self.send(SearchEnded(DETECTED)) == ("update the background",)
         else:
             assert self.send(SearchEnded(why="no")) == ()
 
@@ -147,7 +147,7 @@ class Executor:
         todo = self.send(segmented)
         if waits:
             self.end_search("detects nothing" if how == "runs on" else how)
-            if isinstance(self.state, Found) and "report" in todo and segmented.pixels:
+            if isinstance(self.state, Initialised) and "report" in todo and segmented.pixels:
                 todo = self.send(segmented)
         assert ("refine" in todo) != ("report" in todo)
         if "refine" in todo:
@@ -173,12 +173,12 @@ def check(state: TrackState, policy: Policy, *, searches: bool) -> None:
         case Searching():
             assert state.is_running == searches
             assert state.searches
-        case Found() | Tracked() | Lost():
+        case Initialised() | Tracked() | Lost():
             assert state.is_searched == searches
             assert policy.recovers or not searches
             assert state.segmentation_pose is None or not np.isnan(state.segmentation_pose).any()
-    if isinstance(state, Followed):
-        assert isinstance(state, Lost) or (state.sight == "body" and state.unexplained_s < 0.1)
+    if isinstance(state, OnceTracked):
+        assert isinstance(state, Lost) or (state.visibility == "body" and state.unexplained_s < 0.1)
         assert policy.recovers or state.segmentation_pose is not None
 
 
