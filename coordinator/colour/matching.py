@@ -1,4 +1,4 @@
-"""Keypoints in images, compared with bodies: where they are, whose they are, and which side is left."""
+"""Compares keypoints in images with bodies: where they are, whose they are, and which side is left."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SIDES = {"left": "right", "right": "left"}
 EXCHANGED = [
     KEYPOINTS.index("_".join(SIDES.get(part, part) for part in name.split("_"))) for name in KEYPOINTS
 ]
-"""The place of each keypoint with left and right exchanged."""
+"""The index of each keypoint with left and right swapped."""
 
 Keypoints = Mapping[str, NDArray[np.float32]]
 """Keypoints (17, 3) of a person in the image of each camera: column, row, inverse variance (1 / pixels^2)."""
@@ -42,15 +42,15 @@ class ExpectedBody:
         return np.asarray(keypoint_positions(self.model, self.pose[None])[0])
 
     def pixels(self, view: View) -> Array:
-        """Where they are in an image (17, 2), if the body is before the camera."""
+        """The pixels of the keypoints in an image (17, 2), if the body is in front of the camera."""
         return project(view.to_camera(self.keypoints), view.intrinsics)
 
 
 class Match(NamedTuple):
     """How keypoints in images compare with those of a body.
 
-    is_shown: they are where the body is, whichever way the person faces. sides: 1 if they show left and right
-    as the body does, -1 if exchanged, 0 if they do not tell.
+    is_shown: the keypoints are where the body is, whichever way the person faces. sides: 1 if they show left
+    and right as the body does, -1 if swapped, 0 if they do not tell.
     """
 
     is_shown: bool
@@ -73,12 +73,12 @@ def match_sides(body: ExpectedBody, subject: SubjectFrame, settings: ColourSetti
 
 
 def distance_of(pixels: NDArray[np.floating], keypoints: NDArray[np.float32]) -> float:
-    """The median distance of pixels (17, 2) from keypoints, in their deviations."""
+    """The median distance of pixels (17, 2) from keypoints, in standard deviations of the keypoints."""
     return float(np.median(deviations_of(pixels, keypoints)))
 
 
 def deviations_of(pixels: NDArray[np.floating], keypoints: NDArray[np.float32]) -> Array:
-    """The distance of each pixel (17, 2) from its keypoint, in deviations of the keypoint."""
+    """The distance of each pixel (17, 2) from its keypoint, in standard deviations of the keypoint."""
     off = np.linalg.norm(pixels - keypoints[:, :2], axis=1)
     return np.asarray(off * np.sqrt(keypoints[:, 2]))
 
@@ -86,7 +86,7 @@ def deviations_of(pixels: NDArray[np.floating], keypoints: NDArray[np.float32]) 
 def assign(
     bodies: Sequence[ExpectedBody | None], seen: Sequence[Keypoints], frame: Frame, settings: ColourSettings
 ) -> list[Keypoints]:
-    """Keypoints of bodies: each person in an image is that of the nearest body, and a body is one person.
+    """Assign keypoints to bodies: each person in an image to the nearest body, and one person to a body.
 
     Around a body that is hidden or wrong, the network may see another person, who may be another body.
     """
@@ -110,7 +110,7 @@ def assign(
 
 
 def is_same_person(first: NDArray[np.float32], second: NDArray[np.float32], settings: ColourSettings) -> bool:
-    """Whether keypoints (17, 3) in an image are those of one person."""
+    """Whether two sets of keypoints (17, 3) in an image belong to one person."""
     return distance_of(first[:, :2], second) < settings.same_person_deviations
 
 
@@ -120,30 +120,30 @@ def find_doubles(
     assigned: Sequence[Keypoints],
     settings: ColourSettings,
 ) -> list[bool]:
-    """Whether bodies are where another one is, and the person whom the network saw there is that one's."""
+    """Whether each body is where another body is, and the keypoints seen there belong to the other."""
 
-    def is_double(mine: int, other: int) -> bool:
-        a, b = bodies[mine], bodies[other]
+    def is_double(body: int, other: int) -> bool:
+        a, b = bodies[body], bodies[other]
         return (
             a is not None
             and b is not None
             and float(np.linalg.norm(a.keypoints - b.keypoints, axis=1).mean()) < settings.trunk_m
             and any(
-                camera not in assigned[mine]
+                camera not in assigned[body]
                 and camera in assigned[other]
                 and is_same_person(keypoints, assigned[other][camera], settings)
-                for camera, keypoints in seen[mine].items()
+                for camera, keypoints in seen[body].items()
             )
         )
 
     people = range(len(bodies))
-    return [any(is_double(mine, other) for other in people if other != mine) for mine in people]
+    return [any(is_double(body, other) for other in people if other != body) for body in people]
 
 
 def is_another_person(
     seen: NDArray[np.float32] | None, camera: str, assigned: Sequence[Keypoints], settings: ColourSettings
 ) -> bool:
-    """Whether keypoints `seen` around a body in a camera's image are those that another body is assigned."""
+    """Whether keypoints `seen` around a body in a camera's image are assigned to another body."""
     owners = (own[camera] for own in assigned if camera in own)
     return seen is not None and any(seen is not own and is_same_person(seen, own, settings) for own in owners)
 
@@ -170,9 +170,9 @@ def without_keypoints(subject: SubjectFrame, cameras: Collection[str]) -> Subjec
 
 
 def with_sides_of(subject: SubjectFrame, body: ExpectedBody, settings: ColourSettings) -> SubjectFrame:
-    """The subject with left and right keypoints exchanged where only that fits a body whose facing is known.
+    """The subject with left and right keypoints swapped where they fit the body only that way.
 
-    Networks exchange left and right of people seen from behind or poorly; a body does not turn in a frame.
+    Networks swap left and right of people seen from behind or poorly; a body does not turn in a frame.
     """
     views, farthest = list[SubjectView](), settings.same_person_deviations
     for view in subject.views:
@@ -183,15 +183,15 @@ def with_sides_of(subject: SubjectFrame, body: ExpectedBody, settings: ColourSet
                 continue
         views.append(view)
     if all(after is before for after, before in zip(views, subject.views, strict=True)):
-        return subject  # as it was sent to the workers
+        return subject  # the same that was sent to the workers
     return replace(subject, views=tuple(views))
 
 
 def are_on(view: SubjectView, keypoints: NDArray[np.float32], outline_px: int) -> bool:
-    """Whether most keypoints that a network sees are on the pixels of a subject, and not on those of others.
+    """Whether most keypoints that a network sees are on the pixels of a subject, and not on other pixels.
 
-    They weigh by their precision; those outside of the image are of no account. A keypoint is on pixels that
-    are up to `outline_px` away.
+    Keypoints are weighted by their precision; those outside the image do not count. A keypoint is on pixels
+    that are up to `outline_px` away.
     """
     left, top, right, bottom = view.extent
     places = in_crop(view, keypoints)
@@ -222,9 +222,9 @@ def in_image(subject: SubjectFrame) -> Keypoints:
 
 
 def keypoint_cost(body: ExpectedBody, subject: SubjectFrame) -> float:
-    """The part of minus the log posterior of a body in a pose that is due to keypoints, nats.
+    """The keypoint term of the negative log posterior of a body in a pose, nats.
 
-    Depth alone decides whether a body is accepted.
+    It does not count when a body is accepted or rejected: depth alone decides.
     """
     total, scale = 0.0, KEYPOINT_OUTLIER**2
     for view in subject.views:

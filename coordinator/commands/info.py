@@ -129,7 +129,7 @@ def describe_scene(view: SceneView, found: list[Candidate]) -> dict[str, object]
             "roll_deg": round(float(np.degrees(np.arctan2(down[0], down[1]))), 1),
         },
         "walls_m": [round(float(1.0 / np.linalg.norm(wall)), 2) for wall in walls],
-        "room": view.furnished,
+        "room": view.shows_room,
         "noise_mm": round(1000.0 * float(view.noise.sigma(np.array(2.0))), 1),
         "people": [
             {
@@ -137,7 +137,7 @@ def describe_scene(view: SceneView, found: list[Candidate]) -> dict[str, object]
                 "pixel": [int(np.median(side)) for side in np.nonzero(each.mask)[::-1]],
                 "distance_m": round(float(np.median(each.points[:, 2])), 2),
                 "score": round(each.score, 2),
-                "why": each.why,
+                "why": each.description,
             }
             for n, each in enumerate(found)
         ],

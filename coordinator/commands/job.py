@@ -18,7 +18,7 @@ from gepf.coordinator.commands.options import CameraOptions, SecurityOptions, Tr
 from gepf.coordinator.filters.methods import settings_for
 from gepf.coordinator.pool.options import Pool
 from gepf.coordinator.results.configuration import AUTOMATIC
-from gepf.coordinator.scene.scope import WAYS, Scope
+from gepf.coordinator.scene.scope import PERSON_CRITERIA, Scope
 from gepf.coordinator.settings import Settings
 from gepf.coordinator.sources.camera import AS_RECORDED, GivenCamera
 from gepf.coordinator.sources.joint_states import JointStates, read_joint_states
@@ -167,9 +167,9 @@ def choose_scope(options: TrackOptions) -> Scope:
         if not (left < right and top < bottom):
             raise InputError(f"--roi {options.roi} contains no pixel; give left,top,right,bottom")
     person: str | tuple[int, int] = options.person
-    if options.person not in WAYS:
+    if options.person not in PERSON_CRITERIA:
         if "," not in options.person:
-            choices = ", ".join(WAYS[1:])
+            choices = ", ".join(PERSON_CRITERIA[1:])
             raise InputError(f"--person {options.person} is unknown; give X,Y in pixels or one of {choices}")
         column, row = split(options.person, "--person", int, 2)
         person = (column, row)

@@ -1,9 +1,9 @@
 """Candidates for people in a frame, before a body is known.
 
 A candidate is a connected component of the foreground that has the extent and area of a person and, unlike
-furniture, is not flat. Flat furniture that a person touches is cut off. A limb may hide where the parts of a
-body are connected. So a candidate is joined with parts above or below it, and the remaining foreground is
-divided again, only at steps that are larger than those between parts of one body.
+furniture, is not flat. Flat furniture that a person touches is cut off. A limb in front may hide the
+connection between two parts of a body. A candidate is therefore merged with parts above or below it, and the
+remaining foreground is divided again, only at steps that are larger than those between parts of one body.
 
 A limb may also be separated by a large step, and a flat chest may be taken for furniture. Only a fitted body
 can tell. So a candidate also has wider masks.
@@ -62,20 +62,20 @@ class Candidate:
     """A candidate for a person.
 
     mask: (H, W) its pixels. points: (P, 3) their points in the camera frame, metres. score: from 0 to 1.
-    why: its measures as text. part: the component with the trunk, without furniture. wider: masks (H, W) with
-    more of what may be the person's: the parts that touch the outline, then also the flat parts.
+    description: its measures as text. part: the component with the trunk, without furniture. wider: wider
+    masks (H, W) of the person: with the parts that touch the outline, then also with the flat parts.
     """
 
     mask: Mask
     points: Array
     part: Part
     score: float
-    why: str
+    description: str
     wider: tuple[Mask, ...] = ()
 
     @property
     def widest(self) -> Mask:
-        """All pixels (H, W) that may be the person's."""
+        """The widest mask (H, W) of the person."""
         return self.wider[-1] if self.wider else self.mask
 
 
@@ -85,17 +85,17 @@ def candidates(view: SceneView, people_mask: Mask | None = None) -> list[Candida
     if people_mask is not None:
         free &= ~people_mask
     parts = find_parts(view, free, limits.step_m, view.settings.candidates.min_part_m2)
-    trunks = [trunk for part in parts if (trunk := candidate_of(view, part))]
+    found_candidates = [candidate for part in parts if (candidate := candidate_of(view, part))]
     rest = free.copy()
-    for trunk in trunks:
-        rest[trunk.part.window] &= ~trunk.part.uncut
+    for candidate in found_candidates:
+        rest[candidate.part.window] &= ~candidate.part.uncut
     wider = find_parts(view, rest, limits.reach_m, limits.min_person_m2)
-    trunks += [trunk for part in wider if (trunk := candidate_of(view, part))]
+    found_candidates += [candidate for part in wider if (candidate := candidate_of(view, part))]
     people, taken = list[Candidate](), np.zeros_like(free)
-    for trunk in sorted(trunks, key=lambda trunk: -trunk.score):
-        if 2 * np.count_nonzero(taken & trunk.mask) < np.count_nonzero(trunk.mask):
+    for candidate in sorted(found_candidates, key=lambda candidate: -candidate.score):
+        if 2 * np.count_nonzero(taken & candidate.mask) < np.count_nonzero(candidate.mask):
             unused = [part for part in parts if not (taken[part.window] & part.mask).any()]
-            people.append(widen(view, join_parts(view, trunk, unused), unused))
+            people.append(widen(view, join_parts(view, candidate, unused), unused))
             taken |= people[-1].mask
     return people
 
@@ -103,8 +103,8 @@ def candidates(view: SceneView, people_mask: Mask | None = None) -> list[Candida
 def find_parts(view: SceneView, free: Mask, step: float, least_m2: float) -> list[Part]:
     """The connected components of pixels (H, W), without flat furniture.
 
-    Neighbours are connected if their depths differ by less than a step, metres. Components with a smaller
-    visible area than the least, square metres, and those larger than a person are left out.
+    Neighbours are connected if their depths differ by less than `step`, metres. Components with a visible
+    area below `least_m2`, and those larger than a person, are left out.
     """
     limits = view.settings.segmentation
     labels = label_parts(view.depth, free, step, limits.step_m, view.noise, view.camera.fx)
@@ -115,7 +115,7 @@ def find_parts(view: SceneView, free: Mask, step: float, least_m2: float) -> lis
         window = slice(top, bottom), slice(left, right)
         mask = labels[window] == label
         part = part_of(view, mask, window, mask)
-        parts += cut(view, part) if areas[label] >= limits.min_person_m2 else [part]
+        parts += cut_off_furniture(view, part) if areas[label] >= limits.min_person_m2 else [part]
     return parts
 
 
@@ -133,29 +133,30 @@ def camera_of(view: SceneView, window: tuple[slice, slice]) -> Intrinsics:
     return view.camera.crop(columns.start, rows.start, columns.stop, rows.stop)
 
 
-def cut(view: SceneView, part: Part) -> list[Part]:
+def cut_off_furniture(view: SceneView, part: Part) -> list[Part]:
     """The parts of a component that are not flat, without flat furniture.
 
-    A flat patch is furniture that touches a person if the rest is as high as before, or at least a metre
-    high. Small parts are dropped. If no rest is so high, the patch may be a seat on the floor, with a person
-    around it. Else the component is kept whole, or dropped if most of it is flat.
+    A flat patch is taken for furniture touching a person if what remains is as tall as the whole component,
+    or at least a metre tall. Small parts are dropped. If no remaining part is that tall, the patch may be a
+    seat that the person is sitting on. Otherwise the component is kept whole, or dropped if most of it is
+    flat.
     """
     depth, limits, people = view.depth[part.window], view.settings.segmentation, view.settings.candidates
     flat = find_flat(depth, part.mask, camera_of(view, part.window), view.noise, view.settings)
-    rests = list[Part]()
-    if flat.patches.max() >= limits.min_person_m2:
-        curved = part.mask & ~flat.grow(flat.patches >= people.min_part_m2)
+    remaining_parts = list[Part]()
+    if flat.patch_areas.max() >= limits.min_person_m2:
+        curved = part.mask & ~flat.grow(flat.patch_areas >= people.min_part_m2)
         labels = label_parts(depth, curved, limits.step_m, limits.step_m, view.noise, view.camera.fx)
         areas, _ = measure_components(labels, depth, view.camera.fx, view.camera.fy)
         large = np.flatnonzero(areas >= limits.min_person_m2).tolist()
-        rests = [part_of(view, labels == label, part.window, part.uncut) for label in large]
-    if max((rest.height for rest in rests), default=0.0) >= min(1.0, part.height):
-        return [smaller for rest in rests for smaller in cut(view, rest)]
+        remaining_parts = [part_of(view, labels == label, part.window, part.uncut) for label in large]
+    if max((rest.height for rest in remaining_parts), default=0.0) >= min(1.0, part.height):
+        return [smaller for rest in remaining_parts for smaller in cut_off_furniture(view, rest)]
     unseated = part.mask & ~flat.grow(find_seat(view, part, flat))
     if 0 < np.count_nonzero(unseated) < len(part.points):
         rest = part_of(view, unseated, part.window, part.uncut)
         if rest.height >= part.height - limits.cell_m:
-            kept = cut(view, rest)
+            kept = cut_off_furniture(view, rest)
             if any(candidate_of(view, smaller) for smaller in kept):
                 return kept
     return [] if flat.share > people.max_flat_share else [part]
@@ -164,10 +165,10 @@ def cut(view: SceneView, part: Part) -> list[Part]:
 def find_seat(view: SceneView, part: Part, flat: Flat) -> Mask:
     """The flat patches (H, W) of a component that reach down to the floor and are wider than a leg.
 
-    A leg has 9 cm for each metre of the component's height.
+    A leg is assumed to be 9 cm wide per metre of the component's height.
     """
     limits = view.settings.segmentation
-    patches = flat.patches >= view.settings.candidates.min_part_m2
+    patches = flat.patch_areas >= view.settings.candidates.min_part_m2
     floor = view.planes.above(part.points) < limits.cell_m
     if not view.planes.has_floor or not floor.any():
         return np.zeros_like(patches)
@@ -182,8 +183,8 @@ def find_seat(view: SceneView, part: Part, flat: Flat) -> Mask:
 def join_parts(view: SceneView, person: Candidate, parts: Sequence[Part]) -> Candidate:
     """Join the candidate with parts at the same place: above it, below it, or behind something nearer.
 
-    A head, a trunk and legs are such parts if a shoulder or a forearm hides where they are connected. Parts
-    that may be two people are not joined.
+    A head, a trunk and legs are such parts if a shoulder or a forearm hides the connection between them.
+    Parts that may be two people are not joined.
     """
     own, mask, joined, limits = person.part, person.mask.copy(), [person.part], view.settings.candidates
     (low, high), half = own.heights, 0.5 * limits.max_length_m
@@ -230,7 +231,7 @@ def touches(view: SceneView, mask: Mask, around: Mask, part: Part) -> bool:
 
 
 def dilated(mask: Mask) -> Mask:
-    """The pixels (H, W), at least one, with those up to two pixels away."""
+    """The mask (H, W), which must not be empty, dilated by two pixels."""
     (top, bottom), (left, right) = (np.flatnonzero(mask.any(axis=a))[[0, -1]].tolist() for a in (1, 0))
     box = slice(max(top - 2, 0), bottom + 3), slice(max(left - 2, 0), right + 3)
     wide = np.zeros_like(mask)
@@ -258,18 +259,18 @@ def candidate_of(view: SceneView, part: Part) -> Candidate | None:
     The score increases towards the middle of the image and with the height up to one metre.
     """
     points, limits = part.points, view.settings.candidates
-    seen = float(np.sum(points[:, 2] ** 2)) / (view.camera.fx * view.camera.fy)  # square metres
-    if seen < view.settings.segmentation.min_person_m2:
+    area_m2 = float(np.sum(points[:, 2] ** 2)) / (view.camera.fx * view.camera.fy)
+    if area_m2 < view.settings.segmentation.min_person_m2:
         return None
-    some = points[:: 1 + len(points) // limits.flat_points]
+    sampled_points = points[:: 1 + len(points) // limits.flat_points]
     outliers = view.settings.planes.outlier_percent
-    across, height, away = extents(some @ view.planes.level.T, outliers).tolist()
+    across, height, away = extents(sampled_points @ view.planes.level.T, outliers).tolist()
     if not limits.min_length_m <= max(across, height, away) <= limits.max_length_m:
         return None
     x, y, z = points.mean(axis=0)
     centred = np.exp(-2.0 * (x * x + y * y) / (z * z))
     score = float(centred * min(1.0, height) ** 2)
-    why = f"{height:.2f} m high, {across:.2f} m wide, {away:.2f} m deep, {seen:.2f} m2 seen"
+    description = f"{height:.2f} m high, {across:.2f} m wide, {away:.2f} m deep, {area_m2:.2f} m2 seen"
     mask = np.zeros(view.depth.shape, dtype=np.bool_)
     part.mark(mask)
-    return Candidate(mask, points, part, score, why)
+    return Candidate(mask, points, part, score, description)

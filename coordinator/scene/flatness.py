@@ -18,21 +18,22 @@ from gepf.coordinator.settings import SceneSettings
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Flat:
-    """The plane with the largest part of an object.
+    """The plane that contains the largest part of an object.
 
-    share: part of the object's pixels within half the margin of the plane. on: (H, W) pixels of the object
-    that may be on the plane, by their own noise. size: of the squares, pixels. patches: (H, W) for pixels
-    around which the surface is on the plane, the visible area of their connected patch, m^2; else 0.
+    share: share of the object's pixels within half the margin of the plane. on_plane: (H, W) pixels of the
+    object whose single measurements, within noise, are consistent with the plane. size: side of the averaging
+    square, in pixels. patch_areas: (H, W) visible area, in m^2, of the connected flat patch that a pixel
+    belongs to; 0 if it belongs to none.
     """
 
     share: float
-    on: Mask
+    on_plane: Mask
     size: int
-    patches: Array
+    patch_areas: Array
 
-    def grow(self, some: Mask) -> Mask:
-        """Some pixels (H, W) of the patches, with those nearby that may be on the plane."""
-        return np.asarray(some | (binary_dilation(some, iterations=self.size) & self.on))
+    def grow(self, pixels: Mask) -> Mask:
+        """Some pixels (H, W) of the patches, extended by nearby pixels that are consistent with the plane."""
+        return np.asarray(pixels | (binary_dilation(pixels, iterations=self.size) & self.on_plane))
 
 
 def find_flat(
@@ -53,15 +54,16 @@ def find_flat(
         image[mask] = rays[:, n]
         averaged[:, n] = uniform_filter(image, size)[mask] / weight
     averaged[:, 3] /= size * np.sqrt(weight)
-    some = averaged[:: 1 + len(averaged) // limits.flat_points].copy()
-    drawn, flat, on = draw_planes(some, limits.flat_samples), np.zeros_like(mask), np.zeros_like(mask)
+    sampled_rays = averaged[:: 1 + len(averaged) // limits.flat_points].copy()
+    drawn = draw_planes(sampled_rays, limits.flat_samples)
+    flat, on_plane = np.zeros_like(mask), np.zeros_like(mask)
     if not len(drawn):  # the object is a line
-        return Flat(0.0, on, size, np.zeros(mask.shape))
-    planes = refine_best(drawn, count_points(drawn, some)[:, 0], some, settings.planes)
-    near = count_points(planes, some)[:, 0]
+        return Flat(0.0, on_plane, size, np.zeros(mask.shape))
+    planes = refine_best(drawn, count_points(drawn, sampled_rays)[:, 0], sampled_rays, settings.planes)
+    near = count_points(planes, sampled_rays)[:, 0]
     plane = planes[near.argmax()]
-    flat[mask], on[mask] = lie_on(plane, averaged), lie_on(plane, rays)
+    flat[mask], on_plane[mask] = lie_on(plane, averaged), lie_on(plane, rays)
     step_m = settings.segmentation.step_m
     labels = label_parts(depth, flat, step_m, step_m, noise, camera.fx)
     areas, _ = measure_components(labels, depth, camera.fx, camera.fy)
-    return Flat(float(near.max()) / len(some), on, size, areas[labels])
+    return Flat(float(near.max()) / len(sampled_rays), on_plane, size, areas[labels])

@@ -1,6 +1,6 @@
 """The noise of a depth camera, measured in one image.
 
-By `DepthNoise` the room and a person are distinguished, by `SensorNoise` the points of a body are weighted.
+`DepthNoise` is used to separate a person from the room, `SensorNoise` to weight the points of a body.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ ONE_DEVIATION = 68.3  # per cent of a Gaussian within one standard deviation
 class DepthNoise(NamedTuple):
     """The noise of a camera's depth z in metres: standard deviation floor + growth z^2."""
 
-    growth: float  # metres at 1 m
+    growth: float  # metres of standard deviation added at a depth of 1 m
     floor_m: float
     margin_deviations: float  # smaller differences of depth are noise
 
@@ -40,7 +40,7 @@ class DepthNoise(NamedTuple):
 
 
 def noise_of(growth: float, settings: NoiseSettings) -> DepthNoise:
-    """The noise with this growth, metres at 1 m."""
+    """The noise with this growth, metres added at 1 m."""
     return DepthNoise(growth, settings.floor_m, settings.margin_deviations)
 
 
@@ -83,7 +83,7 @@ class SensorNoise:
     distance: float = 0.0  # metres; 0 if the noise does not depend on the distance
 
     def at(self, distance: float, floor_m: float) -> SensorNoise:
-        """The noise at another distance, metres, in steps of a tenth: most frames have the same settings.
+        """The noise at another distance, metres, rounded to steps of 10 %: most frames get the same settings.
 
         A part of it, the floor, is the same at all distances.
         """
@@ -133,7 +133,7 @@ def count_changes(mask: Mask) -> int:
 def assume_noise(settings: RefineSettings, noise: SensorNoise) -> RefineSettings:
     """Settings with at least this noise. Their own noise also covers the error of the surface.
 
-    The noise across is at most the noise along: a rougher outline has other reasons.
+    The noise across is at most the noise along: a rougher outline has other causes.
     """
     depth = max(settings.noise_depth, noise.depth)
     lateral = min(max(settings.noise_lateral, noise.lateral), depth)

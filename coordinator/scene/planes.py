@@ -1,7 +1,7 @@
 """Planes: floor and walls, which are behind everything else in the image.
 
 The inverse depth of a plane is linear in the image: 1 / z = a x/z + b y/z + c. So planes are fitted to rays
-(N, 4): x/z, y/z, 1/z, and the margin of 1/z by the noise, for being on a plane.
+(N, 4): x/z, y/z, 1/z, and the tolerance of 1/z, due to noise, within which a ray counts as lying on a plane.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class Planes:
 def sample_rays(
     depth_m: NDArray[np.floating], camera: Intrinsics, noise: DepthNoise, points_across: int
 ) -> Array:
-    """Rays (N, 4) of a grid of pixels with so many points in a row, of depth with this noise."""
+    """Rays (N, 4) of a grid of `points_across` pixels per row, with tolerances from this noise."""
     stride = max(1, camera.width // points_across)
     v, u = np.nonzero(depth_m[::stride, ::stride])
     z = depth_m[::stride, ::stride][v, u].astype(np.float64)
@@ -78,7 +78,7 @@ def to_points(rays: Array) -> Array:
 
 
 def extents(points: Array, outlier_percent: float) -> Array:
-    """Extents (K,) of points (N, K) in each coordinate, without so many per cent at each end."""
+    """Extents (K,) of points (N, K) in each coordinate, after discarding `outlier_percent` at each end."""
     low, high = np.percentile(points, (outlier_percent, 100.0 - outlier_percent), axis=0)
     return np.asarray(high - low)
 
@@ -86,7 +86,8 @@ def extents(points: Array, outlier_percent: float) -> Array:
 def find_planes(rays: Array, approximate_ups: Array, settings: PlaneSettings) -> Planes:
     """Floor and walls among rays (N, 4), by RANSAC, given the possible approximate up directions (K, 3).
 
-    Of several, up is that of the floor on which things rest; the first one if there is none.
+    If several directions are possible, up is that whose floor most things rest on; the first one without a
+    floor.
     """
     drawn, rest, planes = draw_planes(rays, settings.samples), rays, list[Array]()
     max_beyond = settings.max_beyond_share * len(rays)
@@ -107,7 +108,7 @@ def find_planes(rays: Array, approximate_ups: Array, settings: PlaneSettings) ->
     walls = [
         plane
         for plane in planes
-        if abs(level(plane, up)) < np.sin(np.radians(max_tilt))
+        if abs(cosine_to(plane, up)) < np.sin(np.radians(max_tilt))
         and is_large(plane, rays, min_wall, settings.outlier_percent)
     ]
     chosen = walls if floor is None else [floor, *walls]
@@ -124,7 +125,7 @@ def choose_floor(
     min_level = np.cos(np.radians(settings.max_camera_tilt_deg))
     floors = [
         max(
-            (plane for plane in planes if level(plane, up) > min_level),
+            (plane for plane in planes if cosine_to(plane, up) > min_level),
             key=lambda plane: np.count_nonzero(lie_on(plane, rays)),
             default=None,
         )
@@ -145,12 +146,12 @@ def choose_floor(
 
 
 def support(planes: Array, rays: Array) -> Indices:
-    """Number of rays (N, 4) within half the margin of each plane (M, 3), minus those in the other half."""
+    """Number of rays (N, 4) within half the margin of each plane (M, 3), minus those in its outer half."""
     counts = count_points(planes, rays)
     return np.asarray(2 * counts[:, 0] - counts[:, 1])
 
 
-def level(plane: Array, up: Array) -> float:
+def cosine_to(plane: Array, up: Array) -> float:
     """Cosine between a direction (3,) and the normal of a plane towards the camera."""
     return float(-plane @ up / np.linalg.norm(plane))
 
@@ -164,8 +165,8 @@ def refine_best(planes: Array, scores: Indices, rays: Array, settings: PlaneSett
 def draw_planes(rays: Array, count: int) -> Array:
     """Coefficients (M, 3) of at most `count` planes through three of the rays (N, 4) each.
 
-    The three are at small to large distances: if only patches of a floor are visible, three random rays
-    are rarely all on it.
+    The distances between the three range from small to large: if only patches of a floor are visible, three
+    random rays are rarely all on it.
     """
     random, tree = np.random.default_rng(0), cKDTree(rays[:, :2])
     first = rays[random.integers(len(rays), size=count)]
@@ -175,8 +176,8 @@ def draw_planes(rays: Array, count: int) -> Array:
         for _ in range(2)
     )
     normal = np.cross(second, third)
-    plain = np.abs(normal[:, 2]) > np.finfo(float).eps  # other planes contain the camera and are not visible
-    normal, first = normal[plain], first[plain]
+    is_visible = np.abs(normal[:, 2]) > np.finfo(float).eps  # not if the plane contains the camera
+    normal, first = normal[is_visible], first[is_visible]
     slopes = -normal[:, :2] / normal[:, 2:]
     return np.column_stack([slopes, first[:, 2] - np.sum(slopes * first[:, :2], axis=1)])
 
@@ -246,7 +247,7 @@ def lie_on(plane: Array, rays: Array) -> Mask:
 def is_large(plane: Array, rays: Array, least: tuple[float, float], outlier_percent: float) -> bool:
     """Whether the rays (N, 4) on a plane extend over at least this width, metres, and area, square metres.
 
-    Without so many per cent of them at each end.
+    `outlier_percent` of them are discarded at each end.
     """
     points = to_points(rays[lie_on(plane, rays)])
     across = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2][:2].T

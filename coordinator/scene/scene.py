@@ -24,7 +24,7 @@ Depth = NDArray[np.float32]
 Marks = NDArray[np.uint8]
 
 NOT_MEASURED, FOREGROUND, BACKGROUND, ON_PLANE = 0, 1, 2, 3  # marks of a pixel
-SETTLED_STEPS = 30  # in which `settled_s` is counted, of 255 that a byte holds: one per frame at video rate
+SETTLED_STEPS = 30  # steps in `settled_s`, of 255 that a byte can hold; at 30 frames/s, a step is a frame
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,8 +35,8 @@ class SceneView:
     noise: of the depth.
     background: (H, W) metres, depth without people; 0 if unknown.
     marks: (H, W) NOT_MEASURED, FOREGROUND, BACKGROUND or ON_PLANE.
-    furnished: the frame shows a room, not only a person; if not, pixels without depth are empty.
-    settings: by which the frame is segmented.
+    shows_room: whether the frame shows a room, not only a person; if not, pixels without depth are empty.
+    settings: of the segmentation of the frame.
     excluded: (H, W) pixels excluded by the user; they are unknown.
     """
 
@@ -47,7 +47,7 @@ class SceneView:
     planes: Planes
     background: Depth
     marks: Marks
-    furnished: bool
+    shows_room: bool
     settings: SceneSettings
     excluded: Mask | None = None
 
@@ -93,13 +93,13 @@ NOTHING = Learned(np.empty(0, np.uint32), np.empty(0, np.float32), np.empty(0, n
 class SceneChange:
     """The change of a scene by one frame: the changed pixels of the background, and everything else."""
 
-    seen: int = 0  # frames with depth
-    time_s: float = 0.0  # of the last of them
-    elapsed_s: float = 0.0  # between them, without gaps
+    frames_with_depth: int = 0
+    time_s: float = 0.0  # of the last frame with depth
+    elapsed_s: float = 0.0  # total time between frames with depth, with long gaps shortened
     growth: float = 0.0  # of the depth's noise; 0 before the first depth
     planes: Array = field(default_factory=lambda: np.empty((0, 3)))
     has_floor: bool = False
-    furnished: bool = False
+    shows_room: bool = False
     size: tuple[int, int] = (0, 0)  # rows and columns of the background; none at the start
     learned: Learned = NOTHING
     T_rig_camera: Array = field(default_factory=NOT_MOVED.copy)  # of the frame
@@ -113,11 +113,11 @@ class Scene:
     """The known scene.
 
     Each frame is given to `see` and then to `learn`. The same frames and people's pixels give the same scene,
-    bit for bit; `recall` restores it from the changes alone. If the size of a frame differs from the size of
-    the frames before, or of the background, it is from another camera, and the scene starts again.
+    bit for bit; `recall` restores it from the changes alone. If the size of a frame differs from that of
+    earlier frames, or of the background, it is from another camera, and the scene starts again.
 
     Args:
-        settings: Of the scene and its segmentation.
+        settings: Settings of the scene and its segmentation.
         background: Depth (H, W) in metres without people, 0 if unknown; None to learn all of it.
         up: Approximate up direction (3,), camera frame; None for a camera that may be
             rotated by a multiple of 90 degrees.
@@ -127,17 +127,17 @@ class Scene:
         self, settings: SceneSettings, background: Depth | None = None, up: Array | None = None
     ) -> None:
         self._settings = settings
-        self._placed = NOT_MOVED
+        self._T_rig_camera = NOT_MOVED
         self._no_planes = Planes() if up is None else Planes(approximate_up=up)
         self._ups = SIDES if up is None else up[None]
         self._background: Depth
         self._nearer: Marks
         self._begin(np.zeros((0, 0), np.float32) if background is None else background.copy())
-        self._furnished = background is not None
+        self._shows_room = background is not None
 
     def see(self, image: View, excluded: Mask | None = None) -> SceneView:
-        """An image with the known scene; `excluded` (H, W) are pixels that the user excluded."""
-        depth, self._placed = image.metres(), image.T_rig_camera
+        """Compare an image with the known scene; `excluded` (H, W) are pixels that the user excluded."""
+        depth, self._T_rig_camera = image.metres(), image.T_rig_camera
         if self._background.shape != depth.shape:
             self._begin(np.zeros_like(depth))
         if depth.any():
@@ -153,7 +153,7 @@ class Scene:
             planes=planes,
             background=self._background,
             marks=mark_pixels(depth, self._background, camera.pinhole, planes.coefficients, noise),
-            furnished=self._furnished,
+            shows_room=self._shows_room,
             settings=self._settings,
             excluded=excluded,
         )
@@ -164,7 +164,7 @@ class Scene:
         Pixels (H, W) of `people` or possible people are not learned. A frame may be learned twice, if the
         pixels of the second time were people at the first; what was `learned` then is a part of the change.
         """
-        if not self._furnished:
+        if not self._shows_room:
             return self._change(NOTHING.pixels)
         outside = np.zeros(view.depth.shape, np.bool_) if people is None else people
         learned_before = self._background > 0.0
@@ -174,17 +174,18 @@ class Scene:
         if moved:  # most of the image changed: the camera was moved
             self._background[:], self._nearer[:] = 0.0, 0
             learn_pixels(view.depth, view.noise, outside, self._background, self._nearer, steps)
-        if moved or self._seen <= 1:
+        if moved or self._frames_with_depth <= 1:
             return self.all()
         return self._change(np.union1d(learned.pixels, pixels) if len(learned.pixels) else pixels)
 
     def recall(self, change: SceneChange) -> None:
-        """Restore the scene after a frame from its change; the changes of the frames before come first."""
+        """Restore the scene after a frame from its change, after those of all earlier frames."""
         if self._background.shape != change.size:
             self._begin(np.zeros(change.size, np.float32))
-        self._seen, self._furnished, self._growth = change.seen, change.furnished, change.growth
+        self._frames_with_depth, self._shows_room = change.frames_with_depth, change.shows_room
+        self._growth = change.growth
         self._time_s, self._elapsed_s = change.time_s, change.elapsed_s
-        self._placed = change.T_rig_camera
+        self._T_rig_camera = change.T_rig_camera
         self._planes = Planes(change.planes, change.has_floor, self._no_planes.approximate_up)
         self._background.ravel()[change.learned.pixels] = change.learned.depth
         self._nearer.ravel()[change.learned.pixels] = change.learned.nearer
@@ -194,21 +195,24 @@ class Scene:
         return self._change(np.arange(self._background.size, dtype=np.uint32))
 
     def _begin(self, background: Depth) -> None:
-        self._seen = self._steps = 0
+        self._frames_with_depth = self._steps = 0
         self._time_s = self._elapsed_s = 0.0
         self._growth = 0.0
         self._planes = self._no_planes
-        self._furnished = False
+        self._shows_room = False
         self._background = background
         self._nearer = np.zeros(background.shape, np.uint8)
 
     def _pass_time(self, time_s: float) -> None:
-        """Count the time since the last frame with depth: at the first one a step, in a gap half of them."""
+        """Count the time since the last frame with depth.
+
+        The first frame counts as one step; a gap counts for at most half of `settled_s`.
+        """
         before, longest_s = self._step_count, 0.5 * self._settings.settled_s
-        if self._seen:
+        if self._frames_with_depth:
             self._elapsed_s += min(max(time_s - self._time_s, 0.0), longest_s)
         self._time_s = time_s
-        self._steps = self._step_count - before if self._seen else 1
+        self._steps = self._step_count - before if self._frames_with_depth else 1
 
     @property
     def _step_count(self) -> int:
@@ -220,27 +224,27 @@ class Scene:
         self._growth = self._growth or fit_growth(depth, settings.noise)
         rays = sample_rays(depth, camera, noise_of(self._growth, settings.noise), limits.points_across)
         planes = self._planes
-        due = len(rays) > 0 and (not self._furnished or self._step_count % SETTLED_STEPS < self._steps)
+        due = len(rays) > 0 and (not self._shows_room or self._step_count % SETTLED_STEPS < self._steps)
         if len(planes.coefficients):  # the camera stands still or moves slowly
             self._planes = replace(planes, coefficients=refit(planes.coefficients, rays, limits.min_points))
         elif due:
             extent = extents(to_points(rays), limits.outlier_percent).max()
             if extent > settings.candidates.max_length_m:  # more than a person
-                self._planes, self._furnished = find_planes(rays, self._ups, limits), True
-        self._seen += 1
+                self._planes, self._shows_room = find_planes(rays, self._ups, limits), True
+        self._frames_with_depth += 1
 
     def _change(self, pixels: NDArray[np.uint32]) -> SceneChange:
         return SceneChange(
-            self._seen,
+            self._frames_with_depth,
             self._time_s,
             self._elapsed_s,
             self._growth,
             self._planes.coefficients,
             self._planes.has_floor,
-            self._furnished,
+            self._shows_room,
             self._background.shape,
             Learned(pixels, self._background.ravel()[pixels], self._nearer.ravel()[pixels]),
-            self._placed,
+            self._T_rig_camera,
         )
 
 
@@ -256,14 +260,14 @@ def learn_pixels(
     count = 0
     for v in range(depth.shape[0]):
         for u in range(depth.shape[1]):
-            z, learned = depth[v, u], background[v, u]
+            z, known_depth = depth[v, u], background[v, u]
             margin = margin_at(z, noise)
-            alike = abs(z - learned) <= margin
+            alike = abs(z - known_depth) <= margin
             if not z > 0.0 or people[v, u] or (alike and nearer[v, u] == 0):
                 continue
             pixels[count] = v * depth.shape[1] + u
             count += 1
-            nearer[v, u] = nearer[v, u] + steps if z < learned - margin else 0
-            if z > learned + margin or nearer[v, u] >= SETTLED_STEPS:
+            nearer[v, u] = nearer[v, u] + steps if z < known_depth - margin else 0
+            if z > known_depth + margin or nearer[v, u] >= SETTLED_STEPS:
                 background[v, u], nearer[v, u] = z, 0
     return pixels[:count].copy()

@@ -1,4 +1,4 @@
-"""The scope of tracking: the part of the scene, the person who is meant, and the known room."""
+"""The scope of tracking: the part of the scene, the selected person, and the empty room."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from gepf.common.frame import View
 from gepf.coordinator.scene.candidates import Candidate
 from gepf.coordinator.scene.scene import SceneView
 
-WAYS = ("best", "nearest", "largest", "moving")
+PERSON_CRITERIA = ("best", "nearest", "largest", "moving")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scope:
-    """The part of the frames that is used, the person who is meant, and the room without people.
+    """The part of the frames that is used, the selected person, and the room without people.
 
     near, far: metres; None for no limit.
     region: left, top, right and bottom in pixels, half-open; None for the whole image.
-    person: One of WAYS, or a pixel of the person, column and row.
+    person: One of PERSON_CRITERIA, or a pixel of the person, column and row.
     background: depth (H, W) in metres, 0 if unknown; None to learn all of it.
     up: Unit vector (3,) away from the ground, rig's frame, if the recording or the user gives it.
     camera: The camera of a rig in which region, pixel and background are given.
@@ -38,7 +38,7 @@ class Scope:
     camera: str = ""
 
     def limit(self, view: View) -> tuple[View, Mask | None]:
-        """The image with depth within the limits only; the excluded pixels (H, W), with or without depth.
+        """The image with only the depth within the limits, and the mask (H, W) of excluded pixels.
 
         Without limits: the same image, and None.
         """
@@ -56,26 +56,32 @@ class Scope:
         return replace(view, depth=np.where(excluded, np.uint16(0), view.depth)), excluded
 
     def choose(self, view: SceneView, people: Sequence[Candidate]) -> list[Candidate]:
-        """The candidates who may be meant, the most likely first."""
+        """The candidates for the selected person, the most likely first."""
 
         def moved(candidate: Candidate) -> float:
             return float(np.mean(view.background[candidate.mask] > 0.0))
 
         if not isinstance(self.person, str):
-            at = np.array(self.person)[::-1]
-            return sorted(people, key=lambda who: np.linalg.norm(np.argwhere(who.widest) - at, axis=1).min())
+            pixel = np.array(self.person)[::-1]
+
+            def distance(candidate: Candidate) -> float:
+                return float(np.linalg.norm(np.argwhere(candidate.widest) - pixel, axis=1).min())
+
+            return sorted(people, key=distance)
         order: dict[str, Callable[[Candidate], float]] = {
             "best": lambda candidate: -candidate.score,
             "nearest": lambda candidate: float(np.median(candidate.points[:, 2])),
             "largest": lambda candidate: -float(np.sum(candidate.points[:, 2] ** 2)),
             "moving": lambda candidate: -moved(candidate),
         }
-        least = view.settings.candidates.min_moved_share
-        possible = [who for who in people if self.person != "moving" or moved(who) > least]
+        min_share = view.settings.candidates.min_moved_share
+        possible = people
+        if self.person == "moving":
+            possible = [candidate for candidate in people if moved(candidate) > min_share]
         return sorted(possible, key=order[self.person])
 
     def of(self, camera: str) -> Scope:
-        """The scope of a camera of the rig; the user gives pixels of one."""
+        """The scope of a camera of the rig; the pixels given by the user apply to one camera only."""
         if camera == self.camera:
             return self
         person = self.person if isinstance(self.person, str) else "best"
@@ -83,12 +89,13 @@ class Scope:
 
     def describe(self) -> dict[str, object]:
         """All fields by name as JSON values; the background as a hash."""
-        empty = self.background
+        background = self.background
+        digest = None if background is None else hashlib.sha256(background.tobytes()).hexdigest()[:12]
         return {
             "person": self.person if isinstance(self.person, str) else list(self.person),
             "near": self.near,
             "far": self.far,
             "roi": None if self.region is None else list(self.region),
-            "background": None if empty is None else hashlib.sha256(empty.tobytes()).hexdigest()[:12],
+            "background": digest,
             "up": None if self.up is None else self.up.tolist(),
         }

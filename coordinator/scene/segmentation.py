@@ -100,7 +100,8 @@ def segment_body(
 ) -> Segmentation:
     """Label the pixels around the points (V, 3) of a posed body, given distances (H, W) from them, metres.
 
-    `foreign` pixels (H, W), of people or possible people, are unknown for this one.
+    `foreign` pixels (H, W), which belong to other people or possible people, are labelled unknown for this
+    body.
     """
     limits, window = view.settings.segmentation, window_of(view, surface)
     inside = slices(window)
@@ -111,7 +112,7 @@ def segment_body(
             unclear |= mask[inside]
     possible = (marks == FOREGROUND) & (near <= limits.reach_m) & ~unclear
     parts = label_parts(depth, possible, limits.step_m, limits.step_m, view.noise, view.camera.fx)
-    farthest, missing = surface[:, 2].max(), UNMEASURED if view.furnished else EMPTY
+    farthest, missing = surface[:, 2].max(), UNMEASURED if view.shows_room else EMPTY
     labels = label_pixels(
         view.depth, view.marks, distances, window[:2], unclear, parts, limits.near_m, farthest, missing
     )
@@ -132,8 +133,8 @@ def label_pixels(  # noqa: PLR0913 a kernel
 ) -> Labels:
     """Labels (h, w) of a window with this left, top corner; depth, marks, distances are (H, W).
 
-    The subject has the components, `parts` (h, w), that are within `near_m` of the body. No point of the body
-    is beyond `farthest`. Pixels without depth get the label `missing`.
+    The subject consists of those components in `parts` (h, w) that come within `near_m` of the body. No point
+    of the body is beyond `farthest`. Pixels without depth get the label `missing`.
     """
     left, top = corner
     labels = np.empty(parts.shape, dtype=np.uint8)
@@ -161,7 +162,8 @@ def segment_masks(
 ) -> tuple[Segmentation, ...]:
     """Label the pixels for a person without a posed body, once for each mask (H, W) of the person's pixels.
 
-    Each mask contains the one before it. All are labelled as near the last one: the rest of it is unknown.
+    Each mask contains the previous one. The surroundings of all are labelled relative to the last, widest
+    one; its pixels outside a given mask are unknown.
     """
     points = points_of(view.depth, view.camera, masks[-1])
     reach_m = view.settings.segmentation.reach_m
@@ -204,7 +206,8 @@ def nearest_of(view: SceneView, distances: Sequence[Depth]) -> Depth:
 def mark_apart(view: SceneView, nearest: Depth) -> Mask:
     """Pixels (H, W) of other people and things that touch bodies, from the distances to the nearest body.
 
-    They are foreground that is not near a body, extends beyond its reach, and is too large for a limb.
+    They are foreground components that are not near any body, extend more than `reach_m` away from it, and
+    are too large to be a limb.
     """
     limits = view.settings.segmentation
     least = limits.min_person_m2 * view.camera.fx * view.camera.fy
@@ -262,8 +265,8 @@ def label_parts(
 ) -> NDArray[np.int32]:
     """Label connected components in depth (H, W) among the pixels inside: 1, 2, ... from the top; 0 outside.
 
-    Neighbouring pixels are connected if their depths differ by less than a step, and noise. Pixels without
-    depth separate them only if they are wider than the gap; `focal` is in pixels.
+    Neighbouring pixels are connected if their depths differ by less than `step_m` plus the noise margin.
+    Pixels without depth separate them only if they are wider than `gap_m`; `focal` is in pixels.
     """
     labels = np.zeros(depth.shape, dtype=np.int32)
     rows, columns = depth.shape

@@ -1,4 +1,4 @@
-"""Which pixels of a segmented frame are whose: those around a pose, or a candidate."""
+"""Assigns the pixels of a segmented frame to people: those around a pose, or those of a candidate."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from gepf.coordinator.tracking.track_state import Body, Found, Searching
 class Assignment:
     """Assigns the pixels of one segmented frame to people.
 
-    Of its candidates, those in `free` may be somebody, the most likely first; each only once. `view_of` is
-    called for people in their order, each after the person before was submitted: a person who was detected
-    just now is a body then.
+    `free` are the candidates that may still be assigned, most likely first; each is assigned at most once.
+    `view_of` is called for one person after another, after the previous one was submitted: a person who was
+    detected just now is a body then.
     """
 
     def __init__(
@@ -37,41 +37,41 @@ class Assignment:
         )
         self._free = [] if detected else list(free)
 
-    def view_of(self, place: int) -> BodyView:
-        """What shows a person: a free candidate if the person is undetected or lost."""
-        segmented, target, is_elsewhere = self._segmented, self._targets[place], False
-        subject, alternatives = segmented.subjects[place], tuple[SubjectFrame, ...]()
+    def view_of(self, person_index: int) -> BodyView:
+        """What the frame shows of a person: a free candidate if the person is undetected or lost."""
+        segmented, target, is_elsewhere = self._segmented, self._targets[person_index], False
+        subject, alternatives = segmented.subjects[person_index], tuple[SubjectFrame, ...]()
         if not isinstance(target.track, Body):
-            subject, candidate = None, self._for_search(place)
+            subject, candidate = None, self._for_search(person_index)
         elif target.needs_candidates:
             subject, candidate = None, self._take(nearest(self._free, target.last_seen))
         else:
-            candidate = self._take(self._elsewhere(place)) if self._misses(place) else None
+            candidate = self._take(self._elsewhere(person_index)) if self._misses(person_index) else None
             is_elsewhere = candidate is not None and not isinstance(target.track, Found)
         if candidate is not None:
             subject, alternatives = candidate.subject, candidate.alternatives
-        planes, excluded = segmented.planes(subject), segmented.excluded[place]
+        planes, excluded = segmented.planes(subject), segmented.excluded[person_index]
         return BodyView(segmented.frame, subject, planes, alternatives, excluded, is_elsewhere)
 
     def _take(self, candidate: UntrackedPerson | None) -> UntrackedPerson | None:
-        """The same candidate, who is nobody else from now on."""
+        """Assign a candidate, who is not free any more, and return it."""
         if candidate in self._free:
             self._free.remove(candidate)
         return candidate
 
-    def _for_search(self, place: int) -> UntrackedPerson | None:
-        """The candidate in which a person is searched for: the one under way, or each in turn.
+    def _for_search(self, person_index: int) -> UntrackedPerson | None:
+        """The candidate to search: that of the search under way, otherwise each candidate in turn.
 
-        If colour shows people, only they have turns.
+        If colour confirms some candidates as people, only those are searched.
 
         People are detected in their order. In the first round all cameras of a candidate are used, in each
         further round one of them: cameras with wrong poses show no person together.
         """
-        target = self._targets[place]
-        shown = [who for who in self._free if who.is_shown]
-        possible = (shown or self._free)[: 1 if len(self._targets) == 1 else None]
+        target = self._targets[person_index]
+        confirmed = [candidate for candidate in self._free if candidate.is_shown]
+        possible = (confirmed or self._free)[: 1 if len(self._targets) == 1 else None]
         count = len(possible)
-        if not count or not all(isinstance(before.track, Body) for before in self._targets[:place]):
+        if not count or not all(isinstance(earlier.track, Body) for earlier in self._targets[:person_index]):
             return None
         search = 0
         if isinstance(target.track, Searching):
@@ -87,9 +87,9 @@ class Assignment:
         options = [chosen, *by_camera] if len(views) > 1 else [chosen]
         return options[rounds % len(options)]
 
-    def _misses(self, place: int) -> bool:
+    def _misses(self, person_index: int) -> bool:
         """Whether so few pixels of the body are visible that it is looked for elsewhere."""
-        target, pixels = self._targets[place], self._segmented.pixels(place)
+        target, pixels = self._targets[person_index], self._segmented.pixels(person_index)
         if isinstance(target.track, Found):
             whole = target.policy.settings.whole_share * target.track.detected_pixels
         else:
@@ -97,13 +97,15 @@ class Assignment:
             whole = max(target.policy.min_points, target.policy.settings.gone_share * target.track.pixels)
         return pixels < whole and target.policy.recovers
 
-    def _elsewhere(self, place: int) -> UntrackedPerson | None:
+    def _elsewhere(self, person_index: int) -> UntrackedPerson | None:
         """A candidate nearby with more pixels than the present subject, who is probably the same person.
 
-        The frame has no candidates of its own unless a body may be anywhere, so they are looked for now.
+        The frame has no candidates of its own unless a body may be anywhere, so they are found now.
         """
-        target, pixels = self._targets[place], self._segmented.pixels(place)
-        surfaces = [other.segmentation_surface() for n, other in enumerate(self._targets) if n != place]
+        target, pixels = self._targets[person_index], self._segmented.pixels(person_index)
+        surfaces = [
+            other.segmentation_surface() for n, other in enumerate(self._targets) if n != person_index
+        ]
         candidates = self._segmenter.find_candidates(
             self._segmented, [surface for surface in surfaces if surface is not None]
         )
@@ -119,20 +121,20 @@ class Assignment:
             return None
         return candidate if near or pixels < target.policy.min_points else None
 
-    def people_beside(self, place: int, searched: UntrackedPerson) -> list[SubjectFrame]:
-        """All people in the frame except the one at this place, who was searched for as `searched`."""
+    def other_people(self, person_index: int, searched: UntrackedPerson) -> list[SubjectFrame]:
+        """All people in the frame except the person with this index, who was searched for as `searched`."""
         candidates = [candidate.subject for candidate in self._segmented.candidates]
-        beside = [subject for subject in candidates if subject is not searched.subject]
-        return beside + [
-            subject for n, subject in enumerate(self._segmented.subjects) if subject and n != place
+        others = [subject for subject in candidates if subject is not searched.subject]
+        return others + [
+            subject for n, subject in enumerate(self._segmented.subjects) if subject and n != person_index
         ]
 
 
-def nearest(candidates: Sequence[UntrackedPerson], place: Array) -> UntrackedPerson | None:
-    """The candidate that is nearest to a place (3,), metres; None without candidates."""
-    return min(candidates, key=lambda candidate: distance(candidate.subject, place), default=None)
+def nearest(candidates: Sequence[UntrackedPerson], position: Array) -> UntrackedPerson | None:
+    """The candidate nearest to a position (3,), metres; None without candidates."""
+    return min(candidates, key=lambda candidate: distance(candidate.subject, position), default=None)
 
 
-def distance(subject: SubjectFrame, place: Array) -> float:
-    """Distance in metres from the median of a person's observed points to a place (3,)."""
-    return float(np.linalg.norm(middle_of(subject) - place))
+def distance(subject: SubjectFrame, position: Array) -> float:
+    """Distance in metres from the median of a person's observed points to a position (3,)."""
+    return float(np.linalg.norm(middle_of(subject) - position))

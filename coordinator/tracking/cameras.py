@@ -1,14 +1,14 @@
 """Faults of the cameras of a rig: one that gives no depth, repeats an image, or contradicts the others.
 
-One principle decides: the pose that the other cameras support must explain the points of the body in a
-camera's image, and its depth behind the body, within the allowed residual. A camera with a wrong or changed
-pose fails this, whatever the reason. A repeated image is no new evidence. A camera is left out only while
-another one is not.
+One principle decides: the pose that the other cameras support must explain both the body points in a camera's
+image and the depth that this camera measures behind the body, to within the allowed residual. A camera with a
+wrong or changed pose fails this, whatever the reason. A repeated image is no new evidence. At least one
+camera is always kept.
 
 After a frame, `Agreement.after` says which cameras contradict the pose of a body. When the next frame is
 segmented, the body excludes these (`Body.excluded`): what they show of it is set aside, and compared again.
 `watch` gives a camera that a body excludes, or whose image is at fault, a fault for everybody. `faults_of`
-are the faults that last: estimates name them, and a track is checked when one of them ends.
+returns the faults that last: estimates name them, and a track is checked when one of them ends.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from gepf.coordinator.tracking.observation import camera_points
 NO_DEPTH: Fault = "gives no depth"
 REPEATS: Fault = "repeats an image"
 CONTRADICTS: Fault = "contradicts the others"
-REMEDY = "it or another one was moved: gepf calibrate finds the poses again from recordings"
+REMEDY = "this camera or another one was moved; run gepf calibrate on recordings to recompute the poses"
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +40,7 @@ class CameraState:
     """A camera after a frame."""
 
     image: int  # checksum of a part of its last image
-    good_s: float  # time of the last frame without a fault
+    last_good_s: float  # time of the last frame without a fault
     fault: Fault | None = None
 
 
@@ -50,10 +50,10 @@ CameraStates = dict[str, CameraState]
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
-    """Whether the cameras that show a body agree on its place.
+    """Whether the cameras that show a body agree on its position.
 
     contradicting: cameras whose points the last pose does not explain. agreed_s: seconds for which two or
-    more cameras agree; kept from `camera_confirmed_s` on, until the body is lost.
+    more cameras have agreed; kept from `camera_confirmed_s` on, until the body is lost.
     """
 
     contradicting: tuple[str, ...] = ()
@@ -62,33 +62,35 @@ class Agreement:
     def after(
         self, residuals: Mapping[str, float], allowed_m: float, interval_s: float, confirmed_s: float
     ) -> Self:
-        """The agreement after a frame, by the residuals of cameras that can be compared now, metres.
+        """The agreement after a frame, from the residuals of cameras that can be compared now, metres.
 
         A camera contradicts the others if the pose does not explain its image. The camera that the pose
-        explains best does not. One that cannot be compared now keeps its last state.
+        explains best never counts as contradicting. A camera that cannot be compared now keeps its last
+        verdict.
         """
         if len(residuals) < 2:
             return self
         allowed = max(allowed_m, min(residuals.values()))
-        against = [name for name, residual in residuals.items() if residual > allowed]
+        contradicting = [name for name, residual in residuals.items() if residual > allowed]
         unseen = [name for name in self.contradicting if name not in residuals]
         agreed_s = self.agreed_s
-        if len(residuals) > len(against) + 1:
+        if len(residuals) > len(contradicting) + 1:
             agreed_s += interval_s
         elif agreed_s < confirmed_s:
             agreed_s = 0.0
-        return type(self)((*unseen, *against), agreed_s)
+        return type(self)((*unseen, *contradicting), agreed_s)
 
-    def dispute(self, shown: Sequence[str], confirmed_s: float) -> str:
-        """Why a pose by the cameras that are `shown` may be at a wrong place; empty if it is not.
+    def dispute(self, cameras: Sequence[str], confirmed_s: float) -> str:
+        """Why a pose estimated from these `cameras` may be wrong; empty if there is no dispute.
 
-        Of two cameras that contradict each other, one is believed only if they agreed before.
+        Of two cameras that contradict each other, one is trusted only if they agreed before.
         """
-        supporting = [name for name in shown if name not in self.contradicting]
+        supporting = [name for name in cameras if name not in self.contradicting]
         if not self.contradicting or len(supporting) > 1 or (supporting and self.agreed_s >= confirmed_s):
             return ""
-        against = ", ".join(supporting) or "the others"
-        return f"{', '.join(self.contradicting)} contradicts {against}: either may have a wrong T_rig_camera"
+        names, others = ", ".join(self.contradicting), ", ".join(supporting) or "the others"
+        verb = "disagrees" if len(self.contradicting) == 1 else "disagree"
+        return f"{names} {verb} with {others}: one of them may have a wrong T_rig_camera"
 
 
 def watch(
@@ -99,10 +101,10 @@ def watch(
     `contradicting` are the cameras that are left out now. A camera without an image keeps its fault.
     """
     by_image = [state_by_image(view, states.get(view.camera), frame.time_s) for view in frame.views]
-    if all(state.fault for state in by_image):  # none is good: use those with depth, or else all
-        used = REPEATS if any(state.fault == REPEATS for state in by_image) else NO_DEPTH
+    if all(state.fault for state in by_image):  # no camera is good: use those with depth, or else all
+        tolerated_fault = REPEATS if any(state.fault == REPEATS for state in by_image) else NO_DEPTH
         by_image = [
-            replace(state, good_s=frame.time_s, fault=None) if state.fault == used else state
+            replace(state, last_good_s=frame.time_s, fault=None) if state.fault == tolerated_fault else state
             for state in by_image
         ]
     after, views = {name: replace(state, fault=state.fault or NO_DEPTH) for name, state in states.items()}, []
@@ -111,8 +113,8 @@ def watch(
         views.append(replace(view, depth=depth))
         after[view.camera] = state
         if view.camera in contradicting:
-            good_s = states.get(view.camera, state).good_s
-            after[view.camera] = CameraState(state.image, good_s, CONTRADICTS)
+            last_good_s = states.get(view.camera, state).last_good_s
+            after[view.camera] = CameraState(state.image, last_good_s, CONTRADICTS)
     return after, replace(frame, views=tuple(views))
 
 
@@ -121,15 +123,18 @@ def state_by_image(view: View, before: CameraState | None, time_s: float) -> Cam
     image = zlib.crc32(view.depth[::8].tobytes())  # every eighth row
     if view.depth.any() and (before is None or before.image != image):
         return CameraState(image, time_s)
-    return CameraState(image, before.good_s if before else time_s, REPEATS if view.depth.any() else NO_DEPTH)
+    return CameraState(
+        image, before.last_good_s if before else time_s, REPEATS if view.depth.any() else NO_DEPTH
+    )
 
 
 def camera_residuals(
     model: BodyModel, pose: Array, frame: Frame, views: Sequence[SubjectView], allowed_m: float
 ) -> dict[str, float]:
-    """How badly a pose (D,) explains the image of each camera, by what shows the body there: metres.
+    """How badly a pose (D,) explains the image of each camera, judged by its crop of the body; metres.
 
-    A camera without what shows the body counts if its image contradicts the pose by more than is allowed.
+    A camera whose image has no crop of the body is included only if it contradicts the pose by more than
+    `allowed_m`.
 
     Empty for a single camera. Cameras that cannot be compared are left out.
     """
@@ -172,22 +177,22 @@ def mean_distance(view: SubjectView, surface: Array) -> float:
 def faults_of(
     states: Mapping[str, CameraState], time_s: float, confirmed_s: float
 ) -> dict[str, tuple[Fault, float]]:
-    """The faults of cameras at the time of a frame that last for so long, each with its start."""
+    """The faults of cameras that have lasted for `confirmed_s` at the time of a frame, with their starts."""
     return {
-        name: (state.fault, state.good_s)
+        name: (state.fault, state.last_good_s)
         for name, state in states.items()
-        if state.fault is not None and time_s - state.good_s >= confirmed_s
+        if state.fault is not None and time_s - state.last_good_s >= confirmed_s
     }
 
 
 def describe_changes(
-    before: Mapping[str, tuple[Fault, float]], now: Mapping[str, tuple[Fault, float]]
+    before: Mapping[str, tuple[Fault, float]], after: Mapping[str, tuple[Fault, float]]
 ) -> list[str]:
-    """Messages on the faults that began since another frame, and on those that have ended."""
+    """Messages about faults that started between two frames, and about those that ended."""
     started = [
-        f"camera {name} {kind} since {since:.2f} s"
-        + (f" and is left out; {REMEDY}" if kind == CONTRADICTS else "")
-        for name, (kind, since) in now.items()
+        f"camera {name} has had a fault since t = {since:.2f} s: {kind}"
+        + (f", and is left out; {REMEDY}" if kind == CONTRADICTS else "")
+        for name, (kind, since) in after.items()
         if name not in before or before[name][0] != kind
     ]
-    return started + [f"camera {name} is used again" for name in before if name not in now]
+    return started + [f"camera {name} is used again" for name in before if name not in after]

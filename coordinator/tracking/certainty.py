@@ -31,7 +31,7 @@ from gepf.coordinator.settings import CertaintySettings
 from gepf.coordinator.tracking.estimate import Certainty
 from gepf.coordinator.tracking.observation import POINTS, camera_points
 
-STILL_M = 1e-9  # rounding of the place of a joint that does not move
+STILL_M = 1e-9  # joints that move less than this are fixed (rounding error)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,10 +39,10 @@ class FrameContext:
     """The data from which the pose of a frame was estimated, apart from the hypotheses."""
 
     subject: SubjectFrame
-    past: Array  # (D,) the pose reported before
-    interval: float  # seconds since then
+    past: Array  # (D,) the pose reported for the previous frame
+    interval: float  # seconds since that frame
     stretch: float  # ratio of lateral to depth noise
-    first: bool = False  # the pose before is only a guess
+    past_is_guess: bool = False
 
 
 class Features(NamedTuple):
@@ -50,8 +50,8 @@ class Features(NamedTuple):
 
     seen: Array  # visible share of the surface around it that faces the camera that sees it best
     residual: Array  # normalised residual of the body
-    unexplained: Array  # logarithm of the share of the points within reach that are not near the surface
-    spread: Array  # logarithm of the root mean square distance of the hypotheses, metres
+    unexplained: Array  # log of the share of the points within reach that are not near the surface
+    spread: Array  # log of the weighted RMS distance of the hypotheses from the reported joint, metres
     speed: Array  # logarithm, metres per second
     bend: Array  # sum of the squared angles from the root to the joint, rad^2
     folding: Array  # of the body: mean change of the distances between joints since the pose at rest, metres
@@ -69,9 +69,9 @@ def log_odds(features: Features, settings: CertaintySettings) -> Array:
 def judge(
     features: Features, settings: CertaintySettings, in_sight: Mask | None = None, shown: Array | None = None
 ) -> Certainty:
-    """The certainty of joints (J,); those that are not `in_sight` are outside of the image, or hidden.
+    """The certainty of joints (J,); those that are not `in_sight` are outside the image, or hidden.
 
-    `shown` is how well colour shows them there, from 0 to 1.
+    `shown` is how well colour confirms them there, from 0 to 1.
     """
     fit, odds = settings.fit, log_odds(features, settings)
     hidden = fit.log_deviation_hidden * (1.0 - features.seen)
@@ -98,9 +98,10 @@ def measure_features(
     seen_by: Array,
     settings: CertaintySettings,
 ) -> Features:
-    """The features of a reported pose (D,) with this normalised residual, and with shares `seen_by` (C, J).
+    """The features of a reported pose (D,), with normalised residual `residual` and visible shares `seen_by`.
 
-    `joints` (1 + M, J, 3) are those of the pose and of the hypotheses, which have `weights` (M,).
+    `seen_by` is (C, J). `joints` (1 + M, J, 3) are the joints of the pose and of the hypotheses, which have
+    `weights` (M,).
     """
     (at_rest, upstream), past = rest_of(model), joint_positions(model, context.past[None])[0]
     joints, hypotheses = joints[0], joints[1:]
@@ -124,10 +125,10 @@ def measure_features(
 
 
 def shown_in_colour(body: ExpectedBody, subject: SubjectFrame, farthest_deviations: float) -> Array:
-    """How well colour shows each joint (J,) of a body where it is, from 0 to 1; 0 without colour.
+    """How well colour confirms the position of each joint (J,) of a body, from 0 to 1; 0 without colour.
 
-    The precision of the keypoint of the same name, relative to that of the most precise one of the body; 0 if
-    it is farther away.
+    The precision of the keypoint of the same name, relative to the most precise keypoint of the body; 0 if
+    the keypoint is not at the joint.
     """
     names = body.model.joint_names
     shown = np.zeros(len(names))
@@ -155,7 +156,7 @@ def count_near(distances: Array, near_m: float) -> Array:
 
 @lru_cache(maxsize=16)
 def movable_joints(model: BodyModel) -> Mask:
-    """Which joints (J,) a degree of freedom moves; not those of a held base, nor the first on it."""
+    """Which joints (J,) a degree of freedom moves: not those of a held base, nor the first joint on it."""
     poses = np.stack([np.zeros(len(model.kinds)), np.linspace(0.3, 0.7, len(model.kinds))])
     rest, pose = joint_positions(model, poses)
     return np.asarray(np.linalg.norm(pose - rest, axis=1) > STILL_M)
@@ -163,7 +164,7 @@ def movable_joints(model: BodyModel) -> Mask:
 
 @lru_cache(maxsize=16)
 def rest_of(model: BodyModel) -> tuple[Array, Mask]:
-    """Of a body's joints at rest: distances (J, J), metres, and which angles (J, D) are above each joint."""
+    """Distances (J, J) of a body's joints at rest, metres, and which angles (J, D) are above each joint."""
     count = len(model.kinds)
     turns = (model.kinds == ROTATION) & ~np.isin(model.dof_names, ROOT_DOFS)
     upstream = np.zeros((count + 1, count), dtype=np.bool_)  # the last is for fixed joints
@@ -224,9 +225,9 @@ def unexplained_shares(
     """
     vertices, scale = pose_vertices(model, pose[None])[0], np.array([1.0, 1.0, stretch])
     weights, missed = np.ones(len(joints)), np.zeros(len(joints))
-    every = max(1, sum(len(view.picked) for view in subject.views) // POINTS)
+    stride = max(1, sum(len(view.picked) for view in subject.views) // POINTS)
     for view in subject.views:
-        points = camera_points(view, every) * scale
+        points = camera_points(view, stride) * scale
         surface = cKDTree(view.image.to_camera(vertices) * scale, balanced_tree=False, compact_nodes=False)
         nearest, _ = surface.query(points, distance_upper_bound=settings.unexplained_m)  # farther: infinite
         squares = cdist(points, view.image.to_camera(joints) * scale, "sqeuclidean")
@@ -290,7 +291,7 @@ def is_shown(
 
 @lru_cache(maxsize=16)
 def regions_of(model: BodyModel, region_m: float) -> Array:
-    """The weight of each triangle for each joint (T, J): it is near the joint and on a link at the joint.
+    """The weight (T, J) of each triangle for each joint: high if it is near, and on a link that meets there.
 
     `region_m` is the standard deviation of the weight by distance, metres.
     """
@@ -300,7 +301,7 @@ def regions_of(model: BodyModel, region_m: float) -> Array:
     # the first link with triangles that each degree of freedom moves
     first = {int(model.link_dofs[link]): int(link) for link in carried[::-1]}
     dofs = model.link_dofs.tolist()
-    # the nearest degree of freedom above each link that moves one of them
+    # for each link, the nearest ancestor degree of freedom that moves a link with triangles
     ends = [d if d < 0 else nearest_in(model, first, int(model.parents[d])) for d in dofs]
     above = np.array([-1 if d < 0 else first.get(end, -1) for d, end in zip(dofs, ends, strict=True)])
     weights = np.zeros((len(links), len(joints)))

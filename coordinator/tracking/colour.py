@@ -1,7 +1,7 @@
-"""What colour tells of the people of each frame: where they are, who is one, and which side is left.
+"""What colour tells about the people in each frame: where they are, who is a person, and which side is left.
 
 Keypoints are found while depth is segmented, a frame ahead. Whether they are used follows from the states of
-the cameras after the frame before, in `ColouredFrame`.
+the cameras after the previous frame, in `ColouredFrame`.
 """
 
 from __future__ import annotations
@@ -31,9 +31,10 @@ from gepf.coordinator.tracking.track_state import ROUNDING_S
 
 
 class ColourWatch:
-    """Looks at the people of each frame. Without a finder, or without colour, it sees nobody.
+    """Looks at the people in each frame. Without a finder, or without colour, it sees nobody.
 
-    While live frames are late, it looks at colour `late_look_s` apart, and counts the frames between.
+    While live frames are late, it looks at colour only every `late_look_s` seconds, and counts the frames
+    left out.
     """
 
     def __init__(self, finder: KeypointFinder | None, settings: ColourSettings) -> None:
@@ -73,14 +74,14 @@ class Look:
         ]
 
     def candidates(self, segmented: SegmentedFrame, interval_s: float) -> dict[int, Keypoints]:
-        """The keypoints of some candidates, by their place.
+        """The keypoints of some candidates, by their index.
 
-        Random ones, as many as the `interval_s` since the frame before allows; in the first frame all.
+        Random ones, as many as the `interval_s` since the previous frame allows; in the first frame all.
         """
-        candidates, most = segmented.candidates, len(segmented.candidates)
+        candidates, count = segmented.candidates, len(segmented.candidates)
         if interval_s > 0.0:
-            most = max(1, round(self.settings.looks_per_s * interval_s))
-        turns = take_turns(self.frame.number, len(candidates), most)
+            count = max(1, round(self.settings.looks_per_s * interval_s))
+        turns = take_turns(self.frame.number, len(candidates), count)
         chosen = {n: (candidates[n].subject, candidates[n].widest) for n in turns}
         upward = {view.image.camera: view.scene.planes.up for view in segmented.views}
         return self.finder.look_at(chosen, self.frame, upward, self.settings)
@@ -90,8 +91,8 @@ class Look:
 class Sight:
     """What was seen in a frame.
 
-    candidates: keypoints of those that were looked at, by place. steps: the motion (3,) of each person since
-    the last pose, metres; None if unknown.
+    candidates: keypoints of the candidates that were looked at, by index. steps: the motion (3,) of each
+    person since the last pose, metres; None if unknown.
     """
 
     people: PeopleInColour
@@ -111,20 +112,20 @@ class Sight:
         interval_s: float,
         settings: ColourSettings,
     ) -> ColourStates:
-        """The states of the cameras after a frame in which bodies have these poses."""
+        """The states of the cameras after a frame in which the bodies have these poses."""
         if not any(self.people.keypoints):
             return states
         return compare(states, frame, bodies, self.people.keypoints, interval_s, settings)
 
 
 class ColouredFrame:
-    """A segmented frame with what is used of the sight of it: not of cameras that show people elsewhere.
+    """A segmented frame with the keypoints that are used: none of cameras that show people elsewhere.
 
-    `facing` are the bodies of which it is known which side is left: keypoints that are exchanged are turned.
+    `facing` are the bodies whose left and right side are known: swapped keypoints are swapped back.
 
     Attributes:
         segmented: The frame; its subjects and candidates have their keypoints.
-        free: The candidates who may be somebody, the most likely first.
+        free: The candidates that may be assigned to somebody, the most likely first.
     """
 
     def __init__(
@@ -138,45 +139,49 @@ class ColouredFrame:
         self._sight, self._distrusted = sight, unused(states)
         coloured = {view.camera for view in segmented.frame.views if view.colours is not None}
         self._shows_people = coloured & trusted(states, segmented.frame.time_s, settings)
-        self._before = [
+        self._subjects_before = [
             without_keypoints(subject, self._distrusted) if subject and self._distrusted else subject
             for subject in segmented.subjects
         ]
-        self._sided = [
+        self._subjects_with_sides = [
             with_sides_of(subject, body, settings) if subject and body else subject
-            for subject, body in zip(self._before, facing, strict=True)
+            for subject, body in zip(self._subjects_before, facing, strict=True)
         ]
-        shown = {} if self._distrusted else sight.candidates
-        people = [who.with_keypoints(shown.get(n, {})) for n, who in enumerate(segmented.candidates)]
-        self.segmented = replace(segmented, subjects=tuple(self._sided), candidates=tuple(people))
+        keypoints = {} if self._distrusted else sight.candidates
+        people = [
+            candidate.with_keypoints(keypoints.get(n, {})) for n, candidate in enumerate(segmented.candidates)
+        ]
+        self.segmented = replace(
+            segmented, subjects=tuple(self._subjects_with_sides), candidates=tuple(people)
+        )
         self.free = possible_people(people, self._shows_people)
 
-    def complete(self, view: BodyView, place: int, *, is_at_last_pose: bool) -> BodyView:
-        """What shows the body at this place, with what colour tells of it."""
-        if self._sight.people.doubles[place] and not self._distrusted:
-            return replace(view, subject=None)  # it is lost, and looked for elsewhere
+    def complete(self, view: BodyView, person_index: int, *, is_at_last_pose: bool) -> BodyView:
+        """The view of the body with this index, with what colour tells about it."""
+        if self._sight.people.doubles[person_index] and not self._distrusted:
+            return replace(view, subject=None)  # the body is lost, and searched for elsewhere
         subject = view.subject
-        if subject is None or subject is not self._sided[place]:
+        if subject is None or subject is not self._subjects_with_sides[person_index]:
             return view
-        looked_in = self._shows_people.intersection(self._sight.people.looked_in[place])
+        looked_in = self._shows_people.intersection(self._sight.people.looked_in[person_index])
         return replace(
             view,
-            step_m=self._sight.steps[place] if is_at_last_pose else None,
+            step_m=self._sight.steps[person_index] if is_at_last_pose else None,
             is_looked_at=any(own.image.camera in looked_in for own in subject.views),
-            is_exchanged=subject is not self._before[place],
+            is_exchanged=subject is not self._subjects_before[person_index],
         )
 
 
-def take_turns(number: int, count: int, most: int) -> list[int]:
-    """Whose turn it is in the frame with this number: at most so many of a `count`, at random.
+def take_turns(number: int, count: int, turns: int) -> list[int]:
+    """Whose turn it is in the frame with this number: at most `turns` of `count` candidates, at random.
 
     So nobody waits for ever, whatever the numbers of the frames.
     """
-    return [int(n) for n in np.random.default_rng(number).permutation(count)[:most]]
+    return [int(n) for n in np.random.default_rng(number).permutation(count)[:turns]]
 
 
 def with_own_keypoints(segmented: SegmentedFrame, keypoints: Sequence[Keypoints]) -> SegmentedFrame:
-    """The frame, whose subjects have their keypoints."""
+    """The frame whose subjects have their keypoints."""
     subjects: list[SubjectFrame | None] = [
         with_keypoints(subject, own) if subject else None
         for subject, own in zip(segmented.subjects, keypoints, strict=True)

@@ -17,7 +17,7 @@ from gepf.common.compiling import numba
 Image = NDArray[np.float32]
 ROWS, COLUMNS = 40, 36
 VACANT = np.float32(1e3)  # depth of an empty cell
-FIRST_CELL = 2.5  # place of the end of a part, in cells from the border of its image
+FIRST_CELL = 2.5  # where the visible end of a truncated body is placed, in cells from the border
 
 
 @numba.njit(cache=True, nogil=True)
@@ -81,7 +81,7 @@ def fill_differences(cells: Image, occupied: Image, image: Image, bound: float, 
 
     cells: Descriptors (ROWS * COLUMNS, N); occupied: number of cells of each that are not empty.
     """
-    worst, depths, none = np.float32(bound * bound), image.ravel(), np.float32(0.0)
+    worst, depths, zero = np.float32(bound * bound), image.ravel(), np.float32(0.0)
     for n in range(len(out)):
         out[n] = worst * occupied[n]
     for k in range(len(depths)):
@@ -89,13 +89,13 @@ def fill_differences(cells: Image, occupied: Image, image: Image, bound: float, 
             line, depth = cells[k], depths[k]
             for n in range(len(out)):
                 apart = line[n] - depth
-                both = worst if line[n] < VACANT else none
-                out[n] += min(apart * apart, worst) - both
+                already_counted = worst if line[n] < VACANT else zero
+                out[n] += min(apart * apart, worst) - already_counted
 
 
 @numba.njit(cache=True, nogil=True)
 def move_middle(points: Any, cell: float, ends: Any, middle: Array) -> None:
-    """Move middle (3,) of points (P, 3) so that the end that is in view has its place in the image.
+    """Move middle (3,) of points (P, 3) so that the visible end is at `FIRST_CELL` of the image.
 
     ends: for columns and rows, 0 to keep the middle, -1 if the lower end is in view, 1 if the upper end is.
     """
@@ -112,7 +112,7 @@ def move_middle(points: Any, cell: float, ends: Any, middle: Array) -> None:
 class Cells(NamedTuple):
     """The cells of descriptors (N) that are not empty, one descriptor after another."""
 
-    first: Indices  # (N + 1,) of each descriptor
+    offsets: Indices  # (N + 1,) start of the cells of each descriptor
     row: NDArray[np.int16]
     column: NDArray[np.int16]
     depth: NDArray[np.float32]
@@ -121,22 +121,22 @@ class Cells(NamedTuple):
 
 def cells_of(images: Image) -> Cells:
     """The cells of descriptors (N, ROWS, COLUMNS)."""
-    of, row, column = np.nonzero(images < VACANT)
-    first = np.searchsorted(of, np.arange(len(images) + 1))
+    owner, row, column = np.nonzero(images < VACANT)
+    offsets = np.searchsorted(owner, np.arange(len(images) + 1))
     reducers = (np.minimum.reduceat, np.maximum.reduceat)
-    ends = [reduced(places, first[:-1]) for places in (column, row) for reduced in reducers]
+    ends = [reduced(places, offsets[:-1]) for places in (column, row) for reduced in reducers]
     places = row.astype(np.int16), column.astype(np.int16)
-    return Cells(first, *places, images[of, row, column], np.stack(ends, axis=1))
+    return Cells(offsets, *places, images[owner, row, column], np.stack(ends, axis=1))
 
 
 @numba.njit(cache=True, nogil=True)
 def compare_part(cells: Cells, image: Image, in_view: Mask, ends: Any, bound: float) -> tuple[Image, Array]:
     """Differences (N,) of whole bodies from the image of a part, and the steps (N, 3) that align them.
 
-    Each body is first moved by whole cells (columns, rows) and in depth, metres. In a direction with an end
-    in view (`ends`, see `move_middle`) that end is the same; in another one the middle of what is in view.
-    Only cells that are `in_view` (ROWS, COLUMNS) count. The difference is the sum of `fill_differences`,
-    divided by the number of cells that are not empty in both images.
+    Each body is first moved by whole cells (columns, rows) and in depth, metres. Along an axis with
+    a visible end (`ends`, see `move_middle`), these ends are aligned; along other axes, the centres of the
+    visible cells. Only cells that are `in_view` (ROWS, COLUMNS) count. The difference is the sum of
+    `fill_differences`, divided by the number of cells that are not empty in both images.
     """
     rows, columns = np.nonzero(image < VACANT)
     extent = np.array([columns.min(), columns.max(), rows.min(), rows.max()])
@@ -150,17 +150,17 @@ def compare_part(cells: Cells, image: Image, in_view: Mask, ends: Any, bound: fl
     apart = np.empty(ROWS * COLUMNS, dtype=np.float32)
     for n in range(count):
         across, down = align_part(cells, n, extent, centre, ends)
-        both, filled, ahead = 0, 0, np.float32(0.0)
-        for k in range(cells.first[n], cells.first[n + 1]):
+        shared, filled, ahead = 0, 0, np.float32(0.0)
+        for k in range(cells.offsets[n], cells.offsets[n + 1]):
             r, c = ROWS + cells.row[k] + down, COLUMNS + cells.column[k] + across
             filled += counts[r, c]
             if depths[r, c] < VACANT:
-                apart[both] = depths[r, c] - cells.depth[k]
-                ahead += apart[both]
-                both += 1
-        ahead /= np.float32(max(both, 1))
-        total = worst * np.float32(len(rows) + filled - 2 * both)
-        for k in range(both):
+                apart[shared] = depths[r, c] - cells.depth[k]
+                ahead += apart[shared]
+                shared += 1
+        ahead /= np.float32(max(shared, 1))
+        total = worst * np.float32(len(rows) + filled - 2 * shared)
+        for k in range(shared):
             total += min((apart[k] - ahead) * (apart[k] - ahead), worst)
         differences[n] = total / np.float32(len(rows) + filled)
         steps[n, 0], steps[n, 1], steps[n, 2] = across, down, ahead
@@ -185,7 +185,7 @@ def align_part(cells: Cells, n: int, shown: Indices, centre: Array, ends: Any) -
     if ends[0] != 0 and ends[1] != 0:
         return step[0], step[1]
     count, right, below = 0, 0, 0
-    for k in range(cells.first[n], cells.first[n + 1]):
+    for k in range(cells.offsets[n], cells.offsets[n + 1]):
         r, c = cells.row[k], cells.column[k]
         if low[1] <= r <= high[1] and low[0] <= c <= high[0]:
             count += 1

@@ -5,7 +5,7 @@ the best distinct ones until they converge, the best one with bodies of several 
 the remaining ones as the tracked body. The first two stages use few points and a coarse surface. The others
 use all points and the whole surface, because a coarse surface does not show a person's girth.
 
-`CandidateStages` does the stages.
+`CandidateStages` implements the stages.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from gepf.coordinator.tracking.candidate_refinement import (
     Query,
     Search,
     Shape,
-    of_one,
+    group_for_first_size,
 )
 from gepf.coordinator.tracking.field_of_view import in_view
 from gepf.coordinator.tracking.gating import gate_pose
@@ -50,7 +50,7 @@ from gepf.coordinator.tracking.state import Start, start_at
 class Detector:
     """Detects the tracked body: with any size at first, with its own size when it is redetected.
 
-    Of the settings of refinement it uses the camera's noise; the others are those of preset `default`.
+    Of the settings of refinement it uses only the noise; the others are the values of preset `default`.
     """
 
     def __init__(self, bodies: Bodies, refiner: Refiner, settings: Settings) -> None:
@@ -87,32 +87,32 @@ class Detector:
     ) -> Search[Detection]:
         """Detect an unknown body in a frame, given the camera's noise and the planes of the room.
 
-        Of the frame and its `alternatives`, with more and more of what may be the person's, the one is used
-        in which a body explains most. In the alternatives, only the best poses so far and a few of the
-        library, in the first orientation, are refined. If no body explains the frame, its largest flat part
-        may be a seat. So the body is searched for again without its points.
+        `alternatives` are the same frame with successively wider masks of the person; the mask in which a
+        body explains the most pixels is used. In the alternatives, only the best poses so far and a few of
+        the library, in the first orientation, are refined. If no body explains the frame, its largest flat
+        part may be a seat. The search is then repeated without the points of that part.
         """
         limits = self._settings.search
         rolls = upright_rolls(planes, self._rolls, limits.min_upright_share)
         settings, sizes = assume_noise(self._refine, noise), self._bodies.sizes
         query = Query(subject, settings, self._family, sizes, limits, self._upright(rolls))
         best = yield from self._stages.shortlist(query, self._match(query, rolls))
-        shown = query
+        best_query = query
         for wider in alternatives:
             more = replace(query, subject=wider)
             groups = best.group, self._similar(more, rolls[0], limits.further_candidates)
             refined = yield from self._stages.shortlist(more, groups)
-            if self._gain(more, refined) > self._gain(shown, best):
-                shown, best = more, refined
-        detected = yield from self._detect(shown, best, noise, planes)
+            if self._gain(more, refined) > self._gain(best_query, best):
+                best_query, best = more, refined
+        detected = yield from self._detect(best_query, best, noise, planes)
         if detected.gate.passes or self._family.has_flat_sides:
             return detected
         if (clear := without_flat(subject, self._settings.scene)) is subject:
             return detected
         query = replace(query, subject=clear)
         best = yield from self._stages.shortlist(query, self._match(query, rolls))
-        without = yield from self._detect(query, best, noise, planes)
-        return without if without.gate.passes else detected
+        without_seat = yield from self._detect(query, best, noise, planes)
+        return without_seat if without_seat.gate.passes else detected
 
     def _detect(
         self, query: Query, best: Candidates, noise: SensorNoise, planes: Planes
@@ -137,107 +137,118 @@ class Detector:
         self,
         subject: SubjectFrame,
         start: Start,
-        rules: RefineSettings,
-        last: Array,
+        settings: RefineSettings,
+        last_pose: Array,
         precision: Array,
         *,
         lost: bool,
     ) -> Search[Detection]:
-        """Redetect a known body anywhere; `last` (D,) is its last pose, `precision` (S, S) that of its shape.
+        """Redetect a known body anywhere, given the precision (S, S) of its shape.
 
-        For an upright body that is not lost and has the same orientation as at the start, only that one is
-        searched.
+        For an upright body that is not lost and has the same orientation as at the start, only that
+        orientation is searched.
         """
         turn = subject.largest.image.T_camera_rig[:3, :3]
         upright = self._family.roll(start.model, start.pose, turn)
         first = upright or 0.0
         rolls = (first, *(roll for roll in self._rolls if roll != first))
-        if not lost and upright is not None and self._family.roll(start.model, last, turn) == first:
+        if not lost and upright is not None and self._family.roll(start.model, last_pose, turn) == first:
             rolls = rolls[:1]
-        settings = msgspec.structs.replace(
-            self._refine, noise_depth=rules.noise_depth, noise_lateral=rules.noise_lateral
+        search_settings = msgspec.structs.replace(
+            self._refine, noise_depth=settings.noise_depth, noise_lateral=settings.noise_lateral
         )
-        shape = Shape(last[: start.model.shape_count], precision)
+        shape = Shape(last_pose[: start.model.shape_count], precision)
         size = start.size_of(shape.coefficients)
-        values = {**start.values, **pose_by_name(start.model, last)}
+        values = {**start.values, **pose_by_name(start.model, last_pose)}
         model = self._bodies.for_start(*size)
         present = np.array([values.get(name, 0.0) for name in model.dof_names])
-        query = Query(subject, settings, self._family, [size], self._settings.search, self._upright(rolls))
+        query = Query(
+            subject, search_settings, self._family, [size], self._settings.search, self._upright(rolls)
+        )
         matched = self._match(query, rolls, present)
         proposed = yield from self._stages.on_few_points(query, matched, self._stages.rough)
         limbs = layout_of(model, self._settings.filter.exploration.vertices).limbs
-        if len(subject.views) > 1 and limbs:  # they show which limb is wrong
+        if len(subject.views) > 1 and limbs:  # several cameras reveal which single limb is wrong
             mixed = [proposed.poses]
             for limb in limbs:
                 mixed.append(np.tile(present, (len(proposed.poses), 1)))
                 mixed[-1][:, limb.dofs] = proposed.poses[:, limb.dofs]
-            group = of_one(np.concatenate(mixed))
+            group = group_for_first_size(np.concatenate(mixed))
             proposed = yield from self._stages.on_few_points(query, [group], self._stages.rough)
         best = yield from self._stages.on_few_points(query, [proposed.group], self._stages.fine)
-        candidates, gate = yield from self._stages.as_tracked(subject, start, best.poses, rules, shape)
+        candidates, gate = yield from self._stages.as_tracked(subject, start, best.poses, settings, shape)
         return Detection(subject, start, candidates, gate)
 
-    def transfer(self, detection: Detection, now: SubjectFrame, rules: RefineSettings) -> Detection:
-        """The best of a detection, and the best that faces the other way, in the frame `now`.
+    def transfer(self, detection: Detection, current: SubjectFrame, settings: RefineSettings) -> Detection:
+        """Refine the best of a detection, and the best that faces the other way, in the current frame.
 
-        They are moved with the body and refined and gated there.
+        They are moved with the body, refined and gated there.
         """
-        if detection.subject is now:
+        if detection.subject is current:
             return detection
         model = detection.start.model
         search = self._settings.search
         best = detection.candidates.distinct(model, 1, search.distinct_m)
-        poses = move_root(model, best.poses, middle_of(now) - middle_of(detection.subject))
-        prior = pose_prior(model, rules, poses[:, : model.shape_count])
-        particles = Particles(poses, iterations(rules, search.iterations), prior=prior)
-        pending = self._refiner.submit(now, model, particles)
+        poses = move_root(model, best.poses, middle_of(current) - middle_of(detection.subject))
+        prior = pose_prior(model, settings, poses[:, : model.shape_count])
+        particles = Particles(poses, iterations(settings, search.iterations), prior=prior)
+        pending = self._refiner.submit(current, model, particles)
         candidates = ordered([candidates_of(model, pending.result(), 0)])
         if not candidates.is_visible:
             return detection
-        by_depth = candidates.log_likelihood[0] + keypoint_cost(ExpectedBody(model, candidates.poses[0]), now)
-        gate = gate_pose(by_depth, candidates.residual[0], rules, self._settings.gating)
-        return Detection(now, replace(detection.start, pose=candidates.poses[0]), candidates, gate)
+        by_depth = candidates.log_likelihood[0] + keypoint_cost(
+            ExpectedBody(model, candidates.poses[0]), current
+        )
+        gate = gate_pose(by_depth, candidates.residual[0], settings, self._settings.gating)
+        return Detection(current, replace(detection.start, pose=candidates.poses[0]), candidates, gate)
 
-    def _match(self, query: Query, rolls: Sequence[float], last: Array | None = None) -> Iterator[Group]:
+    def _match(self, query: Query, rolls: Sequence[float], last_pose: Array | None = None) -> Iterator[Group]:
         """Candidates (N, D) and their sizes (N,): those of the first orientation, then all others.
 
-        They are poses of the library that are similar to the observed points, and the last pose `last` (D,),
-        moved and rotated.
+        They are poses of the library that are similar to the observed points, and the last pose `last_pose`
+        (D,), moved and rotated.
         """
         search = self._settings.search
         yield self._similar(query, rolls[0], search.candidates)
         further = [self._similar(query, roll, search.further_candidates) for roll in rolls[1:]]
-        if last is not None:
-            model, placed = self._bodies.for_start(*query.sizes[0]), query.subject.largest.image.T_rig_camera
+        if last_pose is not None:
+            model, T_rig_camera = (
+                self._bodies.for_start(*query.sizes[0]),
+                query.subject.largest.image.T_rig_camera,
+            )
             points = camera_points(query.subject.largest)
-            cell_m, cutting = self._library.cell_m, self._cutting(query.subject)
-            further.append(of_one(displaced(model, last, points, cell_m, search, placed, cutting)))
+            cell_m, truncating_view = self._library.cell_m, self._truncating_view(query.subject)
+            further.append(
+                group_for_first_size(
+                    displaced(model, last_pose, points, cell_m, search, T_rig_camera, truncating_view)
+                )
+            )
         if further:
-            poses, of = map(np.concatenate, zip(*further, strict=True))
-            yield poses, of
+            poses, size_indices = map(np.concatenate, zip(*further, strict=True))
+            yield poses, size_indices
 
     def _similar(self, query: Query, roll: float, count: int) -> Group:
         """Poses (N, D) of the library that are similar to the observed points, and their sizes (N,)."""
         usual = self._family.length(self._bodies.library_size)
         scales = [self._family.length(size) / usual for size in query.sizes]
-        every = 2 if query.cut.any() else 1  # all sizes of a part are tried later
-        points, placed = camera_points(query.subject.largest), query.subject.largest.image.T_rig_camera
-        view = self._cutting(query.subject)
-        poses, of = self._library.match(points, scales[::every], roll, count, placed, view)
-        return poses, of * every
+        stride = 2 if query.truncated.any() else 1  # all sizes of a part are tried later
+        points, T_rig_camera = camera_points(query.subject.largest), query.subject.largest.image.T_rig_camera
+        view = self._truncating_view(query.subject)
+        poses, size_indices = self._library.match(points, scales[::stride], roll, count, T_rig_camera, view)
+        return poses, size_indices * stride
 
     def _gain(self, query: Query, candidates: Candidates) -> float:
-        """Log-likelihood of a subject's pixels with the best candidate, less that at the gate's residual."""
+        """Log-likelihood of a subject's pixels with the best candidate, minus that at the gate's limit."""
         allowed_m = self._settings.gating.max_residual_m + query.settings.noise_depth
-        least = -0.5 * (allowed_m / query.settings.likelihood_scale) ** 2
-        return query.subject.pixels * (float(candidates.log_likelihood[0]) - least)
+        log_likelihood_at_gate = -0.5 * (allowed_m / query.settings.likelihood_scale) ** 2
+        return query.subject.pixels * (float(candidates.log_likelihood[0]) - log_likelihood_at_gate)
 
     def _upright(self, rolls: Sequence[float]) -> float | None:
         """The first orientation, for a body with an axis."""
         return None if self._family.axis is None else rolls[0]
 
-    def _cutting(self, subject: SubjectFrame) -> SubjectView | None:
-        """The view that may cut the body; only bodies with an axis are compared in parts."""
+    def _truncating_view(self, subject: SubjectFrame) -> SubjectView | None:
+        """The view that may truncate the body; only bodies with an axis are compared in parts."""
         return None if self._family.axis is None else subject.largest
 
 
@@ -254,7 +265,7 @@ def fitted(query: Query, start: Start, candidates: Candidates, planes: Planes) -
         subject=subject,
         points=observed_points(subject),
         some_points=observed_points(subject, query.limits.points),
-        is_cut=bool(query.cut.any()),
+        is_cut=bool(query.truncated.any()),
         heights=planes.above(subject.largest.image.to_camera(joints)) if planes.has_floor else None,
     )
 

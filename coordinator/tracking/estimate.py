@@ -15,7 +15,7 @@ from gepf.common.arrays import Array
 Status = Literal["tracked", "ambiguous", "lost", "searching", "absent"]
 
 Fault = Literal["gives no depth", "repeats an image", "contradicts the others"]
-"""Of a camera of a rig."""
+"""Fault of a camera of a rig."""
 
 POSE_UNKNOWN = ("lost", "searching", "absent")
 """Status of frames without a valid pose. The pose is the last known one, a guess while the body is searched
@@ -25,13 +25,13 @@ for, or NaN before the first detection."""
 _JOINTS_OFF = re.compile(r"may be more than \d+ cm off: ")
 
 
-def list_joints(wrong_m: float, joints: str) -> str:
-    """The reason to doubt a pose of which these joints may be wrong."""
+def doubtful_joints_text(wrong_m: float, joints: str) -> str:
+    """The reason to doubt a pose in which these joints may be wrong."""
     return f"may be more than {100 * wrong_m:.0f} cm off: {joints}"
 
 
 def single_reasons(why: str) -> list[str]:
-    """The reason, or one for each of the joints that it lists."""
+    """Split a reason that lists several joints into one reason per joint."""
     listed = _JOINTS_OFF.match(why)
     return [listed[0] + joint for joint in why[listed.end() :].split(", ")] if listed else [why]
 
@@ -51,11 +51,11 @@ class Estimate:
 
     Weights sum to 1. Joint positions are in the frame of the camera or rig, metres. `residual` is the mean
     distance between observed points and the most likely hypothesis, metres; NaN if nothing was observed.
-    Until the body is found there are no hypotheses (M = 0), and pose and joints are NaN. `particles` is the
-    number of refined particles. `why` is the reason to doubt the pose, as text; empty if there is none.
-    `certainty` is that of each joint. `seen_by` is the visible share (J,) of the surface around each joint
-    for each camera that shows the body. `faults` are those of cameras of a rig, each with its start in
-    seconds. `keypoints` (17, 3) are those in the colour image of each camera: column, row, inverse variance.
+    Until the body is detected there are no hypotheses (M = 0), and pose and joints are NaN. `particles` is
+    the number of refined particles. `why` is the reason to doubt the pose, as text; empty if there is none.
+    `certainty` describes each joint. `seen_by` is the visible share (J,) of the surface around each joint for
+    each camera that shows the body. `faults` are the faults of the cameras of a rig, each with its start in
+    seconds. `keypoints` (17, 3) are in the colour image of each camera: column, row, inverse variance.
     """
 
     frame: int

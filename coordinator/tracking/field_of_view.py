@@ -1,7 +1,7 @@
 """What a frame can show of a body: nothing outside of the image, and nothing behind something nearer.
 
-A person may be cut by the border of the image, or by a table in front of them. What is not in view is no
-evidence, neither for a pose nor against it.
+A person may be truncated by the border of the image, or by a table in front of them. What is not in view is
+no evidence, neither for a pose nor against it.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from gepf.common.kinematics import joint_positions
 from gepf.coordinator.settings import SearchSettings
 
 DIRECTIONS = ((-1, 0), (1, 0), (0, -1), (0, 1))
-"""Columns and rows, of a step to the left, right, top and bottom of an image."""
-TOP = 2  # the third of them
+"""Columns and rows of a step to the left, right, top and bottom of an image."""
+TOP = 2  # index of the top in DIRECTIONS
 
 
 def in_view(subject: SubjectFrame, points: Array) -> Mask:
-    """Which points (..., 3) of the rig's frame some camera could show, metres."""
+    """Which points (..., 3), metres in the rig frame, are in the field of view of at least one camera."""
     flat = points.reshape(-1, 3)
     shown = [shows(view, view.image.to_camera(flat)) for view in subject.views]
     return np.asarray(np.any(shown, axis=0)).reshape(points.shape[:-1])
@@ -33,29 +33,30 @@ def shows(view: SubjectView, points: Array) -> Mask:
     """Which points (N, 3) of a camera's frame are in its image and not behind something nearer."""
     shown = np.zeros(len(points), dtype=np.bool_)
     ahead = np.flatnonzero(points[:, 2] > 0.0)
-    row, column, cropped = pixels_at(points[ahead], view.image.intrinsics)
+    row, column, inside = pixels_at(points[ahead], view.image.intrinsics)
     left, top, right, bottom = view.extent
     free = (left <= column) & (column < right) & (top <= row) & (row < bottom)
     if view.kinds is not None:
-        free[cropped] &= view.kinds[row[cropped], column[cropped]] != HIDDEN
+        free[inside] &= view.kinds[row[inside], column[inside]] != HIDDEN
     shown[ahead] = free
     return shown
 
 
-def cut_sides(view: SubjectView, turn: Array, settings: SearchSettings) -> Mask:
+def truncated_sides(view: SubjectView, turn: Array, settings: SearchSettings) -> Mask:
     """Where one camera's view of a person ends before the person does: (left, right, top, bottom).
 
-    The sides are those of the image after a rotation by `turn` (3, 3). A side is cut if most of the person's
-    last pixels there meet the border of the image or something nearer.
+    The sides are those of the image after a rotation by `turn` (3, 3). A side is truncated if most of the
+    person's outermost pixels on that side touch the border of the image or something nearer.
     """
     depth = view.image.metres()
     mask = depth > 0.0
-    cut = np.zeros(4, dtype=np.bool_)
+    truncated = np.zeros(4, dtype=np.bool_)
     if not mask.any():
-        return cut
+        return truncated
     points = points_of(depth, view.image.intrinsics, mask) @ turn.T
     for side, (across, down) in enumerate(DIRECTIONS):
-        step = np.rint((np.array([across, down, 0.0]) @ turn)[:2]).astype(np.int64)  # in the image as it is
+        # in the original, unrotated image
+        step = np.rint((np.array([across, down, 0.0]) @ turn)[:2]).astype(np.int64)
         if np.abs(step).sum() != 1:  # a diagonal belongs to two sides
             continue
         along = points[:, :2] @ (across, down)
@@ -65,31 +66,34 @@ def cut_sides(view: SubjectView, turn: Array, settings: SearchSettings) -> Mask:
         gap_m, distance_m = settings.cut_gap_m, float(np.median(points[end, 2]))
         gap_px = int(gap_m * view.image.intrinsics.fx / distance_m)
         stopped = is_stopped(view, rows[outer], columns[outer], step, gap_px)
-        cut[side] = stopped.mean() >= settings.cut_share
-    return cut
+        truncated[side] = stopped.mean() >= settings.cut_share
+    return truncated
 
 
 def ends_of(mask: Mask, rows: Indices, columns: Indices, step: Indices) -> Indices:
-    """Those pixels of the person's that are the last ones in the direction of a step (columns, rows)."""
-    place = rows * step[1] + columns * step[0]
+    """The person's outermost pixels in the direction of a step (columns, rows)."""
+    position = rows * step[1] + columns * step[0]
     line = columns if step[1] else rows
     last = np.full(max(mask.shape), np.iinfo(np.int64).min)
-    np.maximum.at(last, line, place)
-    return np.flatnonzero(place == last[line])
+    np.maximum.at(last, line, position)
+    return np.flatnonzero(position == last[line])
 
 
 def is_stopped(view: SubjectView, rows: Indices, columns: Indices, step: Indices, gap_px: int) -> Mask:
-    """Whether the first clear pixel beyond each pixel is outside of the image, or shows something nearer."""
+    """Whether the first conclusive pixel beyond each pixel is outside the image, or shows something nearer.
+
+    Unknown and unmeasured pixels are not conclusive.
+    """
     left, top, right, bottom = view.extent
     height, width = view.image.depth.shape
     stopped, open_ = np.zeros(len(rows), dtype=np.bool_), np.ones(len(rows), dtype=np.bool_)
     for n in range(1, 2 + gap_px):
         row, column = rows + n * step[1], columns + n * step[0]
         outside = (column < left) | (column >= right) | (row < top) | (row >= bottom)
-        cropped = (row >= 0) & (row < height) & (column >= 0) & (column < width)
+        inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
         label = np.full(len(rows), EMPTY)
         if view.kinds is not None:
-            label[cropped] = view.kinds[row[cropped], column[cropped]]
+            label[inside] = view.kinds[row[inside], column[inside]]
         stopped |= open_ & (outside | (label == HIDDEN))
         open_ &= ~(outside | (label == HIDDEN) | (label == EMPTY) | (label == SUBJECT))
     return stopped
@@ -111,5 +115,5 @@ def moved_joints(model: BodyModel) -> Mask:
 
 
 def out_of_reach(model: BodyModel, seen: Mask) -> Mask:
-    """Which degrees of freedom (D,) move only joints that are not in view, given those that are: (J,)."""
+    """Which degrees of freedom (D,) move only joints that are out of view; `seen` (J,) are in view."""
     return np.asarray(~(moved_joints(model) & seen).any(axis=1))

@@ -13,7 +13,7 @@ from gepf.coordinator.settings import GatingSettings
 
 @dataclass(frozen=True, slots=True)
 class Gate:
-    """The normalised residual of a pose, which passes up to 1. `why` is the main reason against it."""
+    """The normalised residual of a pose, accepted if at most 1. `why` is the main reason against it."""
 
     residual: float
     why: str = ""
@@ -24,7 +24,7 @@ class Gate:
         return self.residual <= 1.0
 
     def against(self, why: str) -> Self:
-        """The gate of a pose that is ruled out for another reason; unchanged if `why` is empty."""
+        """The gate of a pose that is ruled out for another reason `why`; unchanged if it is empty."""
         return type(self)(np.inf, self.why or why) if why else self
 
 

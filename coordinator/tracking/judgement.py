@@ -36,8 +36,8 @@ class Judgement:
     certainty: Certainty
     seen_by: dict[str, Array]  # by camera: the share (J,) of the surface around each joint that it sees
     in_sight: Mask  # (J,) joints that are in view and not hidden by something else
-    has_rival: bool  # an equally likely hypothesis has a joint in view elsewhere
-    is_doubtful: bool  # a joint in view may be wrong
+    has_rival: bool  # whether a comparably likely hypothesis places a joint in view elsewhere
+    is_doubtful: bool  # whether a joint in view may be wrong
 
 
 def judge_pose(
@@ -60,7 +60,7 @@ def judge_pose(
 
 
 def has_rival(weights: Array, joints: Array, reported: Array, settings: CertaintySettings) -> bool:
-    """Whether an equally likely hypothesis has a joint in view elsewhere.
+    """Whether a comparably likely hypothesis places a joint in view elsewhere.
 
     Of hypotheses with weights (M,) and joints (M, J, 3), the most likely first. `reported` (J, 3) may differ
     from the most likely hypothesis.
@@ -77,7 +77,10 @@ def certainty_of(
     shown: Array,
     settings: CertaintySettings,
 ) -> Certainty:
-    """The certainty of each joint of the reported pose; those `in_sight` (J,), and `shown` (J,) in colour."""
+    """The certainty of each joint of the reported pose.
+
+    `in_sight` (J,): joints in view; `shown` (J,): how well colour confirms them.
+    """
     certainty = judge(features, settings, in_sight, shown)
     if belief.posterior.size and start.family.is_exact:
         deviation = known_deviations(start.model, belief.reported, belief.posterior, settings.information)
@@ -88,9 +91,10 @@ def certainty_of(
 def known_deviations(model: BodyModel, pose: Array, covariance: Array, information: float) -> Array:
     """Expected distance (J,) from a robot's or object's true joints, one standard deviation, metres.
 
-    `covariance` (D, D) of its pose (D,) is that of the refinement, which counts all points as one with an
-    error of 1 cm, because the shape of people is not known. Those of a known body are worth more, by the
-    factor `information`, the weak prior is not.
+    `covariance` (D, D) of its pose (D,) is that of the refinement, which treats all points together as one
+    observation with an error of 1 cm, because people's shape is not known exactly. For a known body the
+    points carry more information, so their part of the precision is multiplied by `information`; the weak
+    prior is not.
     """
     weak = np.diag(weak_precisions(model))
     scaled = np.linalg.inv(weak + information * (np.linalg.inv(covariance) - weak))

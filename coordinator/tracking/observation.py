@@ -1,4 +1,4 @@
-"""The subject's pixels of a depth frame, and its observed points (section 6)."""
+"""The subject's pixels of a depth frame, and its observed points (Grest and Krueger, 2007, section 6)."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def outline(view: View) -> list[MaskedView]:
 
 
 def subject_of(frame: Frame, views: Sequence[MaskedView], points: int) -> SubjectFrame | None:
-    """The crops of segmented images of a frame, of those that show the subject; None if there are none.
+    """The crops of those images of a frame that show the subject; None if no image does.
 
     At most `points` pixels are picked, evenly distributed: in each image in proportion to the area that it
     shows of the subject.
@@ -51,7 +51,7 @@ def subject_of(frame: Frame, views: Sequence[MaskedView], points: int) -> Subjec
     depths = [depth_in(view) for view in views]
     areas = [area_of(view.image, depth) for view, depth in zip(views, depths, strict=True)]
     total = sum(areas)
-    by_area = sorted(zip(areas, views, depths, strict=True), key=lambda shown: -shown[0])
+    by_area = sorted(zip(areas, views, depths, strict=True), key=lambda group: -group[0])
     crops = [crop(frame, view, depth, round(points * m2 / total)) for m2, view, depth in by_area if m2 > 0.0]
     return SubjectFrame(frame.number, frame.time_s, tuple(crops)) if crops else None
 
@@ -89,39 +89,39 @@ def filter_observation(
 ) -> Observation:
     """The observation of a frame; with the usual interval if its time is not after the last one.
 
-    `step` (D,) is the motion since the last frame by encoders; `unseen` (D,) are degrees of freedom that move
-    only joints out of view. Intervals are rounded to 0.1 ms, so that
-    rounded times in files give the same results.
+    `step` (D,) is the motion since the last frame as measured by encoders; `unseen` (D,) are degrees of
+    freedom that move only joints out of view. Intervals are rounded to 0.1 ms, so that rounded times in files
+    give the same results.
     """
     since = 0.0 if last_time_s is None else round(subject.time_s - last_time_s, 4)
     interval = since if since > 0.0 else USUAL_INTERVAL
     return Observation(observed_points(subject, POINTS), interval, step, len(subject.views), unseen)
 
 
-def camera_points(view: SubjectView, every: int = 1) -> Array:
-    """The observed points (P, 3) of one camera, in its own frame, metres; every n-th of them."""
+def camera_points(view: SubjectView, stride: int = 1) -> Array:
+    """The observed points (P, 3) of one camera, in its own frame, metres, at a stride."""
     image, camera = view.image, view.image.intrinsics
-    picked = view.picked[::every]
+    picked = view.picked[::stride]
     rows, columns = np.divmod(picked, np.uint32(image.depth.shape[1]))
     z = image.depth.ravel()[picked] / image.depth_scale
     return np.stack([(columns - camera.cx) / camera.fx * z, (rows - camera.cy) / camera.fy * z, z], axis=1)
 
 
 def observed_points(subject: SubjectFrame, most: int | None = None) -> Array:
-    """The observed points (P, 3) of all cameras, metres; if `most` is given, about so many of them."""
-    every = 1 if most is None else max(1, sum(len(view.picked) for view in subject.views) // most)
-    return np.concatenate([view.image.to_rig(camera_points(view, every)) for view in subject.views])
+    """The observed points (P, 3) of all cameras, metres; if `most` is given, about that many of them."""
+    stride = 1 if most is None else max(1, sum(len(view.picked) for view in subject.views) // most)
+    return np.concatenate([view.image.to_rig(camera_points(view, stride)) for view in subject.views])
 
 
 def middle_of(subject: SubjectFrame) -> Array:
-    """Median (3,) of some of the observed points, metres."""
+    """Median (3,) of a part of the observed points, metres."""
     return np.asarray(np.median(observed_points(subject, POINTS), axis=0))
 
 
 def thin(subject: SubjectFrame, points: int) -> SubjectFrame:
     """The frame with at most this number of its points, evenly distributed."""
-    every = -(-sum(len(view.picked) for view in subject.views) // points)
-    views = (replace(view, picked=view.picked[::every].copy()) for view in subject.views)
+    stride = -(-sum(len(view.picked) for view in subject.views) // points)
+    views = (replace(view, picked=view.picked[::stride].copy()) for view in subject.views)
     return replace(subject, views=tuple(views))
 
 
@@ -134,20 +134,20 @@ def without_flat(subject: SubjectFrame, settings: SceneSettings) -> SubjectFrame
     depth = view.image.metres()
     noise = fit_noise(depth, settings.noise)
     flat = find_flat(depth, depth > 0.0, view.image.intrinsics, noise, settings)
-    on = flat.grow(flat.patches >= limits.min_part_m2)
-    picked = on.ravel()[view.picked]
+    flat_mask = flat.grow(flat.patch_areas >= limits.min_part_m2)
+    picked = flat_mask.ravel()[view.picked]
     if not 0.0 < picked.mean() <= limits.max_flat_share:
         return subject
     image, kinds = view.image, view.kinds
     if kinds is not None:
-        image = replace(image, depth=np.where(on, np.uint16(0), image.depth))
-        kinds = np.where(on, np.uint8(UNKNOWN), kinds)
+        image = replace(image, depth=np.where(flat_mask, np.uint16(0), image.depth))
+        kinds = np.where(flat_mask, np.uint8(UNKNOWN), kinds)
     clear = replace(view, image=image, kinds=kinds, picked=view.picked[~picked].copy())
     return replace(subject, views=(clear, *subject.views[1:]))
 
 
 def depth_of(subject: SubjectFrame, camera: str, shape: tuple[int, ...]) -> NDArray[np.float32]:
-    """A camera's whole image (H, W) of a subject, metres, 0 elsewhere; without it if the size is another."""
+    """The subject's depth in a camera's full image (H, W), metres, 0 elsewhere; all 0 if its size differs."""
     whole = np.zeros(shape, dtype=np.float32)
     for view in subject.views:
         left, top, right, bottom = view.extent

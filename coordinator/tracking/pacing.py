@@ -15,12 +15,12 @@ Item = TypeVar("Item")
 
 
 class Lookahead(Generic[Item]):
-    """Iterates over items, each of which is made at its turn; `peek` makes the next one before."""
+    """Iterates over items, computing each at its turn; `peek` computes the next item ahead of time."""
 
     def __init__(self, items: Iterable[Item]) -> None:
         self._items = iter(items)
-        self.was_ahead = False  # whether the last item was made before its turn
-        self.is_ahead = False  # whether the next item is made already
+        self.was_ahead = False  # whether the last item was computed ahead of time
+        self.is_ahead = False  # whether the next item has been computed already
         self._next: Item | None = None  # None at the end
         self._error: Exception | None = None
 
@@ -42,7 +42,7 @@ class Lookahead(Generic[Item]):
         if not self.is_ahead:
             try:
                 self._next = next(self._items, None)
-            except Exception as error:  # noqa: BLE001 - no error may affect the item before
+            except Exception as error:  # noqa: BLE001 - no error may affect the previous item
                 self._next, self._error = None, error
             self.is_ahead = True
         return self._next
@@ -69,22 +69,22 @@ class Recorded:
 class Live:
     """Live frames wait for no search, and are reported at once.
 
-    The next frame is segmented ahead only if it waits and a body was tracked before this one. Searches go on
-    until a frame waits that a body needs.
+    The next frame is segmented ahead only if it is waiting and a body was tracked before this one. Searches
+    continue until a new frame is waiting and some body needs it.
     """
 
     reports_at_once = True
 
     def __init__(self, frames: LiveFrames, upcoming: Lookahead[Item]) -> None:
         self._frames, self._upcoming = frames, upcoming
-        self._waited = False  # the present frame, for the end of the one before
-        self._is_tracked = False  # a body, before the present frame
+        self._waited = False  # whether the current frame had to wait for the previous one
+        self._is_tracked = False  # whether any body was tracked before the current frame
 
     def begin_frame(self, targets: Sequence[TargetTracker]) -> FrameBudget:
-        """The budget of a frame: it is late if it had to wait, or a newer one waits already.
+        """The budget of a frame: it is late if it had to wait, or if a newer one is already waiting.
 
-        It had to wait if it was segmented while the one before was refined, or if it came before the end of
-        that one's searches.
+        It had to wait if it was segmented while the previous one was refined, or if it came before the end of
+        the searches of the previous one.
         """
         is_late = self._upcoming.was_ahead or self._waited or self._frames.is_ready
         self._is_tracked = any(target.is_tracked for target in targets)
@@ -96,7 +96,7 @@ class Live:
         return self._frames.is_ready and self._is_tracked
 
     def end_frame(self, targets: Sequence[TargetTracker]) -> None:
-        """Go on with searches until they end; if a body needs it, until a frame waits."""
+        """Continue the searches until they end or, if a body needs the next frame, until it is waiting."""
         if self._upcoming.is_ahead:
             return
         self._waited = self._frames.is_ready
@@ -109,6 +109,6 @@ class Live:
 
 
 def advance_search(targets: Sequence[TargetTracker], *, wait: bool) -> bool:
-    """Do the next stage of one search, of a person who is not tracked if there is any; False if none."""
+    """Advance one search by a stage, preferably of a person who is not tracked; False if none could."""
     by_need = sorted(targets, key=lambda target: target.is_tracked)
     return any(target.search.advance(wait=wait) for target in by_need)

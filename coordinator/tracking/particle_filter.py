@@ -1,4 +1,4 @@
-"""The particles of one body: drawn from its belief, sent to the workers, and merged when they are refined."""
+"""The particles of one body: drawn from its belief, sent to the workers, and merged once they are refined."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class FrameBudget:
     """What a live frame has time for."""
 
     period_s: float  # between published frames
-    is_late: bool  # it had to wait, or a newer one waits already
+    is_late: bool  # whether it had to wait, or a newer one is already waiting
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,7 +48,7 @@ class Submitted:
     """A frame whose particles are with the workers."""
 
     view: BodyView
-    settings: RefineSettings  # by which they are refined
+    settings: RefineSettings  # of their refinement
     proposal: Proposal
     pending: Pending
     context: FrameContext
@@ -57,15 +57,15 @@ class Submitted:
 
 
 class ParticleFilter:
-    """Steps 2 to 7 of the paper for one body, by the method of the settings."""
+    """Steps 2 to 7 of Grest and Krueger (2007) for one body, by the method of the settings."""
 
     def __init__(self, refiner: Refiner, settings: Settings, motion: Encoders | None) -> None:
         self._refiner, self._settings, self._motion = refiner, settings, motion
         self._method = METHODS[settings.method]
         self.rng = np.random.default_rng(settings.seed)
 
-    def believe(self, model: BodyModel, candidates: Candidates) -> Belief:
-        """The belief in candidates: in all of them if the method has several hypotheses, else in the best."""
+    def belief_from(self, model: BodyModel, candidates: Candidates) -> Belief:
+        """The belief from all candidates if the method has several hypotheses, else from the best."""
         belief = initial_belief(model, candidates.poses[0], self._settings)
         if not len(belief.covariances) or self._settings.filter.particles == 1:
             return replace(
@@ -91,8 +91,8 @@ class ParticleFilter:
     ) -> Proposal:
         """Particles for a frame; fewer if it is late, unless the method needs all of them.
 
-        `time_s` is that of the last frame that showed the body, `step_m` (3,) the motion of the whole body
-        since then, if it is known.
+        `time_s` is the time of the last frame that showed the body, `step_m` (3,) the motion of the whole
+        body since then, if it is known.
         """
         step = None if step_m is None else root_step(model, step_m)
         if self._motion is not None:
@@ -103,8 +103,8 @@ class ParticleFilter:
         observation = filter_observation(subject, time_s, step, unseen)
         settings = self._settings.filter
         if budget is not None and budget.is_late and self._method.descends:
-            few = settings.exploration.min_particles // 2
-            settings = msgspec.structs.replace(settings, particles=min(settings.particles, few))
+            late_particles = settings.exploration.min_particles // 2
+            settings = msgspec.structs.replace(settings, particles=min(settings.particles, late_particles))
         return self._method.propose(model, belief, observation, settings, self.rng)
 
     def scale_iterations(
@@ -142,7 +142,7 @@ class ParticleFilter:
                         precision, covariance, proposal.interval, self._settings.shape
                     )
                 after = replace(after, shape_precision=precision)
-                from_guess = submitted.context.first  # the change since a guess is not motion
+                from_guess = submitted.context.past_is_guess  # the change since a guess is not motion
                 return after.at_rest() if from_guess else after, len(proposal.poses)
             with clock.stage("refine"):
                 proposal = after
@@ -163,7 +163,7 @@ def pace_iterations(refine: RefineSettings, interval: float, settings: Settings)
 
 
 def root_step(model: BodyModel, step_m: Array) -> Array:
-    """The motion (D,) of a body that moves (3,) as a whole, metres; NaN for unknown parts of it."""
+    """The motion (D,) of a body whose root is translated by `step_m` (3,), metres; NaN for unknown parts."""
     step = np.full(len(model.dof_names), np.nan)
     for name, metres in zip(ROOT_DOFS[:3], step_m, strict=True):
         if name in model.dof_names:
@@ -174,7 +174,7 @@ def root_step(model: BodyModel, step_m: Array) -> Array:
 def encoder_step(
     encoders: Encoders, model: BodyModel, pose: Array, since_s: float | None, until_s: float
 ) -> Array | None:
-    """The motion (D,) between two times by encoders, NaN if unknown; None if all of it is unknown.
+    """The motion (D,) between two times according to encoders, NaN if unknown; None if all of it is unknown.
 
     Only changes are used, so offsets of encoders do not matter. `pose` (D,) gives missing angles of a
     spherical joint. Its motion is known only if all its angles are.
@@ -184,7 +184,8 @@ def encoder_step(
     before, after = pose.copy(), pose.copy()
     measured = np.zeros(len(pose), dtype=bool)
     first, last = encoders.at(since_s), encoders.at(until_s)
-    for name, start, end in zip(encoders.names, first, last, strict=False):  # no names before live states
+    # a topic has no names before its first message
+    for name, start, end in zip(encoders.names, first, last, strict=False):
         if name in model.dof_names and np.isfinite(start + end):
             j = model.dof(name)
             before[j], after[j], measured[j] = start, end, True

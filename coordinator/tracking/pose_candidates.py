@@ -39,9 +39,9 @@ class Candidates:
         """The poses, and the indices of their sizes, to be refined again."""
         return self.poses, self.sizes
 
-    def take(self, some: Indices) -> Candidates:
+    def take(self, indices: Indices) -> Candidates:
         """The candidates with these indices, in this order."""
-        return Candidates(*(getattr(self, column.name)[some] for column in fields(self)))
+        return Candidates(*(getattr(self, column.name)[indices] for column in fields(self)))
 
     def likelier_by(self, log_prior: Array) -> Candidates:
         """The candidates with these log priors (N,) added, the most likely first."""
@@ -53,7 +53,7 @@ class Candidates:
     ) -> Candidates:
         """Up to `count` distinct candidates, and the best that faces the other way, if none of them does.
 
-        If joints are out of view, only those are compared that are `seen` (N, J) of one of two candidates.
+        Only joints that are in view (`seen`, (N, J)) for at least one of the two candidates are compared.
         """
         kept = keep_distinct(self.joints, count, distinct_m, seen)
         turned = family_of(model).faces_away(model.joint_names, self.joints, self.joints[0])
@@ -73,9 +73,9 @@ class Detection:
 
     def is_elsewhere(self, joints: Array, wrong_m: float) -> bool:
         """Whether a joint in view is so far from its position in joints (J, 3) that one of them is wrong."""
-        mine = self.candidates.joints[0]
-        seen = in_view(self.subject, np.stack([mine, joints])).any(axis=0)
-        return bool(np.any(np.linalg.norm(mine - joints, axis=-1)[seen] > wrong_m))
+        detected = self.candidates.joints[0]
+        seen = in_view(self.subject, np.stack([detected, joints])).any(axis=0)
+        return bool(np.any(np.linalg.norm(detected - joints, axis=-1)[seen] > wrong_m))
 
     def faces_away(self, joints: Array) -> Mask:
         """Which candidates (N,) face opposite to joints (J, 3)."""
@@ -85,15 +85,15 @@ class Detection:
     def looks_alike(self, joints: Array, log_likelihood: float, alike_nats: float) -> bool:
         """Whether a candidate that faces opposite to joints (J, 3) explains the depth about equally well.
 
-        `log_likelihood` is that of the joints, without keypoints, too.
+        `log_likelihood` is that of the pose with these joints, also without the keypoint term.
         """
         return bool(np.any(self.by_depth()[self.faces_away(joints)] > log_likelihood - alike_nats))
 
     def by_depth(self) -> Array:
-        """The log likelihood (N,) of the candidates without keypoints."""
-        model, found = self.start.model, self.candidates
-        costs = [keypoint_cost(ExpectedBody(model, pose), self.subject) for pose in found.poses]
-        return np.asarray(found.log_likelihood + costs)
+        """The log likelihood (N,) of the candidates, without the keypoint term."""
+        model, candidates = self.start.model, self.candidates
+        costs = [keypoint_cost(ExpectedBody(model, pose), self.subject) for pose in candidates.poses]
+        return np.asarray(candidates.log_likelihood + costs)
 
 
 def candidates_of(model: BodyModel, refined: Refined, size: int) -> Candidates:
@@ -105,7 +105,7 @@ def candidates_of(model: BodyModel, refined: Refined, size: int) -> Candidates:
 
 
 def ordered(parts: Sequence[Candidates]) -> Candidates:
-    """All visible candidates, the most likely first; if none is, one of infinitely small likelihood."""
+    """All visible candidates, the most likely first; if none is, a single one with log likelihood -inf."""
     columns = ([getattr(part, column.name) for part in parts] for column in fields(Candidates))
     whole = Candidates(*map(np.concatenate, columns))
     order = np.argsort(-whole.log_likelihood, kind="stable")
@@ -116,7 +116,8 @@ def ordered(parts: Sequence[Candidates]) -> Candidates:
 def keep_distinct(joints: Array, count: int, distinct_m: float, seen: Mask | None = None) -> Indices:
     """Up to `count` indices of joints (N, J, 3) more than `distinct_m` (mean) from each other.
 
-    The mean is over the joints that are `seen` (N, J) of one of the two; None: all.
+    The mean is over the joints that are in view (`seen`, (N, J)) for at least one of the two; None: all
+    joints.
     """
     kept = list[int]()
     for n, body in enumerate(joints):

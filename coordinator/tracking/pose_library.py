@@ -32,20 +32,20 @@ from gepf.coordinator.tracking.descriptor import (
     move_middle,
     splat,
 )
-from gepf.coordinator.tracking.field_of_view import cut_sides, shows
+from gepf.coordinator.tracking.field_of_view import shows, truncated_sides
 
 
 @dataclass(frozen=True, eq=False)
 class PoseLibrary:
     """Poses (N, D) with the root at the origin, and their descriptors.
 
-    root: Indices of the root's degrees of freedom. middles: Centre of each descriptor relative to the root,
-    metres. cells: as `fill_differences` takes them.
+    root: Indices of the root's degrees of freedom. centres: Centre of each descriptor relative to the root,
+    metres. cells: see `fill_differences`.
     """
 
     poses: Array  # (N, D)
     root: Indices  # (6,)
-    middles: Array  # (N, 3)
+    centres: Array  # (N, 3)
     cells: NDArray[np.float32]  # (ROWS * COLUMNS, N)
     occupied: NDArray[np.float32]  # (N,)
     cell_m: float
@@ -62,39 +62,39 @@ class PoseLibrary:
         scales: Sequence[float],
         roll: float,
         count: int,
-        placed: Array = NOT_MOVED,
+        T_rig_camera: Array = NOT_MOVED,
         view: SubjectView | None = None,
     ) -> tuple[Array, Indices]:
         """The poses (count, D) most similar to points (P, 3), moved to them, and the indices of their scales.
 
         Points are in the camera's frame, metres, and are rotated by `roll`, radians, before the comparison;
-        poses are in the rig's frame, the most similar first; `placed` is T_rig_camera (4, 4). `scales` are
-        relative to the library. If the `view` that shows the points cuts the body, parts are compared.
+        poses are in the rig's frame, the most similar first; `T_rig_camera` is (4, 4). `scales` are
+        relative to the library. If the `view` that shows the points truncates the body, parts are compared.
         """
         turn = look_straight(points.mean(axis=0), roll)
-        if view is not None and (cut := cut_sides(view, turn, self.settings)).any():
-            roots, difference = self._compare_part(points @ turn.T, scales, cut, view, turn)
+        if view is not None and (truncated := truncated_sides(view, turn, self.settings)).any():
+            roots, difference = self._compare_part(points @ turn.T, scales, truncated, view, turn)
             chosen, scale_of = most_similar(difference, count)
             places = roots[scale_of, chosen]
         else:
-            middles, difference = self._compare(points @ turn.T, scales)
+            centres, difference = self._compare(points @ turn.T, scales)
             chosen, scale_of = most_similar(difference, count)
-            places = middles[scale_of] - self.middles[chosen]
+            places = centres[scale_of] - self.centres[chosen]
         places = places * np.take(scales, scale_of)[:, None]
-        places, to_rig = moved(places @ turn, placed), placed[:3, :3] @ turn.T
+        places, to_rig = moved(places @ turn, T_rig_camera), T_rig_camera[:3, :3] @ turn.T
         return turned_to(self.root, self.poses[chosen], places, to_rig), scale_of
 
-    def _compare(self, seen: Array, scales: Sequence[float]) -> tuple[Array, NDArray[np.float32]]:
-        """Middles (S, 3), in units of each scale, and differences (S, N) from a whole body: points (P, 3)."""
-        seen = np.ascontiguousarray(seen)
+    def _compare(self, points: Array, scales: Sequence[float]) -> tuple[Array, NDArray[np.float32]]:
+        """Centres (S, 3) per scale, in library units, and differences (S, N) from a whole body's points."""
+        points = np.ascontiguousarray(points)
         difference = np.empty((len(scales), len(self.poses)), dtype=np.float32)
-        middles = np.empty((len(scales), 3))
+        centres = np.empty((len(scales), 3))
         image = np.empty((ROWS, COLUMNS), dtype=np.float32)
         for k, scale in enumerate(scales):
-            cells = describe(seen / scale, self.cell_m, image, middles[k])
+            cells = describe(points / scale, self.cell_m, image, centres[k])
             fill_differences(self.cells, self.occupied, image, self._bound_m, difference[k])
             difference[k] /= cells + self.occupied
-        return middles, difference
+        return centres, difference
 
     @cached_property
     def _cells(self) -> Cells:
@@ -102,21 +102,21 @@ class PoseLibrary:
         return cells_of(self.cells.T.reshape(-1, ROWS, COLUMNS))
 
     def _compare_part(
-        self, seen: Array, scales: Sequence[float], cut: Mask, view: SubjectView, turn: Array
+        self, points: Array, scales: Sequence[float], truncated: Mask, view: SubjectView, turn: Array
     ) -> tuple[Array, NDArray[np.float32]]:
-        """Places of the roots (S, N, 3), in units of each scale, and differences (S, N) from a part.
+        """Positions of the roots (S, N, 3) per scale, in library units, and differences (S, N) from a part.
 
-        `seen` (P, 3) are its points, rotated by `turn` (3, 3); it is `cut` at some sides, see `cut_sides`.
+        `points` (P, 3) are its points, rotated by `turn` (3, 3); see `truncated_sides`.
         """
-        left, right, top, bottom = cut.astype(np.int64)
-        ends = np.array([left - right, top - bottom])  # an end is in view where only the opposite one is cut
+        left, right, top, bottom = truncated.astype(np.int64)
+        ends = np.array([left - right, top - bottom])  # an end is visible if only the other is truncated
         image, middle, bound = np.empty((ROWS, COLUMNS), np.float32), np.empty(3), self._bound_m
         differences, places = [], []
         for scale in scales:
-            points = np.ascontiguousarray(seen / scale)
-            describe(points, self.cell_m, image, middle)
-            move_middle(points, self.cell_m, ends, middle)
-            splat(points, self.cell_m, middle, image)
+            scaled = np.ascontiguousarray(points / scale)
+            describe(scaled, self.cell_m, image, middle)
+            move_middle(scaled, self.cell_m, ends, middle)
+            splat(scaled, self.cell_m, middle, image)
             filled = image < VACANT
             image[filled] -= np.float32(middle[2])
             in_view = filled | shows(view, scale * cell_points(self.cell_m, middle) @ turn).reshape(
@@ -124,7 +124,7 @@ class PoseLibrary:
             )
             difference, steps = compare_part(self._cells, image, in_view, ends, bound)
             differences.append(difference)
-            places.append(middle - self.middles + steps * (self.cell_m, self.cell_m, 1.0))
+            places.append(middle - self.centres + steps * (self.cell_m, self.cell_m, 1.0))
         return np.array(places), np.array(differences)
 
 
@@ -179,27 +179,28 @@ def displaced(
     points: Array,
     cell_m: float,
     settings: SearchSettings,
-    placed: Array = NOT_MOVED,
+    T_rig_camera: Array = NOT_MOVED,
     view: SubjectView | None = None,
 ) -> Array:
     """A pose (D,) moved to the observed points (P, 3), in four rotations about the vertical axis (4, D).
 
-    The points are in the frame of the camera, poses in that of the rig; `placed` is T_rig_camera (4, 4). If
-    the `view` that shows the points cuts the body, the part of the pose that would be in view is moved there.
+    The points are in the frame of the camera, poses in that of the rig; `T_rig_camera` is (4, 4). If the
+    `view` that shows the points truncates the body, the part of the pose that would be in view is moved
+    there.
     """
     straight = look_straight(points.mean(axis=0), 0.0)
-    turn = straight @ placed[:3, :3].T
+    turn = straight @ T_rig_camera[:3, :3].T
     poses, place, angles = np.tile(pose, (4, 1)), model.root[:3], model.root[3:]
     for n, rotated in enumerate(poses):
         quarter = euler_matrix(np.array([0.0, 0.5 * np.pi * n, 0.0]))
         rotated[angles] = euler_angles(euler_matrix(pose[angles]) @ quarter, pose[angles])
-    if view is not None and cut_sides(view, straight, settings).any():
+    if view is not None and truncated_sides(view, straight, settings).any():
         turned = turned_to(model.root, poses, np.zeros((4, 3)), turn)
         library = describe_poses(model, turned, cell_m, settings)
-        return library.match(points, [1.0], 0.0, 4, placed, view)[0]
-    observed = seen_centre(moved(points, placed) @ turn.T, cell_m)
+        return library.match(points, [1.0], 0.0, 4, T_rig_camera, view)[0]
+    observed = seen_centre(moved(points, T_rig_camera) @ turn.T, cell_m)
     for rotated, surface in zip(
-        poses, pose_vertices(model, poses)[:, :: stride(model, settings)], strict=True
+        poses, pose_vertices(model, poses)[:, :: vertex_stride(model, settings)], strict=True
     ):
         rotated[place] += (observed - seen_centre(surface @ turn.T, cell_m)) @ turn
     return poses
@@ -215,15 +216,15 @@ def seen_centre(points: Array, cell_m: float) -> Array:
 
 def describe_poses(model: BodyModel, poses: Array, cell_m: float, settings: SearchSettings) -> PoseLibrary:
     """Compute the descriptors of poses (N, D)."""
-    count, every = len(poses), stride(model, settings)
-    links, vertices = model.skin_links[::every, 0].copy(), model.vertices[::every].copy()
-    images, middles, occupied = describe_each(vertices, links, link_transforms(model, poses), cell_m)
+    count, stride = len(poses), vertex_stride(model, settings)
+    links, vertices = model.skin_links[::stride, 0].copy(), model.vertices[::stride].copy()
+    images, centres, occupied = describe_each(vertices, links, link_transforms(model, poses), cell_m)
     cells = np.ascontiguousarray(images.reshape(count, ROWS * COLUMNS).T)
-    return PoseLibrary(poses, model.root, middles, cells, occupied, cell_m, settings)
+    return PoseLibrary(poses, model.root, centres, cells, occupied, cell_m, settings)
 
 
-def stride(model: BodyModel, settings: SearchSettings) -> int:
-    """The step through the vertices that still fills the cells."""
+def vertex_stride(model: BodyModel, settings: SearchSettings) -> int:
+    """The largest stride over the vertices that still fills all cells."""
     return max(1, len(model.vertices) // settings.library_vertices)
 
 
@@ -231,12 +232,12 @@ def stride(model: BodyModel, settings: SearchSettings) -> int:
 def describe_each(
     vertices: Array, links: Indices, transforms: Array, cell_m: float
 ) -> tuple[Image, Array, NDArray[np.float32]]:
-    """Images (N, ROWS, COLUMNS), middles (N, 3) and numbers of occupied cells (N,) of a body in each pose.
+    """Images (N, ROWS, COLUMNS), centres (N, 3) and numbers of occupied cells (N,) of a body in each pose.
 
     Each vertex of (V, 3) moves with one link of (V,), whose transforms are (N, L, 3, 4).
     """
     count, points = len(transforms), np.empty((len(vertices), 3))
-    images, middles = np.empty((count, ROWS, COLUMNS), dtype=np.float32), np.empty((count, 3))
+    images, centres = np.empty((count, ROWS, COLUMNS), dtype=np.float32), np.empty((count, 3))
     occupied = np.empty(count, dtype=np.float32)
     for n in range(count):
         for v in range(len(vertices)):
@@ -245,14 +246,15 @@ def describe_each(
                 points[v, a] = (
                     t[a, 0] * vertices[v, 0] + t[a, 1] * vertices[v, 1] + t[a, 2] * vertices[v, 2] + t[a, 3]
                 )
-        occupied[n] = describe(points, cell_m, images[n], middles[n])
-    return images, middles, occupied
+        occupied[n] = describe(points, cell_m, images[n], centres[n])
+    return images, centres, occupied
 
 
 def upright_rolls(planes: Planes, rolls: tuple[float, ...], min_upright: float) -> tuple[float, ...]:
     """Rotations of the image, radians, in which a body is searched for; in the first the room is upright.
 
-    An image with a smaller part of the vertical than `min_upright` has no upright direction.
+    If the vertical projects into the image plane with a length below `min_upright`, no image direction is
+    upright.
     """
     across, down, _ = planes.up
     if len(rolls) == 1 or np.hypot(across, down) < min_upright:

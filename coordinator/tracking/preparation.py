@@ -42,15 +42,15 @@ def unmoved(particles: Particles) -> Refined:
 
 
 def warm_up(settings: Settings, bodies: Bodies) -> None:
-    """Segment two frames of a small scene, as a whole and around a body, and detect and track it there.
+    """Segment two frames of a small scene, as a whole and around a body, and detect and track the body there.
 
-    It is also detected where the image cuts it. There are no workers.
+    The body is also detected when truncated by the image border. There are no workers.
     """
     distance_m = 2.5
     depth = np.full((CAMERA.height, CAMERA.width), 4000, dtype=np.uint16)
-    depth[10:40, 30:45] = 1e3 * distance_m + 5 * (np.arange(15) - 7) ** 2  # something before the wall
+    depth[10:40, 30:45] = 1e3 * distance_m + 5 * (np.arange(15) - 7) ** 2  # something in front of the wall
     start = {"root_tz": distance_m} if "root_tz" in bodies.dof_names else {}
-    tracked, unknown, cut = (
+    tracked, unknown, truncated = (
         TargetTracker(NoRefiner(), settings, bodies, first_state(bodies, values, settings))
         for values in (start, None, None)
     )
@@ -60,8 +60,8 @@ def warm_up(settings: Settings, bodies: Bodies) -> None:
         segmenter.segment(Frame.of(room), [surface])
         whole = replace(room, depth=np.where(depth < 4000, depth, 0))
         short = replace(whole, depth=whole.depth[:30], intrinsics=CAMERA.crop(0, 0, CAMERA.width, 30))
-        for target in (tracked, unknown, cut):
-            frame = Frame.of(short if target is cut else whole)
+        for target in (tracked, unknown, truncated):
+            frame = Frame.of(short if target is truncated else whole)
             target.take_search()
             updated = target.submit(BodyView(frame, isolate(frame, 400), Planes()), Stopwatch())
             report(updated if isinstance(updated, Updated) else target.update(updated, {}), {}, settings)

@@ -20,7 +20,7 @@ class Pending(Protocol):
 
     @property
     def is_ready(self) -> bool:
-        """Whether the result would come at once. Without workers, each inquiry does one request."""
+        """Whether the result would come at once. Without workers, each call processes one request."""
         ...
 
     def result(self) -> Refined:
@@ -41,7 +41,7 @@ class LocalRequest:
 
     @property
     def is_ready(self) -> bool:
-        """Whether they were refined already; refines them now if not, one request at a time."""
+        """Whether they have been refined already; refines them now if not, one request at a time."""
         was_ready = self._refined is not None
         self.result()
         return was_ready
@@ -92,6 +92,6 @@ def iterations(settings: RefineSettings, count: int) -> RefineSettings:
 
 
 def with_closest_points(settings: RefineSettings) -> RefineSettings:
-    """Settings with so much lateral noise that correspondences are closest points; soft ones are slow."""
+    """Settings with the lateral noise raised until correspondences are closest points; soft ones are slow."""
     least = settings.noise_depth / SOFT_NOISE_RATIO
     return msgspec.structs.replace(settings, noise_lateral=max(settings.noise_lateral, least))

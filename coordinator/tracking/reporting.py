@@ -16,14 +16,14 @@ from gepf.coordinator.settings import CertaintySettings, Settings
 from gepf.coordinator.stopwatch import Stopwatch
 from gepf.coordinator.tracking.cameras import CameraStates, faults_of
 from gepf.coordinator.tracking.certainty import unknown_certainty
-from gepf.coordinator.tracking.estimate import POSE_UNKNOWN, Certainty, Estimate, Status, list_joints
+from gepf.coordinator.tracking.estimate import POSE_UNKNOWN, Certainty, Estimate, Status, doubtful_joints_text
 from gepf.coordinator.tracking.judgement import Judgement
 from gepf.coordinator.tracking.state import FrameState, PersonState
 from gepf.coordinator.tracking.track_state import (
     Absent,
-    Followed,
     Found,
     Lost,
+    OnceTracked,
     Searching,
     Tracked,
     TrackState,
@@ -52,7 +52,7 @@ class TrackedPerson:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrackedFrame:
-    """All people in one frame, and what is known beside them after it."""
+    """All people in one frame, and the state after it that does not belong to a person."""
 
     people: Sequence[TrackedPerson]
     state: FrameState
@@ -70,7 +70,7 @@ def report(updated: Updated, cameras: CameraStates, settings: Settings) -> Track
     with updated.clock.stage("report"):
         start, track, judgement = updated.state.start, updated.state.track, updated.judgement
         limits, confirmed_s = settings.certainty, settings.track.camera_confirmed_s
-        model, followed = start.model, track if isinstance(track, Followed) else None
+        model, followed = start.model, track if isinstance(track, OnceTracked) else None
         pose, poses, weights = start.pose, np.empty((0, len(start.pose))), np.empty(0)
         if followed is not None:
             pose, poses = followed.belief.reported, followed.belief.poses[: limits.max_hypotheses]
@@ -105,7 +105,7 @@ def report(updated: Updated, cameras: CameraStates, settings: Settings) -> Track
 
 
 def doubt_of(
-    track: Followed,
+    track: OnceTracked,
     judgement: Judgement,
     cameras: CameraStates,
     joint_names: tuple[str, ...],
@@ -114,7 +114,7 @@ def doubt_of(
     """Doubt in a pose: cameras disagree, front and back look alike, or joints in sight may be wrong."""
     limits, certainty = settings.certainty, judgement.certainty
     disputed = track.agreement.dispute(list(judgement.seen_by), settings.track.camera_confirmed_s)
-    thresholds = least_probability(
+    thresholds = doubt_thresholds(
         certainty,
         limits,
         faulty=any(state.fault for state in cameras.values()),
@@ -133,28 +133,29 @@ def status_of(track: TrackState, *, is_ambiguous: bool) -> Status:
     not explain the frame. `ambiguous`: a tracked pose is doubtful.
     """
     match track:
-        case Searching(sight="something") | Lost(sight="body"):
+        case Searching(visibility="something") | Lost(visibility="body"):
             return "searching"
-        case Absent() | Found() | Searching() | Lost(sight="nothing"):
+        case Absent() | Found() | Searching() | Lost(visibility="nothing"):
             return "absent"
         case Tracked(unexplained_s=0.0):
             return "ambiguous" if is_ambiguous else "tracked"
     return "lost"
 
 
-def least_probability(certainty: Certainty, settings: CertaintySettings, *, faulty: bool, new: bool) -> Array:
+def doubt_thresholds(certainty: Certainty, settings: CertaintySettings, *, faulty: bool, new: bool) -> Array:
     """Probabilities (J,) of being wrong above which joints are in doubt.
 
-    A body is doubted sooner while it is `new`: detected a few frames before, or a camera has come back. While
-    a camera is `faulty`, hidden joints are, as the others may not show them.
+    A body is doubted sooner while it is `new`: detected a few frames earlier, or a camera has come back.
+    While a camera is `faulty`, hidden joints are also doubted sooner, because the remaining cameras may not
+    see them.
     """
     sooner = new | (faulty & (certainty.seen < settings.hidden_share))
     return np.where(sooner, settings.flagged_probability, settings.ambiguous_probability)
 
 
-def explain_doubt(names: tuple[str, ...], certainty: Certainty, least: Array, wrong_m: float) -> str:
+def explain_doubt(names: tuple[str, ...], certainty: Certainty, thresholds: Array, wrong_m: float) -> str:
     """Text that names joints (J,) with more than these probabilities to be wrong, the most probable first."""
     probability = certainty.off_probability
-    doubted = [j for j in np.argsort(-probability, kind="stable") if probability[j] > least[j]]
+    doubted = [j for j in np.argsort(-probability, kind="stable") if probability[j] > thresholds[j]]
     listed = ", ".join(names[j].replace("_", " ") for j in doubted)
-    return list_joints(wrong_m, listed) if doubted else ""
+    return doubtful_joints_text(wrong_m, listed) if doubted else ""

@@ -33,9 +33,9 @@ class BodySearch:
         return self._stages is not None
 
     def advance(self, *, wait: bool = True) -> bool:
-        """Take the results of a stage and send the next one; False if there is none.
+        """Take the results of a stage and send the next one.
 
-        Without `wait`, also if the workers are not ready with it.
+        Returns False if no search is running or, without `wait`, if the workers have not finished the stage.
         """
         if self._stages is None or not (wait or all(request.is_ready for request in self._sent)):
             return False

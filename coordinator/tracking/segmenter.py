@@ -28,15 +28,15 @@ from gepf.coordinator.settings import SceneSettings
 from gepf.coordinator.tracking.observation import MaskedView, depth_in, depth_of, outline, subject_of
 
 MaskHypotheses = tuple[MaskedView, ...]
-"""What shows an untracked person in an image: with more and more of what may be the person's."""
+"""The masks of an untracked person in one image, from the narrowest to the widest."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SegmentedView:
     """The segmented image of one camera.
 
-    image: within the user's scope. bodies: the crop of each body, None if invisible. people: the crop of each
-    untracked person.
+    image: within the user's scope. bodies: the mask of each body, None if invisible. people: the masks of
+    each untracked person.
     """
 
     image: View
@@ -48,9 +48,9 @@ class SegmentedView:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UntrackedPerson:
-    """What shows a person who is not tracked.
+    """The crop of a person who is not tracked.
 
-    alternatives: the same frame with more and more of what may be the person's.
+    alternatives: the same frame with successively wider masks of the person.
     """
 
     subject: SubjectFrame
@@ -58,12 +58,12 @@ class UntrackedPerson:
 
     @property
     def widest(self) -> SubjectFrame:
-        """The frame with all that may be the person's."""
+        """The frame with the widest mask of the person."""
         return self.alternatives[-1] if self.alternatives else self.subject
 
     @property
     def is_shown(self) -> bool:
-        """Whether colour shows the person."""
+        """Whether colour confirms the person."""
         return any(view.keypoints is not None for view in self.subject.views)
 
     def with_keypoints(self, keypoints: Keypoints) -> UntrackedPerson:
@@ -79,7 +79,7 @@ class SegmentedFrame:
     """A segmented frame.
 
     subjects: one per body; None if nothing of the body is visible, or if it may be anywhere.
-    excluded: crops of each body, of the cameras that are not used for it.
+    excluded: for each body, its crops from the cameras that are not used for it.
     candidates: people who are not tracked, the most likely first; empty unless a body may be anywhere.
     """
 
@@ -89,9 +89,9 @@ class SegmentedFrame:
     candidates: tuple[UntrackedPerson, ...]
     views: tuple[SegmentedView, ...]
 
-    def pixels(self, place: int) -> int:
-        """Number of pixels that show the body at this place in the list."""
-        subject = self.subjects[place]
+    def pixels(self, person_index: int) -> int:
+        """Number of pixels that show the body with this index in the list."""
+        subject = self.subjects[person_index]
         return 0 if subject is None else subject.pixels
 
     @property
@@ -110,11 +110,12 @@ class SegmentedFrame:
 class BodyView:
     """What a frame shows of one body.
 
-    alternatives: of a body that is not tracked yet, those of an `UntrackedPerson`. excluded: what the cameras
-    show that are not used for it. is_elsewhere: not where the body was expected. is_slow: it is long since
-    the frame before, so the next one is segmented when this one is refined. is_looked_at: for the person, in
-    colour that shows people. step_m: the motion (3,) since the last pose by colour; None if unknown.
-    is_exchanged: left and right in colour were exchanged, to agree with the body.
+    alternatives: see `UntrackedPerson`; only for a body that is not tracked yet. excluded: the crops from the
+    cameras that are not used for this body. is_elsewhere: not where the body was expected. is_slow: the gap
+    since the previous frame is long, so the next frame is not segmented until this one has been refined.
+    is_looked_at: the keypoint network has looked for this person in a trusted colour image. step_m: the
+    motion (3,) since the last pose according to colour; None if unknown. is_exchanged: left and right in
+    colour were swapped, to agree with the body.
     """
 
     frame: Frame
@@ -141,7 +142,7 @@ class Segmenter:
         self._scenes = dict[str, Scene]()
 
     def recall(self, changes: SceneChanges) -> None:
-        """Restore what was known after a frame; the changes of the frames before it come first."""
+        """Restore what was known after a frame, after the changes of all earlier frames."""
         for camera, change in changes.items():
             self._scene_of(camera, change.T_rig_camera, None).recall(change)
 
@@ -167,17 +168,17 @@ class Segmenter:
 
         The `excluded` cameras of a body are not used for it, unless no other camera shows it.
 
-        Other people are not learned as the room, unless they have been `rejected` for a while. Without
+        Other people are not added to the background, unless they have been `rejected` for a while. Without
         `find`, they are not searched for, and nothing is learned while a body may be anywhere.
         """
         views = tuple(self._segment_view(view, bodies, rejected=rejected, find=find) for view in frame.views)
         subjects, contradicting = list[SubjectFrame | None](), list[SubjectFrame | None]()
-        for n, out in enumerate(excluded or [()] * len(bodies)):
+        for n, unused in enumerate(excluded or [()] * len(bodies)):
             own = [(view.image.camera, body) for view in views if (body := view.bodies[n]) is not None]
-            agreed = subject_of(frame, [body for name, body in own if name not in out], self._points)
-            against = subject_of(frame, [body for name, body in own if name in out], self._points)
-            subjects.append(agreed or against)
-            contradicting.append(None if agreed is None else against)
+            agreed = subject_of(frame, [body for name, body in own if name not in unused], self._points)
+            disagreed = subject_of(frame, [body for name, body in own if name in unused], self._points)
+            subjects.append(agreed or disagreed)
+            contradicting.append(None if agreed is None else disagreed)
         excluded_by_any = set().union(*excluded)
         seen = [view.people for view in views if view.image.camera not in excluded_by_any]
         people = self._join_people(frame, seen if any(seen) else [view.people for view in views])
@@ -190,7 +191,7 @@ class Segmenter:
         seen = list[Sequence[MaskHypotheses]]()
         for segmented_view in segmented.views:
             image, view = segmented_view.image, segmented_view.scene
-            if not view.furnished and len(segmented.subjects) == 1:
+            if not view.shows_room and len(segmented.subjects) == 1:
                 seen.append([(everything,) for everything in outline(image)])
                 continue
             distances = [measure_distances(view, image.to_camera(body)) for body in tracked]
@@ -206,20 +207,22 @@ class Segmenter:
         changes: SceneChanges,
         searched: UntrackedPerson,
         person: SubjectFrame,
-        beside: Sequence[SubjectFrame],
+        others: Sequence[SubjectFrame],
     ) -> SceneChanges:
-        """Learn as the room what a search took for a part of the person, and what is none.
+        """Add to the background what a search attributed to the person but the detected body does not cover.
 
-        The search was for `searched`, in the last segmented frame or an earlier one, and found `person`.
-        `beside` are the other people in the last frame. Returns all that the last frame changed, given the
+        The search was for `searched`, in the last segmented frame or an earlier one, and detected `person`.
+        `others` are the other people in the last frame. Returns all that the last frame changed, given the
         `changes` so far.
         """
         after = dict(changes)
         for view in segmented.views:
             name, depth = view.image.camera, view.scene.depth
-            shown = depth_of(searched.widest, name, depth.shape)
-            things = (shown > 0.0) & (abs(depth - shown) < self._settings.segmentation.step_m)
-            for subject in (person, *beside):
+            searched_depth = depth_of(searched.widest, name, depth.shape)
+            things = (searched_depth > 0.0) & (
+                abs(depth - searched_depth) < self._settings.segmentation.step_m
+            )
+            for subject in (person, *others):
                 things &= depth_of(subject, name, depth.shape) == 0.0
             after[name] = self._scenes[name].learn(view.scene, ~things, changes[name].learned)
         return after
@@ -232,7 +235,7 @@ class Segmenter:
         scene = self._scene_of(image.camera, image.T_rig_camera, image.gravity)
         image, out_of_scope = scope.limit(image)
         view = scene.see(image, out_of_scope)
-        if not view.furnished and len(bodies) == 1:
+        if not view.shows_room and len(bodies) == 1:
             everything, change = next(iter(outline(image)), None), scene.learn(view)
             if bodies[0] is not None:
                 return SegmentedView(image, view, change, (everything,), ())
@@ -263,7 +266,7 @@ class Segmenter:
     def _join_people(
         self, frame: Frame, seen: Sequence[Sequence[MaskHypotheses]]
     ) -> tuple[UntrackedPerson, ...]:
-        """People by what shows them in each image; those at the same place are one person."""
+        """People by their masks in each image; those at the same place are one person."""
         people, farthest = list[list[MaskHypotheses]](), self._settings.candidates.same_person_m
         for in_image in seen:
             for masks in in_image:
@@ -271,18 +274,18 @@ class Segmenter:
                 def distance(person: list[MaskHypotheses], masks: MaskHypotheses = masks) -> float:
                     return distance_between(person[0][0], masks[0])
 
-                elsewhere = [who for who in people if all(m[0].image is not masks[0].image for m in who)]
-                near = (who for who in elsewhere if distance(who) < farthest)
+                elsewhere = [p for p in people if all(m[0].image is not masks[0].image for m in p)]
+                near = (person for person in elsewhere if distance(person) < farthest)
                 same = min(near, key=distance, default=None)
                 if same is None:
                     people.append([masks])
                 else:
                     same.append(masks)
-        shown = (self._person_of(frame, person) for person in people)
-        return tuple(person for person in shown if person is not None)
+        joined = (self._person_of(frame, person) for person in people)
+        return tuple(person for person in joined if person is not None)
 
     def _person_of(self, frame: Frame, images: Sequence[MaskHypotheses]) -> UntrackedPerson | None:
-        """The person whom some images show; None if there are no masks."""
+        """The person whom these images show; None if there are no masks."""
         levels = range(max(map(len, images)))
         masked = [[masks[min(level, len(masks) - 1)] for masks in images] for level in levels]
         subject, *wider = [subject_of(frame, views, self._points) for views in masked]
@@ -290,31 +293,31 @@ class Segmenter:
 
 
 def possible_people(candidates: Sequence[UntrackedPerson], trusted: Collection[str]) -> list[UntrackedPerson]:
-    """Candidates in whom colour shows a person, who have keypoints, before the others.
+    """Candidates confirmed by colour (those with keypoints), followed by the others.
 
     The others are left out if they are in the image of a `trusted` camera.
     """
-    people, beside = list[UntrackedPerson](), list[UntrackedPerson]()
-    for who in candidates:
-        if who.is_shown:
-            people.append(who)
-        elif all(view.image.camera not in trusted for view in who.subject.views):
-            beside.append(who)
-    return people + beside
+    confirmed, others = list[UntrackedPerson](), list[UntrackedPerson]()
+    for candidate in candidates:
+        if candidate.is_shown:
+            confirmed.append(candidate)
+        elif all(view.image.camera not in trusted for view in candidate.subject.views):
+            others.append(candidate)
+    return confirmed + others
 
 
 def mask_candidate(image: View, view: SceneView, person: Candidate, near_bodies: Mask) -> MaskHypotheses:
-    """What shows a candidate in an image; `near_bodies` are the pixels (H, W) of those who are tracked."""
+    """The masks of a candidate in an image; `near_bodies` are the pixels (H, W) of those who are tracked."""
     masked = segment_masks(view, (person.mask, *person.wider), near_bodies)
     return tuple(MaskedView(image, mask.window, mask.labels) for mask in masked)
 
 
 def distance_between(first: MaskedView, second: MaskedView) -> float:
-    """Distance in metres between the middles of what two images show."""
-    middles = []
+    """Distance in metres between the centres of what two images show."""
+    centres = []
     for masked in (first, second):
         image, (left, top, right, bottom) = masked.image, masked.window
         camera = image.intrinsics.crop(left, top, right - left, bottom - top)
         depth = depth_in(masked) / image.depth_scale
-        middles.append(image.to_rig(np.median(points_of(depth, camera, depth > 0.0), axis=0)))
-    return float(np.linalg.norm(middles[0] - middles[1]))
+        centres.append(image.to_rig(np.median(points_of(depth, camera, depth > 0.0), axis=0)))
+    return float(np.linalg.norm(centres[0] - centres[1]))

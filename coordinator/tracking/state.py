@@ -29,9 +29,9 @@ from gepf.coordinator.tracking.track_state import Absent, Body, Found, TrackStat
 class Start:
     """A body and its pose (D,) in the first frame that shows it.
 
-    `values` are by name, including degrees of freedom that are held. Until the body is `found`, only the
-    names of its degrees of freedom and joints are valid; the pose is NaN, the size empty. `noise` is the
-    camera's noise in that frame; zero if it was not measured.
+    `values` are by name, including degrees of freedom that are held. Until the body is detected (`found`),
+    only the names of its degrees of freedom and joints are valid; the pose is NaN, the size empty. `noise` is
+    the camera's noise in that frame; zero if it was not measured.
     """
 
     model: BodyModel
@@ -39,11 +39,11 @@ class Start:
     size: BodySize
     values: Mapping[str, float] = field(default_factory=dict)
     noise: SensorNoise = NO_NOISE
-    found: bool = True
+    found: bool = True  # detected, or given
 
     @property
     def family(self) -> BodyFamily:
-        """What is known of such bodies."""
+        """The family of the body."""
         return family_of(self.model)
 
     @property
@@ -81,9 +81,9 @@ def start_at(
     *,
     flexible: bool = False,
 ) -> Start:
-    """The start at a pose given by name, by default of the known or usual size.
+    """The start at a pose given as values by name; the default size is the known one or else the usual one.
 
-    If it is `flexible`, a size that is not known can change.
+    If the body is `flexible`, a size that is not known can change.
     """
     size = bodies.usual_size if size is None else size
     model, pose = (bodies.flexible if flexible else bodies.tracked)(size, values)
@@ -92,8 +92,8 @@ def start_at(
 
 def read_start(path: Path, dof_names: Collection[str], remedy: str = "") -> dict[str, float]:
     """Values by name; missing values are zero. InputError for an unknown name, or a value above LARGEST."""
-    mend, missing = "write {degree of freedom: number}", "give --init a file, or auto"
-    values = read_json(path, dict[str, float], mend, missing)
+    fix_hint, missing_hint = "write {degree of freedom: number}", "give --init a file, or auto"
+    values = read_json(path, dict[str, float], fix_hint, missing_hint)
     for name, value in values.items():
         if name not in dof_names:
             raise InputError(f"{path}: {unknown_dof(name, dof_names)}{remedy}")
@@ -135,7 +135,7 @@ class PersonState:
 
     @property
     def size(self) -> BodySize:
-        """The present size; empty until the body is found, or if its shape is known."""
+        """The present size; empty until the body is detected, or if its shape is known."""
         return self.start.size_of(self.shape)
 
     @property
@@ -148,9 +148,11 @@ class PersonState:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameState:
-    """What is known beside the people after a frame."""
+    """The state after a frame that does not belong to a person."""
 
-    scenes: SceneChanges = field(default_factory=dict)  # changes by the frame; in a resumed run, all of them
+    scenes: SceneChanges = field(
+        default_factory=dict
+    )  # changes made by the frame; in a resumed run, all of them
     cameras: CameraStates = field(default_factory=dict)
     colours: ColourStates = field(default_factory=dict)
     time_s: float | None = None

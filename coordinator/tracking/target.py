@@ -41,9 +41,9 @@ from gepf.coordinator.tracking.state import Checkpoint, PersonState
 from gepf.coordinator.tracking.track_state import (
     Body,
     Event,
-    Followed,
     Found,
     Instructions,
+    OnceTracked,
     Policy,
     Refined,
     SearchEnded,
@@ -55,17 +55,17 @@ from gepf.coordinator.tracking.track_state import (
 
 
 class JustDetected(NamedTuple):
-    """Who was searched for, and what shows the body in that frame."""
+    """The candidate that was searched, and the crop of the detected body in the same frame."""
 
     searched: UntrackedPerson
     person: SubjectFrame
 
 
 class TargetTracker:
-    """Tracks one body from a state on; the other arguments are those of `Tracker`.
+    """Tracks one body, starting from a given state; the other arguments are those of `Tracker`.
 
-    `start` is the body, `track` the state of the machine. Settings that define the method replace those given
-    here.
+    `start` is the body, `track` the state of its state machine. Settings fixed by the method override those
+    passed in.
     """
 
     def __init__(
@@ -81,7 +81,7 @@ class TargetTracker:
         self._filter = ParticleFilter(refiner, settings, motion)
         self._filter.rng.bit_generator.state = json.loads(state.checkpoint.generator)
         self._detector = Detector(bodies, refiner, settings)
-        self._distance = 0.0  # of the subject in the present frame, metres
+        self._distance = 0.0  # of the subject in the current frame, metres
         self.search = BodySearch()
         self.start, self.track = state.start, state.track
         self._detected: JustDetected | None = None
@@ -111,8 +111,8 @@ class TargetTracker:
     def segmentation_surface(self, step_m: Array | None = None) -> Array | None:
         """The vertices (V, 3) around which the next frame is segmented; None if the body may be anywhere.
 
-        The present frame may still be refined. So they are those of the pose of the frame before, unless
-        frames are slow. `step_m` (3,) is the motion since then, if it is known.
+        The current frame may still be in refinement, so the vertices are those of the previous frame's pose,
+        unless frames are slow. `step_m` (3,) is the motion since then, if it is known.
         """
         if not isinstance(self.track, Body) or self.track.segmentation_pose is None:
             return None
@@ -121,13 +121,13 @@ class TargetTracker:
 
     @property
     def expected_body(self) -> ExpectedBody | None:
-        """The person around whom the next frame is segmented; None if there is none, or it is no person."""
+        """The person around whom the next frame is segmented; None if unknown, or no person."""
         pose = self.track.segmentation_pose if isinstance(self.track, Body) else None
         return None if pose is None or not len(self.model.keypoint_links) else ExpectedBody(self.model, pose)
 
     @property
     def explained_body(self) -> ExpectedBody | None:
-        """The person in the pose of the last frame; None if depth does not explain it, or it is no person."""
+        """The person in the pose of the last frame; None if it does not explain depth, or is no person."""
         track = self.track
         if not isinstance(track, Tracked) or track.unexplained_s or track.residual > 1.0:
             return None
@@ -135,8 +135,8 @@ class TargetTracker:
         return ExpectedBody(self.model, track.belief.reported) if is_person else None
 
     @property
-    def body_of_known_facing(self) -> ExpectedBody | None:
-        """The person in the last pose, if depth and some frames before leave no doubt which side is left."""
+    def body_with_known_orientation(self) -> ExpectedBody | None:
+        """The person in the last pose, if depth and preceding frames leave no doubt which side is left."""
         body, track = self.explained_body, self.track
         is_sure = (
             isinstance(track, Tracked)
@@ -147,7 +147,7 @@ class TargetTracker:
 
     @property
     def _knows_facing(self) -> bool:
-        return isinstance(self.track, Followed) and self.track.knows_facing(self._settings.colour)
+        return isinstance(self.track, OnceTracked) and self.track.knows_facing(self._settings.colour)
 
     @property
     def last_seen(self) -> Array:
@@ -177,13 +177,13 @@ class TargetTracker:
         return not isinstance(self.track, Searching) or self.track.is_due(time_s, self._settings.track)
 
     @property
-    def is_searched_anywhere(self) -> bool:
+    def may_be_anywhere(self) -> bool:
         """Whether a known body may be anywhere in the next frame."""
         return isinstance(self.track, Body) and self.track.may_be_anywhere
 
     @property
     def is_confirmed(self) -> bool:
-        """Whether colour had shown the body before the last frame."""
+        """Whether colour had confirmed the body before the last frame."""
         return isinstance(self.track, Body) and self.track.is_confirmed
 
     @property
@@ -191,7 +191,7 @@ class TargetTracker:
         """Whether the next frame is segmented around the last pose, and not around an earlier one."""
         track = self.track
         return (
-            isinstance(track, Followed)
+            isinstance(track, OnceTracked)
             and track.segmentation_pose is not None
             and np.array_equal(track.segmentation_pose, track.belief.reported)
         )
@@ -202,17 +202,17 @@ class TargetTracker:
             self._detector.prepare()
 
     def take_search(self) -> None:
-        """Begin at the body that a first search has detected meanwhile, if it has."""
+        """Take over the body if a first search has detected it in the meantime."""
         if not isinstance(self.track, Body):
             self._end_search()  # in a recording a search ends with its frame
 
     def end(self) -> None:
-        """Give up what the workers do for later frames."""
+        """Give up a search under way."""
         self.search.drop()
         self._step(SearchEnded())
 
     def take_detected(self) -> JustDetected | None:
-        """The body that has just been detected, once; the room around it can be learned."""
+        """The body that has just been detected, returned only once; for an update of the background."""
         detected, self._detected = self._detected, None
         return detected
 
@@ -221,8 +221,8 @@ class TargetTracker:
     ) -> Submitted | Updated:
         """Predict particles for the next frame and send them to the workers.
 
-        `take_search` comes before, and `update` must follow. If there is nothing to refine, the frame is
-        updated at once. A frame with a budget does not wait for a search: the search goes on during later
+        `take_search` must come first, and `update` must follow. If there is nothing to refine, the frame is
+        updated at once. A frame with a budget does not wait for a search: the search continues during later
         frames, and this one takes the result of an earlier one.
         """
         subject, detection = view.subject, None
@@ -274,8 +274,10 @@ class TargetTracker:
     ) -> Submitted:
         """Predict the particles of a frame and send them to the workers."""
         assert isinstance(self.track, Body)  # it has a belief
-        first, belief = isinstance(self.track, Found), self.track.belief
-        if first and budget is not None:  # with few particles, hypotheses of the detection would be lost
+        past_is_guess, belief = isinstance(self.track, Found), self.track.belief
+        if (
+            past_is_guess and budget is not None
+        ):  # with few particles, hypotheses of the detection would be lost
             budget = replace(budget, is_late=False)
         with clock.stage("draw"):
             proposal = self._filter.propose(
@@ -283,13 +285,15 @@ class TargetTracker:
             )
         with clock.stage("refine"):
             settings = self._filter.scale_iterations(self._refine_settings, proposal.interval, budget)
-            context = FrameContext(subject, belief.reported, proposal.interval, settings.stretch, first)
+            context = FrameContext(
+                subject, belief.reported, proposal.interval, settings.stretch, past_is_guess
+            )
             pending = self._filter.send(self.model, subject, proposal, settings)
         return Submitted(view, settings, proposal, pending, context, detection, clock)
 
     @property
     def _refine_settings(self) -> RefineSettings:
-        """The settings for the noise at the distance of the present frame."""
+        """The settings for the noise at the distance of the current frame."""
         floor_m = self._settings.scene.noise.floor_m
         return assume_noise(self._settings.refine, self.start.noise.at(self._distance, floor_m))
 
@@ -298,7 +302,7 @@ class TargetTracker:
         return todo
 
     def _segmented(self, view: BodyView, subject: SubjectFrame | None) -> Instructions:
-        """The event of a segmented frame; a body with a given start is first seen there."""
+        """The event of a segmented frame; measures the noise where a given start is first seen."""
         has_depth = any(image.depth.any() for image in view.frame.views)
         if subject is None:
             return self._step(Segmented(view.frame.time_s, has_depth=has_depth))
@@ -312,7 +316,7 @@ class TargetTracker:
         return self._step(Segmented(view.frame.time_s, pixels, points, has_depth, view.is_elsewhere, moved))
 
     def _move(self, belief: Belief, step_m: Array) -> Belief:
-        """The belief in a body that has moved (3,) since the frame in which it was detected."""
+        """The belief about a body that has moved by `step_m` (3,) since its detection."""
         poses = move_root(self.model, np.vstack([belief.reported, belief.poses]), step_m)
         return replace(belief, reported=poses[0], poses=poses[1:])
 
@@ -339,9 +343,9 @@ class TargetTracker:
         self.search.begin(stages, UntrackedPerson(subject, view.alternatives))
 
     def _end_search(self) -> Detection | None:
-        """Take the result of a search that has ended; returns that of a later one, to be compared.
+        """Take the result of a search that has ended; that of a repeated search is returned, to be compared.
 
-        A first search finds the body, in the frame in which it began, or nothing.
+        A first search detects the body, in the frame in which it began, or nothing.
         """
         searched, detection = self.search.person, self.search.take()
         if searched is None or detection is None:
@@ -353,7 +357,7 @@ class TargetTracker:
             self._step(SearchEnded(why=detection.gate.why))
             return None
         self.start, person = detection.start, detection.subject
-        belief = self._filter.believe(self.model, detection.candidates)
+        belief = self._filter.belief_from(self.model, detection.candidates)
         body = ExpectedBody(self.model, belief.reported)
         is_shown = match_sides(body, person, self._settings.colour).is_shown
         detected = Found(
@@ -365,7 +369,7 @@ class TargetTracker:
             unshown_s=None if is_shown else 0.0,
             is_confirmed=is_shown,
         )
-        if "learn the room" in self._step(SearchEnded(detected)):
+        if "update the background" in self._step(SearchEnded(detected)):
             self._detected = JustDetected(searched, person)
         return None
 
@@ -380,18 +384,18 @@ class TargetTracker:
         if detection is not None:
             joints = joint_positions(self.model, belief.poses[:1])[0]
             before, after = belief.log_weights[0], detection.candidates.log_likelihood[0]
-            if detection.faces_away(joints)[0] and self._knows_facing:  # a frame's keypoints may be exchanged
+            if detection.faces_away(joints)[0] and self._knows_facing:  # a frame's keypoints may be swapped
                 before, after = by_depth, detection.by_depth()[0]
             if after > before + settings.search.surer_nats:
                 by_depth = detection.by_depth()[0]
                 redetected = self.track.is_lost or detection.is_elsewhere(joints, settings.certainty.wrong_m)
-                redetected_as = self._filter.believe(self.model, detection.candidates)
+                redetected_as = self._filter.belief_from(self.model, detection.candidates)
                 belief = replace(redetected_as, shape_precision=belief.shape_precision)
                 gate = detection.gate
             joints = joint_positions(self.model, belief.poses[:1])[0]
             ambiguous_facing = detection.looks_alike(joints, by_depth, settings.search.alike_nats)
         view, body = submitted.view, ExpectedBody(self.model, belief.poses[0])
-        shown = match_sides(body, context.subject, settings.colour)
+        match = match_sides(body, context.subject, settings.colour)
         allowed_m = settings.gating.max_residual_m + submitted.settings.noise_depth
         views = [*context.subject.views, *(view.excluded.views if view.excluded is not None else ())]
         return Refined(
@@ -405,15 +409,15 @@ class TargetTracker:
             residuals=camera_residuals(self.model, belief.poses[0], view.frame, views, allowed_m),
             allowed_m=allowed_m,
             # the interval of the first frame includes the search, in which no cameras were compared
-            interval_s=USUAL_INTERVAL if context.first else submitted.proposal.interval,
+            interval_s=USUAL_INTERVAL if context.past_is_guess else submitted.proposal.interval,
             is_slow=view.is_slow,
-            is_shown=shown.is_shown or (False if view.is_looked_at else None),
-            sides=-1 if view.is_exchanged else shown.sides,
+            is_shown=match.is_shown or (False if view.is_looked_at else None),
+            sides=-1 if view.is_exchanged else match.sides,
         )
 
 
 def resolve(settings: Settings, family: BodyFamily) -> Settings:
-    """The settings with what the method fixes, and what follows from the bodies.
+    """The settings after applying the values fixed by the method and those of the body family.
 
     These are used, and stored with runs. Raises InputError as `apply_method`.
     """

@@ -24,14 +24,14 @@ from gepf.coordinator.tracking.gating import Gate
 ROUNDING_S = 1e-3  # of times in files
 FACING_DOUBT = "front and back look alike: it may face the other way"
 
-Instruction = Literal["search", "stop searching", "learn the room", "refine"]
-"""search: begin a search in this frame; its end is an event. learn the room: what was searched, except the
-person. refine: the particles of this frame; the result is an event."""
+Instruction = Literal["search", "stop searching", "update the background", "refine"]
+"""search: begin a search in this frame; its end is an event. update the background: add what was searched,
+except the person. refine: the particles of this frame; the result is an event."""
 
 Instructions = tuple[Instruction, ...]
 
-Sight = Literal["body", "something", "nothing"]
-"""What a frame shows at the place of a body."""
+Visibility = Literal["body", "something", "nothing"]
+"""What a frame shows where a body is expected."""
 
 
 class Absent(msgspec.Struct, frozen=True, tag="absent"):
@@ -41,11 +41,11 @@ class Absent(msgspec.Struct, frozen=True, tag="absent"):
 class Searching(msgspec.Struct, frozen=True, tag="searching"):
     """The body is unknown, and something that may be one is seen."""
 
-    searches: int = 1  # that have begun
+    searches: int = 1  # number of searches that have begun
     searched_s: float = 0.0  # time of the frame in which the last one began
-    why: str = ""  # the last one detected nothing
-    is_running: bool = False  # a search
-    sight: Sight = "something"
+    why: str = ""  # reason why the last one detected nothing
+    is_running: bool = False  # whether a search is under way
+    visibility: Visibility = "something"
 
     def is_due(self, time_s: float, settings: TrackSettings) -> bool:
         """Whether the next search may begin."""
@@ -65,10 +65,12 @@ class Body(msgspec.Struct, frozen=True, kw_only=True):
     this one is refined. At low rates it is set again when this one is refined.
     """
     excluded: tuple[str, ...] = ()  # cameras that are not used for it when the next frame is segmented
-    agreement: Agreement = msgspec.field(default_factory=Agreement)  # of the cameras, by the last pose
+    agreement: Agreement = msgspec.field(default_factory=Agreement)  # of the cameras, on the last pose
     is_searched: bool = False  # a search for it is running
-    unshown_s: float | None = 0.0  # since the detection, without a person in colour; None: it was shown
-    is_confirmed: bool = False  # colour had shown it before the last frame
+    unshown_s: float | None = (
+        0.0  # time without confirmation by colour since the detection; None once confirmed
+    )
+    is_confirmed: bool = False  # whether colour had confirmed it before the last frame
 
     @property
     def may_be_anywhere(self) -> bool:
@@ -85,29 +87,35 @@ class Found(Body, frozen=True, kw_only=True, tag="found"):
 
     place: Array | None = None
     detected_pixels: int = 0
-    is_lost: bool = False  # a frame showed nothing at a given start
+    is_lost: bool = False  # whether a frame showed nothing at a given start pose
 
 
-class Followed(Body, frozen=True, kw_only=True):
+class OnceTracked(Body, frozen=True, kw_only=True):
     """The fields that tracked and lost bodies share."""
 
-    age_s: float = 0.0  # since the last detection, in frames that show the body; less to be checked sooner
-    unexplained_s: float = 0.0  # for which no frame was explained
+    age_s: float = (
+        0.0  # since the last detection, in frames that show the body; smaller: the next check is sooner
+    )
+    unexplained_s: float = 0.0  # time for which no frame was explained
     residual: float = 0.0  # normalised, of the last frame that showed the body
-    why: str = ""  # to doubt that frame
-    pixels: int = 0  # of the body in the last explained frame
-    doubtful_s: float = 0.0  # for which a joint in view may have been wrong, since the last detection
-    ambiguous_facing: bool = False  # in the last search, front and back explained the depth equally well
-    sides_s: float = 0.0  # for which colour showed left and right as they are, less that for which exchanged
+    why: str = ""  # reason to doubt the pose in that frame
+    pixels: int = 0  # number of the body's pixels in the last explained frame
+    doubtful_s: float = 0.0  # time for which a joint in view has been in doubt, since the last detection
+    ambiguous_facing: bool = (
+        False  # in the last search, front and back explained the depth about equally well
+    )
+    sides_s: float = (
+        0.0  # time for which colour showed left and right correctly, minus that for which swapped
+    )
     faulty: tuple[str, ...] = ()  # cameras at fault in the last frame that showed the body
-    sight: Sight = "body"  # in the last frame
+    visibility: Visibility = "body"  # in the last frame
 
     def is_new(self, settings: TrackSettings) -> bool:
-        """Whether the body was detected, or a camera came back, shortly before."""
+        """Whether the body was detected, or a camera came back, a short time ago."""
         return self.age_s < settings.check_interval_s - ROUNDING_S
 
     def knows_facing(self, settings: ColourSettings) -> bool:
-        """Whether front and back are told apart, by depth or by colour that lasts."""
+        """Whether front and back are told apart, by depth, or by colour over a sufficiently long time."""
         if self.ambiguous_facing:
             return self.sides_s >= settings.facing_s - ROUNDING_S
         return self.sides_s > ROUNDING_S - settings.exchanged_s
@@ -117,13 +125,13 @@ class Followed(Body, frozen=True, kw_only=True):
         return self.why or ("" if self.knows_facing(settings) else FACING_DOUBT)
 
 
-class Tracked(Followed, frozen=True, kw_only=True, tag="tracked"):
+class Tracked(OnceTracked, frozen=True, kw_only=True, tag="tracked"):
     """The body is at its pose, except that the last few frames may be unexplained."""
 
     is_lost: ClassVar[bool] = False
 
 
-class Lost(Followed, frozen=True, kw_only=True, tag="lost"):
+class Lost(OnceTracked, frozen=True, kw_only=True, tag="lost"):
     """The body may be anywhere."""
 
     is_lost: ClassVar[bool] = True
@@ -137,7 +145,7 @@ class Segmented:
     """A frame is segmented: the number of pixels that show the body, and of the points picked of them.
 
     Both are 0 if nothing shows it. `has_depth`: the frame shows anything. `is_elsewhere`: these pixels are
-    not where the body was expected. `moved`: the belief in a detected body, moved to where it is now.
+    not where the body was expected. `moved`: the belief about a detected body, moved to where it is now.
     """
 
     time_s: float
@@ -152,8 +160,8 @@ class Segmented:
 class SearchEnded:
     """A search has ended, or is given up.
 
-    The first search for a body gives the `detected` one, or the reason `why` nothing was detected; none if it
-    is given up.
+    The first search for a body gives the `detected` one, or the reason `why` nothing was detected; neither is
+    set if the search was given up.
     """
 
     detected: Found | None = None
@@ -165,10 +173,10 @@ class Refined:
     """The particles of a frame are refined, and the pose is gated.
 
     `redetected`: the pose is that of a search, and not where the body was tracked. `ambiguous_facing`: front
-    and back look alike in that search; None without one. `faulty` cameras are left out; the others have
-    residuals in metres, as `Agreement.after` takes them, and up to `allowed_m` agree. `is_slow`: the next
-    frame is not segmented yet. `is_shown`: whether colour shows the person; None if unknown.
-    `sides`: 1 if colour shows left and right as they are, -1 if exchanged, 0 if unknown.
+    and back look alike in that search; None without a search. `faulty` cameras are left out; the other
+    cameras have `residuals` in metres (see `Agreement.after`) and count as agreeing up to `allowed_m`.
+    `is_slow`: the next frame is not segmented yet. `is_shown`: whether colour confirms the person; None if
+    unknown. `sides`: 1 if colour shows left and right correctly, -1 if swapped, 0 if unknown.
     """
 
     belief: Belief
@@ -193,10 +201,10 @@ Event: TypeAlias = Segmented | SearchEnded | Refined
 class Policy(NamedTuple):
     """What does not change while a body is tracked."""
 
-    min_points: int  # that can show a body
+    min_points: int  # minimum number of points that can show a body
     settings: TrackSettings
     colour: ColourSettings
-    recovers: bool = True  # a lost body is searched for
+    recovers: bool = True  # whether a lost body is searched for
 
 
 def step(state: TrackState, event: Event, policy: Policy) -> tuple[TrackState, Instructions]:
@@ -217,11 +225,11 @@ def _segmented(state: TrackState, event: Segmented, policy: Policy) -> tuple[Tra
     if policy.recovers and (state.unshown_s or 0.0) > policy.colour.unshown_s - ROUNDING_S:
         return Absent(), ("stop searching",)
     state = replace(state, is_confirmed=state.unshown_s is None)
-    if event.is_elsewhere and isinstance(state, Followed):
+    if event.is_elsewhere and isinstance(state, OnceTracked):
         state = _lose(state, policy)
     if not event.pixels:
-        return _miss(state, event, policy), ()
-    return _follow(state, event, policy)
+        return _handle_unseen(state, event, policy), ()
+    return _handle_seen(state, event, policy)
 
 
 def _look_for_anybody(
@@ -230,39 +238,39 @@ def _look_for_anybody(
     """An unknown body: search for it at intervals while there is something to search in."""
     if isinstance(state, Searching) and state.is_running:
         if event.pixels or event.has_depth:
-            return replace(state, sight="something"), ()
-        return replace(state, searches=1, why="", sight="nothing"), ()
+            return replace(state, visibility="something"), ()
+        return replace(state, searches=1, why="", visibility="nothing"), ()
     if event.points < policy.min_points:
         return Absent(), ()
     if isinstance(state, Absent):
         return Searching(searched_s=event.time_s, is_running=True), ("search",)
-    state = replace(state, sight="something")
+    state = replace(state, visibility="something")
     if not state.is_due(event.time_s, policy.settings):
         return state, ()
     state = replace(state, searches=state.searches + 1, searched_s=event.time_s, is_running=True)
     return state, ("search",)
 
 
-def _miss(state: Found | Tracked | Lost, event: Segmented, policy: Policy) -> TrackState:
+def _handle_unseen(state: Found | Tracked | Lost, event: Segmented, policy: Policy) -> TrackState:
     """A body that is not seen: its hypotheses stay where they are, without velocity.
 
     The next frame is still segmented around its pose; if it is not seen there, it may be anywhere.
     """
-    shows = state.segmentation_pose is not None and event.has_depth
+    shows_something = state.segmentation_pose is not None and event.has_depth
     excluded = state.agreement.contradicting
     if isinstance(state, Found) and state.place is None:
-        is_lost = state.is_lost or not shows
+        is_lost = state.is_lost or not shows_something
         return replace(state, segmentation_pose=None, excluded=excluded, is_lost=is_lost)
     return replace(
         _lose(state, policy),
         belief=state.belief.unseen(),
         segmentation_pose=_segmentation_pose(state, policy),
         excluded=excluded,
-        sight="something" if shows else "nothing",
+        visibility="something" if shows_something else "nothing",
     )
 
 
-def _follow(
+def _handle_seen(
     state: Found | Tracked | Lost, event: Segmented, policy: Policy
 ) -> tuple[TrackState, Instructions]:
     """A body that is seen: refine it, and search for it as well if it is new, lost or in doubt."""
@@ -271,8 +279,8 @@ def _follow(
     if isinstance(state, Found):
         return state, ("refine",)
     if state.is_searched or not (policy.recovers and _check_due(state, event.time_s, policy)):
-        return replace(state, sight="body"), ("refine",)
-    return replace(state, sight="body", is_searched=True), ("search", "refine")
+        return replace(state, visibility="body"), ("refine",)
+    return replace(state, visibility="body", is_searched=True), ("search", "refine")
 
 
 def _check_due(state: Tracked | Lost, time_s: float, policy: Policy) -> bool:
@@ -295,12 +303,14 @@ def _check_due(state: Tracked | Lost, time_s: float, policy: Policy) -> bool:
 def _doubt_is_due(doubtful_s: float, interval_s: float, settings: TrackSettings) -> bool:
     """Whether the time in doubt has just reached an interval, or twice, four times, ... as much."""
     before_s = doubtful_s - interval_s
-    now, last = ((time_s + ROUNDING_S) / settings.check_interval_s for time_s in (doubtful_s, before_s))
-    return now >= 1.0 and (last < 1.0 or math.frexp(now)[1] > math.frexp(last)[1])
+    current, previous = (
+        (time_s + ROUNDING_S) / settings.check_interval_s for time_s in (doubtful_s, before_s)
+    )
+    return current >= 1.0 and (previous < 1.0 or math.frexp(current)[1] > math.frexp(previous)[1])
 
 
 def _interval(state: Found | Tracked | Lost, time_s: float) -> float:
-    """Seconds since the last frame that showed the body; the usual ones if it was not tracked in it."""
+    """Seconds since the last frame that showed the body; the usual interval if it was not tracked then."""
     since = 0.0 if isinstance(state, Found) or state.time_s is None else time_s - state.time_s
     return since if since > 0.0 else USUAL_INTERVAL
 
@@ -311,11 +321,11 @@ def _segmentation_pose(state: Found | Tracked | Lost, policy: Policy) -> Array |
 
 
 def _search_ended(state: TrackState, event: SearchEnded) -> tuple[TrackState, Instructions]:
-    """A first search has detected a body or nothing; the result of a later one comes with `Refined`."""
+    """A first search has detected a body or nothing; the result of a repeated one comes with `Refined`."""
     if isinstance(state, Body):
         return replace(state, is_searched=False), ()
     if event.detected is not None:
-        return event.detected, ("learn the room",)
+        return event.detected, ("update the background",)
     if isinstance(state, Absent) or not state.is_running:
         return state, ()
     if event.why:
@@ -331,7 +341,7 @@ def _refined(
 ) -> tuple[TrackState, Instructions]:
     """A body is tracked if it explains the frame, and lost if it has not for some frames."""
     settings, agreement = policy.settings, state.agreement
-    before, interval = _followed(state, settings), _interval(state, event.time_s)
+    before, interval = _as_once_tracked(state, settings), _interval(state, event.time_s)
     if state.is_lost and not agreement.contradicting:
         agreement = Agreement()
     is_explained = event.gate.residual <= (1.0 if state.is_lost else settings.lost_residual)
@@ -371,19 +381,19 @@ def _refined(
 def _unshown(
     before_s: float | None, event: Refined, interval_s: float, settings: ColourSettings
 ) -> float | None:
-    """Seconds since its detection for which colour has not shown a body; None if it has once."""
+    """How long colour has not confirmed a body since its detection, seconds; None once it has."""
     if event.is_shown or before_s is None:
         return None
     return before_s if event.is_shown is None else before_s + min(interval_s, settings.max_step_s)
 
 
 def _sides(before_s: float, sides: int, interval_s: float, settings: ColourSettings) -> float:
-    """The time for which colour showed left and right as they are, or exchanged, after a frame."""
+    """The balance of the time for which colour showed left and right correctly and swapped, after a frame."""
     after_s = before_s + sides * min(interval_s, settings.max_step_s)
     return min(max(after_s, -settings.exchanged_s), max(settings.facing_s, settings.exchanged_s))
 
 
-def _followed(state: Found | Tracked | Lost, settings: TrackSettings) -> Tracked | Lost:
+def _as_once_tracked(state: Found | Tracked | Lost, settings: TrackSettings) -> Tracked | Lost:
     """A found body as a tracked one; a given start is checked only while in doubt."""
     if not isinstance(state, Found):
         return state
@@ -392,11 +402,13 @@ def _followed(state: Found | Tracked | Lost, settings: TrackSettings) -> Tracked
 
 def _lose(state: Found | Tracked | Lost, policy: Policy) -> Tracked | Lost:
     """The body may be anywhere."""
-    return _become(Lost, _followed(state, policy.settings), why="", ambiguous_facing=False, sides_s=0.0)
+    return _become(
+        Lost, _as_once_tracked(state, policy.settings), why="", ambiguous_facing=False, sides_s=0.0
+    )
 
 
 def _become(kind: type[Tracked] | type[Lost], state: Body, **changes: object) -> Tracked | Lost:
-    """A tracked or lost body, with the fields that its state before has as well."""
+    """A tracked or lost body that keeps the fields it shares with its previous state."""
     shared = {
         name: getattr(state, name) for name in kind.__struct_fields__ if name in state.__struct_fields__
     }

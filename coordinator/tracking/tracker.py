@@ -29,10 +29,11 @@ from gepf.coordinator.tracking.track_state import ROUNDING_S, Body, Searching
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Ready:
+class PreparedFrame:
     """A segmented frame, the state of its cameras, what colour shows, and a stopwatch for each person.
 
-    interval_s: since the frame before, seconds; 0 in the first. is_slow: it is longer than `max_lookahead_s`.
+    interval_s: time since the previous frame, seconds; 0 for the first. is_slow: it exceeds
+    `max_lookahead_s`.
     """
 
     segmented: SegmentedFrame
@@ -44,11 +45,11 @@ class Ready:
 
 
 class SubmittedFrame(NamedTuple):
-    """A frame whose people are with the workers, or updated already, and what is known beside them."""
+    """A frame whose particles are with the workers (or that is already updated), with the frame's state."""
 
     people: list[Submitted | Updated]
     state: FrameState
-    ready: Ready
+    prepared: PreparedFrame
 
 
 class UpdatedFrame(NamedTuple):
@@ -66,9 +67,9 @@ class Tracker:
         settings: What to compute, for each person.
         bodies: The bodies that may be tracked.
         people: Largest number of people; they are numbered in the order of their detection.
-        scope: Which part of the scene counts, and which person is meant.
+        scope: Which part of the scene counts, and which person is selected.
         start: Values of degrees of freedom in the first frame, metres and radians; None to detect the body.
-        motion: Joint motion as encoders report it.
+        motion: Joint motion as measured by encoders.
         colour: Finds keypoints of people in colour images; None: depth alone.
         state: State to resume from, of a tracker with the same settings.
     """
@@ -93,7 +94,7 @@ class Tracker:
         self._segmenter = Segmenter(settings.points, settings.scene, scope)
         self._segmenter.recall(state.frame.scenes)
         self._frame = state.frame
-        self._is_late = False  # the last live frame
+        self._is_late = False  # whether the last live frame was late
         self._cameras, self._time_s = state.frame.cameras, state.frame.time_s  # of the last segmented frame
         self._targets = [TargetTracker(refiner, settings, bodies, person, motion) for person in state.people]
 
@@ -119,22 +120,22 @@ class Tracker:
     ) -> Iterator[TrackedFrame]:
         """Track frames; each frame is reported while the workers refine the next one.
 
-        The results are those of `track`. If a frame fails, the frame before is still reported. Without
+        The results are those of `track`. If a frame fails, the previous frame is still reported. Without
         `look_ahead`, each frame is reported at once. So is each `live` frame, see `Live`. A frame is
-        segmented around the pose of two frames before; at low rates, around that of the frame before.
+        segmented around the pose from two frames earlier; at low rates, around that from the previous frame.
         """
         # a frame is read and segmented at its turn; or by `peek`, while the workers refine the frame before
         upcoming = Lookahead(map(self._segment, frames))
         pacing = Recorded(look_ahead=look_ahead) if live is None else Live(live, upcoming)
         updated = list[UpdatedFrame]()  # at most one frame, which is not reported yet
         try:
-            for ready in upcoming:
+            for prepared in upcoming:
                 budget = pacing.begin_frame(self._targets)
                 self._is_late = budget is not None and budget.is_late
-                submitted = self._submit(ready, budget)  # predict, refine
+                submitted = self._submit(prepared, budget)  # predict, refine
                 # the workers are busy from here until the update
                 yield from reported(updated, self._settings)
-                if pacing.looks_ahead and not ready.is_slow:
+                if pacing.looks_ahead and not prepared.is_slow:
                     self._send_ahead(upcoming.peek())
                     advance_search(self._targets, wait=False)
                 updated = [self._update(submitted)]  # update, assess
@@ -149,7 +150,7 @@ class Tracker:
                 target.end()
         yield from reported(updated, self._settings)
 
-    def _segment(self, frame: Frame) -> Ready:
+    def _segment(self, frame: Frame) -> PreparedFrame:
         """Segment a frame around the poses of people, look at them in colour, and check its cameras."""
         settings, clocks = self._settings.track, [Stopwatch() for _ in self._targets]
         for target in self._targets:
@@ -164,7 +165,7 @@ class Tracker:
             bodies = [target.expected_body for target in self._targets]
             look = self._watch.begin(frame, bodies, is_late=self._is_late)
             sight = Sight.of_nobody(len(self._targets))
-            if look is not None and is_slow:  # people are elsewhere now
+            if look is not None and is_slow:  # people may have moved far since the last frame
                 is_trusted = not unused(self._frame.colours, last_s)
                 usable = [is_trusted and target.is_confirmed for target in self._targets]
                 sight = replace(sight, steps=look.steps(usable, settings.max_motion_m))
@@ -182,40 +183,40 @@ class Tracker:
             with clocks[0].stage("keypoints"):
                 sight = self._see(look, segmented, sight, interval_s)
                 segmented = with_own_keypoints(segmented, sight.people.keypoints)
-        return Ready(segmented, self._cameras, is_slow, clocks, sight, interval_s)
+        return PreparedFrame(segmented, self._cameras, is_slow, clocks, sight, interval_s)
 
     def _see(self, look: Look, segmented: SegmentedFrame, sight: Sight, interval_s: float) -> Sight:
-        """What a look at a segmented frame shows: of people, and of candidates if one is searched for."""
+        """What a look at a segmented frame shows: people, and candidates if somebody is searched for."""
         people, time_s = look.people.result(), segmented.frame.time_s
         unknown = [target for target in self._targets if not isinstance(target.track, Body)]
-        is_lost = any(target.is_searched_anywhere for target in self._targets)
+        is_lost = any(target.may_be_anywhere for target in self._targets)
         if is_lost or any(target.is_search_due(time_s) for target in unknown[:1]):  # one after another
             return replace(sight, people=people, candidates=look.candidates(segmented, interval_s))
         return replace(sight, people=people)
 
-    def _submit(self, ready: Ready, budget: FrameBudget | None) -> SubmittedFrame:
+    def _submit(self, prepared: PreparedFrame, budget: FrameBudget | None) -> SubmittedFrame:
         """Predict the particles of each person, and send them to the workers."""
-        colours, scenes = self._frame.colours, ready.segmented.changes
-        facing = [target.body_of_known_facing for target in self._targets]
-        coloured = ColouredFrame(ready.segmented, ready.sight, colours, facing, self._settings.colour)
+        colours, scenes = self._frame.colours, prepared.segmented.changes
+        facing = [target.body_with_known_orientation for target in self._targets]
+        coloured = ColouredFrame(prepared.segmented, prepared.sight, colours, facing, self._settings.colour)
         segmented = coloured.segmented
         assignment = Assignment(self._targets, self._segmenter, segmented, coloured.free)
         submitted = list[Submitted | Updated]()
-        for place, (target, clock) in enumerate(zip(self._targets, ready.clocks, strict=True)):
-            view = replace(assignment.view_of(place), is_slow=ready.is_slow)
-            view = coloured.complete(view, place, is_at_last_pose=target.is_segmented_at_last_pose)
+        for person_index, (target, clock) in enumerate(zip(self._targets, prepared.clocks, strict=True)):
+            view = replace(assignment.view_of(person_index), is_slow=prepared.is_slow)
+            view = coloured.complete(view, person_index, is_at_last_pose=target.is_segmented_at_last_pose)
             submitted.append(target.submit(view, clock, budget))
             if (detected := target.take_detected()) is not None:
-                beside = assignment.people_beside(place, detected.searched)
-                scenes = self._segmenter.learn_things(segmented, scenes, *detected, beside)
-        self._frame = FrameState(scenes, ready.cameras, colours, segmented.frame.time_s)
-        return SubmittedFrame(submitted, self._frame, ready)
+                others = assignment.other_people(person_index, detected.searched)
+                scenes = self._segmenter.learn_things(segmented, scenes, *detected, others)
+        self._frame = FrameState(scenes, prepared.cameras, colours, segmented.frame.time_s)
+        return SubmittedFrame(submitted, self._frame, prepared)
 
-    def _send_ahead(self, ready: Ready | None) -> None:
+    def _send_ahead(self, prepared: PreparedFrame | None) -> None:
         """Send the workers the people's pixels of the next frame before their turn."""
-        if ready is None:
+        if prepared is None:
             return
-        for subject, clock in zip(ready.segmented.subjects, ready.clocks, strict=True):
+        for subject, clock in zip(prepared.segmented.subjects, prepared.clocks, strict=True):
             if subject is not None:
                 with clock.stage("publish"):
                     self._refiner.publish(subject)
@@ -227,9 +228,9 @@ class Tracker:
             for target, person in zip(self._targets, frame.people, strict=True)
         ]
         bodies = [target.explained_body for target in self._targets]
-        ready, settings = frame.ready, self._settings.colour
-        shown, sight = ready.segmented.frame, ready.sight
-        colours = sight.compare(frame.state.colours, shown, bodies, ready.interval_s, settings)
+        prepared, settings = frame.prepared, self._settings.colour
+        image, interval_s = prepared.segmented.frame, prepared.interval_s
+        colours = prepared.sight.compare(frame.state.colours, image, bodies, interval_s, settings)
         self._frame = replace(frame.state, colours=colours)
         return UpdatedFrame(people, self._frame)
 

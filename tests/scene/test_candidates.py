@@ -40,7 +40,7 @@ def test_a_person_is_found_and_not_the_cabinet(person: tuple[float, float]) -> N
     precision, recall = overlap(found.mask, room.see(person).mask)
     assert precision > 0.93
     assert recall > 0.95
-    assert "m high" in found.why
+    assert "m high" in found.description
 
 
 def test_a_small_box_at_the_legs_is_cut_off() -> None:
@@ -116,8 +116,8 @@ def test_a_line_of_pixels_has_no_flat_part() -> None:
     camera, noise = Intrinsics(40, 20, 65.0, 65.0, 19.5, 9.5), noise_of(0.002, settings.noise)
     flat = find_flat(depth, depth > 0.0, camera, noise, settings)
     assert flat.share == 0.0
-    assert not flat.patches.any()
-    assert not flat.grow(flat.patches > 0.0).any()
+    assert not flat.patch_areas.any()
+    assert not flat.grow(flat.patch_areas > 0.0).any()
 
 
 def test_one_of_two_is_chosen_as_asked() -> None:

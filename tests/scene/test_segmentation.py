@@ -76,7 +76,7 @@ def test_what_is_not_measured_is_told_apart_in_a_room_and_empty_where_nothing_el
     assert set(kinds[shadow]) == {UNMEASURED}
     alone = replace(frame, depth=np.where(truth, frame.depth, np.uint16(0)))
     view = Scene(SceneSettings()).see(alone)
-    assert not view.furnished
+    assert not view.shows_room
     surface = room.surface(PERSON)
     assert set(segment_body(view, surface, measure_distances(view, surface)).labels.ravel()) == {
         SUBJECT,

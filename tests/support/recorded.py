@@ -68,7 +68,7 @@ def state(number: int) -> PersonState:
 
 def frame_state(number: int) -> FrameState:
     """What is known beside the people after a frame."""
-    return FrameState({"front": SceneChange(seen=number)})
+    return FrameState({"front": SceneChange(frames_with_depth=number)})
 
 
 def append(recorder: Recorder, *estimates: Estimate) -> None:

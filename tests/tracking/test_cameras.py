@@ -113,7 +113,7 @@ def test_a_camera_that_comes_back_is_used_again() -> None:
     for frame in frames:
         states, _ = watch(states, frame, ())
         lines += describe_changes(before, before := faults_of(states, frame.time_s, 0.5))  # type: ignore[arg-type, assignment]
-    assert lines == ["camera b gives no depth since 0.33 s", "camera b is used again"]
+    assert lines == ["camera b has had a fault since t = 0.33 s: gives no depth", "camera b is used again"]
 
 
 def test_only_new_images_reach_the_tracker() -> None:
@@ -169,7 +169,7 @@ def test_a_camera_at_a_wrong_place_is_left_out(
         found.append(tracked.estimate)
     assert all(set(each.seen_by) == {"front", "side"} for each in found[:since])
     assert not any(which in each.seen_by for each in found[since + 3 :])
-    disputed = [each.why.startswith("side contradicts front: either") for each in found[since + 3 :]]
+    disputed = [each.why.startswith("side disagrees with front: one of them") for each in found[since + 3 :]]
     assert set(disputed) == {since == 0}
     assert since or {each.status for each in found[since + 3 :]} == {"ambiguous"}
     kind, since_s = found[-1].faults[which]

@@ -28,7 +28,7 @@ def test_a_person_is_found_whose_body_is_not_known() -> None:
     assert np.all(view.kinds.ravel()[view.picked] == SUBJECT)
     assert np.any(view.kinds == HIDDEN)
     assert np.sum(view.kinds == SUBJECT) / truth.sum() > 0.9
-    assert segmented.changes[""].furnished
+    assert segmented.changes[""].shows_room
 
 
 def test_what_is_no_person_is_learned_as_room_at_once() -> None:

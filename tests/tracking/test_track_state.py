@@ -19,10 +19,10 @@ from gepf.coordinator.tracking.reporting import status_of
 from gepf.coordinator.tracking.track_state import (
     Absent,
     Body,
-    Followed,
     Found,
     Instructions,
     Lost,
+    OnceTracked,
     Policy,
     Refined,
     SearchEnded,
@@ -61,7 +61,7 @@ def test_a_transition_is_as_the_table_says(row: Transition) -> None:
         value = getattr(after, name)
         if name in row.changes:
             assert value is row.changes[name] or value == row.changes[name], name
-        elif name == "belief" and isinstance(after, Lost) and after.sight != "body":
+        elif name == "belief" and isinstance(after, Lost) and after.visibility != "body":
             before = row.before.belief if isinstance(row.before, Body) else BELIEF
             np.testing.assert_array_equal(value.poses, before.poses)
             assert np.isnan(value.residual).all()
@@ -138,7 +138,7 @@ class Executor:
         if how == "is given up" or isinstance(self.state, Body):
             assert self.send(SearchEnded()) == ()
         elif how == "detects":
-            assert self.send(SearchEnded(DETECTED)) == ("learn the room",)
+            assert self.send(SearchEnded(DETECTED)) == ("update the background",)
         else:
             assert self.send(SearchEnded(why="no")) == ()
 
@@ -175,8 +175,8 @@ def check(state: TrackState, policy: Policy, *, searches: bool) -> None:
             assert state.is_searched == searches
             assert policy.recovers or not searches
             assert state.segmentation_pose is None or not np.isnan(state.segmentation_pose).any()
-    if isinstance(state, Followed):
-        assert isinstance(state, Lost) or (state.sight == "body" and state.unexplained_s < 0.1)
+    if isinstance(state, OnceTracked):
+        assert isinstance(state, Lost) or (state.visibility == "body" and state.unexplained_s < 0.1)
         assert policy.recovers or state.segmentation_pose is not None
 
 
