@@ -19,6 +19,7 @@ from gepf.coordinator.exports.recorded import RecordedRun, read_run
 from gepf.coordinator.results.angles import sliding_joints
 from gepf.coordinator.results.csv_file import write_csv
 from gepf.coordinator.results.summary import read_summary
+from gepf.coordinator.results.track import where_missing
 from gepf.named import index_of, refuse_degrees, table
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ class Run:
         folder: The folder.
         track: All arrays of `track.npz`, radians and metres.
         frame, time_s, status: Number, seconds and status of each frame (F,).
-        placed: Frames (F,) with a pose; those before the body was found have the first one.
+        placed: Frames (F,) with a pose; in those before the first detection, values are NaN.
         joint_names: Names for `joint`.
         angle_names: Names for `angle`: anatomical angles of a person, joints of a robot.
         isb_angle_names: Shoulder angles by the ISB; also names for `angle`.
@@ -41,8 +42,9 @@ class Run:
     """
 
     def __init__(self, recorded: RecordedRun) -> None:
-        self.folder, self.track, self._smoothed_hz = recorded.folder, recorded.track, recorded.smoothed_hz
-        track = self.track
+        self.folder, self._smoothed_hz = recorded.folder, recorded.smoothed_hz
+        self._continuous = recorded.track  # frames before the first detection have its pose
+        self.track = track = where_missing(recorded.track, ~recorded.placed, lambda _: np.nan)
         self.frame, self.time_s, self.status = track.frame, track.time_s, track.status
         self.placed = recorded.placed
         self.joint_names, self.dof_names = track.joint_names, track.dof_names
@@ -60,9 +62,10 @@ class Run:
     def angle(self, name: str, *, degrees: bool = False) -> Array:
         """An angle (F,) by its plain, ISB's or MPEG-4 name; radians unless `degrees`, or metres.
 
+        NaN before the first detection.
         InputError lists the valid names; also raised for prismatic joints in degrees.
         """
-        track = self.track
+        track = self._continuous
         if name in track.dof_names:
             slides = name in self._sliding
             if slides and degrees:
@@ -70,12 +73,13 @@ class Run:
             column = track.pose[:, track.dof_names.index(name)]
             values = column if slides else np.unwrap(column)
         elif name in self.isb_angle_names:
-            shoulders = isb_angles(self.angle_names, self.track.angle)
+            shoulders = isb_angles(self.angle_names, track.angle)
             values = shoulders[:, self.isb_angle_names.index(name)]
         else:
             known = tuple(dict.fromkeys((*self.angle_names, *self.isb_angle_names, *track.dof_names)))
-            values = self.track.angle[:, index_of(name, known, "angle")]
-        return np.degrees(values) if degrees else values.copy()
+            values = track.angle[:, index_of(name, known, "angle")]
+        values = np.where(self.placed, values, np.nan)
+        return np.degrees(values) if degrees else values
 
     @cached_property
     def _sliding(self) -> frozenset[str]:

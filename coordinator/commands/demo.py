@@ -75,7 +75,7 @@ def run_demo(
         for k, seed in enumerate(seeds)
         for way, settings in ways.items()
     ]
-    show.say(f"tracking {len(jobs)} runs; the first time, compiling takes a minute or two")
+    show.say(f"tracking {len(jobs)} runs; the first time, compiling takes a few minutes")
     for run in run_pool(jobs, show, quiet=True):
         if run.code not in (0, NOT_TRACKED):
             raise GepfError(f"{run.job.folder} ended with exit code {run.code}")

@@ -335,6 +335,11 @@ class LiveInput(Input):
         return "depth alone" if self.finder is None else "depth, and colour if it comes"
 
     @property
+    def is_too_slow(self) -> bool:
+        """Whether most frames were left out for newer ones."""
+        return 2 * self.live.counts["skipped"] > self.live.counts["received"]
+
+    @property
     def _not_stored(self) -> str:
         """What happens to the results of a run without a folder."""
         if self.job.out is not None:

@@ -290,10 +290,19 @@ def conclude(given: RecordedInput | LiveInput, recorded: Mapping[int, Outcome], 
             tracked = False
             why = tally.describe_failure()
             show.say(f"person {number}: {why}" if several else why, "bold red")
+    if not tracked and isinstance(given, LiveInput) and given.is_too_slow:
+        show.say(TOO_SLOW)
+        return tracked
     advice = advise_rotation(recorded[1], is_tracked=tracked)
     if advice and given.bodies.family.axis and given.scope.up is None:
         show.say(advice)
     return tracked
+
+
+TOO_SLOW = (
+    "most frames were left out for newer ones: this machine is too slow for their rate; send fewer frames a "
+    "second, give fewer --particles or --points, or connect more workers"
+)
 
 
 def advise_rotation(person: Outcome, *, is_tracked: bool) -> str:

@@ -72,7 +72,8 @@ class Curve:
         if self.hypotheses is not None:
             times = np.broadcast_to(time_s[:, None], self.hypotheses.shape)
             opacity = cast("Any", np.sqrt(np.nan_to_num(track.hypothesis_weight)))
-            axes.scatter(times, self.hypotheses, s=8, c=HYPOTHESIS, alpha=opacity, label="hypotheses")
+            axes.scatter(times, self.hypotheses, s=8, c=HYPOTHESIS, alpha=opacity)
+            axes.scatter([], [], s=8, c=HYPOTHESIS, label="hypotheses")  # the legend's is opaque
         axes.plot(time_s, self.reported, color=REPORTED, label="reported")
         if self.true is not None and np.isfinite(self.true).any():
             axes.plot(time_s, self.true, "--", color=TRUE, label="truth")
@@ -114,8 +115,11 @@ def plot_curves(track: Track, curves: Sequence[Curve], columns: int | None = Non
 
 def draw_hypotheses(track: Track, body: TrackedBody, truth: Truth | None, file: Path) -> None:
     """Write a PNG: the angles that vary most and the prismatic joints, with all hypotheses."""
-    track = filled(track)
-    figure = plot_curves(track, curves_of(track, body, truth), 1)
+    placed, track = track.placed, filled(track)
+    curves = curves_of(track, body, truth)
+    for curve in curves:
+        curve.reported[~placed] = np.nan  # before the first detection
+    figure = plot_curves(track, curves, 1)
     handles = [*figure.axes[0].get_legend_handles_labels()[0]]
     seen = set(track.status.tolist()) - {"tracked"}
     handles += [Patch(color=STATUS[name], alpha=FAINT, label=name) for name in STATUS if name in seen]

@@ -167,7 +167,7 @@ class RpcClient:
     def _explain(self) -> str:
         """Why there is no worker."""
         if self._pool.lanes:
-            return "the local worker is not ready yet; the first time, compiling takes a minute or two"
+            return "the local worker is not ready yet; the first time, compiling takes a few minutes"
         if foreign := self._foreign():
             missing = f"no worker of kind '{self._pool.kind}' is connected"
             return f"{missing}, and those of kind {foreign} are not used; {self._advise()}"
