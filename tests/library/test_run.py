@@ -111,3 +111,23 @@ def test_nothing_private_shows() -> None:
     """`dir(gepf)` lists the documented names, and each exists."""
     assert dir(gepf) == sorted(gepf.__all__)
     assert all(hasattr(gepf, name) for name in gepf.__all__)
+
+
+def test_nothing_is_known_before_the_first_detection(tmp_path: Path) -> None:
+    """Angles and joints are NaN there; a lost frame after it keeps the last known pose."""
+    model = person()
+    poses = swing(model, 4)
+    poses[0] = np.nan
+    write_run(tmp_path / "run", model, poses, lost=(0,))
+    run = gepf.load(tmp_path / "run")
+    assert run.placed.tolist() == [False, True, True, True]
+    angles = run.angle("right_elbow_flexion")
+    for values in (
+        angles,
+        run.joint("right_wrist")[:, 0],
+        run.angle("r_elbow_flexion"),
+        run.track.pose[:, 0],
+    ):
+        assert np.isfinite(values).tolist() == run.placed.tolist()
+    assert run.to_dataframe()["right_elbow_flexion_deg"].isna().tolist() == (~run.placed).tolist()
+    run.plot(["right_elbow_flexion"])
