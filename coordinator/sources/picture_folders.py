@@ -80,6 +80,8 @@ def read_pictures(path: Path, given: GivenCamera) -> Source:
         intrinsics = next((camera for key, camera in TUM_CAMERAS.items() if key in name), NOMINAL)
         scale = 5000.0
     elif given.intrinsics is None or find_camera_file(path) is not None:
+        if find_camera_file(path) is None:
+            read_depth(files[0])  # colour images need no camera, but other images
         intrinsics, scale, fps = read_camera(path, given)
     if given.intrinsics is not None:
         intrinsics = given.camera(read_depth(files[0]).shape, path)

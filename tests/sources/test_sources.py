@@ -85,6 +85,15 @@ def test_a_damaged_picture_is_found_and_named(
         read_all(folder)
 
 
+def test_colour_alone_is_refused_before_its_camera_is_asked_for(folder: Path) -> None:
+    """Intrinsics would not help."""
+    for file in (folder / "depth").iterdir():
+        picture(6, 8, 3)(file)
+    (folder / "camera_intrinsic.json").unlink()
+    with refused("RGB, not 16-bit grey"):
+        read_all(folder)
+
+
 def test_a_picture_of_another_size_is_refused(folder: Path) -> None:
     """All frames have the camera's size."""
     picture(8, 6, dtype=np.uint16)(folder / "depth" / "000001.png")
