@@ -15,7 +15,7 @@ import numpy as np
 
 from gepf.common.arrays import Array
 from gepf.common.frame import Frame, SubjectFrame
-from gepf.coordinator.colour.agreement import ColourStates, compare, trusted, unused
+from gepf.coordinator.colour.agreement import ColourStates, trusted, unused
 from gepf.coordinator.colour.finder import KeypointFinder, PeopleInColour
 from gepf.coordinator.colour.matching import (
     ExpectedBody,
@@ -103,19 +103,6 @@ class Sight:
     def of_nobody(cls, count: int) -> Sight:
         """Without colour, of this number of people."""
         return cls(PeopleInColour([{}] * count, [False] * count, [()] * count), {}, [None] * count)
-
-    def compare(
-        self,
-        states: ColourStates,
-        frame: Frame,
-        bodies: Sequence[ExpectedBody | None],
-        interval_s: float,
-        settings: ColourSettings,
-    ) -> ColourStates:
-        """The states of the cameras after a frame in which the bodies have these poses."""
-        if not any(self.people.keypoints):
-            return states
-        return compare(states, frame, bodies, self.people.keypoints, interval_s, settings)
 
 
 class ColouredFrame:

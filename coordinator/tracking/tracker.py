@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from gepf.common.frame import Frame
 from gepf.coordinator.bodies.family import Bodies
-from gepf.coordinator.colour.agreement import unused
+from gepf.coordinator.colour.agreement import compare, unused
 from gepf.coordinator.colour.finder import KeypointFinder
 from gepf.coordinator.scene.scope import Scope
 from gepf.coordinator.settings import Settings
@@ -229,8 +229,8 @@ class Tracker:
         ]
         bodies = [target.explained_body for target in self._targets]
         prepared, settings = frame.prepared, self._settings.colour
-        image, interval_s = prepared.segmented.frame, prepared.interval_s
-        colours = prepared.sight.compare(frame.state.colours, image, bodies, interval_s, settings)
+        image, keypoints = prepared.segmented.frame, prepared.sight.people.keypoints
+        colours = compare(frame.state.colours, image, bodies, keypoints, prepared.interval_s, settings)
         self._frame = replace(frame.state, colours=colours)
         return UpdatedFrame(people, self._frame)
 

@@ -114,7 +114,7 @@ def test_nothing_private_shows() -> None:
 
 
 def test_nothing_is_known_before_the_first_detection(tmp_path: Path) -> None:
-    """Angles and joints are NaN there; a lost frame after it keeps the last known pose."""
+    """Angles, joints and poses are NaN there, and in the frames after it they are not."""
     model = person()
     poses = swing(model, 4)
     poses[0] = np.nan
