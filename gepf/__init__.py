@@ -71,6 +71,10 @@ def __getattr__(name: str) -> Any:
 
     MissingPackage names the extra of what is not installed: the base install is a worker.
     """
+    if name == "__version__":
+        from importlib import metadata
+
+        return metadata.version("gepf")
     if name not in _HOMES:
         raise AttributeError(f"module 'gepf' has no attribute '{name}'")
     with needs("coordinator", f"gepf.{name}"):

@@ -99,6 +99,8 @@ def main(arguments: Sequence[str] | None = None, connect: Connect | None = None)
 def describe_misuse(error: typer.TyperException) -> str:
     """The error in one line, with a description of what is missing, or the list of commands."""
     fault = error.format_message().rstrip(".")
+    if (cause := error.__cause__) is not None and hasattr(cause, "errors"):  # of a number, by pydantic
+        fault = fault.partition(", unable")[0].replace("Input", f"'{cause.errors()[0]['input']}'")
     parameter, context = getattr(error, "param", None), getattr(error, "ctx", None)
     if parameter is not None and parameter.help:
         metavar = f" {parameter.metavar}" if fault.startswith("Missing option") else ""

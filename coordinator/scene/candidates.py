@@ -130,7 +130,8 @@ def part_of(view: SceneView, mask: Mask, window: tuple[slice, slice], uncut: Mas
 def camera_of(view: SceneView, window: tuple[slice, slice]) -> Intrinsics:
     """The camera of a window."""
     rows, columns = window
-    return view.camera.crop(columns.start, rows.start, columns.stop, rows.stop)
+    width, height = columns.stop - columns.start, rows.stop - rows.start
+    return view.camera.crop(columns.start, rows.start, width, height)
 
 
 def cut_off_furniture(view: SceneView, part: Part) -> list[Part]:

@@ -99,6 +99,8 @@ class SceneChange:
     growth: float = 0.0  # of the depth's noise; 0 before the first depth
     planes: Array = field(default_factory=lambda: np.empty((0, 3)))
     has_floor: bool = False
+    approximate_up: Array = field(default_factory=lambda: SIDES[0])  # (3,), of the planes
+    possible_ups: Array = field(default_factory=lambda: SIDES)  # (U, 3); one if the camera measures it
     shows_room: bool = False
     size: tuple[int, int] = (0, 0)  # rows and columns of the background; none at the start
     learned: Learned = NOTHING
@@ -128,8 +130,7 @@ class Scene:
     ) -> None:
         self._settings = settings
         self._T_rig_camera = NOT_MOVED
-        self._no_planes = Planes() if up is None else Planes(approximate_up=up)
-        self._ups = SIDES if up is None else up[None]
+        self._possible_ups = SIDES if up is None else up[None]
         self._background: Depth
         self._nearer: Marks
         self._begin(np.zeros((0, 0), np.float32) if background is None else background.copy())
@@ -180,13 +181,14 @@ class Scene:
 
     def recall(self, change: SceneChange) -> None:
         """Restore the scene after a frame from its change, after those of all earlier frames."""
+        self._possible_ups = change.possible_ups
         if self._background.shape != change.size:
             self._begin(np.zeros(change.size, np.float32))
         self._frames_with_depth, self._shows_room = change.frames_with_depth, change.shows_room
         self._growth = change.growth
         self._time_s, self._elapsed_s = change.time_s, change.elapsed_s
         self._T_rig_camera = change.T_rig_camera
-        self._planes = Planes(change.planes, change.has_floor, self._no_planes.approximate_up)
+        self._planes = Planes(change.planes, change.has_floor, change.approximate_up)
         self._background.ravel()[change.learned.pixels] = change.learned.depth
         self._nearer.ravel()[change.learned.pixels] = change.learned.nearer
 
@@ -198,7 +200,7 @@ class Scene:
         self._frames_with_depth = self._steps = 0
         self._time_s = self._elapsed_s = 0.0
         self._growth = 0.0
-        self._planes = self._no_planes
+        self._planes = Planes(approximate_up=self._possible_ups[0])
         self._shows_room = False
         self._background = background
         self._nearer = np.zeros(background.shape, np.uint8)
@@ -230,7 +232,7 @@ class Scene:
         elif due:
             extent = extents(to_points(rays), limits.outlier_percent).max()
             if extent > settings.candidates.max_length_m:  # more than a person
-                self._planes, self._shows_room = find_planes(rays, self._ups, limits), True
+                self._planes, self._shows_room = find_planes(rays, self._possible_ups, limits), True
         self._frames_with_depth += 1
 
     def _change(self, pixels: NDArray[np.uint32]) -> SceneChange:
@@ -241,6 +243,8 @@ class Scene:
             self._growth,
             self._planes.coefficients,
             self._planes.has_floor,
+            self._planes.approximate_up,
+            self._possible_ups,
             self._shows_room,
             self._background.shape,
             Learned(pixels, self._background.ravel()[pixels], self._nearer.ravel()[pixels]),

@@ -50,7 +50,7 @@ def test_config_names_another_file(folder: Path, capsys: pytest.CaptureFixture[s
     (folder / "gepf.toml").write_text("[nonsense]\n")
     (folder / "other.toml").write_text('[synth]\nframes = "two"\n')
     assert main(["--config", "other.toml", "synth", "arm", "--out", "x"]) == 2
-    assert "Invalid value for '--frames': Input should be a valid integer" in capsys.readouterr().err
+    assert "Invalid value for '--frames': 'two' should be a valid integer: " in capsys.readouterr().err
     assert main(["--config", "no.toml", "info", "nowhere"]) == 2
     assert "cannot read no.toml: No such file or directory; give another --config" in capsys.readouterr().err
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from importlib import metadata
 from pathlib import Path
 
 import numpy as np
@@ -111,6 +112,11 @@ def test_nothing_private_shows() -> None:
     """`dir(gepf)` lists the documented names, and each exists."""
     assert dir(gepf) == sorted(gepf.__all__)
     assert all(hasattr(gepf, name) for name in gepf.__all__)
+
+
+def test_the_library_tells_its_version() -> None:
+    """`gepf.__version__` is the version of the installed package."""
+    assert gepf.__version__ == metadata.version("gepf")
 
 
 def test_nothing_is_known_before_the_first_detection(tmp_path: Path) -> None:

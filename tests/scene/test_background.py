@@ -71,9 +71,14 @@ def test_what_comes_to_stay_is_taken_in_after_a_while() -> None:
     assert np.mean(np.abs(known(scene)[shown] - chair) < 0.03) > 0.95
 
 
-def test_changes_alone_lead_to_the_same_knowledge() -> None:
-    """A scene that recalls the changes, one by one or at once, continues as the original one."""
-    first, second, third = Scene(SceneSettings()), Scene(SceneSettings()), Scene(SceneSettings())
+@pytest.mark.parametrize("up", [None, (0.1, -0.9, 0.4), (1.0, 0.0, 0.0)])
+def test_changes_alone_lead_to_the_same_knowledge(up: tuple[float, ...] | None) -> None:
+    """A scene that recalls the changes, one by one or at once, continues as the original one.
+
+    A camera may measure which direction is up. The log and a resumed run have it from the changes alone.
+    """
+    measured = None if up is None else np.array(up) / np.linalg.norm(up)
+    first, second, third = Scene(SceneSettings(), up=measured), Scene(SceneSettings()), Scene(SceneSettings())
     room = Room((CABINET,), noise=0.002)
     for number in range(8):
         person = (PERSON[0] + 0.05 * number, PERSON[1])
@@ -85,6 +90,7 @@ def test_changes_alone_lead_to_the_same_knowledge() -> None:
     for view in views[1:]:
         np.testing.assert_array_equal(view.background, views[0].background)
         np.testing.assert_array_equal(view.planes.coefficients, views[0].planes.coefficients)
+        np.testing.assert_array_equal(view.planes.up, views[0].planes.up)
         assert view.noise == views[0].noise
     changes = [scene.learn(view) for scene, view in zip((first, second, third), views, strict=True)]
     for change in changes[1:]:
