@@ -110,7 +110,7 @@ def gather(
             joint_positions(tracker.model, np.stack([belief.reported, *belief.poses[: len(weights)]])),
             weights,
             context,
-            track.residual,
+            track.normalised_residual,
             seen_shares(tracker.model, belief.reported, context.subject, context.stretch, settings.certainty),
             settings.certainty,
         )

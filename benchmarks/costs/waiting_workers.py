@@ -18,7 +18,7 @@ from gepf.common.offer import Offer
 from gepf.common.refinement import Particles, Refined
 from gepf.common.settings import RefineSettings
 from gepf.common.transport.opening import open_worker
-from gepf.coordinator.tracking.preparation import unmoved
+from gepf.coordinator.tracking.warm_up import unmoved
 from gepf.worker.service import Service
 
 

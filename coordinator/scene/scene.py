@@ -37,7 +37,9 @@ class SceneView:
     marks: (H, W) NOT_MEASURED, FOREGROUND, BACKGROUND or ON_PLANE.
     shows_room: whether the frame shows a room, not only a person; if not, pixels without depth are empty.
     settings: of the segmentation of the frame.
-    excluded: (H, W) pixels excluded by the user; they are unknown.
+    out_of_scope: (H, W) pixels that the user excluded; they are unknown.
+    steps: time since the last frame, of which SETTLED_STEPS make `settled_s`; 0 without depth.
+    is_first: whether no earlier frame had depth.
     """
 
     number: int
@@ -49,7 +51,9 @@ class SceneView:
     marks: Marks
     shows_room: bool
     settings: SceneSettings
-    excluded: Mask | None = None
+    out_of_scope: Mask | None = None
+    steps: int = 1
+    is_first: bool = False
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -136,14 +140,15 @@ class Scene:
         self._begin(np.zeros((0, 0), np.float32) if background is None else background.copy())
         self._shows_room = background is not None
 
-    def see(self, image: View, excluded: Mask | None = None) -> SceneView:
-        """Compare an image with the known scene; `excluded` (H, W) are pixels that the user excluded."""
+    def see(self, image: View, out_of_scope: Mask | None = None) -> SceneView:
+        """Compare the next image with the known scene; `out_of_scope` (H, W) are excluded pixels."""
         depth, self._T_rig_camera = image.metres(), image.T_rig_camera
         if self._background.shape != depth.shape:
             self._begin(np.zeros_like(depth))
+        steps = 0
         if depth.any():
-            self._pass_time(image.time_s)
-            self._look(depth, image.intrinsics)
+            steps = self._pass_time(image.time_s)
+            self._look(depth, image.intrinsics, steps)
         camera, planes, limits = image.intrinsics, self._planes, self._settings.noise
         noise = noise_of(self._growth or limits.usual_growth_m, limits)
         return SceneView(
@@ -156,7 +161,9 @@ class Scene:
             marks=mark_pixels(depth, self._background, camera.pinhole, planes.coefficients, noise),
             shows_room=self._shows_room,
             settings=self._settings,
-            excluded=excluded,
+            out_of_scope=out_of_scope,
+            steps=steps,
+            is_first=self._frames_with_depth <= 1,
         )
 
     def learn(self, view: SceneView, people: Mask | None = None, learned: Learned = NOTHING) -> SceneChange:
@@ -169,13 +176,12 @@ class Scene:
             return self._change(NOTHING.pixels)
         outside = np.zeros(view.depth.shape, np.bool_) if people is None else people
         learned_before = self._background > 0.0
-        steps = self._steps
-        pixels = learn_pixels(view.depth, view.noise, outside, self._background, self._nearer, steps)
+        pixels = learn_pixels(view.depth, view.noise, outside, self._background, self._nearer, view.steps)
         moved = np.count_nonzero(learned_before.ravel()[pixels]) > 0.5 * np.count_nonzero(view.depth)
         if moved:  # most of the image changed: the camera was moved
             self._background[:], self._nearer[:] = 0.0, 0
-            learn_pixels(view.depth, view.noise, outside, self._background, self._nearer, steps)
-        if moved or self._frames_with_depth <= 1:
+            learn_pixels(view.depth, view.noise, outside, self._background, self._nearer, view.steps)
+        if moved or view.is_first:
             return self.all()
         return self._change(np.union1d(learned.pixels, pixels) if len(learned.pixels) else pixels)
 
@@ -197,7 +203,7 @@ class Scene:
         return self._change(np.arange(self._background.size, dtype=np.uint32))
 
     def _begin(self, background: Depth) -> None:
-        self._frames_with_depth = self._steps = 0
+        self._frames_with_depth = 0
         self._time_s = self._elapsed_s = 0.0
         self._growth = 0.0
         self._planes = Planes(approximate_up=self._possible_ups[0])
@@ -205,8 +211,8 @@ class Scene:
         self._background = background
         self._nearer = np.zeros(background.shape, np.uint8)
 
-    def _pass_time(self, time_s: float) -> None:
-        """Count the time since the last frame with depth.
+    def _pass_time(self, time_s: float) -> int:
+        """Count the time since the last frame with depth, and return it in steps.
 
         The first frame counts as one step; a gap counts for at most half of `settled_s`.
         """
@@ -214,19 +220,19 @@ class Scene:
         if self._frames_with_depth:
             self._elapsed_s += min(max(time_s - self._time_s, 0.0), longest_s)
         self._time_s = time_s
-        self._steps = self._step_count - before if self._frames_with_depth else 1
+        return self._step_count - before if self._frames_with_depth else 1
 
     @property
     def _step_count(self) -> int:
         """Time so far in steps, of which SETTLED_STEPS make `settled_s`."""
         return round(SETTLED_STEPS * self._elapsed_s / self._settings.settled_s)
 
-    def _look(self, depth: Depth, camera: Intrinsics) -> None:
+    def _look(self, depth: Depth, camera: Intrinsics, steps: int) -> None:
         settings, limits = self._settings, self._settings.planes
         self._growth = self._growth or fit_growth(depth, settings.noise)
         rays = sample_rays(depth, camera, noise_of(self._growth, settings.noise), limits.points_across)
         planes = self._planes
-        due = len(rays) > 0 and (not self._shows_room or self._step_count % SETTLED_STEPS < self._steps)
+        due = len(rays) > 0 and (not self._shows_room or self._step_count % SETTLED_STEPS < steps)
         if len(planes.coefficients):  # the camera stands still or moves slowly
             self._planes = replace(planes, coefficients=refit(planes.coefficients, rays, limits.min_points))
         elif due:

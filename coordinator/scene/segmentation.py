@@ -107,7 +107,7 @@ def segment_body(
     inside = slices(window)
     depth, near, marks = view.depth[inside], distances[inside], view.marks[inside]
     unclear = (marks != FOREGROUND) & (near <= limits.cell_m)
-    for mask in (view.excluded, foreign):
+    for mask in (view.out_of_scope, foreign):
         if mask is not None:
             unclear |= mask[inside]
     possible = (marks == FOREGROUND) & (near <= limits.reach_m) & ~unclear

@@ -50,8 +50,9 @@ class Assignment:
             is_elsewhere = candidate is not None and not isinstance(target.track, Found)
         if candidate is not None:
             subject, alternatives = candidate.subject, candidate.alternatives
-        planes, excluded = segmented.planes(subject), segmented.excluded[person_index]
-        return BodyView(segmented.frame, subject, planes, alternatives, excluded, is_elsewhere)
+        planes, set_aside = segmented.planes(subject), segmented.set_aside[person_index]
+        is_own = candidate is None
+        return BodyView(segmented.frame, subject, planes, alternatives, set_aside, is_own, is_elsewhere)
 
     def _take(self, candidate: UntrackedPerson | None) -> UntrackedPerson | None:
         """Assign a candidate, who is not free any more, and return it."""

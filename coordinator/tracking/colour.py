@@ -126,36 +126,34 @@ class ColouredFrame:
         self._sight, self._distrusted = sight, unused(states)
         coloured = {view.camera for view in segmented.frame.views if view.colours is not None}
         self._shows_people = coloured & trusted(states, segmented.frame.time_s, settings)
-        self._subjects_before = [
+        before = [
             without_keypoints(subject, self._distrusted) if subject and self._distrusted else subject
             for subject in segmented.subjects
         ]
-        self._subjects_with_sides = [
+        subjects = [
             with_sides_of(subject, body, settings) if subject and body else subject
-            for subject, body in zip(self._subjects_before, facing, strict=True)
+            for subject, body in zip(before, facing, strict=True)
         ]
+        self._is_exchanged = [sided is not own for sided, own in zip(subjects, before, strict=True)]
         keypoints = {} if self._distrusted else sight.candidates
         people = [
             candidate.with_keypoints(keypoints.get(n, {})) for n, candidate in enumerate(segmented.candidates)
         ]
-        self.segmented = replace(
-            segmented, subjects=tuple(self._subjects_with_sides), candidates=tuple(people)
-        )
+        self.segmented = replace(segmented, subjects=tuple(subjects), candidates=tuple(people))
         self.free = possible_people(people, self._shows_people)
 
     def complete(self, view: BodyView, person_index: int, *, is_at_last_pose: bool) -> BodyView:
         """The view of the body with this index, with what colour tells about it."""
         if self._sight.people.doubles[person_index] and not self._distrusted:
             return replace(view, subject=None)  # the body is lost, and searched for elsewhere
-        subject = view.subject
-        if subject is None or subject is not self._subjects_with_sides[person_index]:
+        if view.subject is None or not view.is_own:
             return view
         looked_in = self._shows_people.intersection(self._sight.people.looked_in[person_index])
         return replace(
             view,
             step_m=self._sight.steps[person_index] if is_at_last_pose else None,
-            is_looked_at=any(own.image.camera in looked_in for own in subject.views),
-            is_exchanged=subject is not self._subjects_before[person_index],
+            is_looked_at=any(own.image.camera in looked_in for own in view.subject.views),
+            is_exchanged=self._is_exchanged[person_index],
         )
 
 

@@ -15,13 +15,13 @@ from gepf.coordinator.settings import GatingSettings
 class Gate:
     """The normalised residual of a pose, accepted if at most 1. `why` is the main reason against it."""
 
-    residual: float
+    normalised_residual: float
     why: str = ""
 
     @property
     def passes(self) -> bool:
         """Whether the pose is accepted."""
-        return self.residual <= 1.0
+        return self.normalised_residual <= 1.0
 
     def against(self, why: str) -> Self:
         """The gate of a pose that is ruled out for another reason `why`; unchanged if it is empty."""

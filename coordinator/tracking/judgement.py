@@ -41,15 +41,15 @@ class Judgement:
 
 
 def judge_pose(
-    start: Start, belief: Belief, residual: float, context: FrameContext, all_settings: Settings
+    start: Start, belief: Belief, normalised_residual: float, context: FrameContext, all_settings: Settings
 ) -> Judgement:
-    """Judge a belief that has this normalised residual in a frame."""
+    """Judge a belief in a frame."""
     model, pose, settings = start.model, belief.reported, all_settings.certainty
     poses, weights = belief.poses[: settings.max_hypotheses], belief.weights[: settings.max_hypotheses]
     joints = joint_positions(model, np.concatenate([pose[None], poses]))
     in_sight = in_view(context.subject, joints[0])
     seen_by = seen_shares(model, pose, context.subject, context.stretch, settings) * in_sight
-    features = measure_features(model, pose, joints, weights, context, residual, seen_by, settings)
+    features = measure_features(model, pose, joints, weights, context, normalised_residual, seen_by, settings)
     farthest = all_settings.colour.same_person_deviations
     shown = shown_in_colour(ExpectedBody(model, pose), context.subject, farthest)
     certainty = certainty_of(start, belief, features, in_sight, shown, settings)

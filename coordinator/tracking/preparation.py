@@ -1,67 +1,106 @@
-"""Loads compiled code before the first frame of live input, which would otherwise wait for it."""
+"""Prepares a frame: compares its cameras, segments it around the people, and looks at them in colour.
+
+A frame may be prepared while the workers refine the one before it. So what a preparation remembers is of the
+last prepared frame, which may be one ahead of the state of the tracker.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
-import numpy as np
-
-from gepf.common.body import BodyModel
-from gepf.common.camera import Intrinsics
-from gepf.common.frame import Frame, SubjectFrame, View
-from gepf.common.refinement import Particles, Refined, triangle_size
-from gepf.coordinator.bodies.family import Bodies
-from gepf.coordinator.scene.planes import Planes
-from gepf.coordinator.settings import Settings
+from gepf.common.frame import Frame
+from gepf.coordinator.colour.agreement import ColourStates, unused
+from gepf.coordinator.settings import TrackSettings
 from gepf.coordinator.stopwatch import Stopwatch
-from gepf.coordinator.tracking.observation import isolate
-from gepf.coordinator.tracking.refiner import LocalRefiner
-from gepf.coordinator.tracking.reporting import Updated, report
-from gepf.coordinator.tracking.segmenter import BodyView, Segmenter
-from gepf.coordinator.tracking.state import first_state
+from gepf.coordinator.tracking.cameras import CameraStates, watch
+from gepf.coordinator.tracking.colour import ColourWatch, Look, Sight, with_own_keypoints
+from gepf.coordinator.tracking.segmenter import SegmentedFrame, Segmenter
+from gepf.coordinator.tracking.state import FrameState
 from gepf.coordinator.tracking.target import TargetTracker
-
-CAMERA = Intrinsics(80, 60, 60.0, 60.0, 39.5, 29.5)
-
-
-class NoRefiner(LocalRefiner):
-    """A refiner that leaves particles as they are."""
-
-    def refine(self, _subject: SubjectFrame, _model: BodyModel, particles: Particles) -> Refined:
-        """The same poses (N, D), with a covariance of 1 cm and 0.01 rad."""
-        return unmoved(particles)
+from gepf.coordinator.tracking.track_state import ROUNDING_S, Body, Searching
 
 
-def unmoved(particles: Particles) -> Refined:
-    """Unchanged poses (N, D), all equally likely, with a residual of 1 cm and a covariance on request."""
-    count, dofs = particles.poses.shape
-    roots = np.zeros((count, triangle_size(dofs)), np.float32)
-    roots[:, np.cumsum(np.arange(1, dofs + 1)) - 1] = 0.01
-    covariance_roots = roots if particles.covariance else None
-    return Refined(particles.poses, np.zeros(count), np.full(count, 0.01), covariance_roots)
+@dataclass(frozen=True, slots=True, eq=False)
+class PreparedFrame:
+    """A segmented frame, the state of its cameras, what colour shows, and a stopwatch for each person.
 
-
-def warm_up(settings: Settings, bodies: Bodies) -> None:
-    """Segment two frames of a small scene, as a whole and around a body, and detect and track the body there.
-
-    The body is also detected when truncated by the image border. There are no workers.
+    interval_s: time since the previous frame, seconds; 0 for the first. is_slow: it exceeds
+    `max_lookahead_s`.
     """
-    distance_m = 2.5
-    depth = np.full((CAMERA.height, CAMERA.width), 4000, dtype=np.uint16)
-    depth[10:40, 30:45] = 1e3 * distance_m + 5 * (np.arange(15) - 7) ** 2  # something in front of the wall
-    start = {"root_tz": distance_m} if "root_tz" in bodies.dof_names else {}
-    tracked, unknown, truncated = (
-        TargetTracker(NoRefiner(), settings, bodies, first_state(bodies, values, settings))
-        for values in (start, None, None)
-    )
-    segmenter = Segmenter(1, settings.scene)
-    for number, surface in enumerate((None, tracked.segmentation_surface())):
-        room = View(number, number / 30.0, depth, 1000.0, CAMERA)
-        segmenter.segment(Frame.of(room), [surface])
-        whole = replace(room, depth=np.where(depth < 4000, depth, 0))
-        short = replace(whole, depth=whole.depth[:30], intrinsics=CAMERA.crop(0, 0, CAMERA.width, 30))
-        for target in (tracked, unknown, truncated):
-            frame = Frame.of(short if target is truncated else whole)
+
+    segmented: SegmentedFrame
+    cameras: CameraStates
+    is_slow: bool
+    clocks: Sequence[Stopwatch]
+    sight: Sight
+    interval_s: float
+
+
+class FramePreparation:
+    """Prepares frames in their order; `state` is that after the last one.
+
+    Attributes:
+        is_late: Whether the last live frame was late.
+    """
+
+    def __init__(
+        self, segmenter: Segmenter, colour: ColourWatch, settings: TrackSettings, state: FrameState
+    ) -> None:
+        self._segmenter, self._colour, self._settings = segmenter, colour, settings
+        self._cameras, self._time_s = state.cameras, state.time_s
+        self.is_late = False
+
+    def prepare(self, frame: Frame, targets: Sequence[TargetTracker], colours: ColourStates) -> PreparedFrame:
+        """The next frame, segmented around the people; `colours` are the states after the last updated one.
+
+        First the people take over the results of searches that have ended in the meantime.
+        """
+        clocks = [Stopwatch() for _ in targets]
+        for target in targets:
             target.take_search()
-            updated = target.submit(BodyView(frame, isolate(frame, 400), Planes()), Stopwatch())
-            report(updated if isinstance(updated, Updated) else target.update(updated, {}), {}, settings)
+        with clocks[0].stage("segment"):
+            tracks = [target.track for target in targets]
+            excluded = [track.excluded if isinstance(track, Body) else () for track in tracks]
+            self._cameras, frame = watch(self._cameras, frame, set().union(*excluded))
+            last_s, self._time_s = self._time_s, frame.time_s
+            interval_s = 0.0 if last_s is None else frame.time_s - last_s
+            is_slow = interval_s > self._settings.max_lookahead_s + ROUNDING_S
+            look = self._colour.begin(
+                frame, [target.expected_body for target in targets], is_late=self.is_late
+            )
+            sight = Sight.of_nobody(len(targets))
+            if look is not None and is_slow:  # people may have moved far since the last frame
+                is_trusted = not unused(colours, last_s)
+                usable = [is_trusted and target.is_confirmed for target in targets]
+                sight = replace(sight, steps=look.steps(usable, self._settings.max_motion_m))
+            segmented = self._segmenter.segment(
+                frame,
+                [
+                    target.segmentation_surface(step)
+                    for target, step in zip(targets, sight.steps, strict=True)
+                ],
+                excluded=excluded,
+                rejected=any(
+                    isinstance(track, Searching) and track.searches > self._settings.max_searches
+                    for track in tracks
+                ),
+                find=any(target.needs_candidates for target in targets),
+            )
+        if look is not None:
+            with clocks[0].stage("keypoints"):
+                sight = see(look, segmented, sight, targets, interval_s)
+                segmented = with_own_keypoints(segmented, sight.people.keypoints)
+        return PreparedFrame(segmented, self._cameras, is_slow, clocks, sight, interval_s)
+
+
+def see(
+    look: Look, segmented: SegmentedFrame, sight: Sight, targets: Sequence[TargetTracker], interval_s: float
+) -> Sight:
+    """What a look at a segmented frame shows: people, and candidates if somebody is searched for."""
+    people, time_s = look.people.result(), segmented.frame.time_s
+    unknown = [target for target in targets if not isinstance(target.track, Body)]
+    is_lost = any(target.may_be_anywhere for target in targets)
+    if is_lost or any(target.is_search_due(time_s) for target in unknown[:1]):  # one after another
+        return replace(sight, people=people, candidates=look.candidates(segmented, interval_s))
+    return replace(sight, people=people)

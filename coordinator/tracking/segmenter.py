@@ -79,13 +79,13 @@ class SegmentedFrame:
     """A segmented frame.
 
     subjects: one per body; None if nothing of the body is visible, or if it may be anywhere.
-    excluded: for each body, its crops from the cameras that are not used for it.
+    set_aside: for each body, its crops from the cameras that are not used for it.
     candidates: people who are not tracked, the most likely first; empty unless a body may be anywhere.
     """
 
     frame: Frame
     subjects: tuple[SubjectFrame | None, ...]
-    excluded: tuple[SubjectFrame | None, ...]
+    set_aside: tuple[SubjectFrame | None, ...]
     candidates: tuple[UntrackedPerson, ...]
     views: tuple[SegmentedView, ...]
 
@@ -110,19 +110,21 @@ class SegmentedFrame:
 class BodyView:
     """What a frame shows of one body.
 
-    alternatives: see `UntrackedPerson`; only for a body that is not tracked yet. excluded: the crops from the
-    cameras that are not used for this body. is_elsewhere: not where the body was expected. is_slow: the gap
-    since the previous frame is long, so the next frame is not segmented until this one has been refined.
-    is_looked_at: the keypoint network has looked for this person in a trusted colour image. step_m: the
-    motion (3,) since the last pose according to colour; None if unknown. is_exchanged: left and right in
-    colour were swapped, to agree with the body.
+    alternatives: see `UntrackedPerson`; only for a body that is not tracked yet. set_aside: the crops from
+    the cameras that are not used for this body. is_own: the subject was segmented around the body, and is
+    not a candidate. is_elsewhere: not where the body was expected. is_slow: the gap since the previous frame
+    is long, so the next frame is not segmented until this one has been refined. is_looked_at: the keypoint
+    network has looked for this person in a trusted colour image. step_m: the motion (3,) since the last pose
+    according to colour; None if unknown. is_exchanged: left and right in colour were swapped, to agree with
+    the body.
     """
 
     frame: Frame
     subject: SubjectFrame | None
     planes: Planes
     alternatives: tuple[SubjectFrame, ...] = ()
-    excluded: SubjectFrame | None = None
+    set_aside: SubjectFrame | None = None
+    is_own: bool = True
     is_elsewhere: bool = False
     is_slow: bool = False
     is_looked_at: bool = False
@@ -172,17 +174,17 @@ class Segmenter:
         `find`, they are not searched for, and nothing is learned while a body may be anywhere.
         """
         views = tuple(self._segment_view(view, bodies, rejected=rejected, find=find) for view in frame.views)
-        subjects, contradicting = list[SubjectFrame | None](), list[SubjectFrame | None]()
+        subjects, set_aside = list[SubjectFrame | None](), list[SubjectFrame | None]()
         for n, unused in enumerate(excluded or [()] * len(bodies)):
             own = [(view.image.camera, body) for view in views if (body := view.bodies[n]) is not None]
             agreed = subject_of(frame, [body for name, body in own if name not in unused], self._points)
             disagreed = subject_of(frame, [body for name, body in own if name in unused], self._points)
             subjects.append(agreed or disagreed)
-            contradicting.append(None if agreed is None else disagreed)
+            set_aside.append(None if agreed is None else disagreed)
         excluded_by_any = set().union(*excluded)
         seen = [view.people for view in views if view.image.camera not in excluded_by_any]
         people = self._join_people(frame, seen if any(seen) else [view.people for view in views])
-        return SegmentedFrame(frame, tuple(subjects), tuple(contradicting), people, views)
+        return SegmentedFrame(frame, tuple(subjects), tuple(set_aside), people, views)
 
     def find_candidates(
         self, segmented: SegmentedFrame, tracked: Sequence[Array]

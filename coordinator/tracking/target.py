@@ -28,7 +28,7 @@ from gepf.coordinator.stopwatch import Stopwatch
 from gepf.coordinator.tracking.cameras import CameraStates, camera_residuals, faults_of
 from gepf.coordinator.tracking.certainty import FrameContext
 from gepf.coordinator.tracking.detector import Detector, move_root
-from gepf.coordinator.tracking.gating import gate_pose
+from gepf.coordinator.tracking.gating import Gate, gate_pose
 from gepf.coordinator.tracking.judgement import judge_pose
 from gepf.coordinator.tracking.observation import POINTS, camera_points, middle_of
 from gepf.coordinator.tracking.particle_filter import Encoders, FrameBudget, ParticleFilter, Submitted
@@ -47,6 +47,7 @@ from gepf.coordinator.tracking.track_state import (
     Policy,
     Refined,
     SearchEnded,
+    SearchGivenUp,
     Searching,
     Segmented,
     Tracked,
@@ -59,6 +60,19 @@ class JustDetected(NamedTuple):
 
     searched: UntrackedPerson
     person: SubjectFrame
+
+
+class Choice(NamedTuple):
+    """The hypotheses about a frame: the tracked ones, or those of a search.
+
+    `redetected`: the pose is that of a search, and not where the body was tracked. `looks_alike`: front and
+    back look alike in that search; None without a search.
+    """
+
+    belief: Belief
+    gate: Gate
+    redetected: bool = False
+    looks_alike: bool | None = None
 
 
 class TargetTracker:
@@ -129,7 +143,7 @@ class TargetTracker:
     def explained_body(self) -> ExpectedBody | None:
         """The person in the pose of the last frame; None if it does not explain depth, or is no person."""
         track = self.track
-        if not isinstance(track, Tracked) or track.unexplained_s or track.residual > 1.0:
+        if not isinstance(track, Tracked) or track.unexplained_s or track.normalised_residual > 1.0:
             return None
         is_person = len(self.model.keypoint_links) > 0
         return ExpectedBody(self.model, track.belief.reported) if is_person else None
@@ -204,12 +218,12 @@ class TargetTracker:
     def take_search(self) -> None:
         """Take over the body if a first search has detected it in the meantime."""
         if not isinstance(self.track, Body):
-            self._end_search()  # in a recording a search ends with its frame
+            self._detected = self._end_first_search()
 
     def end(self) -> None:
         """Give up a search under way."""
         self.search.drop()
-        self._step(SearchEnded())
+        self._step(SearchGivenUp())
 
     def take_detected(self) -> JustDetected | None:
         """The body that has just been detected, returned only once; for an update of the background."""
@@ -225,30 +239,25 @@ class TargetTracker:
         updated at once. A frame with a budget does not wait for a search: the search continues during later
         frames, and this one takes the result of an earlier one.
         """
-        subject, detection = view.subject, None
+        subject, detection, todo = view.subject, None, Instructions()
+        waits_for_search = budget is None
         self._distance = distance_to(subject)
         with clock.stage("search"):
-            todo = self._segmented(view, subject)
+            if not isinstance(self.track, Body):
+                subject = self._look_for_body(view, wait=waits_for_search)
+            if isinstance(self.track, Body):
+                todo = self._segmented(view, subject)
             if "stop searching" in todo:
                 self.search.drop()
             if subject is not None:
                 if "search" in todo:
                     self._begin_search(view, subject)
-                if budget is None:
+                if waits_for_search:
                     self.search.finish()
-                was_unknown = not isinstance(self.track, Body)
-                detection = self._end_search()
-                if was_unknown and isinstance(self.track, Found):  # it is refined in the same frame
-                    if budget is None and self._detected is not None:
-                        subject = self._detected.person
-                    todo = self._segmented(view, subject)
-                if detection is not None:
-                    detection = self._detector.transfer(detection, subject, self._refine_settings)
-        if subject is not None:
-            with clock.stage("publish"):
-                self._refiner.publish(subject)
-            if "refine" in todo:
-                return self._refine(view, subject, detection, clock, budget)
+                if (ended := self._end_repeated_search()) is not None:
+                    detection = self._detector.transfer(ended, subject, self._refine_settings)
+        if subject is not None and "refine" in todo:
+            return self._refine(view, subject, detection, clock, budget)
         return Updated(view.frame, self.state, 0, None, clock)
 
     def update(self, submitted: Submitted, cameras: CameraStates) -> Updated:
@@ -258,7 +267,9 @@ class TargetTracker:
             confirmed_s = self._settings.track.camera_confirmed_s
             faulty = tuple(faults_of(cameras, submitted.view.frame.time_s, confirmed_s))
             event, context = self._assess(belief, submitted, faulty), submitted.context
-            judgement = judge_pose(self.start, event.belief, event.gate.residual, context, self._settings)
+            judgement = judge_pose(
+                self.start, event.belief, event.gate.normalised_residual, context, self._settings
+            )
             todo = self._step(replace(event, is_doubtful=judgement.is_doubtful))
             if "stop searching" in todo:
                 self.search.drop()
@@ -279,6 +290,8 @@ class TargetTracker:
             past_is_guess and budget is not None
         ):  # with few particles, hypotheses of the detection would be lost
             budget = replace(budget, is_late=False)
+        with clock.stage("publish"):
+            self._refiner.publish(subject)
         with clock.stage("draw"):
             proposal = self._filter.propose(
                 self.model, belief, subject, self.track.time_s, budget, view.step_m
@@ -342,17 +355,28 @@ class TargetTracker:
             stages = self._detector.detect(subject, noise, view.planes, view.alternatives)
         self.search.begin(stages, UntrackedPerson(subject, view.alternatives))
 
-    def _end_search(self) -> Detection | None:
-        """Take the result of a search that has ended; that of a repeated search is returned, to be compared.
+    def _look_for_body(self, view: BodyView, *, wait: bool) -> SubjectFrame | None:
+        """Search for an unknown body; the person to refine in this frame if it is known now.
 
-        A first search detects the body, in the frame in which it began, or nothing.
+        That is the detected person after a search in this frame, or else what this frame shows of them.
         """
+        todo = self._segmented(view, view.subject)
+        if view.subject is None:
+            return None
+        if "search" in todo:
+            self._begin_search(view, view.subject)
+        if wait:
+            self.search.finish()
+        self.take_search()
+        if self._detected is None:
+            return None
+        return self._detected.person if wait else view.subject
+
+    def _end_first_search(self) -> JustDetected | None:
+        """Take over the body that the search for an unknown one has detected; None if it has not."""
         searched, detection = self.search.person, self.search.take()
         if searched is None or detection is None:
             return None
-        if isinstance(self.track, Body):
-            self._step(SearchEnded())
-            return detection
         if not detection.gate.passes:
             self._step(SearchEnded(why=detection.gate.why))
             return None
@@ -369,42 +393,57 @@ class TargetTracker:
             unshown_s=None if is_shown else 0.0,
             is_confirmed=is_shown,
         )
-        if "update the background" in self._step(SearchEnded(detected)):
-            self._detected = JustDetected(searched, person)
-        return None
+        self._step(SearchEnded(detected))
+        return JustDetected(searched, person)
+
+    def _end_repeated_search(self) -> Detection | None:
+        """The result of a search for the known body, if one has ended: to be compared with the track."""
+        detection = self.search.take()
+        if detection is not None:
+            self._step(SearchEnded())
+        return detection
+
+    def _choose(self, belief: Belief, submitted: Submitted) -> Choice:
+        """The tracked hypotheses, or those of a detection that explains the frame better."""
+        assert isinstance(self.track, Body)  # it was refined
+        settings, detection = self._settings, submitted.detection
+        tracked = ExpectedBody(self.model, belief.poses[0])
+        by_depth = belief.log_weights[0] + keypoint_cost(tracked, submitted.context.subject)
+        gate = gate_pose(by_depth, belief.residual[0], submitted.settings, settings.gating)
+        if detection is None:
+            return Choice(belief, gate)
+        joints = joint_positions(self.model, belief.poses[:1])[0]
+        before, after = belief.log_weights[0], detection.candidates.log_likelihood[0]
+        if detection.faces_away(joints)[0] and self._knows_facing:  # a frame's keypoints may be swapped
+            before, after = by_depth, detection.by_depth()[0]
+        if after <= before + settings.search.surer_nats:
+            return Choice(
+                belief, gate, looks_alike=detection.looks_alike(joints, by_depth, settings.search.alike_nats)
+            )
+        redetected = self.track.is_lost or detection.is_elsewhere(joints, settings.certainty.wrong_m)
+        chosen = replace(
+            self._filter.belief_from(self.model, detection.candidates), shape_precision=belief.shape_precision
+        )
+        joints, by_depth = joint_positions(self.model, chosen.poses[:1])[0], detection.by_depth()[0]
+        looks_alike = detection.looks_alike(joints, by_depth, settings.search.alike_nats)
+        return Choice(chosen, detection.gate, redetected, looks_alike)
 
     def _assess(self, belief: Belief, submitted: Submitted, faulty: tuple[str, ...]) -> Refined:
-        """Gate the tracked hypotheses, or those of a detection that explains the frame better."""
-        assert isinstance(self.track, Body)  # it was refined
-        settings, context, detection = self._settings, submitted.context, submitted.detection
-        tracked = ExpectedBody(self.model, belief.poses[0])
-        by_depth = belief.log_weights[0] + keypoint_cost(tracked, context.subject)
-        gate = gate_pose(by_depth, belief.residual[0], submitted.settings, settings.gating)
-        redetected, ambiguous_facing = False, None
-        if detection is not None:
-            joints = joint_positions(self.model, belief.poses[:1])[0]
-            before, after = belief.log_weights[0], detection.candidates.log_likelihood[0]
-            if detection.faces_away(joints)[0] and self._knows_facing:  # a frame's keypoints may be swapped
-                before, after = by_depth, detection.by_depth()[0]
-            if after > before + settings.search.surer_nats:
-                by_depth = detection.by_depth()[0]
-                redetected = self.track.is_lost or detection.is_elsewhere(joints, settings.certainty.wrong_m)
-                redetected_as = self._filter.belief_from(self.model, detection.candidates)
-                belief = replace(redetected_as, shape_precision=belief.shape_precision)
-                gate = detection.gate
-            joints = joint_positions(self.model, belief.poses[:1])[0]
-            ambiguous_facing = detection.looks_alike(joints, by_depth, settings.search.alike_nats)
+        """The event of a refined frame."""
+        settings, context = self._settings, submitted.context
+        chosen = self._choose(belief, submitted)
+        belief = chosen.belief
         view, body = submitted.view, ExpectedBody(self.model, belief.poses[0])
         match = match_sides(body, context.subject, settings.colour)
         allowed_m = settings.gating.max_residual_m + submitted.settings.noise_depth
-        views = [*context.subject.views, *(view.excluded.views if view.excluded is not None else ())]
+        views = [*context.subject.views, *(view.set_aside.views if view.set_aside is not None else ())]
         return Refined(
             belief=belief,
-            gate=gate,
+            gate=chosen.gate,
             pixels=context.subject.pixels,
             time_s=context.subject.time_s,
-            redetected=redetected,
-            ambiguous_facing=ambiguous_facing,
+            redetected=chosen.redetected,
+            ambiguous_facing=chosen.looks_alike,
             faulty=faulty,
             residuals=camera_residuals(self.model, belief.poses[0], view.frame, views, allowed_m),
             allowed_m=allowed_m,

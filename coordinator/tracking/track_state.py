@@ -97,7 +97,7 @@ class OnceTracked(Body, frozen=True, kw_only=True):
         0.0  # since the last detection, in frames that show the body; smaller: the next check is sooner
     )
     unexplained_s: float = 0.0  # time for which no frame was explained
-    residual: float = 0.0  # normalised, of the last frame that showed the body
+    normalised_residual: float = 0.0  # of the last frame that showed the body
     why: str = ""  # reason to doubt the pose in that frame
     pixels: int = 0  # number of the body's pixels in the last explained frame
     doubtful_s: float = 0.0  # time for which a joint in view has been in doubt, since the last detection
@@ -158,14 +158,19 @@ class Segmented:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SearchEnded:
-    """A search has ended, or is given up.
+    """A search has ended.
 
-    The first search for a body gives the `detected` one, or the reason `why` nothing was detected; neither is
-    set if the search was given up.
+    The first search for a body gives the `detected` one, or the reason `why` nothing was detected; the result
+    of a repeated one comes with `Refined`.
     """
 
     detected: Found | None = None
     why: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SearchGivenUp:
+    """The search that may be under way is given up, without a result."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -195,7 +200,7 @@ class Refined:
     is_slow: bool = False
 
 
-Event: TypeAlias = Segmented | SearchEnded | Refined
+Event: TypeAlias = Segmented | SearchEnded | SearchGivenUp | Refined
 
 
 class Policy(NamedTuple):
@@ -214,6 +219,8 @@ def step(state: TrackState, event: Event, policy: Policy) -> tuple[TrackState, I
             return _segmented(state, event, policy)
         case SearchEnded():
             return _search_ended(state, event)
+        case SearchGivenUp():
+            return _search_given_up(state), ()
         case Refined():
             assert isinstance(state, Found | Tracked | Lost)  # only a body is refined
             return _refined(state, event, policy)
@@ -295,7 +302,7 @@ def _check_due(state: Tracked | Lost, time_s: float, policy: Policy) -> bool:
     after = before + interval
     new = before < settings.search_interval_s <= after
     due = after // settings.check_interval_s > before // settings.check_interval_s
-    is_bad = state.residual > 1.0 or not state.knows_facing(policy.colour)
+    is_bad = state.normalised_residual > 1.0 or not state.knows_facing(policy.colour)
     in_doubt = _doubt_is_due(state.doubtful_s, interval, settings)
     return state.is_lost or new or (due and is_bad) or in_doubt
 
@@ -321,19 +328,25 @@ def _segmentation_pose(state: Found | Tracked | Lost, policy: Policy) -> Array |
 
 
 def _search_ended(state: TrackState, event: SearchEnded) -> tuple[TrackState, Instructions]:
-    """A first search has detected a body or nothing; the result of a repeated one comes with `Refined`."""
+    """A first search has detected a body or nothing; a repeated one is over."""
     if isinstance(state, Body):
         return replace(state, is_searched=False), ()
     if event.detected is not None:
         return event.detected, ("update the background",)
     if isinstance(state, Absent) or not state.is_running:
         return state, ()
-    if event.why:
-        return replace(state, why=event.why, is_running=False), ()
+    return replace(state, why=event.why, is_running=False), ()
+
+
+def _search_given_up(state: TrackState) -> TrackState:
+    """A first search that is given up does not count."""
+    if isinstance(state, Body):
+        return replace(state, is_searched=False)
+    if isinstance(state, Absent) or not state.is_running:
+        return state
     if state.searches == 1:
-        return Absent(), ()
-    # a search that is given up does not count
-    return replace(state, searches=state.searches - 1, searched_s=-math.inf, is_running=False), ()
+        return Absent()
+    return replace(state, searches=state.searches - 1, searched_s=-math.inf, is_running=False)
 
 
 def _refined(
@@ -344,7 +357,7 @@ def _refined(
     before, interval = _as_once_tracked(state, settings), _interval(state, event.time_s)
     if state.is_lost and not agreement.contradicting:
         agreement = Agreement()
-    is_explained = event.gate.residual <= (1.0 if state.is_lost else settings.lost_residual)
+    is_explained = event.gate.normalised_residual <= (1.0 if state.is_lost else settings.lost_residual)
     unexplained_s = 0.0 if is_explained else before.unexplained_s + interval
     is_lost = not is_explained and (state.is_lost or unexplained_s > settings.patience_s - ROUNDING_S)
     after = _become(
@@ -357,7 +370,7 @@ def _refined(
         ),
         age_s=0.0 if is_explained and event.redetected else before.age_s + interval,
         unexplained_s=unexplained_s,
-        residual=event.gate.residual,
+        normalised_residual=event.gate.normalised_residual,
         why=event.gate.why,
         doubtful_s=before.doubtful_s + interval if event.is_doubtful and not event.redetected else 0.0,
         pixels=event.pixels if is_explained else before.pixels,

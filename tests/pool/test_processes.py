@@ -24,7 +24,7 @@ from gepf.common.refinement import Particles, Refined
 from gepf.coordinator.pool.local_worker import LocalWorkerLimits
 from gepf.coordinator.pool.options import Pool
 from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
-from gepf.coordinator.tracking.preparation import unmoved
+from gepf.coordinator.tracking.warm_up import unmoved
 from gepf.worker.cli import exit_with, serve
 from gepf.worker.connection import Identity
 from tests.support.processes import warm_processes as warm

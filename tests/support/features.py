@@ -25,7 +25,9 @@ def features_in(
     still, pose = msgspec.structs.replace(settings, icp_iterations=0), poses[0]
     particles = Particles(poses[:1], still, prior=pose_prior(model, still))
     found = DirectRefiner().submit(subject, model, particles).result()
-    residual = gate_pose(found.log_likelihood[0], found.residual[0], still, preset("default").gating).residual
+    residual = gate_pose(
+        found.log_likelihood[0], found.residual[0], still, preset("default").gating
+    ).normalised_residual
     context = FrameContext(subject, pose, 1.0 / 30.0, stretch)
     joints = joint_positions(model, poses[[0, *range(len(poses))]])
     limits = preset("default").certainty

@@ -21,7 +21,7 @@ from gepf.common.refinement import Particles, Refined
 from gepf.common.transport.bus import Bus
 from gepf.common.transport.opening import open_worker
 from gepf.coordinator.results.live_recorder import read_frames
-from gepf.coordinator.tracking.preparation import unmoved
+from gepf.coordinator.tracking.warm_up import unmoved
 from gepf.worker.service import Service
 from gepf.worker.warm_up import tiny_frame
 from tests.support.processes.instant_worker import KERNEL

@@ -21,8 +21,8 @@ from gepf.coordinator.bodies.human.template import human
 from gepf.coordinator.bodies.tracked import name_pose
 from gepf.coordinator.cli import main
 from gepf.coordinator.pool.options import Pool, PoolStatistics
-from gepf.coordinator.tracking.preparation import unmoved
 from gepf.coordinator.tracking.refiner import LocalRefiner, Pending
+from gepf.coordinator.tracking.warm_up import unmoved
 from gepf.refiners import DirectRefiner
 from tests.support.people import rendered
 from tests.support.recordings import write_open3d

@@ -26,6 +26,7 @@ from gepf.coordinator.tracking.track_state import (
     Policy,
     Refined,
     SearchEnded,
+    SearchGivenUp,
     Searching,
     Segmented,
     Tracked,
@@ -59,10 +60,16 @@ NEXT_S, LATER_S = 1.0 + INTERVAL_S, 2.0
 CANDIDATE = Segmented(NEXT_S, pixels=900, points=500)
 NOTHING, DARK = Segmented(NEXT_S), Segmented(NEXT_S, has_depth=False)
 FITS = Refined(AFTER, Gate(0.8), pixels=800, time_s=NEXT_S)
-AS_REFINED = {"belief": AFTER, "time_s": NEXT_S, "age_s": 0.5 + INTERVAL_S, "residual": 0.8, "pixels": 800}
+AS_REFINED = {
+    "belief": AFTER,
+    "time_s": NEXT_S,
+    "age_s": 0.5 + INTERVAL_S,
+    "normalised_residual": 0.8,
+    "pixels": 800,
+}
 DOUBTFUL = with_fields(FITS, gate=Gate(1.2, "doubt"))  # above the limit, but explained
 WRONG = with_fields(FITS, gate=Gate(2.0, "wrong"))
-ENDED = SearchEnded()
+ENDED, GIVEN_UP = SearchEnded(), SearchGivenUp()
 
 
 class Transition(NamedTuple):
@@ -80,7 +87,7 @@ class Transition(NamedTuple):
     @property
     def ends_frame(self) -> bool:
         """Whether nothing is left to do in the frame, which is reported now."""
-        return not isinstance(self.event, SearchEnded) and "refine" not in self.instructions
+        return not isinstance(self.event, SearchEnded | SearchGivenUp) and "refine" not in self.instructions
 
 
 TRANSITIONS = [
@@ -90,7 +97,7 @@ TRANSITIONS = [
         Absent(), "", CANDIDATE, "a candidate is seen", Searching, {"searched_s": NEXT_S, "is_running": True},
         ("search",)
     ),
-    Transition(Absent(), "", ENDED, "the search is given up", Absent, {}, ()),
+    Transition(Absent(), "", GIVEN_UP, "the search is given up", Absent, {}, ()),
     Transition(RUNNING, "a search runs", CANDIDATE, "a candidate is seen", Searching, {}, ()),
     Transition(
         RUNNING, "a search runs", NOTHING, "no candidate, but something is seen", Searching, {}, ()
@@ -122,11 +129,11 @@ TRANSITIONS = [
         {name: getattr(DETECTED, name) for name in DETECTED.__struct_fields__},
         ("update the background",),
     ),
-    Transition(RUNNING, "the first search runs", ENDED, "the search is given up", Absent, {}, ()),
+    Transition(RUNNING, "the first search runs", GIVEN_UP, "the search is given up", Absent, {}, ()),
     Transition(
         replace(RUNNING, searches=4),
         "a later search runs",
-        ENDED,
+        GIVEN_UP,
         "the search is given up",
         Searching,
         {"searches": 3, "searched_s": -np.inf, "is_running": False},
@@ -199,7 +206,13 @@ TRANSITIONS = [
         FITS,
         "its pose is refined and explains the frame",
         Tracked,
-        {"belief": AFTER, "time_s": NEXT_S, "age_s": USUAL_INTERVAL, "residual": 0.8, "pixels": 800},
+        {
+            "belief": AFTER,
+            "time_s": NEXT_S,
+            "age_s": USUAL_INTERVAL,
+            "normalised_residual": 0.8,
+            "pixels": 800,
+        },
         (),
     ),
     Transition(
@@ -212,7 +225,7 @@ TRANSITIONS = [
             "belief": AFTER,
             "time_s": NEXT_S,
             "age_s": LIMITS.check_interval_s + USUAL_INTERVAL,
-            "residual": 2.0,
+            "normalised_residual": 2.0,
             "why": "wrong",
             "unexplained_s": USUAL_INTERVAL,
         },
@@ -228,7 +241,7 @@ TRANSITIONS = [
             "belief": AFTER,
             "time_s": NEXT_S,
             "age_s": LIMITS.check_interval_s + USUAL_INTERVAL,
-            "residual": 1.2,
+            "normalised_residual": 1.2,
             "why": "doubt",
             "unexplained_s": USUAL_INTERVAL,
         },
@@ -245,7 +258,7 @@ TRANSITIONS = [
         ("search", "refine"),
     ),
     Transition(
-        replace(DUE, residual=1.1),
+        replace(DUE, normalised_residual=1.1),
         "a check is due, and the last pose was doubtful",
         CANDIDATE,
         "the body is seen",
@@ -335,7 +348,7 @@ TRANSITIONS = [
         ("refine",),
     ),
     Transition(
-        replace(DUE, residual=1.1, is_searched=True),
+        replace(DUE, normalised_residual=1.1, is_searched=True),
         "a check is due, and a search runs",
         CANDIDATE,
         "the body is seen",
@@ -344,7 +357,7 @@ TRANSITIONS = [
         ("refine",),
     ),
     Transition(
-        replace(DUE, residual=1.1),
+        replace(DUE, normalised_residual=1.1),
         "a check is due, but lost bodies are not searched for",
         CANDIDATE,
         "the body is seen",
@@ -410,7 +423,7 @@ TRANSITIONS = [
             "time_s": NEXT_S,
             "segmentation_pose": BELIEF.reported,
             "age_s": 0.5 + INTERVAL_S,
-            "residual": 0.8,
+            "normalised_residual": 0.8,
             "pixels": 800,
             "doubtful_s": LIMITS.check_interval_s + INTERVAL_S,
         },
@@ -427,7 +440,7 @@ TRANSITIONS = [
             "time_s": NEXT_S,
             "segmentation_pose": BELIEF.reported,
             "age_s": 0.0,
-            "residual": 0.8,
+            "normalised_residual": 0.8,
             "pixels": 800,
             "doubtful_s": 0.0,
         },
@@ -461,7 +474,7 @@ TRANSITIONS = [
             "belief": AFTER,
             "time_s": NEXT_S,
             "age_s": 0.5 + INTERVAL_S,
-            "residual": 2.0,
+            "normalised_residual": 2.0,
             "why": "wrong",
             "unexplained_s": INTERVAL_S,
         },
@@ -477,7 +490,7 @@ TRANSITIONS = [
             "belief": AFTER,
             "time_s": NEXT_S,
             "age_s": 0.5 + INTERVAL_S,
-            "residual": 2.0,
+            "normalised_residual": 2.0,
             "why": "wrong",
             "unexplained_s": 0.125,
         },
@@ -493,7 +506,7 @@ TRANSITIONS = [
             "belief": AFTER,
             "time_s": NEXT_S,
             "age_s": 0.0,
-            "residual": 0.8,
+            "normalised_residual": 0.8,
             "pixels": 800,
             "ambiguous_facing": True,
         },
@@ -509,7 +522,7 @@ TRANSITIONS = [
             "belief": AFTER,
             "time_s": NEXT_S,
             "age_s": LIMITS.search_interval_s - USUAL_INTERVAL,
-            "residual": 0.8,
+            "normalised_residual": 0.8,
             "pixels": 800,
             "faulty": (),
             "is_searched": False,
@@ -521,6 +534,15 @@ TRANSITIONS = [
         "a search runs",
         ENDED,
         "the search ends",
+        Tracked,
+        {"is_searched": False},
+        (),
+    ),
+    Transition(
+        replace(TRACKED, is_searched=True),
+        "a search runs",
+        GIVEN_UP,
+        "the search is given up",
         Tracked,
         {"is_searched": False},
         (),
@@ -564,7 +586,7 @@ TRANSITIONS = [
             "belief": AFTER,
             "time_s": NEXT_S,
             "age_s": 0.5 + INTERVAL_S,
-            "residual": 1.2,
+            "normalised_residual": 1.2,
             "why": "doubt",
             "unexplained_s": 2 * INTERVAL_S,
         },
@@ -584,6 +606,15 @@ TRANSITIONS = [
         "a search runs",
         ENDED,
         "the search ends",
+        Lost,
+        {"is_searched": False},
+        (),
+    ),
+    Transition(
+        replace(LOST, is_searched=True),
+        "a search runs",
+        GIVEN_UP,
+        "the search is given up",
         Lost,
         {"is_searched": False},
         (),

@@ -26,9 +26,9 @@ from gepf.coordinator.settings import preset
 from gepf.coordinator.tracking.detector import Detector
 from gepf.coordinator.tracking.gating import Gate
 from gepf.coordinator.tracking.pose_candidates import Candidates, Detection
-from gepf.coordinator.tracking.preparation import unmoved
 from gepf.coordinator.tracking.refiner import Pending
 from gepf.coordinator.tracking.state import start_at
+from gepf.coordinator.tracking.warm_up import unmoved
 from gepf.refiners import DirectRefiner
 from tests.support.people import (
     SETTINGS,

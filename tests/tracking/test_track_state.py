@@ -19,6 +19,7 @@ from gepf.coordinator.tracking.reporting import status_of
 from gepf.coordinator.tracking.track_state import (
     Absent,
     Body,
+    Event,
     Found,
     Instructions,
     Lost,
@@ -26,6 +27,7 @@ from gepf.coordinator.tracking.track_state import (
     Policy,
     Refined,
     SearchEnded,
+    SearchGivenUp,
     Searching,
     Segmented,
     Tracked,
@@ -76,7 +78,8 @@ def test_the_table_has_every_event_of_every_state() -> None:
     kinds = get_args(TrackState)
     assert rows >= {(kind, event) for kind in kinds for event in (Segmented,)}
     assert rows >= {(kind, Refined) for kind in (Found, Tracked, Lost)}
-    assert rows >= {(kind, SearchEnded) for kind in (Absent, Searching, Tracked, Lost)}
+    assert rows >= {(kind, SearchEnded) for kind in (Searching, Tracked, Lost)}
+    assert rows >= {(kind, SearchGivenUp) for kind in (Absent, Searching, Tracked, Lost)}
 
 
 def test_the_page_has_the_tested_table() -> None:
@@ -120,7 +123,7 @@ class Executor:
         self.state, self.policy = state, policy
         self.searches = False
 
-    def send(self, event: Segmented | Refined | SearchEnded) -> Instructions:
+    def send(self, event: Event) -> Instructions:
         """An event, and what to do then."""
         self.state, todo = step(self.state, event, self.policy)
         if "search" in todo:
@@ -135,7 +138,9 @@ class Executor:
         if not self.searches or how == "runs on":
             return
         self.searches = False
-        if how == "is given up" or isinstance(self.state, Body):
+        if how == "is given up":
+            assert self.send(SearchGivenUp()) == ()
+        elif isinstance(self.state, Body):
             assert self.send(SearchEnded()) == ()
         elif how == "detects":
             assert self.send(SearchEnded(DETECTED)) == ("update the background",)

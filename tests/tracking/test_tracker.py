@@ -333,7 +333,7 @@ def test_nothing_is_loaded_while_a_frame_waits_for_it() -> None:
 import gc
 from numba.core.dispatcher import Dispatcher
 from gepf.coordinator.tracking.pose_library import library_of
-from gepf.coordinator.tracking.preparation import NoRefiner
+from gepf.coordinator.tracking.warm_up import NoRefiner
 from gepf.coordinator.tracking.tracker import Tracker
 from tests.support.people import SETTINGS, STANDING, people, shown
 from tests.support.rooms import in_a_room
