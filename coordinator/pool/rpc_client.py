@@ -32,9 +32,8 @@ class Refinement:
     request: RefineRequest  # for all particles
     parts: dict[int, Refined] = field(default_factory=dict)  # by first particle
 
-    @property
-    def is_ready(self) -> bool:
-        """Whether `result` would return at once."""
+    def poll(self) -> bool:
+        """Take what has arrived; whether `result` would return at once."""
         self.client.catch_up()
         return self.is_over
 

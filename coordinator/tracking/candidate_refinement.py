@@ -21,14 +21,13 @@ from gepf.common.refinement import Particles
 from gepf.common.settings import RefineSettings
 from gepf.coordinator.bodies.family import Bodies, BodyFamily, BodySize
 from gepf.coordinator.bodies.tracked import coarsen
-from gepf.coordinator.colour.matching import ExpectedBody, keypoint_cost
 from gepf.coordinator.filters.exploration import layout_of
 from gepf.coordinator.filters.priors import pose_prior
 from gepf.coordinator.settings import SearchSettings, Settings
 from gepf.coordinator.tracking.field_of_view import TOP, in_view, out_of_reach, truncated_sides
 from gepf.coordinator.tracking.gating import Gate, gate_pose
 from gepf.coordinator.tracking.observation import camera_points, thin
-from gepf.coordinator.tracking.pose_candidates import Candidates, candidates_of, ordered
+from gepf.coordinator.tracking.pose_candidates import PoseCandidates, candidates_of, depth_likelihood, ordered
 from gepf.coordinator.tracking.pose_library import look_straight
 from gepf.coordinator.tracking.refiner import Pending, Refiner, Requests, iterations, with_closest_points
 from gepf.coordinator.tracking.state import Start
@@ -77,7 +76,9 @@ class Query:
         sides_of_views = [truncated_sides(view, turn, self.limits) for view, turn in pairs]
         return sides_of_views[0] & all(sides.any() for sides in sides_of_views)
 
-    def log_prior(self, candidates: Candidates, sizes: Sequence[BodySize], names: tuple[str, ...]) -> Array:
+    def log_prior(
+        self, candidates: PoseCandidates, sizes: Sequence[BodySize], names: tuple[str, ...]
+    ) -> Array:
         """Log priors (N,) of candidates, given their size and the joints in view."""
         seen = in_view(self.subject, candidates.joints)
         return self.family.log_prior(names, np.array(sizes)[candidates.sizes], seen)
@@ -106,7 +107,7 @@ class CandidateStages:
         """The body of candidates of this size."""
         return coarsen(self._bodies.for_start(*size), self._cell_m)
 
-    def shortlist(self, query: Query, groups: Iterable[Group]) -> Search[Candidates]:
+    def shortlist(self, query: Query, groups: Iterable[Group]) -> Search[PoseCandidates]:
         """The best distinct candidates after all stages on few points."""
         proposed = yield from self.on_few_points(query, groups, self.rough)
         best = yield from self.on_few_points(query, [proposed.group], self.fine)
@@ -118,7 +119,7 @@ class CandidateStages:
             best = yield from self.on_few_points(query, [proposed.group], self.fine)
         return best
 
-    def on_few_points(self, query: Query, groups: Iterable[Group], effort: Effort) -> Search[Candidates]:
+    def on_few_points(self, query: Query, groups: Iterable[Group], effort: Effort) -> Search[PoseCandidates]:
         """The best distinct candidates after one stage on few points, with a coarse surface."""
         models = [self.coarse(size) for size in query.sizes]
         closest = iterations(with_closest_points(query.settings), effort.iterations)
@@ -132,7 +133,7 @@ class CandidateStages:
             refined, seen = refined.take(np.flatnonzero(tops)), seen[tops]
         return refined.distinct(model, effort.kept, self._search.distinct_m, seen)
 
-    def _recombined(self, query: Query, best: Candidates) -> Group:
+    def _recombined(self, query: Query, best: PoseCandidates) -> Group:
         """Poses (N, D) and sizes (N,): the best candidates, each with one limb of another candidate.
 
         Limbs fit or fail independently of each other, so the right limbs may be spread over
@@ -150,7 +151,7 @@ class CandidateStages:
                         size_indices.append(size)
         return np.array(poses).reshape(-1, best.poses.shape[1]), np.array(size_indices, dtype=np.int64)
 
-    def _completed(self, query: Query, best: Candidates) -> Group:
+    def _completed(self, query: Query, best: PoseCandidates) -> Group:
         """Poses (N, D) and sizes (N,): candidates in every size, as they are and with unseen limbs at rest.
 
         The upper end of each body stays in place. A visible part fits a range of sizes
@@ -168,7 +169,7 @@ class CandidateStages:
                     size_indices.append(n)
         return np.array(poses), np.array(size_indices)
 
-    def fit_size(self, query: Query, candidates: Candidates) -> Search[tuple[BodySize, Array]]:
+    def fit_size(self, query: Query, candidates: PoseCandidates) -> Search[tuple[BodySize, Array]]:
         """The size and poses (N, D) that explain a frame best, at or between the candidates' sizes."""
         size, poses = query.sizes[candidates.sizes[0]], candidates.poses
         best = poses[:0]
@@ -189,7 +190,7 @@ class CandidateStages:
         poses: Array,
         settings: RefineSettings,
         shape: Shape | None = None,
-    ) -> Search[tuple[Candidates, Gate]]:
+    ) -> Search[tuple[PoseCandidates, Gate]]:
         """Convert poses (N, D) of the detected body to the tracked body and refine them.
 
         Degrees of freedom that are held keep the values of the start. The shape is that of the start, unless
@@ -203,12 +204,10 @@ class CandidateStages:
             if name in searched.dof_names:
                 taken[:, j] = poses[:, searched.dof(name)]
         last = iterations(settings, self._search.iterations // 2)
-        groups, precision = (
-            map(group_for_first_size, (taken[::2], taken[1::2])),
-            None if shape is None else shape.precision,
-        )
+        groups = map(group_for_first_size, (taken[::2], taken[1::2]))  # two requests for two workers
+        precision = None if shape is None else shape.precision
         refined = yield from self._refine(subject, [model], groups, last, precision)
-        by_depth = refined.log_likelihood[0] + keypoint_cost(ExpectedBody(model, refined.poses[0]), subject)
+        by_depth = depth_likelihood(refined.log_likelihood[0], model, refined.poses[0], subject)
         return refined, gate_pose(by_depth, refined.residual[0], settings, self._settings.gating)
 
     def _choose_size(
@@ -242,7 +241,7 @@ class CandidateStages:
         groups: Iterable[Group],
         settings: RefineSettings,
         precision: Array | None = None,
-    ) -> Search[Candidates]:
+    ) -> Search[PoseCandidates]:
         """Refine poses of these bodies, in requests of limited duration.
 
         Each group is sent as soon as it is known. `precision` (S, S) is that of the shape, if it is

@@ -24,7 +24,6 @@ from gepf.common.refinement import Particles
 from gepf.common.settings import RefineSettings
 from gepf.coordinator.bodies.family import Bodies, FittedBody
 from gepf.coordinator.bodies.tracked import pose_by_name
-from gepf.coordinator.colour.matching import ExpectedBody, keypoint_cost
 from gepf.coordinator.filters.exploration import layout_of
 from gepf.coordinator.filters.priors import pose_prior
 from gepf.coordinator.scene.noise import SensorNoise, assume_noise
@@ -41,7 +40,13 @@ from gepf.coordinator.tracking.candidate_refinement import (
 from gepf.coordinator.tracking.field_of_view import in_view
 from gepf.coordinator.tracking.gating import gate_pose
 from gepf.coordinator.tracking.observation import camera_points, middle_of, observed_points, without_flat
-from gepf.coordinator.tracking.pose_candidates import Candidates, Detection, candidates_of, ordered
+from gepf.coordinator.tracking.pose_candidates import (
+    Detection,
+    PoseCandidates,
+    candidates_of,
+    depth_likelihood,
+    ordered,
+)
 from gepf.coordinator.tracking.pose_library import PoseLibrary, displaced, library_of, upright_rolls
 from gepf.coordinator.tracking.refiner import Refiner, iterations
 from gepf.coordinator.tracking.state import Start, start_at
@@ -115,7 +120,7 @@ class Detector:
         return without_seat if without_seat.gate.passes else detected
 
     def _detect(
-        self, query: Query, best: Candidates, noise: SensorNoise, planes: Planes
+        self, query: Query, best: PoseCandidates, noise: SensorNoise, planes: Planes
     ) -> Search[Detection]:
         """Detect an unknown body that explains all points of a frame, from its shortlist."""
         subject, settings = query.subject, query.settings
@@ -196,11 +201,9 @@ class Detector:
         candidates = ordered([candidates_of(model, pending.result(), 0)])
         if not candidates.is_visible:
             return detection
-        by_depth = candidates.log_likelihood[0] + keypoint_cost(
-            ExpectedBody(model, candidates.poses[0]), current
-        )
+        by_depth = depth_likelihood(candidates.log_likelihood[0], model, candidates.poses[0], current)
         gate = gate_pose(by_depth, candidates.residual[0], settings, self._settings.gating)
-        return Detection(current, replace(detection.start, pose=candidates.poses[0]), candidates, gate)
+        return replace(detection, subject=current, candidates=candidates, gate=gate)
 
     def _match(self, query: Query, rolls: Sequence[float], last_pose: Array | None = None) -> Iterator[Group]:
         """Candidates (N, D) and their sizes (N,): those of the first orientation, then all others.
@@ -237,7 +240,7 @@ class Detector:
         poses, size_indices = self._library.match(points, scales[::stride], roll, count, T_rig_camera, view)
         return poses, size_indices * stride
 
-    def _gain(self, query: Query, candidates: Candidates) -> float:
+    def _gain(self, query: Query, candidates: PoseCandidates) -> float:
         """Log-likelihood of a subject's pixels with the best candidate, minus that at the gate's limit."""
         allowed_m = self._settings.gating.max_residual_m + query.settings.noise_depth
         log_likelihood_at_gate = -0.5 * (allowed_m / query.settings.likelihood_scale) ** 2
@@ -252,7 +255,7 @@ class Detector:
         return None if self._family.axis is None else subject.largest
 
 
-def fitted(query: Query, start: Start, candidates: Candidates, planes: Planes) -> FittedBody:
+def fitted(query: Query, start: Start, candidates: PoseCandidates, planes: Planes) -> FittedBody:
     """The best candidate, and what the frame shows of it."""
     subject, joints = query.subject, candidates.joints[0]
     return FittedBody(

@@ -24,7 +24,7 @@ from gepf.coordinator.stopwatch import Stopwatch
 from gepf.coordinator.tracking.certainty import FrameContext
 from gepf.coordinator.tracking.field_of_view import in_view, out_of_reach
 from gepf.coordinator.tracking.observation import filter_observation
-from gepf.coordinator.tracking.pose_candidates import Candidates, Detection
+from gepf.coordinator.tracking.pose_candidates import Detection, PoseCandidates
 from gepf.coordinator.tracking.refiner import Pending, Refiner
 from gepf.coordinator.tracking.segmenter import BodyView
 
@@ -64,7 +64,7 @@ class ParticleFilter:
         self._method = METHODS[settings.method]
         self.rng = np.random.default_rng(settings.seed)
 
-    def belief_from(self, model: BodyModel, candidates: Candidates) -> Belief:
+    def belief_from(self, model: BodyModel, candidates: PoseCandidates) -> Belief:
         """The belief from all candidates if the method has several hypotheses, else from the best."""
         belief = initial_belief(model, candidates.poses[0], self._settings)
         if not len(belief.covariances) or self._settings.filter.particles == 1:
@@ -127,26 +127,30 @@ class ParticleFilter:
 
     def update(self, model: BodyModel, submitted: Submitted) -> tuple[Belief, int]:
         """The belief after refinement, and its number of particles; `annealed` sends several layers."""
-        proposal, pending, clock = submitted.proposal, submitted.pending, submitted.clock
-        while True:
+        proposal, clock = submitted.proposal, submitted.clock
+        after = self._merge(model, proposal, submitted.pending, clock)
+        while isinstance(after, Proposal):  # the next layer
+            proposal = after
             with clock.stage("refine"):
-                refined = pending.result()
-            with clock.stage("merge"):
-                refined = replace(refined, poses=natural_angles(model, refined.poses))
-                after = self._method.update(model, proposal, refined, self._settings.filter, self.rng)
-            if not isinstance(after, Proposal):
-                precision, count = proposal.past.shape_precision, model.shape_count
-                if count and len(after.posterior):
-                    covariance = after.posterior[:count, :count]
-                    precision = updated_precision(
-                        precision, covariance, proposal.interval, self._settings.shape
-                    )
-                after = replace(after, shape_precision=precision)
-                from_guess = submitted.context.past_is_guess  # the change since a guess is not motion
-                return after.at_rest() if from_guess else after, len(proposal.poses)
-            with clock.stage("refine"):
-                proposal = after
                 pending = self.send(model, submitted.context.subject, proposal, submitted.settings)
+            after = self._merge(model, proposal, pending, clock)
+        precision, count = proposal.past.shape_precision, model.shape_count
+        if count and len(after.posterior):
+            covariance = after.posterior[:count, :count]
+            precision = updated_precision(precision, covariance, proposal.interval, self._settings.shape)
+        after = replace(after, shape_precision=precision)
+        from_guess = submitted.context.past_is_guess  # the change since a guess is not motion
+        return after.at_rest() if from_guess else after, len(proposal.poses)
+
+    def _merge(
+        self, model: BodyModel, proposal: Proposal, pending: Pending, clock: Stopwatch
+    ) -> Belief | Proposal:
+        """Wait for refined particles: the belief after them, or the next layer to refine."""
+        with clock.stage("refine"):
+            refined = pending.result()
+        with clock.stage("merge"):
+            refined = replace(refined, poses=natural_angles(model, refined.poses))
+            return self._method.update(model, proposal, refined, self._settings.filter, self.rng)
 
 
 def pace_iterations(refine: RefineSettings, interval: float, settings: Settings) -> RefineSettings:

@@ -20,7 +20,7 @@ from gepf.coordinator.tracking.state import Start
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Candidates:
+class PoseCandidates:
     """Refined candidates (N) with bodies of several sizes, the most likely first; at least one."""
 
     poses: Array  # (N, D)
@@ -39,18 +39,18 @@ class Candidates:
         """The poses, and the indices of their sizes, to be refined again."""
         return self.poses, self.sizes
 
-    def take(self, indices: Indices) -> Candidates:
+    def take(self, indices: Indices) -> PoseCandidates:
         """The candidates with these indices, in this order."""
-        return Candidates(*(getattr(self, column.name)[indices] for column in fields(self)))
+        return PoseCandidates(*(getattr(self, column.name)[indices] for column in fields(self)))
 
-    def likelier_by(self, log_prior: Array) -> Candidates:
+    def likelier_by(self, log_prior: Array) -> PoseCandidates:
         """The candidates with these log priors (N,) added, the most likely first."""
         likely = replace(self, log_likelihood=self.log_likelihood + log_prior)
         return likely.take(np.argsort(-likely.log_likelihood, kind="stable"))
 
     def distinct(
         self, model: BodyModel, count: int, distinct_m: float, seen: Mask | None = None
-    ) -> Candidates:
+    ) -> PoseCandidates:
         """Up to `count` distinct candidates, and the best that faces the other way, if none of them does.
 
         Only joints that are in view (`seen`, (N, J)) for at least one of the two candidates are compared.
@@ -68,7 +68,7 @@ class Detection:
 
     subject: SubjectFrame
     start: Start
-    candidates: Candidates
+    candidates: PoseCandidates
     gate: Gate
 
     def is_elsewhere(self, joints: Array, wrong_m: float) -> bool:
@@ -91,23 +91,28 @@ class Detection:
 
     def by_depth(self) -> Array:
         """The log likelihood (N,) of the candidates, without the keypoint term."""
-        model, candidates = self.start.model, self.candidates
-        costs = [keypoint_cost(ExpectedBody(model, pose), self.subject) for pose in candidates.poses]
-        return np.asarray(candidates.log_likelihood + costs)
+        pairs = zip(self.candidates.log_likelihood, self.candidates.poses, strict=True)
+        model = self.start.model
+        return np.array([depth_likelihood(likely, model, pose, self.subject) for likely, pose in pairs])
 
 
-def candidates_of(model: BodyModel, refined: Refined, size: int) -> Candidates:
+def depth_likelihood(log_likelihood: float, model: BodyModel, pose: Array, subject: SubjectFrame) -> float:
+    """The log likelihood of a pose (D,) without the keypoint term."""
+    return float(log_likelihood) + keypoint_cost(ExpectedBody(model, pose), subject)
+
+
+def candidates_of(model: BodyModel, refined: Refined, size: int) -> PoseCandidates:
     """Refined poses of one body of this size as candidates, in their order."""
     after = natural_angles(model, refined.poses)
     sizes = np.full(len(after), size, dtype=np.int64)
     joints = joint_positions(model, after)
-    return Candidates(after, sizes, refined.log_likelihood, refined.residual, joints)
+    return PoseCandidates(after, sizes, refined.log_likelihood, refined.residual, joints)
 
 
-def ordered(parts: Sequence[Candidates]) -> Candidates:
+def ordered(parts: Sequence[PoseCandidates]) -> PoseCandidates:
     """All visible candidates, the most likely first; if none is, a single one with log likelihood -inf."""
-    columns = ([getattr(part, column.name) for part in parts] for column in fields(Candidates))
-    whole = Candidates(*map(np.concatenate, columns))
+    columns = ([getattr(part, column.name) for part in parts] for column in fields(PoseCandidates))
+    whole = PoseCandidates(*map(np.concatenate, columns))
     order = np.argsort(-whole.log_likelihood, kind="stable")
     visible = max(1, int(np.isfinite(whole.log_likelihood).sum()))
     return whole.take(order[:visible])

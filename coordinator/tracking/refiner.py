@@ -18,8 +18,7 @@ from gepf.common.settings import SOFT_NOISE_RATIO, RefineSettings
 class Pending(Protocol):
     """Particles that are being refined."""
 
-    @property
-    def is_ready(self) -> bool:
+    def poll(self) -> bool:
         """Whether the result would come at once. Without workers, each call processes one request."""
         ...
 
@@ -33,14 +32,13 @@ class Pending(Protocol):
 
 
 class LocalRequest:
-    """Particles that are refined at the first use of `result` or `is_ready`."""
+    """Particles that are refined at the first use of `result` or `poll`."""
 
     def __init__(self, refine: Callable[[], Refined]) -> None:
         self._refine = refine
         self._refined: Refined | None = None
 
-    @property
-    def is_ready(self) -> bool:
+    def poll(self) -> bool:
         """Whether they have been refined already; refines them now if not, one request at a time."""
         was_ready = self._refined is not None
         self.result()

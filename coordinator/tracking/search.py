@@ -37,7 +37,7 @@ class BodySearch:
 
         Returns False if no search is running or, without `wait`, if the workers have not finished the stage.
         """
-        if self._stages is None or not (wait or all(request.is_ready for request in self._sent)):
+        if self._stages is None or not (wait or all(request.poll() for request in self._sent)):
             return False
         try:
             self._sent = next(self._stages)

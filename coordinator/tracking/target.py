@@ -19,7 +19,7 @@ from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions, pose_vertices
 from gepf.common.settings import RefineSettings
 from gepf.coordinator.bodies.family import Bodies, BodyFamily
-from gepf.coordinator.colour.matching import ExpectedBody, keypoint_cost, match_sides
+from gepf.coordinator.colour.matching import ExpectedBody, match_sides
 from gepf.coordinator.filters.belief import USUAL_INTERVAL, Belief
 from gepf.coordinator.filters.methods import apply_method
 from gepf.coordinator.scene.noise import NO_NOISE, SensorNoise, assume_noise, measure_noise
@@ -32,7 +32,7 @@ from gepf.coordinator.tracking.gating import Gate, gate_pose
 from gepf.coordinator.tracking.judgement import judge_pose
 from gepf.coordinator.tracking.observation import POINTS, camera_points, middle_of
 from gepf.coordinator.tracking.particle_filter import Encoders, FrameBudget, ParticleFilter, Submitted
-from gepf.coordinator.tracking.pose_candidates import Detection
+from gepf.coordinator.tracking.pose_candidates import Detection, depth_likelihood
 from gepf.coordinator.tracking.refiner import Refiner
 from gepf.coordinator.tracking.reporting import Updated
 from gepf.coordinator.tracking.search import BodySearch
@@ -407,8 +407,8 @@ class TargetTracker:
         """The tracked hypotheses, or those of a detection that explains the frame better."""
         assert isinstance(self.track, Body)  # it was refined
         settings, detection = self._settings, submitted.detection
-        tracked = ExpectedBody(self.model, belief.poses[0])
-        by_depth = belief.log_weights[0] + keypoint_cost(tracked, submitted.context.subject)
+        subject = submitted.context.subject
+        by_depth = depth_likelihood(belief.log_weights[0], self.model, belief.poses[0], subject)
         gate = gate_pose(by_depth, belief.residual[0], submitted.settings, settings.gating)
         if detection is None:
             return Choice(belief, gate)

@@ -194,7 +194,7 @@ def test_a_search_is_served_beside_anothers_tracking_that_never_pauses(endpoint:
         ready = 0
         while ready < 3:  # the fourth is with the thread that gets no time
             assert refined_bytes(tracking, 1) == expected(1)
-            ready = sum(each.is_ready for each in sought)
+            ready = sum(each.poll() for each in sought)
 
 
 def test_workers_of_another_kind_are_not_used(endpoint: str) -> None:

@@ -25,7 +25,7 @@ from gepf.coordinator.scene.planes import Planes
 from gepf.coordinator.settings import preset
 from gepf.coordinator.tracking.detector import Detector
 from gepf.coordinator.tracking.gating import Gate
-from gepf.coordinator.tracking.pose_candidates import Candidates, Detection
+from gepf.coordinator.tracking.pose_candidates import Detection, PoseCandidates
 from gepf.coordinator.tracking.refiner import Pending
 from gepf.coordinator.tracking.state import start_at
 from gepf.coordinator.tracking.warm_up import unmoved
@@ -181,11 +181,11 @@ def test_what_may_be_the_persons_is_used_if_a_body_explains_it(extra: str) -> No
     assert np.linalg.norm(off, axis=-1).max() < 0.12
 
 
-def candidates(log_likelihood: list[float], *turns: float) -> Candidates:
+def candidates(log_likelihood: list[float], *turns: float) -> PoseCandidates:
     """Candidates whose root is turned so, with these log likelihoods."""
     poses = np.array([name_pose(MODEL, {**STANDING, "root_ry": turn}) for turn in turns])
     sizes, residual = np.zeros(len(turns), dtype=np.int64), np.zeros(len(turns))
-    return Candidates(poses, sizes, np.array(log_likelihood), residual, joint_positions(MODEL, poses))
+    return PoseCandidates(poses, sizes, np.array(log_likelihood), residual, joint_positions(MODEL, poses))
 
 
 def test_only_candidates_that_differ_go_on_and_one_that_faces_the_other_way() -> None:

@@ -22,8 +22,7 @@ class Asked:
     def __init__(self) -> None:
         self._looks = count()
 
-    @property
-    def is_ready(self) -> bool:
+    def poll(self) -> bool:
         """Whether it is answered."""
         return next(self._looks) > 3
 
