@@ -18,6 +18,7 @@ from gepf.coordinator.filters.belief import (
     mean_pose,
     normalise,
 )
+from gepf.coordinator.filters.motion import motion_model
 from gepf.coordinator.settings import FilterSettings
 
 
@@ -48,7 +49,7 @@ class Condensation:
         """Select and predict: the particles of a frame, whose likelihood is requested."""
         ancestors = draw_ancestors(past.weights, settings.particles, rng)
         noise = self.diffusion(model) * rng.standard_normal((settings.particles, past.poses.shape[1]))
-        motion = observation.expect(past.velocities, settings.velocity_time_s)
+        motion = observation.expect(motion_model(settings).predict(past, observation.interval))
         moved = retract(model, past.poses[ancestors], motion[ancestors])
         return Proposal(past, ancestors, retract(model, moved, noise), observation.interval)
 
@@ -57,11 +58,11 @@ class Condensation:
         model: BodyModel,
         proposal: Proposal,
         assessed: Refined,
-        settings: FilterSettings,  # noqa: ARG002 as all methods
+        settings: FilterSettings,
         rng: np.random.Generator,  # noqa: ARG002 as all methods
     ) -> Belief:
         """Measure: weight the proposed particles by their likelihood."""
-        return weigh(model, proposal, assessed, assessed.log_likelihood)
+        return weigh(model, proposal, assessed, assessed.log_likelihood, settings)
 
     def diffusion(self, model: BodyModel) -> Array:
         """Standard deviation (D,) of the motion model's noise in a frame, radians and metres."""
@@ -69,16 +70,18 @@ class Condensation:
         return np.where(model.moves, np.where(turning, angle, self.diffusion_position), 0.0)
 
 
-def weigh(model: BodyModel, proposal: Proposal, measured: Refined, log_weights: Array) -> Belief:
+def weigh(
+    model: BodyModel, proposal: Proposal, measured: Refined, log_weights: Array, settings: FilterSettings
+) -> Belief:
     """The belief of measured particles (N,)."""
     order = np.argsort(-log_weights, kind="stable")
     poses = measured.poses[order]
-    earlier = proposal.past.poses[proposal.ancestors[order]]
+    motion = difference(model, proposal.past.poses[proposal.ancestors[order]], poses)
     return Belief(
         poses=poses,
         log_weights=log_weights[order],
         residual=measured.residual[order],
-        velocities=difference(model, earlier, poses) / proposal.interval,
+        velocities=motion_model(settings).update(motion, proposal.interval),
         reported=mean_pose(model, poses, normalise(log_weights[order])),
     )
 
@@ -130,7 +133,7 @@ class Annealed:
         likelihood = assessed.log_likelihood
         log_weights = find_power(likelihood, self.survival_rate) * likelihood
         if layer.left == 0:
-            weighed = weigh(model, layer, assessed, log_weights)
+            weighed = weigh(model, layer, assessed, log_weights, settings)
             if not np.isfinite(log_weights.max()):
                 return weighed
             as_likely = weighed.log_weights + (likelihood.max() - log_weights.max())

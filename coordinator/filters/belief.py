@@ -66,14 +66,8 @@ class Observation:
     cameras: int  # that show the body
     unseen: Mask | None = None  # (D,) degrees of freedom that move only what is out of view; None: none
 
-    def expect(self, velocities: Array, time_constant: float | None) -> Array:
-        """The expected motion (M, D) since the frame before, of hypotheses with these velocities (M, D).
-
-        A velocity decays exponentially with the time constant in seconds; None: it is constant. Known steps
-        replace the velocities.
-        """
-        share = 1.0 if time_constant is None else np.exp(-self.interval / time_constant)
-        motion: Array = share * self.interval * velocities
+    def expect(self, motion: Array) -> Array:
+        """The motion (M, D) since the frame before: a predicted one, which known steps replace."""
         return motion if self.step is None else np.where(np.isnan(self.step), motion, self.step)
 
 

@@ -2,7 +2,7 @@
 
 Decisions that the paper leaves open:
 - A hypothesis has the likelihood of its most likely particle as weight.
-- A hypothesis has the velocity that led from its ancestor to it.
+- The velocity of a hypothesis is that of the motion model after the step from its ancestor.
 - A group of one particle keeps the covariance of its ancestor.
 - Occluded limbs follow the motion model (preset `default`, see `priors.fuse_with_prediction`).
 - The reported pose is the most likely hypothesis, given the frame and the motion since the last one.
@@ -21,6 +21,7 @@ from gepf.common.kinematics import difference, retract
 from gepf.common.refinement import Refined, lower_triangular
 from gepf.coordinator.filters.belief import Belief, Observation, Proposal, choose_reported, draw_ancestors
 from gepf.coordinator.filters.exploration import choose_count, choose_kinds, explain, propose_limbs
+from gepf.coordinator.filters.motion import motion_model
 from gepf.coordinator.filters.priors import draw_noise, fuse_with_prediction
 from gepf.coordinator.settings import FilterSettings
 
@@ -44,7 +45,7 @@ def propose(
     if settings.explore and settings.particles > 1:
         return explore(model, past, observation, settings, rng)
     ancestors = draw_ancestors(past.weights, settings.particles, rng)  # 2
-    motion = observation.expect(past.velocities, settings.velocity_time_s)
+    motion = observation.expect(motion_model(settings).predict(past, observation.interval))
     particles = retract(model, past.poses[ancestors], motion[ancestors])  # 3
     if settings.particles > 1:  # a single particle has no noise
         particles = retract(model, particles, draw_noise(past.covariances, ancestors, rng))
@@ -83,11 +84,12 @@ def update(
     speed = settings.usual_speed_m_s
     reported = choose_reported(model, past.reported, poses, log_likelihood, proposal.interval, speed)
     at = np.argmin(np.abs(poses - reported).sum(axis=1))
+    motion = model.moves * difference(model, past.poses[parents], poses)
     return Belief(
         poses=poses,
         log_weights=log_likelihood,
         residual=after.residual[chosen],
-        velocities=model.moves * difference(model, past.poses[parents], poses) / proposal.interval,
+        velocities=motion_model(settings).update(motion, proposal.interval),
         reported=reported,
         covariances=covariances,
         posterior=posteriors[at] if len(posteriors) else np.empty((0, 0)),
@@ -103,7 +105,8 @@ def explore(
 ) -> Proposal:
     """Steps 2 and 3 of preset `default`: as many particles as needed, of several kinds, see `exploration`."""
     reported = np.argmin(np.abs(past.poses - past.reported).sum(axis=1))
-    predicted = retract(model, past.poses, observation.expect(past.velocities, settings.velocity_time_s))
+    motion = observation.expect(motion_model(settings).predict(past, observation.interval))
+    predicted = retract(model, past.poses, motion)
     exploration = settings.exploration
     near = explain(model, predicted[reported], observation.points, exploration)
     count = choose_count(settings.particles, near, exploration, observation.cameras)

@@ -35,11 +35,10 @@ def pose_prior(
 ) -> PosePrior | None:
     """The prior for poses with these shapes (N, S) or (S,), which have a precision (S, S).
 
-    Without a precision it is that of the population around each shape. None without any prior. With soft
-    correspondences there is none of joints: it was not measured with them.
+    Without a precision it is that of the population around each shape. None without any prior.
     """
     count, dofs = model.shape_count, len(model.dof_names)
-    resting = not settings.is_soft and settings.pose_deviation > 0.0
+    resting = has_joint_prior(settings)
     if not (resting or count):
         return None
     free = np.isin(model.dof_names, ROOT_DOFS) | (model.kinds == SHAPE) | (not resting)
@@ -51,6 +50,11 @@ def pose_prior(
     mean[..., :count] = shapes
     matrix[:count, :count] = population_precision(model) if precision is None else precision
     return PosePrior(mean, matrix)
+
+
+def has_joint_prior(settings: RefineSettings) -> bool:
+    """Whether there is a prior of joint angles; it was not measured with soft correspondences."""
+    return not settings.is_soft and settings.pose_deviation > 0.0
 
 
 def population_precision(model: BodyModel) -> Array:

@@ -11,8 +11,9 @@ from gepf.common.arrays import Array
 from gepf.common.body import ROOT_DOFS, ROTATION, BodyModel
 from gepf.common.kinematics import difference
 from gepf.common.refinement import Refined, lower_triangular
-from gepf.coordinator.filters.belief import Observation
+from gepf.coordinator.filters.belief import Belief
 from gepf.coordinator.filters.gradient_enhanced import begin, propose, update
+from gepf.coordinator.filters.motion import motion_model
 from gepf.coordinator.filters.priors import fuse_with_prediction
 from gepf.coordinator.settings import preset
 from tests.support.bodies import puppet
@@ -45,9 +46,10 @@ def test_a_swing_is_not_overshot_however_it_is_sampled(frames: int) -> None:
     interval = frames / 30.0
     times = np.arange(0.0, 20.0, interval)
     angle = np.radians(60.0) * np.sin(2.0 * np.pi * 1.3 * times)[:, None]
-    decay = preset("default").filter.velocity_time_s
-    velocity = np.diff(angle, axis=0)[:-1] / interval
-    predicted = angle[1:-1] + Observation(np.empty((0, 3)), interval, None, 1).expect(velocity, decay)
+    model = motion_model(preset("default").filter)
+    velocity = model.update(np.diff(angle, axis=0)[:-1], interval)
+    past = replace(Belief.at(np.zeros(1)), velocities=velocity)
+    predicted = angle[1:-1] + model.predict(past, interval)
     held, off = np.abs(angle[2:] - angle[1:-1]), np.abs(angle[2:] - predicted)
     assert off.mean() <= 1.05 * held.mean()
     assert np.degrees(np.abs(predicted).max()) < 70.0
