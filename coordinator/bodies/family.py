@@ -134,6 +134,11 @@ class BodyFamily(ABC):
         del best
         return tuple((weights @ sizes / weights.sum()).tolist())
 
+    def log_pose_prior(self, model: BodyModel, poses: Array) -> Array:
+        """Log density (N,) of the angles of poses (N, D), up to a constant; by default all are alike."""
+        del model
+        return np.zeros(len(poses))
+
     def log_prior(self, names: tuple[str, ...], sizes: Array, in_view: Mask) -> Array:
         """Log density (N,) of sizes (N, K), up to a constant, given which joints (N, J) are in view."""
         del names, sizes

@@ -207,7 +207,7 @@ class CandidateStages:
         groups = map(group_for_first_size, (taken[::2], taken[1::2]))  # two requests for two workers
         precision = None if shape is None else shape.precision
         refined = yield from self._refine(subject, [model], groups, last, precision)
-        by_depth = depth_likelihood(refined.log_likelihood[0], model, refined.poses[0], subject)
+        by_depth = depth_likelihood(refined.log_likelihood[0], model, refined.poses[0], subject, settings)
         return refined, gate_pose(by_depth, refined.residual[0], settings, self._settings.gating)
 
     def _choose_size(
@@ -259,7 +259,9 @@ class CandidateStages:
                     sent.append((size, self._refiner.submit(subject, models[size], particles)))
         try:
             yield tuple(pending for _, pending in sent)
-            return ordered([candidates_of(models[size], pending.result(), size) for size, pending in sent])
+            return ordered(
+                [candidates_of(models[size], pending.result(), size, settings) for size, pending in sent]
+            )
         finally:
             for _, pending in sent:
                 pending.cancel()

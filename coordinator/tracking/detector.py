@@ -45,6 +45,7 @@ from gepf.coordinator.tracking.pose_candidates import (
     PoseCandidates,
     candidates_of,
     depth_likelihood,
+    log_pose_prior,
     ordered,
 )
 from gepf.coordinator.tracking.pose_library import PoseLibrary, displaced, library_of, upright_rolls
@@ -198,10 +199,12 @@ class Detector:
         prior = pose_prior(model, settings, poses[:, : model.shape_count])
         particles = Particles(poses, iterations(settings, search.iterations), prior=prior)
         pending = self._refiner.submit(current, model, particles)
-        candidates = ordered([candidates_of(model, pending.result(), 0)])
+        candidates = ordered([candidates_of(model, pending.result(), 0, settings)])
         if not candidates.is_visible:
             return detection
-        by_depth = depth_likelihood(candidates.log_likelihood[0], model, candidates.poses[0], current)
+        by_depth = depth_likelihood(
+            candidates.log_likelihood[0], model, candidates.poses[0], current, settings
+        )
         gate = gate_pose(by_depth, candidates.residual[0], settings, self._settings.gating)
         return replace(detection, subject=current, candidates=candidates, gate=gate)
 
@@ -244,7 +247,9 @@ class Detector:
         """Log-likelihood of a subject's pixels with the best candidate, minus that at the gate's limit."""
         allowed_m = self._settings.gating.max_residual_m + query.settings.noise_depth
         log_likelihood_at_gate = -0.5 * (allowed_m / query.settings.likelihood_scale) ** 2
-        return query.subject.pixels * (float(candidates.log_likelihood[0]) - log_likelihood_at_gate)
+        model, best = self._stages.coarse(query.sizes[candidates.sizes[0]]), candidates.poses[:1]
+        likely = candidates.log_likelihood[0] - log_pose_prior(model, query.settings, best)[0]
+        return query.subject.pixels * float(likely - log_likelihood_at_gate)
 
     def _upright(self, rolls: Sequence[float]) -> float | None:
         """The first orientation, for a body with an axis."""

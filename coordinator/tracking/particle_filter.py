@@ -24,7 +24,7 @@ from gepf.coordinator.stopwatch import Stopwatch
 from gepf.coordinator.tracking.certainty import FrameContext
 from gepf.coordinator.tracking.field_of_view import in_view, out_of_reach
 from gepf.coordinator.tracking.observation import filter_observation
-from gepf.coordinator.tracking.pose_candidates import Detection, PoseCandidates
+from gepf.coordinator.tracking.pose_candidates import Detection, PoseCandidates, log_pose_prior
 from gepf.coordinator.tracking.refiner import Pending, Refiner
 from gepf.coordinator.tracking.segmenter import BodyView
 
@@ -128,12 +128,12 @@ class ParticleFilter:
     def update(self, model: BodyModel, submitted: Submitted) -> tuple[Belief, int]:
         """The belief after refinement, and its number of particles; `annealed` sends several layers."""
         proposal, clock = submitted.proposal, submitted.clock
-        after = self._merge(model, proposal, submitted.pending, clock)
+        after = self._merge(model, proposal, submitted.pending, submitted.settings, clock)
         while isinstance(after, Proposal):  # the next layer
             proposal = after
             with clock.stage("refine"):
                 pending = self.send(model, submitted.context.subject, proposal, submitted.settings)
-            after = self._merge(model, proposal, pending, clock)
+            after = self._merge(model, proposal, pending, submitted.settings, clock)
         precision, count = proposal.past.shape_precision, model.shape_count
         if count and len(after.posterior):
             covariance = after.posterior[:count, :count]
@@ -143,13 +143,20 @@ class ParticleFilter:
         return after.at_rest() if from_guess else after, len(proposal.poses)
 
     def _merge(
-        self, model: BodyModel, proposal: Proposal, pending: Pending, clock: Stopwatch
+        self,
+        model: BodyModel,
+        proposal: Proposal,
+        pending: Pending,
+        settings: RefineSettings,
+        clock: Stopwatch,
     ) -> Belief | Proposal:
         """Wait for refined particles: the belief after them, or the next layer to refine."""
         with clock.stage("refine"):
             refined = pending.result()
         with clock.stage("merge"):
-            refined = replace(refined, poses=natural_angles(model, refined.poses))
+            poses = natural_angles(model, refined.poses)
+            likely = refined.log_likelihood + log_pose_prior(model, settings, poses)
+            refined = replace(refined, poses=poses, log_likelihood=likely)
             return self._method.update(model, proposal, refined, self._settings.filter, self.rng)
 
 

@@ -12,8 +12,10 @@ from gepf.common.body import BodyModel
 from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions, natural_angles
 from gepf.common.refinement import Refined
+from gepf.common.settings import RefineSettings
 from gepf.coordinator.bodies.families import family_of
 from gepf.coordinator.colour.matching import ExpectedBody, keypoint_cost
+from gepf.coordinator.filters.priors import has_joint_prior
 from gepf.coordinator.tracking.field_of_view import in_view
 from gepf.coordinator.tracking.gating import Gate
 from gepf.coordinator.tracking.state import Start
@@ -82,31 +84,49 @@ class Detection:
         start = self.start
         return start.family.faces_away(start.model.joint_names, self.candidates.joints, joints)
 
-    def looks_alike(self, joints: Array, log_likelihood: float, alike_nats: float) -> bool:
+    def looks_alike(
+        self, joints: Array, log_likelihood: float, alike_nats: float, settings: RefineSettings
+    ) -> bool:
         """Whether a candidate that faces opposite to joints (J, 3) explains the depth about equally well.
 
-        `log_likelihood` is that of the pose with these joints, also without the keypoint term.
+        `log_likelihood` is that of the pose with these joints, also by depth alone.
         """
-        return bool(np.any(self.by_depth()[self.faces_away(joints)] > log_likelihood - alike_nats))
+        return bool(np.any(self.by_depth(settings)[self.faces_away(joints)] > log_likelihood - alike_nats))
 
-    def by_depth(self) -> Array:
-        """The log likelihood (N,) of the candidates, without the keypoint term."""
+    def by_depth(self, settings: RefineSettings) -> Array:
+        """The log likelihood (N,) of the candidates by depth alone."""
         pairs = zip(self.candidates.log_likelihood, self.candidates.poses, strict=True)
         model = self.start.model
-        return np.array([depth_likelihood(likely, model, pose, self.subject) for likely, pose in pairs])
+        return np.array(
+            [depth_likelihood(likely, model, pose, self.subject, settings) for likely, pose in pairs]
+        )
 
 
-def depth_likelihood(log_likelihood: float, model: BodyModel, pose: Array, subject: SubjectFrame) -> float:
-    """The log likelihood of a pose (D,) without the keypoint term."""
-    return float(log_likelihood) + keypoint_cost(ExpectedBody(model, pose), subject)
+def log_pose_prior(model: BodyModel, settings: RefineSettings, poses: Array) -> Array:
+    """Log density (N,) of poses (N, D) by the family of the body, which the refinement does not know.
+
+    It is up to a constant, and 0 without a prior of joint angles.
+    """
+    return (
+        family_of(model).log_pose_prior(model, poses) if has_joint_prior(settings) else np.zeros(len(poses))
+    )
 
 
-def candidates_of(model: BodyModel, refined: Refined, size: int) -> PoseCandidates:
-    """Refined poses of one body of this size as candidates, in their order."""
+def depth_likelihood(
+    log_posterior: float, model: BodyModel, pose: Array, subject: SubjectFrame, settings: RefineSettings
+) -> float:
+    """The log likelihood of a pose (D,) by depth alone, without keypoints and the prior of the family."""
+    prior = log_pose_prior(model, settings, pose[None])[0]
+    return float(log_posterior - prior) + keypoint_cost(ExpectedBody(model, pose), subject)
+
+
+def candidates_of(model: BodyModel, refined: Refined, size: int, settings: RefineSettings) -> PoseCandidates:
+    """Refined poses of one body of this size as candidates, in their order, with the prior of the family."""
     after = natural_angles(model, refined.poses)
     sizes = np.full(len(after), size, dtype=np.int64)
     joints = joint_positions(model, after)
-    return PoseCandidates(after, sizes, refined.log_likelihood, refined.residual, joints)
+    likely = refined.log_likelihood + log_pose_prior(model, settings, after)
+    return PoseCandidates(after, sizes, likely, refined.residual, joints)
 
 
 def ordered(parts: Sequence[PoseCandidates]) -> PoseCandidates:

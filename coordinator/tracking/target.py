@@ -407,25 +407,27 @@ class TargetTracker:
         """The tracked hypotheses, or those of a detection that explains the frame better."""
         assert isinstance(self.track, Body)  # it was refined
         settings, detection = self._settings, submitted.detection
-        subject = submitted.context.subject
-        by_depth = depth_likelihood(belief.log_weights[0], self.model, belief.poses[0], subject)
-        gate = gate_pose(by_depth, belief.residual[0], submitted.settings, settings.gating)
+        subject, refine = submitted.context.subject, submitted.settings
+        by_depth = depth_likelihood(belief.log_weights[0], self.model, belief.poses[0], subject, refine)
+        gate = gate_pose(by_depth, belief.residual[0], refine, settings.gating)
         if detection is None:
             return Choice(belief, gate)
         joints = joint_positions(self.model, belief.poses[:1])[0]
         before, after = belief.log_weights[0], detection.candidates.log_likelihood[0]
         if detection.faces_away(joints)[0] and self._knows_facing:  # a frame's keypoints may be swapped
-            before, after = by_depth, detection.by_depth()[0]
+            before, after = by_depth, detection.by_depth(refine)[0]
         if after <= before + settings.search.surer_nats:
             return Choice(
-                belief, gate, looks_alike=detection.looks_alike(joints, by_depth, settings.search.alike_nats)
+                belief,
+                gate,
+                looks_alike=detection.looks_alike(joints, by_depth, settings.search.alike_nats, refine),
             )
         redetected = self.track.is_lost or detection.is_elsewhere(joints, settings.certainty.wrong_m)
         chosen = replace(
             self._filter.belief_from(self.model, detection.candidates), shape_precision=belief.shape_precision
         )
-        joints, by_depth = joint_positions(self.model, chosen.poses[:1])[0], detection.by_depth()[0]
-        looks_alike = detection.looks_alike(joints, by_depth, settings.search.alike_nats)
+        joints, by_depth = joint_positions(self.model, chosen.poses[:1])[0], detection.by_depth(refine)[0]
+        looks_alike = detection.looks_alike(joints, by_depth, settings.search.alike_nats, refine)
         return Choice(chosen, detection.gate, redetected, looks_alike)
 
     def _assess(self, belief: Belief, submitted: Submitted, faulty: tuple[str, ...]) -> Refined:

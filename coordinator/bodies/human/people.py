@@ -16,6 +16,7 @@ from gepf.coordinator.bodies.family import Bodies, BodyFamily, BodySize, FittedB
 from gepf.coordinator.bodies.human.angles import person_angles
 from gepf.coordinator.bodies.human.dofs import HUMAN, HUMAN_DOFS
 from gepf.coordinator.bodies.human.measures import DEVIATION, Measures
+from gepf.coordinator.bodies.human.pose_prior import log_density
 from gepf.coordinator.bodies.human.shape_space import REFERENCE_STATURE, Size, shape_space
 from gepf.coordinator.bodies.human.template import DEFAULT_ACTIVE, human, human_of
 from gepf.coordinator.bodies.human.typical_poses import people_poses
@@ -123,6 +124,10 @@ class People(BodyFamily):
         """The weighted mean of the sizes (N, 3) with the maturity of the best."""
         weights = weights * (sizes[:, 2] == sizes[best, 2])
         return Size(*(weights @ sizes / weights.sum()).round(2).tolist())
+
+    def log_pose_prior(self, model: BodyModel, poses: Array) -> Array:
+        """Log density (N,) of the arms of poses (N, D), by recorded poses."""
+        return log_density(model, poses)
 
     def log_prior(self, names: tuple[str, ...], sizes: Array, in_view: Mask) -> Array:
         """Log density (N,) of the statures of adults, where not both ends of the body are in view.

@@ -16,8 +16,8 @@ POSES_FILE = Path(__file__).with_name("poses.npz")
 UNIT_RAD = 2e-4  # the angles in the file are whole numbers of it
 
 
-def people_poses(model: BodyModel, count: int) -> Array:
-    """The first poses (N, D) of the file, at most `count`, with the root at the origin; fewer are coarser.
+def people_poses(model: BodyModel, count: int | None = None) -> Array:
+    """The first `count` poses (N, D) of the file, or all, with the root at the origin; fewer are coarser.
 
     They are seen from all sides, and from slightly above or below.
     """
