@@ -67,9 +67,8 @@ class Body(msgspec.Struct, frozen=True, kw_only=True):
     excluded: tuple[str, ...] = ()  # cameras that are not used for it when the next frame is segmented
     agreement: Agreement = msgspec.field(default_factory=Agreement)  # of the cameras, on the last pose
     is_searched: bool = False  # a search for it is running
-    unshown_s: float | None = (
-        0.0  # time without confirmation by colour since the detection; None once confirmed
-    )
+    unshown_s: float | None = 0.0
+    """Time without confirmation by colour since the detection; None once confirmed."""
     is_confirmed: bool = False  # whether colour had confirmed it before the last frame
 
     @property
@@ -93,26 +92,27 @@ class Found(Body, frozen=True, kw_only=True, tag="found"):
 class OnceTracked(Body, frozen=True, kw_only=True):
     """The fields that tracked and lost bodies share."""
 
-    age_s: float = (
-        0.0  # since the last detection, in frames that show the body; smaller: the next check is sooner
-    )
+    check_clock_s: float = 0.0
+    """The clock of checks: time in frames that show the body since its detection.
+
+    It is set forward for a given start, which needs no first check, and to the first check when a camera is
+    back.
+    """
     unexplained_s: float = 0.0  # time for which no frame was explained
     normalised_residual: float = 0.0  # of the last frame that showed the body
     why: str = ""  # reason to doubt the pose in that frame
     pixels: int = 0  # number of the body's pixels in the last explained frame
     doubtful_s: float = 0.0  # time for which a joint in view has been in doubt, since the last detection
-    ambiguous_facing: bool = (
-        False  # in the last search, front and back explained the depth about equally well
-    )
-    sides_s: float = (
-        0.0  # time for which colour showed left and right correctly, minus that for which swapped
-    )
+    ambiguous_facing: bool = False
+    """Whether front and back explained the depth about equally well in the last search."""
+    sides_s: float = 0.0
+    """Time for which colour showed left and right correctly, minus that for which swapped."""
     faulty: tuple[str, ...] = ()  # cameras at fault in the last frame that showed the body
     visibility: Visibility = "body"  # in the last frame
 
     def is_new(self, settings: TrackSettings) -> bool:
         """Whether the body was detected, or a camera came back, a short time ago."""
-        return self.age_s < settings.check_interval_s - ROUNDING_S
+        return self.check_clock_s < settings.check_interval_s - ROUNDING_S
 
     def knows_facing(self, settings: ColourSettings) -> bool:
         """Whether front and back are told apart, by depth, or by colour over a sufficiently long time."""
@@ -268,10 +268,11 @@ def _handle_unseen(state: Found | Tracked | Lost, event: Segmented, policy: Poli
     if isinstance(state, Found) and state.place is None:
         is_lost = state.is_lost or not shows_something
         return replace(state, segmentation_pose=None, excluded=excluded, is_lost=is_lost)
+    here_once_more = _segmentation_pose(state, policy)  # that of a lost body is anywhere
     return replace(
         _lose(state, policy),
         belief=state.belief.unseen(),
-        segmentation_pose=_segmentation_pose(state, policy),
+        segmentation_pose=here_once_more,
         excluded=excluded,
         visibility="something" if shows_something else "nothing",
     )
@@ -298,7 +299,7 @@ def _check_due(state: Tracked | Lost, time_s: float, policy: Policy) -> bool:
     one wait twice as long.
     """
     settings, interval = policy.settings, _interval(state, time_s)
-    before = state.age_s + ROUNDING_S
+    before = state.check_clock_s + ROUNDING_S
     after = before + interval
     new = before < settings.search_interval_s <= after
     due = after // settings.check_interval_s > before // settings.check_interval_s
@@ -368,7 +369,7 @@ def _refined(
         agreement=agreement.after(
             event.residuals, event.allowed_m, event.interval_s, settings.camera_confirmed_s
         ),
-        age_s=0.0 if is_explained and event.redetected else before.age_s + interval,
+        check_clock_s=0.0 if is_explained and event.redetected else before.check_clock_s + interval,
         unexplained_s=unexplained_s,
         normalised_residual=event.gate.normalised_residual,
         why=event.gate.why,
@@ -386,7 +387,7 @@ def _refined(
         after = replace(after, segmentation_pose=pose, excluded=after.agreement.contradicting)
     if set(before.faulty) - set(event.faulty) and policy.recovers:  # a camera is back
         # a running search began without it; check the body in the next frame
-        after = replace(after, age_s=settings.search_interval_s - USUAL_INTERVAL, is_searched=False)
+        after = replace(after, check_clock_s=settings.search_interval_s - USUAL_INTERVAL, is_searched=False)
         return after, ("stop searching",)
     return after, ()
 
@@ -410,7 +411,7 @@ def _as_once_tracked(state: Found | Tracked | Lost, settings: TrackSettings) -> 
     """A found body as a tracked one; a given start is checked only while in doubt."""
     if not isinstance(state, Found):
         return state
-    return _become(Tracked, state, age_s=settings.check_interval_s if state.place is None else 0.0)
+    return _become(Tracked, state, check_clock_s=settings.check_interval_s if state.place is None else 0.0)
 
 
 def _lose(state: Found | Tracked | Lost, policy: Policy) -> Tracked | Lost:

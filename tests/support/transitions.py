@@ -50,10 +50,10 @@ DETECTED = Found(
     belief=BELIEF, time_s=1.0, segmentation_pose=BELIEF.reported, place=np.zeros(3), detected_pixels=900
 )
 RUNNING = Searching(searched_s=1.0, is_running=True)
-TRACKED = Tracked(belief=BELIEF, time_s=1.0, segmentation_pose=BELIEF.reported, age_s=0.5, pixels=900)
-DUE = replace(TRACKED, age_s=LIMITS.check_interval_s - 0.01)
+TRACKED = Tracked(belief=BELIEF, time_s=1.0, segmentation_pose=BELIEF.reported, check_clock_s=0.5, pixels=900)
+DUE = replace(TRACKED, check_clock_s=LIMITS.check_interval_s - 0.01)
 UNSURE = replace(TRACKED, doubtful_s=LIMITS.check_interval_s)  # since this frame
-LOST = Lost(belief=BELIEF, time_s=1.0, segmentation_pose=None, age_s=0.5, pixels=900)
+LOST = Lost(belief=BELIEF, time_s=1.0, segmentation_pose=None, check_clock_s=0.5, pixels=900)
 
 INTERVAL_S = 1 / 32
 NEXT_S, LATER_S = 1.0 + INTERVAL_S, 2.0
@@ -63,7 +63,7 @@ FITS = Refined(AFTER, Gate(0.8), pixels=800, time_s=NEXT_S)
 AS_REFINED = {
     "belief": AFTER,
     "time_s": NEXT_S,
-    "age_s": 0.5 + INTERVAL_S,
+    "check_clock_s": 0.5 + INTERVAL_S,
     "normalised_residual": 0.8,
     "pixels": 800,
 }
@@ -209,7 +209,7 @@ TRANSITIONS = [
         {
             "belief": AFTER,
             "time_s": NEXT_S,
-            "age_s": USUAL_INTERVAL,
+            "check_clock_s": USUAL_INTERVAL,
             "normalised_residual": 0.8,
             "pixels": 800,
         },
@@ -224,7 +224,7 @@ TRANSITIONS = [
         {
             "belief": AFTER,
             "time_s": NEXT_S,
-            "age_s": LIMITS.check_interval_s + USUAL_INTERVAL,
+            "check_clock_s": LIMITS.check_interval_s + USUAL_INTERVAL,
             "normalised_residual": 2.0,
             "why": "wrong",
             "unexplained_s": USUAL_INTERVAL,
@@ -240,7 +240,7 @@ TRANSITIONS = [
         {
             "belief": AFTER,
             "time_s": NEXT_S,
-            "age_s": LIMITS.check_interval_s + USUAL_INTERVAL,
+            "check_clock_s": LIMITS.check_interval_s + USUAL_INTERVAL,
             "normalised_residual": 1.2,
             "why": "doubt",
             "unexplained_s": USUAL_INTERVAL,
@@ -249,7 +249,7 @@ TRANSITIONS = [
     ),
     Transition(TRACKED, "", CANDIDATE, "the body is seen", Tracked, {}, ("refine",)),
     Transition(
-        replace(TRACKED, age_s=LIMITS.search_interval_s - 0.01),
+        replace(TRACKED, check_clock_s=LIMITS.search_interval_s - 0.01),
         "detected 0.13 s earlier",
         CANDIDATE,
         "the body is seen",
@@ -422,7 +422,7 @@ TRANSITIONS = [
             "belief": AFTER,
             "time_s": NEXT_S,
             "segmentation_pose": BELIEF.reported,
-            "age_s": 0.5 + INTERVAL_S,
+            "check_clock_s": 0.5 + INTERVAL_S,
             "normalised_residual": 0.8,
             "pixels": 800,
             "doubtful_s": LIMITS.check_interval_s + INTERVAL_S,
@@ -439,7 +439,7 @@ TRANSITIONS = [
             "belief": AFTER,
             "time_s": NEXT_S,
             "segmentation_pose": BELIEF.reported,
-            "age_s": 0.0,
+            "check_clock_s": 0.0,
             "normalised_residual": 0.8,
             "pixels": 800,
             "doubtful_s": 0.0,
@@ -473,7 +473,7 @@ TRANSITIONS = [
         {
             "belief": AFTER,
             "time_s": NEXT_S,
-            "age_s": 0.5 + INTERVAL_S,
+            "check_clock_s": 0.5 + INTERVAL_S,
             "normalised_residual": 2.0,
             "why": "wrong",
             "unexplained_s": INTERVAL_S,
@@ -489,7 +489,7 @@ TRANSITIONS = [
         {
             "belief": AFTER,
             "time_s": NEXT_S,
-            "age_s": 0.5 + INTERVAL_S,
+            "check_clock_s": 0.5 + INTERVAL_S,
             "normalised_residual": 2.0,
             "why": "wrong",
             "unexplained_s": 0.125,
@@ -505,7 +505,7 @@ TRANSITIONS = [
         {
             "belief": AFTER,
             "time_s": NEXT_S,
-            "age_s": 0.0,
+            "check_clock_s": 0.0,
             "normalised_residual": 0.8,
             "pixels": 800,
             "ambiguous_facing": True,
@@ -521,7 +521,7 @@ TRANSITIONS = [
         {
             "belief": AFTER,
             "time_s": NEXT_S,
-            "age_s": LIMITS.search_interval_s - USUAL_INTERVAL,
+            "check_clock_s": LIMITS.search_interval_s - USUAL_INTERVAL,
             "normalised_residual": 0.8,
             "pixels": 800,
             "faulty": (),
@@ -585,7 +585,7 @@ TRANSITIONS = [
         {
             "belief": AFTER,
             "time_s": NEXT_S,
-            "age_s": 0.5 + INTERVAL_S,
+            "check_clock_s": 0.5 + INTERVAL_S,
             "normalised_residual": 1.2,
             "why": "doubt",
             "unexplained_s": 2 * INTERVAL_S,

@@ -191,7 +191,7 @@ def test_the_body_is_searched_for_when_a_camera_is_back(
         views = [view for name, view in images.items() if name == "front" or not 5 <= number < 25]
         (tracked,) = tracker.track(Frame.of(*views)).people
         assert isinstance(tracked.state.track, Tracked)
-        since.append(tracked.state.track.age_s)
+        since.append(tracked.state.track.check_clock_s)
     assert since[24:27] == pytest.approx([since[0] + 24 / FPS, 3 / FPS, 4 / FPS])
 
 
