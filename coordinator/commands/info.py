@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 PROMISING = 0.25  # score above which a candidate is probably a person
+FRAMES = 60  # most that are searched for a person
 
 
 def run_info(options: InfoOptions, camera: CameraOptions) -> None:
@@ -95,16 +97,17 @@ def describe_tracked(run: Path, summary: Mapping[str, Any]) -> dict[str, object]
 
 
 def find_people(source: Source) -> tuple[SceneView, list[Candidate]]:
-    """The first frame with a likely person, and its candidates, the most likely first.
+    """The first of some frames with a likely person, and its candidates, the most likely first.
 
-    If no frame has a likely person, the last frame with the most likely one.
+    The frames are spread over the whole recording. If none has a likely person, the last of them with its
+    most likely candidate.
     """
     from gepf.coordinator.scene.candidates import candidates
     from gepf.coordinator.scene.scene import Scene
     from gepf.coordinator.settings import SceneSettings
 
     scene = Scene(SceneSettings(), up=None if source.gravity is None else -source.gravity)
-    for number in source.numbers[:60]:
+    for number in source.numbers[:: math.ceil(len(source.numbers) / FRAMES)]:
         view = scene.see(source.view(number))
         found = candidates(view)
         likely = [each for each in found if each.score > PROMISING]

@@ -61,6 +61,17 @@ def test_info_shows_floor_wall_and_who_comes(
     assert np.any((colours[..., 0] == 255) & (colours[..., 1] == 200))
 
 
+def test_info_shows_who_comes_late(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A person who enters after 100 frames is seen, though not all frames are searched."""
+    room = Room((CABINET,), noise=0.001)
+    empty, entered = (room.see(person, 0).view.depth for person in (None, PERSON))
+    recording = write_open3d(tmp_path / "room", np.array([empty] * 100 + [entered] * 30), CAMERA)
+    assert main(["info", str(recording), "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["frame_looked_at"] >= 100
+    assert facts["people"][0]["may_be"] == "a person"
+
+
 def test_what_is_to_be_said_of_a_recording_is_said_once(
     recording: Path, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
 ) -> None:
