@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Self
 
@@ -71,6 +72,11 @@ class Observation:
         return motion if self.step is None else np.where(np.isnan(self.step), motion, self.step)
 
 
+def alike(poses: Array) -> Array:
+    """The log prior (N,) of poses (N, D) without any."""
+    return np.zeros(len(poses))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Proposal:
     """Particles of a frame before refinement, drawn from the belief of the frame before."""
@@ -82,6 +88,8 @@ class Proposal:
     expected: Array | None = field(default=None, kw_only=True)
     """Predictions (N, D) without noise, if the update needs the covariance of each pose."""
     unseen: Mask | None = field(default=None, kw_only=True)  # as in `Observation`
+    log_prior: Callable[[Array], Array] = field(default=alike, kw_only=True)
+    """The part (N,) of the log likelihood of refined poses (N, D) that is a prior of the family of bodies."""
 
     def asks_covariance(self, rules: RefineSettings) -> bool:
         """Whether the covariance of each refined pose is requested from the workers.

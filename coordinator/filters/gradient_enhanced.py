@@ -71,7 +71,7 @@ def update(
         )
         posteriors = lower[chosen] @ lower[chosen].transpose(0, 2, 1)
     parents = proposal.ancestors[chosen]
-    poses, log_likelihood = after.poses[chosen], after.log_likelihood[chosen]
+    poses, log_weights = after.poses[chosen], after.log_likelihood[chosen]
     inherited = past.covariances[parents]
     covariances = estimate_covariances(  # 7
         model, before, poses, group, inherited, settings.reduction_share
@@ -80,19 +80,23 @@ def update(
         covariances = keep_unseen(covariances, inherited, proposal.unseen)
     if len(posteriors) and proposal.expected is not None:
         expected, turn_deg = proposal.expected[chosen], settings.unexpected_turn_deg
-        poses = fuse_with_prediction(model, poses, posteriors, expected, proposal.interval, turn_deg)
+        fused = fuse_with_prediction(model, poses, posteriors, expected, proposal.interval, turn_deg)
+        log_weights = log_weights + proposal.log_prior(fused) - proposal.log_prior(poses)
+        poses = fused
+    order = np.argsort(-log_weights, kind="stable")
+    poses, log_weights, parents = poses[order], log_weights[order], parents[order]
     speed = settings.usual_speed_m_s
-    reported = choose_reported(model, past.reported, poses, log_likelihood, proposal.interval, speed)
+    reported = choose_reported(model, past.reported, poses, log_weights, proposal.interval, speed)
     at = np.argmin(np.abs(poses - reported).sum(axis=1))
     motion = model.moves * difference(model, past.poses[parents], poses)
     return Belief(
         poses=poses,
-        log_weights=log_likelihood,
-        residual=after.residual[chosen],
+        log_weights=log_weights,
+        residual=after.residual[chosen][order],
         velocities=motion_model(settings).update(motion, proposal.interval),
         reported=reported,
-        covariances=covariances,
-        posterior=posteriors[at] if len(posteriors) else np.empty((0, 0)),
+        covariances=covariances[order],
+        posterior=posteriors[order[at]] if len(posteriors) else np.empty((0, 0)),
     )
 
 

@@ -1,7 +1,7 @@
 """Motion models: the motion that is expected until the next frame (step 3), and what a frame tells of it.
 
-A model is chosen by `motion_model`. Its state are the velocities of the hypotheses, or whatever else a belief
-holds for it. Motion that is known, by encoders or colour, replaces the expected one (`Observation.expect`).
+A model is chosen by `motion_model`. Its state is the velocities of the hypotheses. Motion that is known, by
+encoders or colour, replaces the expected one (`Observation.expect`).
 """
 
 from __future__ import annotations

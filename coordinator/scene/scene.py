@@ -38,7 +38,7 @@ class SceneView:
     shows_room: whether the frame shows a room, not only a person; if not, pixels without depth are empty.
     settings: of the segmentation of the frame.
     out_of_scope: (H, W) pixels that the user excluded; they are unknown.
-    steps: time since the last frame, of which SETTLED_STEPS make `settled_s`; 0 without depth.
+    steps: time since the last frame with depth, in steps; SETTLED_STEPS of them make `settled_s`.
     is_first: whether no earlier frame had depth.
     """
 

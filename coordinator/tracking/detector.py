@@ -49,7 +49,7 @@ from gepf.coordinator.tracking.pose_candidates import (
     ordered,
 )
 from gepf.coordinator.tracking.pose_library import PoseLibrary, displaced, library_of, upright_rolls
-from gepf.coordinator.tracking.refiner import Refiner, iterations
+from gepf.coordinator.tracking.refiner import Refiner, iterations, with_closest_points
 from gepf.coordinator.tracking.state import Start, start_at
 
 
@@ -248,8 +248,8 @@ class Detector:
         allowed_m = self._settings.gating.max_residual_m + query.settings.noise_depth
         log_likelihood_at_gate = -0.5 * (allowed_m / query.settings.likelihood_scale) ** 2
         model, best = self._stages.coarse(query.sizes[candidates.sizes[0]]), candidates.poses[:1]
-        likely = candidates.log_likelihood[0] - log_pose_prior(model, query.settings, best)[0]
-        return query.subject.pixels * float(likely - log_likelihood_at_gate)
+        prior = log_pose_prior(model, with_closest_points(query.settings), best)[0]
+        return query.subject.pixels * float(candidates.log_likelihood[0] - prior - log_likelihood_at_gate)
 
     def _upright(self, rolls: Sequence[float]) -> float | None:
         """The first orientation, for a body with an axis."""

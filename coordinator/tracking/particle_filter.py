@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Union
 
 import msgspec
@@ -155,8 +156,10 @@ class ParticleFilter:
             refined = pending.result()
         with clock.stage("merge"):
             poses = natural_angles(model, refined.poses)
-            likely = refined.log_likelihood + log_pose_prior(model, settings, poses)
+            log_prior = partial(log_pose_prior, model, settings)
+            likely = refined.log_likelihood + log_prior(poses)
             refined = replace(refined, poses=poses, log_likelihood=likely)
+            proposal = replace(proposal, log_prior=log_prior)
             return self._method.update(model, proposal, refined, self._settings.filter, self.rng)
 
 

@@ -103,9 +103,9 @@ class Detection:
 
 
 def log_pose_prior(model: BodyModel, settings: RefineSettings, poses: Array) -> Array:
-    """Log density (N,) of poses (N, D) by the family of the body, which the refinement does not know.
+    """Log density (N,) of poses (N, D) by the family of bodies, up to a constant.
 
-    It is up to a constant, and 0 without a prior of joint angles.
+    The refinement does not include it. It is 0 without a prior of joint angles.
     """
     return (
         family_of(model).log_pose_prior(model, poses) if has_joint_prior(settings) else np.zeros(len(poses))

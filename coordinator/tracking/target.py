@@ -393,8 +393,8 @@ class TargetTracker:
             unshown_s=None if is_shown else 0.0,
             is_confirmed=is_shown,
         )
-        self._step(SearchEnded(detected))
-        return JustDetected(searched, person)
+        todo = self._step(SearchEnded(detected))
+        return JustDetected(searched, person) if "update the background" in todo else None
 
     def _end_repeated_search(self) -> Detection | None:
         """The result of a search for the known body, if one has ended: to be compared with the track."""
@@ -416,7 +416,7 @@ class TargetTracker:
         before, after = belief.log_weights[0], detection.candidates.log_likelihood[0]
         if detection.faces_away(joints)[0] and self._knows_facing:  # a frame's keypoints may be swapped
             before, after = by_depth, detection.by_depth(refine)[0]
-        if after <= before + settings.search.surer_nats:
+        if not after > before + settings.search.surer_nats:
             return Choice(
                 belief,
                 gate,

@@ -268,7 +268,7 @@ def _handle_unseen(state: Found | Tracked | Lost, event: Segmented, policy: Poli
     if isinstance(state, Found) and state.place is None:
         is_lost = state.is_lost or not shows_something
         return replace(state, segmentation_pose=None, excluded=excluded, is_lost=is_lost)
-    here_once_more = _segmentation_pose(state, policy)  # that of a lost body is anywhere
+    here_once_more = _segmentation_pose(state, policy)  # before `_lose`: a lost body may be anywhere
     return replace(
         _lose(state, policy),
         belief=state.belief.unseen(),
@@ -294,7 +294,7 @@ def _handle_seen(
 def _check_due(state: Tracked | Lost, time_s: float, policy: Policy) -> bool:
     """Whether to search for a body again: lost, new, or in doubt.
 
-    A check of a pose that explains the frame badly is due in the frame in which the age of the track reaches
+    A check of a pose that explains the frame badly is due in the frame in which the clock of checks reaches
     an interval, or a multiple of it. While a joint may be wrong, a check that changes nothing makes the next
     one wait twice as long.
     """

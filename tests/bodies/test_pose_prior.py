@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from gepf.common.activation import activate
 from gepf.coordinator.bodies.human.people import PEOPLE
 from gepf.coordinator.bodies.human.typical_poses import people_poses
 from gepf.coordinator.bodies.mechanisms import MECHANISMS
@@ -55,12 +56,17 @@ def test_left_and_right_are_alike() -> None:
 
 
 def test_it_applies_to_people_by_the_default_preset() -> None:
-    """Bodies of other families, and the preset as published, have none."""
+    """Bodies of other families, the preset as published, and an arm that is held in part have none."""
     model = person()
     poses = np.full((3, len(model.dof_names)), 0.3)
     assert log_pose_prior(model, REFINE, poses).all()
     assert not log_pose_prior(model, preset("paper").refine, poses).any()
     puppets = puppet()
+    one_arm = activate(
+        person(), [n for n in model.dof_names if n != "r_shoulder_flexion"], np.zeros(len(model.dof_names))
+    )
+    likely = PEOPLE.log_pose_prior(one_arm, np.zeros((1, len(one_arm.dof_names))))
+    np.testing.assert_allclose(2.0 * likely, PEOPLE.log_pose_prior(model, np.zeros_like(poses[:1])))
     assert not MECHANISMS.log_pose_prior(puppets, np.ones((3, len(puppets.dof_names)))).any()
 
 

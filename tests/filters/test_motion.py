@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -108,3 +109,25 @@ def test_each_particle_is_held_about_its_own_way_on() -> None:
     held = fuse_with_prediction(MODEL, poses[order], covariances, expected[order], INTERVAL, 15.0)
     np.testing.assert_allclose(found.poses, held, atol=1e-12)
     np.testing.assert_allclose(found.velocities, difference(MODEL, np.zeros_like(held), held) / INTERVAL)
+
+
+def test_the_prior_of_a_hypothesis_is_that_of_the_pose_it_is_held_in() -> None:
+    """Where motion moves a hidden limb after its refinement, weights follow, and so does the order."""
+    rng, settings = np.random.default_rng(0), preset("default").filter
+    drawn = propose(MODEL, begin(MODEL, np.zeros(DOFS), settings), NOTHING_SEEN, settings, rng)
+    poses, likelihood = 0.1 * rng.standard_normal(drawn.poses.shape), rng.standard_normal(len(drawn.poses))
+    expected = poses + 0.3 * rng.standard_normal(poses.shape)
+
+    def log_prior(poses: Array) -> Array:
+        return np.asarray(-20.0 * np.sum(poses[:, ~BASE] ** 2, axis=1))
+
+    proposal = replace(drawn, expected=expected, log_prior=log_prior)
+    root = np.diag(deviations(MODEL, 0.3, 0.01))[np.tri(DOFS, dtype=bool)].astype(np.float32)
+    roots = np.tile(root, (len(poses), 1))
+    after = Refined(poses, likelihood + log_prior(poses), likelihood, roots)
+    found = update(MODEL, proposal, after, msgspec.structs.replace(settings, merge_variances=1e-9), rng)
+    assert len(found.poses) == len(poses)
+    np.testing.assert_allclose(found.log_weights, found.residual + log_prior(found.poses), atol=1e-9)
+    assert np.all(np.diff(found.log_weights) <= 0.0)
+    refined = dict(zip(likelihood, log_prior(poses), strict=True))
+    assert np.any(np.diff([likely + refined[likely] for likely in found.residual]) > 0.0)  # another order
