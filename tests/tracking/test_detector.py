@@ -181,11 +181,11 @@ def test_what_may_be_the_persons_is_used_if_a_body_explains_it(extra: str) -> No
     assert np.linalg.norm(off, axis=-1).max() < 0.12
 
 
-def candidates(log_likelihood: list[float], *turns: float) -> PoseCandidates:
+def candidates(log_likelihood: list[float], *turns: float, model: BodyModel = MODEL) -> PoseCandidates:
     """Candidates whose root is turned so, with these log likelihoods."""
-    poses = np.array([name_pose(MODEL, {**STANDING, "root_ry": turn}) for turn in turns])
+    poses = np.array([name_pose(model, {**STANDING, "root_ry": turn}) for turn in turns])
     sizes, residual = np.zeros(len(turns), dtype=np.int64), np.zeros(len(turns))
-    return PoseCandidates(poses, sizes, np.array(log_likelihood), residual, joint_positions(MODEL, poses))
+    return PoseCandidates(poses, sizes, np.array(log_likelihood), residual, joint_positions(model, poses))
 
 
 def test_only_candidates_that_differ_go_on_and_one_that_faces_the_other_way() -> None:
@@ -201,9 +201,10 @@ def test_front_and_back_are_ambiguous_where_the_frame_does_not_tell_them_apart(
     behind: float, ambiguous: bool
 ) -> None:
     """A candidate that faces away counts only if it explains the frame about as well."""
-    found = candidates([-5.0, -5.0 - behind], FRONT, BACK)
-    subject = subject_of(show(MODEL, found.poses[:1]).frames[0], 300)
-    detection = Detection(subject, start_at(STANDING, known()), found, Gate(0.5))
+    start = start_at(STANDING, known())
+    found = candidates([-5.0, -5.0 - behind], FRONT, BACK, model=start.model)
+    subject = subject_of(show(start.model, found.poses[:1]).frames[0], 300)
+    detection = Detection(subject, start, found, Gate(0.5))
     assert detection.looks_alike(found.joints[0], -5.0, 2.0, SETTINGS.refine) is ambiguous
 
 

@@ -16,7 +16,6 @@ from gepf.coordinator.bodies.family import Bodies, BodyFamily, BodySize, FittedB
 from gepf.coordinator.bodies.human.angles import person_angles
 from gepf.coordinator.bodies.human.dofs import HUMAN, HUMAN_DOFS
 from gepf.coordinator.bodies.human.measures import DEVIATION, Measures
-from gepf.coordinator.bodies.human.pose_prior import log_density
 from gepf.coordinator.bodies.human.shape_space import REFERENCE_STATURE, Size, shape_space
 from gepf.coordinator.bodies.human.template import DEFAULT_ACTIVE, human, human_of
 from gepf.coordinator.bodies.human.typical_poses import people_poses
@@ -127,6 +126,8 @@ class People(BodyFamily):
 
     def log_pose_prior(self, model: BodyModel, poses: Array) -> Array:
         """Log density (N,) of the arms of poses (N, D), by recorded poses."""
+        from gepf.coordinator.bodies.human.pose_prior import log_density  # loads the compiler
+
         return log_density(model, poses)
 
     def log_prior(self, names: tuple[str, ...], sizes: Array, in_view: Mask) -> Array:
