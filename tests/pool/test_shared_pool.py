@@ -17,7 +17,9 @@ from hypothesis import strategies as st
 from gepf.common.errors import NoWorkers
 from gepf.common.kernel import Kernel
 from gepf.common.offer import Offer
+from gepf.common.protocol.messages import decode_request
 from gepf.common.refinement import Particles, Refined
+from gepf.common.transport.channels import IncomingRequest
 from gepf.common.transport.opening import open_router, open_worker
 from gepf.coordinator.pool.options import Pool
 from gepf.coordinator.pool.zenoh_refiner import ZenohRefiner
@@ -149,6 +151,13 @@ def test_no_live_room_is_below_its_fair_share(workers: int) -> None:
 def test_turns_are_taken_within_a_large_request(endpoint: str) -> None:
     """On a real worker: a request is served when a part of another room's is done; no byte changes."""
     began, resume, served = threading.Event(), threading.Event(), SimpleQueue[int]()
+    small_waits = threading.Event()
+
+    class WatchedService(Service):
+        def _accept(self, request: IncomingRequest) -> None:
+            super()._accept(request)
+            if len(decode_request(request.payload).particles.poses) == 3:
+                small_waits.set()
 
     def wait_and_refine(model: Any, seen: Any, particles: Particles) -> Refined:
         served.put(len(particles.poses))
@@ -161,14 +170,14 @@ def test_turns_are_taken_within_a_large_request(endpoint: str) -> None:
         stack.enter_context(open_router([endpoint]))
         one, two = (stack.enter_context(ZenohRefiner(Pool(0, connect=endpoint))) for _ in range(2))
         bus = stack.enter_context(open_worker([endpoint]))
-        service = stack.enter_context(running(Service(bus, "w", Kernel(observe, wait_and_refine))))
+        stack.enter_context(running(WatchedService(bus, "w", Kernel(observe, wait_and_refine))))
         stack.callback(resume.set)
         assert refined_bytes(one, 1, POSES[:1]) == expected(1, POSES[:1])
         assert refined_bytes(two, 1, POSES[:2]) == expected(1, POSES[:2])
         large = one.submit(frame(2), MODEL, PARTICLES)
         assert began.wait(300.0)
         small = two.submit(frame(2), MODEL, Particles(POSES[:3], SETTINGS))
-        wait_until(lambda: service._turns.count(two.run) > 0)
+        assert small_waits.wait(300.0)
         resume.set()
         assert as_bytes(small.result()) == expected(2, POSES[:3])
         assert as_bytes(large.result()) == expected(2)
