@@ -63,6 +63,10 @@ class SegmentationSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=Tr
     reach_cells: Count = 7  #: largest distance of the subject from the surface, in cells
     step_m: Quantity = 0.03  #: largest step in depth between neighbours on one surface, without noise
     min_person_m2: Quantity = 0.1  #: minimum visible area of a person; larger than that of any limb
+    beside_m: Quantity = 0.5  #: distance from a body within which other people and things are remembered
+    beside_points: Count = 2_000  #: number of their points, about
+    permanent_weight: Quantity = 0.1
+    """Weight of an observed point on a surface that was there all the time, and so may be furniture."""
 
     @property
     def reach_m(self) -> float:
@@ -92,6 +96,7 @@ class SceneSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     settled_s: Quantity = 1.0
     """Time after which a stationary nearer object becomes background; also the interval between searches for
     planes."""
+    remembered_s: Quantity = 4.0  #: time for which it is remembered what a pixel showed
     noise: NoiseSettings = NoiseSettings()
     planes: PlaneSettings = PlaneSettings()
     segmentation: SegmentationSettings = SegmentationSettings()

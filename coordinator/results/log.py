@@ -35,7 +35,7 @@ from gepf.coordinator.tracking.estimate import Estimate
 from gepf.coordinator.tracking.state import Checkpoint, FrameState, PersonState, Start, TrackerState
 
 HEAD = struct.Struct("<II")
-FORM = 21
+FORM = 22
 
 
 class Opening(msgspec.Struct, frozen=True, tag="opening"):

@@ -1,4 +1,4 @@
-"""The scene of a camera: noise, planes, and background, which is learned pixel by pixel.
+"""The scene of a camera: noise, planes, background and occupancy, which are learned pixel by pixel.
 
 The background of a pixel is the farthest depth measured there while no person was near. Something nearer that
 stays for `settled_s` replaces it, such as a chair that was moved.
@@ -17,6 +17,7 @@ from gepf.common.camera import NOT_MOVED, Intrinsics, Pinhole
 from gepf.common.compiling import numba
 from gepf.common.frame import View
 from gepf.coordinator.scene.noise import DepthNoise, fit_growth, margin_at, noise_of
+from gepf.coordinator.scene.occupancy import Occupancy, OccupancyChange, accumulate
 from gepf.coordinator.scene.planes import SIDES, Planes, extents, find_planes, refit, sample_rays, to_points
 from gepf.coordinator.settings import SceneSettings
 
@@ -40,6 +41,7 @@ class SceneView:
     out_of_scope: (H, W) pixels that the user excluded; they are unknown.
     steps: time since the last frame with depth, in steps; SETTLED_STEPS of them make `settled_s`.
     is_first: whether no earlier frame had depth.
+    permanence: (H, W) from 0 to 1, see `gepf.coordinator.scene.occupancy`; None if the frame shows no room.
     """
 
     number: int
@@ -54,6 +56,7 @@ class SceneView:
     out_of_scope: Mask | None = None
     steps: int = 1
     is_first: bool = False
+    permanence: Depth | None = None
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -90,7 +93,8 @@ class Learned(NamedTuple):
     nearer: Marks  # (N,) for how long something nearer was there, in steps
 
 
-NOTHING = Learned(np.empty(0, np.uint32), np.empty(0, np.float32), np.empty(0, np.uint8))
+NO_PIXELS = np.empty(0, np.uint32)
+NOTHING = Learned(NO_PIXELS, np.empty(0, np.float32), np.empty(0, np.uint8))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -108,7 +112,11 @@ class SceneChange:
     shows_room: bool = False
     size: tuple[int, int] = (0, 0)  # rows and columns of the background; none at the start
     learned: Learned = NOTHING
+    occupancy: OccupancyChange = field(
+        default_factory=lambda: OccupancyChange.of(Occupancy.unknown((0, 0)), NO_PIXELS)
+    )
     T_rig_camera: Array = field(default_factory=NOT_MOVED.copy)  # of the frame
+    foreign: Depth = field(default_factory=lambda: np.empty((0, 3), np.float32))  # (N, 3), see `foreign.py`
 
 
 SceneChanges = dict[str, SceneChange]
@@ -137,6 +145,8 @@ class Scene:
         self._possible_ups = SIDES if up is None else up[None]
         self._background: Depth
         self._nearer: Marks
+        self._occupancy: Occupancy
+        self._occupied = NO_PIXELS  # whose occupancy the last image changed
         self._begin(np.zeros((0, 0), np.float32) if background is None else background.copy())
         self._shows_room = background is not None
 
@@ -151,6 +161,7 @@ class Scene:
             self._look(depth, image.intrinsics, steps)
         camera, planes, limits = image.intrinsics, self._planes, self._settings.noise
         noise = noise_of(self._growth or limits.usual_growth_m, limits)
+        permanence = self._accumulate(depth, noise, steps) if self._shows_room else None
         return SceneView(
             number=image.number,
             depth=depth,
@@ -164,6 +175,7 @@ class Scene:
             out_of_scope=out_of_scope,
             steps=steps,
             is_first=self._frames_with_depth <= 1,
+            permanence=permanence,
         )
 
     def learn(self, view: SceneView, people: Mask | None = None, learned: Learned = NOTHING) -> SceneChange:
@@ -173,13 +185,14 @@ class Scene:
         pixels of the second time were people at the first; what was `learned` then is a part of the change.
         """
         if not self._shows_room:
-            return self._change(NOTHING.pixels)
+            return self._change(NO_PIXELS)
         outside = np.zeros(view.depth.shape, np.bool_) if people is None else people
         learned_before = self._background > 0.0
         pixels = learn_pixels(view.depth, view.noise, outside, self._background, self._nearer, view.steps)
         moved = np.count_nonzero(learned_before.ravel()[pixels]) > 0.5 * np.count_nonzero(view.depth)
         if moved:  # most of the image changed: the camera was moved
             self._background[:], self._nearer[:] = 0.0, 0
+            self._occupancy = Occupancy.unknown(view.depth.shape)
             learn_pixels(view.depth, view.noise, outside, self._background, self._nearer, view.steps)
         if moved or view.is_first:
             return self.all()
@@ -197,10 +210,12 @@ class Scene:
         self._planes = Planes(change.planes, change.has_floor, change.approximate_up)
         self._background.ravel()[change.learned.pixels] = change.learned.depth
         self._nearer.ravel()[change.learned.pixels] = change.learned.nearer
+        change.occupancy.apply(self._occupancy)
 
     def all(self) -> SceneChange:
         """The change from an empty scene to the present one."""
-        return self._change(np.arange(self._background.size, dtype=np.uint32))
+        self._occupied = np.arange(self._background.size, dtype=np.uint32)
+        return self._change(self._occupied)
 
     def _begin(self, background: Depth) -> None:
         self._frames_with_depth = 0
@@ -210,6 +225,7 @@ class Scene:
         self._shows_room = False
         self._background = background
         self._nearer = np.zeros(background.shape, np.uint8)
+        self._occupancy = Occupancy.unknown(background.shape)
 
     def _pass_time(self, time_s: float) -> int:
         """Count the time since the last frame with depth, and return it in steps.
@@ -241,6 +257,14 @@ class Scene:
                 self._planes, self._shows_room = find_planes(rays, self._possible_ups, limits), True
         self._frames_with_depth += 1
 
+    def _accumulate(self, depth: Depth, noise: DepthNoise, steps: int) -> Depth:
+        """Add a depth image (H, W) to the occupancy; returns the permanence (H, W) of what it shows."""
+        settings, permanence = self._settings, np.empty_like(depth)
+        memory = SETTLED_STEPS * settings.remembered_s / settings.settled_s
+        weight = min(1.0, steps / min(self._step_count + 1.0, memory))
+        self._occupied = accumulate(depth, noise, self._occupancy, weight, permanence)
+        return permanence
+
     def _change(self, pixels: NDArray[np.uint32]) -> SceneChange:
         return SceneChange(
             self._frames_with_depth,
@@ -254,6 +278,7 @@ class Scene:
             self._shows_room,
             self._background.shape,
             Learned(pixels, self._background.ravel()[pixels], self._nearer.ravel()[pixels]),
+            OccupancyChange.of(self._occupancy, self._occupied),
             self._T_rig_camera,
         )
 

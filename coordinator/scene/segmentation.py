@@ -203,62 +203,6 @@ def nearest_of(view: SceneView, distances: Sequence[Depth]) -> Depth:
     return reduce(np.minimum, distances or [np.full(view.depth.shape, np.inf, dtype=np.float32)])
 
 
-def mark_apart(view: SceneView, nearest: Depth) -> Mask:
-    """Pixels (H, W) of other people and things that touch bodies, from the distances to the nearest body.
-
-    They are foreground components that are not near any body, extend more than `reach_m` away from it, and
-    are too large to be a limb.
-    """
-    limits = view.settings.segmentation
-    least = limits.min_person_m2 * view.camera.fx * view.camera.fy
-    free = view.marks == FOREGROUND
-    return grow_apart(
-        view.depth, free, nearest, view.noise, limits.near_m, limits.reach_m, limits.step_m, least
-    )
-
-
-@numba.njit(cache=True, nogil=True)
-def grow_apart(
-    depth: Depth,
-    free: Mask,
-    distances: Depth,
-    noise: DepthNoise,
-    near_m: float,
-    reach_m: float,
-    step_m: float,
-    least: float,
-) -> Mask:
-    """Pixels (H, W) as in `mark_apart`; `least` is an area in pixels times z^2."""
-    rows, columns = depth.shape
-    apart = np.zeros(depth.shape, dtype=np.bool_)
-    grown = np.empty(rows * columns, dtype=np.int64)
-    nearby, unused = distances.ravel(), free.ravel()
-    for start in range(rows * columns):
-        if not unused[start] or nearby[start] <= near_m or nearby[start] > reach_m:
-            continue
-        grown[0], count, place, area, beyond = start, 1, 0, 0.0, False
-        unused[start] = False
-        while place < count:
-            row, column = grown[place] // columns, grown[place] % columns
-            place += 1
-            z = depth[row, column]
-            area += z * z
-            beyond |= distances[row, column] > reach_m
-            step = step_m + margin_at(z, noise)
-            for k in range(4):
-                r, c = row + (k == 1) - (k == 0), column + (k == 3) - (k == 2)
-                if not (0 <= r < rows and 0 <= c < columns) or not free[r, c]:
-                    continue
-                if distances[r, c] > near_m and abs(depth[r, c] - z) < step:
-                    free[r, c] = False
-                    grown[count] = r * columns + c
-                    count += 1
-        if beyond and area >= least:
-            for k in range(count):
-                apart[grown[k] // columns, grown[k] % columns] = True
-    return apart
-
-
 @numba.njit(cache=True, nogil=True)
 def label_parts(
     depth: Depth, inside: Mask, step_m: float, gap_m: float, noise: DepthNoise, focal: float

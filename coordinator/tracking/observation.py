@@ -21,11 +21,16 @@ POINTS = 300  # observed points that are enough for the filter, and for a median
 
 
 class MaskedView(NamedTuple):
-    """The part of an image that shows a subject."""
+    """The part of an image that shows a subject.
+
+    labels: (H, W) of the pixels of the window; None: those with depth are the subject, all else is empty.
+    weights: (H, W) of these pixels as observed points; None if they are all the same.
+    """
 
     image: View
     window: Window
-    labels: Labels | None  # of its pixels; None: those with depth are the subject, all else is empty
+    labels: Labels | None
+    weights: NDArray[np.float32] | None = None
 
 
 def isolate(frame: Frame, points: int) -> SubjectFrame | None:
@@ -45,8 +50,8 @@ def outline(view: View) -> list[MaskedView]:
 def subject_of(frame: Frame, views: Sequence[MaskedView], points: int) -> SubjectFrame | None:
     """The crops of those images of a frame that show the subject; None if no image does.
 
-    At most `points` pixels are picked, evenly distributed: in each image in proportion to the area that it
-    shows of the subject.
+    At most `points` pixels are picked, in each image in proportion to the area that it shows of the subject,
+    and there evenly distributed, as dense as their weights.
     """
     depths = [depth_in(view) for view in views]
     areas = [area_of(view.image, depth) for view, depth in zip(views, depths, strict=True)]
@@ -70,18 +75,31 @@ def area_of(view: View, depth: NDArray[np.uint16]) -> float:
 
 def crop(frame: Frame, masked: MaskedView, depth: NDArray[np.uint16], most: int) -> SubjectView:
     """The crop of one image of a frame, with depth and labels (H, W); `most` pixels are picked."""
-    image, (left, top, right, bottom), labels = masked
+    image, (left, top, right, bottom), labels, weights = masked
     camera = image.intrinsics
-    measured = np.flatnonzero(depth).astype(np.uint32)
-    picked = min(len(measured), most)
     window = camera.crop(left, top, right - left, bottom - top)
     return SubjectView(
         image=replace(image, depth=depth, intrinsics=window, colours=None),
-        picked=measured[np.arange(picked) * len(measured) // max(1, picked)],
+        picked=pick(np.flatnonzero(depth).astype(np.uint32), most, weights),
         extent=(-left, -top, camera.width - left, camera.height - top),
         kinds=labels,
         delay_s=image.time_s - frame.time_s,
     )
+
+
+def pick(measured: NDArray[np.uint32], most: int, weights: NDArray[np.float32] | None) -> NDArray[np.uint32]:
+    """At most `most` of the measured pixels (N,), flat indices, evenly distributed, as dense as they weigh.
+
+    A pixel is picked once at most, so few are picked if few have large weights (H, W).
+    """
+    count = min(len(measured), most)
+    if weights is None or count == 0:
+        return measured[np.arange(count) * len(measured) // max(1, count)]
+    total = np.cumsum(weights.ravel()[measured], dtype=np.float64)
+    count = min(count, int(total[-1] / weights.ravel()[measured].max()))
+    ranks = np.floor(total / total[-1] * count + 1e-9)
+    chosen: NDArray[np.uint32] = measured[np.diff(ranks, prepend=0.0) > 0.0]
+    return chosen
 
 
 def filter_observation(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 
 import numpy as np
@@ -13,16 +13,18 @@ from gepf.common.camera import points_of
 from gepf.common.frame import Frame, SubjectFrame, View
 from gepf.coordinator.colour.matching import Keypoints, with_keypoints
 from gepf.coordinator.scene.candidates import Candidate, candidates
+from gepf.coordinator.scene.foreign import mark_foreign, points_beside
 from gepf.coordinator.scene.planes import Planes
-from gepf.coordinator.scene.scene import Scene, SceneChange, SceneChanges, SceneView
+from gepf.coordinator.scene.scene import Depth, Scene, SceneChange, SceneChanges, SceneView
 from gepf.coordinator.scene.scope import Scope
 from gepf.coordinator.scene.segmentation import (
+    Segmentation,
     is_missing,
-    mark_apart,
     measure_distances,
     nearest_of,
     segment_body,
     segment_masks,
+    slices,
 )
 from gepf.coordinator.settings import SceneSettings
 from gepf.coordinator.tracking.observation import MaskedView, depth_in, depth_of, outline, subject_of
@@ -142,11 +144,13 @@ class Segmenter:
         self._points, self._settings = points, settings
         self._scope = scope or Scope()
         self._scenes = dict[str, Scene]()
+        self._foreign = dict[str, Depth]()  # points (N, 3) beside the bodies in the last frame, camera frame
 
     def recall(self, changes: SceneChanges) -> None:
         """Restore what was known after a frame, after the changes of all earlier frames."""
         for camera, change in changes.items():
             self._scene_of(camera, change.T_rig_camera, None).recall(change)
+            self._foreign[camera] = change.foreign
 
     def _scene_of(self, camera: str, T_rig_camera: Array, gravity: Array | None) -> Scene:
         """The scene of a camera, from its first frame on; `gravity` (3,) as the camera measures it."""
@@ -163,17 +167,22 @@ class Segmenter:
         bodies: Sequence[Array | None],
         *,
         excluded: Sequence[Collection[str]] = (),
+        new: Sequence[bool] = (),
         rejected: bool = False,
         find: bool = True,
     ) -> SegmentedFrame:
         """Segment the next frame: near the vertices (V, 3) of bodies, and people if a body may be anywhere.
 
-        The `excluded` cameras of a body are not used for it, unless no other camera shows it.
+        The `excluded` cameras of a body are not used for it, unless no other camera shows it. A body is `new`
+        if it was detected a short time ago.
 
         Other people are not added to the background, unless they have been `rejected` for a while. Without
         `find`, they are not searched for, and nothing is learned while a body may be anywhere.
         """
-        views = tuple(self._segment_view(view, bodies, rejected=rejected, find=find) for view in frame.views)
+        new = new or [False] * len(bodies)
+        views = tuple(
+            self._segment_view(view, bodies, new, rejected=rejected, find=find) for view in frame.views
+        )
         subjects, set_aside = list[SubjectFrame | None](), list[SubjectFrame | None]()
         for n, unused in enumerate(excluded or [()] * len(bodies)):
             own = [(view.image.camera, body) for view in views if (body := view.bodies[n]) is not None]
@@ -226,11 +235,12 @@ class Segmenter:
             )
             for subject in (person, *others):
                 things &= depth_of(subject, name, depth.shape) == 0.0
-            after[name] = self._scenes[name].learn(view.scene, ~things, changes[name].learned)
+            change = self._scenes[name].learn(view.scene, ~things, changes[name].learned)
+            after[name] = replace(change, foreign=changes[name].foreign)
         return after
 
     def _segment_view(
-        self, image: View, bodies: Sequence[Array | None], *, rejected: bool, find: bool
+        self, image: View, bodies: Sequence[Array | None], new: Sequence[bool], *, rejected: bool, find: bool
     ) -> SegmentedView:
         """Segment one image of a frame, with the surfaces (V, 3) of bodies."""
         scope = self._scope.of(image.camera)
@@ -245,8 +255,10 @@ class Segmenter:
         surfaces = [image.to_camera(body) for body in bodies if body is not None]
         distances = [measure_distances(view, surface) for surface in surfaces]
         nearest = nearest_of(view, distances)
-        near_bodies, apart = nearest <= self._settings.segmentation.near_m, mark_apart(view, nearest)
-        foreign = [(distance > nearest) | apart for distance in distances]
+        near_bodies = nearest <= self._settings.segmentation.near_m
+        are_new = [is_new for body, is_new in zip(bodies, new, strict=True) if body is not None]
+        beside = self._mark_foreign(image.camera, view, surfaces, distances, are_new)
+        foreign = [(distance > nearest) | beside for distance in distances]
         segmented = [segment_body(view, *body) for body in zip(surfaces, distances, foreign, strict=True)]
         complete = len(surfaces) == len(bodies)
         possible = candidates(view, near_bodies) if find and not complete else []
@@ -260,10 +272,29 @@ class Segmenter:
         else:
             people = [] if rejected else [person.widest for person in possible]
             not_learned = reduce(np.logical_or, people, near_bodies)
-        change = scene.learn(view, not_learned)
-        masked = iter([MaskedView(image, body.window, body.labels) for body in segmented])
+        change = replace(scene.learn(view, not_learned), foreign=self._foreign[image.camera])
+        masked = iter([masked_view(image, view, body) for body in segmented])
         own = tuple(None if body is None else next(masked) for body in bodies)
         return SegmentedView(image, view, change, own, strangers)
+
+    def _mark_foreign(
+        self,
+        camera: str,
+        view: SceneView,
+        surfaces: Sequence[Array],
+        distances: Sequence[Depth],
+        new: Sequence[bool],
+    ) -> Mask:
+        """The pixels (H, W) of other people and things, which are remembered until the next frame."""
+        nearest = nearest_of(view, distances)
+        nearest_new = nearest_of(view, [d for d, is_new in zip(distances, new, strict=True) if is_new])
+        nothing = np.empty((0, 3), np.float32)
+        foreign = mark_foreign(view, nearest, nearest_new, self._foreign.get(camera, nothing))
+        if surfaces and foreign.any():
+            self._foreign[camera] = points_beside(view, foreign, np.concatenate(surfaces))
+        else:
+            self._foreign[camera] = nothing
+        return foreign
 
     def _join_people(
         self, frame: Frame, seen: Sequence[Sequence[MaskHypotheses]]
@@ -311,7 +342,16 @@ def possible_people(candidates: Sequence[UntrackedPerson], trusted: Collection[s
 def mask_candidate(image: View, view: SceneView, person: Candidate, near_bodies: Mask) -> MaskHypotheses:
     """The masks of a candidate in an image; `near_bodies` are the pixels (H, W) of those who are tracked."""
     masked = segment_masks(view, (person.mask, *person.wider), near_bodies)
-    return tuple(MaskedView(image, mask.window, mask.labels) for mask in masked)
+    return tuple(masked_view(image, view, mask) for mask in masked)
+
+
+def masked_view(image: View, view: SceneView, segmentation: Segmentation) -> MaskedView:
+    """What an image shows of a subject; the longer a surface has been there, the less its points weigh."""
+    weights = None
+    if view.permanence is not None:
+        permanence = view.permanence[slices(segmentation.window)]
+        weights = np.maximum(1.0 - permanence, view.settings.segmentation.permanent_weight)
+    return MaskedView(image, segmentation.window, segmentation.labels, weights)
 
 
 def distance_between(first: MaskedView, second: MaskedView) -> float:

@@ -174,3 +174,28 @@ def furnished(boxes: Sequence[Box], *, with_another: bool) -> tuple[list[Array],
         room = np.where((other > 0.0) & (other < room), other, room)
     pictures = [np.where((each > 0.0) & (each < room), each, room) for each in rendered(model, poses)]
     return pictures, joint_positions(model, poses)
+
+
+APPROACH = np.linspace(1.0, 0.5, 12)  # metres between the middles of two people who come to touch
+
+
+def test_who_comes_to_touch_the_tracked_person_takes_no_limb() -> None:
+    """One person is tracked; another one comes from the side until their arms touch, and stays."""
+    model = human(1.82)
+    apart = np.concatenate([np.full(4, APPROACH[0]), APPROACH, np.full(8, APPROACH[-1])])
+    poses = np.array([name_pose(model, raised(STANDING, 0.5 * n)) for n in range(len(apart))])
+    place = {**STANDING, "root_tz": STANDING["root_tz"] + 0.05, "root_ry": 0.6}
+    others = np.array([name_pose(model, {**place, "root_tx": STANDING["root_tx"] - x}) for x in apart])
+    floor = float(pose_vertices(model, poses[:1])[..., 1].max()) + 0.005
+    rays = back_project(np.ones((CAMERA.height, CAMERA.width)), CAMERA)
+    room = np.minimum(along(floor, rays[..., 1]), WALL)
+    tracker, errors = OnePerson(DirectRefiner(), SETTINGS, people()), []
+    shown = zip(rendered(model, poses), rendered(model, others), joint_positions(model, poses), strict=True)
+    for number, (mine, other, truth) in enumerate(shown):
+        depth = np.where((other > 0.0) & (other < room), other, room)
+        depth = np.where((mine > 0.0) & (mine < depth), mine, depth)
+        estimate = tracker.track(frame_of(number, depth))
+        errors.append(np.linalg.norm(estimate.joint_positions - truth, axis=-1))
+        assert estimate.status in ("tracked", "ambiguous")
+    assert np.mean(errors[-8:]) < 0.05
+    assert np.max(errors[-1]) < 0.15

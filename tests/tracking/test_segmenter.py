@@ -11,6 +11,7 @@ from gepf.coordinator.bodies.human.template import human
 from gepf.coordinator.bodies.tracked import name_pose
 from gepf.coordinator.scene.scene import BACKGROUND
 from gepf.coordinator.settings import SceneSettings
+from gepf.coordinator.tracking.observation import pick
 from gepf.coordinator.tracking.segmenter import Segmenter
 from tests.support.people import CAMERA, STANDING, frame_of, rendered
 from tests.support.rooms import HEIGHT, PERSON, TABLE, Room, along
@@ -64,3 +65,35 @@ def test_a_body_of_which_little_is_measured_is_not_learned_as_room(measured: str
     subjects = [each.subjects[0] for each in segmented]
     assert subjects[-1] is not None
     assert subjects[-1].pixels > 0.95 * np.count_nonzero((person > 0.0) & (frames[-1] > 0.0))
+
+
+def test_points_that_have_moved_are_picked_more_densely() -> None:
+    """Something thin comes beside a trunk that did not move: all of it is picked, and a tenth of the rest."""
+    held = ((PERSON[0] + 0.2, -0.3, 2.5), (PERSON[0] + 0.27, 0.4, 2.6))
+    segmenter, surface = Segmenter(10_000, SceneSettings()), Room().surface(PERSON)
+    for number in range(20):
+        room = Room((held,) if number == 19 else (), noise=0.001)
+        segmented = segmenter.segment(Frame.of(room.see(PERSON, number).view), [surface])
+    (subject,) = segmented.subjects
+    assert subject is not None
+    view, picked = subject.largest, np.zeros(subject.largest.image.depth.size, np.bool_)
+    picked[view.picked] = True
+    left, top, _, _ = view.extent
+    new = Room((held,)).see(None).view.depth < Room().see(None).view.depth - 100
+    new = new[-top : -top + view.image.depth.shape[0], -left : -left + view.image.depth.shape[1]]
+    density = [picked[(view.image.depth.ravel() > 0) & mask.ravel()].mean() for mask in (new, ~new)]
+    assert density[0] > 0.9
+    assert density[1] < 0.2
+
+
+def test_points_are_picked_evenly_by_weight() -> None:
+    """Half of the pixels have a tenth of the weight of the others; all are used if the weights are equal."""
+    measured, weights = np.arange(1_000, dtype=np.uint32), np.ones(1_000, np.float32)
+    assert np.array_equal(pick(measured, 5_000, weights), measured)
+    weights[:500] = 0.1
+    picked = pick(measured, 220, weights)
+    assert len(picked) == 220
+    assert np.count_nonzero(picked < 500) == 20
+    assert np.ptp(np.diff(picked[:20])) <= 1
+    assert len(pick(measured, 5_000, weights)) == 550
+    assert len(pick(measured[:0], 100, weights)) == 0

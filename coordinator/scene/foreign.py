@@ -1,0 +1,94 @@
+"""Other people and things beside the tracked bodies.
+
+They have no model. Until they touch a body they are told from it by the gap. After that, what is nearer to
+what they were in the last frame than to a body is still theirs.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gepf.common.arrays import Array, Mask
+from gepf.common.camera import points_of
+from gepf.common.compiling import numba
+from gepf.coordinator.scene.noise import DepthNoise, margin_at
+from gepf.coordinator.scene.scene import FOREGROUND, Depth, SceneView
+from gepf.coordinator.scene.segmentation import measure_distances
+
+
+def mark_foreign(view: SceneView, nearest: Depth, nearest_new: Depth, last: Depth) -> Mask:
+    """Pixels (H, W) of other people and things, given their points `last` (N, 3) in the last frame.
+
+    nearest: distances (H, W) from the nearest body. nearest_new: the same of the bodies that were detected a
+    short time ago, whose limbs may not be where they should. Points are in the camera frame, metres.
+    """
+    foreign = mark_apart(view, nearest)
+    if len(last):
+        distances = measure_distances(view, last.astype(np.float64)) + view.settings.segmentation.cell_m
+        foreign |= (view.marks == FOREGROUND) & (distances < nearest) & np.isinf(nearest_new)
+    return foreign
+
+
+def points_beside(view: SceneView, foreign: Mask, surface: Array) -> Depth:
+    """Some of the foreign points (N, 3) around the surfaces (V, 3) of bodies, camera frame, metres."""
+    limits = view.settings.segmentation
+    points = points_of(view.depth, view.camera, foreign)
+    low, high = surface.min(axis=0) - limits.beside_m, surface.max(axis=0) + limits.beside_m
+    points = points[np.all((points > low) & (points < high), axis=1)]
+    return points[:: 1 + len(points) // limits.beside_points].astype(np.float32)
+
+
+def mark_apart(view: SceneView, nearest: Depth) -> Mask:
+    """Pixels (H, W) of other people and things that touch bodies, from the distances to the nearest body.
+
+    They are foreground components that are not near any body, extend more than `reach_m` away from it, and
+    are too large to be a limb.
+    """
+    limits = view.settings.segmentation
+    least = limits.min_person_m2 * view.camera.fx * view.camera.fy
+    free = view.marks == FOREGROUND
+    return grow_apart(
+        view.depth, free, nearest, view.noise, limits.near_m, limits.reach_m, limits.step_m, least
+    )
+
+
+@numba.njit(cache=True, nogil=True)
+def grow_apart(
+    depth: Depth,
+    free: Mask,
+    distances: Depth,
+    noise: DepthNoise,
+    near_m: float,
+    reach_m: float,
+    step_m: float,
+    least: float,
+) -> Mask:
+    """Pixels (H, W) as in `mark_apart`; `least` is an area in pixels times z^2."""
+    rows, columns = depth.shape
+    apart = np.zeros(depth.shape, dtype=np.bool_)
+    grown = np.empty(rows * columns, dtype=np.int64)
+    nearby, unused = distances.ravel(), free.ravel()
+    for start in range(rows * columns):
+        if not unused[start] or nearby[start] <= near_m or nearby[start] > reach_m:
+            continue
+        grown[0], count, place, area, beyond = start, 1, 0, 0.0, False
+        unused[start] = False
+        while place < count:
+            row, column = grown[place] // columns, grown[place] % columns
+            place += 1
+            z = depth[row, column]
+            area += z * z
+            beyond |= distances[row, column] > reach_m
+            step = step_m + margin_at(z, noise)
+            for k in range(4):
+                r, c = row + (k == 1) - (k == 0), column + (k == 3) - (k == 2)
+                if not (0 <= r < rows and 0 <= c < columns) or not free[r, c]:
+                    continue
+                if distances[r, c] > near_m and abs(depth[r, c] - z) < step:
+                    free[r, c] = False
+                    grown[count] = r * columns + c
+                    count += 1
+        if beyond and area >= least:
+            for k in range(count):
+                apart[grown[k] // columns, grown[k] % columns] = True
+    return apart

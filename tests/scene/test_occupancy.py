@@ -1,0 +1,78 @@
+"""What has moved is told from what was always there, also where pixels flicker between two surfaces."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gepf.common.arrays import Array
+from gepf.coordinator.scene.noise import noise_of
+from gepf.coordinator.scene.occupancy import ALWAYS, Occupancy, OccupancyChange, accumulate
+from gepf.coordinator.scene.scene import Scene
+from gepf.coordinator.settings import NoiseSettings, SceneSettings
+from tests.support.rooms import CABINET, PERSON, Room
+
+WALL, NEAR = 3.0, 2.0  # metres
+NOISE = noise_of(0.001, NoiseSettings())
+
+
+def watch(depths: list[float]) -> tuple[float, Occupancy]:
+    """The permanence of the last of the depths that one pixel showed, and its occupancy."""
+    occupancy, permanence = Occupancy.unknown((1, 1)), np.empty((1, 1), np.float32)
+    for n, depth in enumerate(depths):
+        image = np.full((1, 1), depth, np.float32)
+        accumulate(image, NOISE, occupancy, 1.0 / (n + 1), permanence)
+    return float(permanence[0, 0]), occupancy
+
+
+@given(st.lists(st.booleans(), min_size=1, max_size=60))
+def test_permanence_is_the_share_of_the_time_without_anything_behind(near: list[bool]) -> None:
+    """Of a pixel that shows a wall or something nearer, as counted in plain Python."""
+    permanence, _ = watch([WALL, *(NEAR if each else WALL for each in near)])
+    covered = sum(near) / (len(near) + 1)
+    assert abs(permanence - (covered if near[-1] else 1.0 - covered)) < 1e-3
+
+
+@given(st.lists(st.sampled_from([0.0, NEAR]), min_size=1, max_size=20))
+def test_what_hides_the_scene_from_the_first_frame_on_is_permanent(depths: list[float]) -> None:
+    """Whatever is behind: a person, or a chair. Pixels without depth tell nothing."""
+    permanence, _ = watch(depths)
+    assert permanence == (depths[-1] > 0.0)
+
+
+def test_what_a_person_uncovers_is_no_part_of_the_past() -> None:
+    """A wall behind somebody who goes away has been visible for a short time only."""
+    assert watch([NEAR] * 9 + [WALL])[0] < 0.11
+
+
+def test_the_change_of_an_image_leads_to_the_same_occupancy() -> None:
+    """Pixels that did not change are not in it; a pixel that always shows a wall does not change."""
+    first, second = Occupancy.unknown((2, 3)), Occupancy.unknown((2, 3))
+    permanence, counts = np.empty((2, 3), np.float32), []
+    for n in range(5):
+        image = np.full((2, 3), WALL, np.float32)
+        image[0, : n % 3] = NEAR
+        pixels = accumulate(image, NOISE, first, 1.0 / (n + 1), permanence)
+        OccupancyChange.of(first, pixels).apply(second)
+        counts.append(len(pixels))
+    assert counts[0] == 6
+    assert max(counts[1:]) <= 2
+    np.testing.assert_array_equal(first.farthest, second.farthest)
+    np.testing.assert_array_equal(first.shown, second.shown)
+    assert np.all(first.shown[1] == ALWAYS)
+
+
+def test_who_walks_is_told_from_furniture() -> None:
+    """In a room where a cabinet stands and a person walks: by the time since the first frame."""
+    scene, room = Scene(SceneSettings()), Room((CABINET,), noise=0.001)
+    for number in range(12):
+        person = (PERSON[0] - 0.08 * number, PERSON[1])
+        image, mask = room.see(person, number)
+        view = scene.see(image)
+        scene.learn(view)
+    permanence = view.permanence
+    assert permanence is not None
+    cabinet: Array = room.see(None).view.metres() < Room().see(None).view.metres() - 0.2
+    assert np.median(permanence[mask]) < 0.5
+    assert np.median(permanence[cabinet & ~mask]) > 0.95
