@@ -1,0 +1,1 @@
+"""Rendered people on furniture: accuracy, detection, and honesty."""
