@@ -35,7 +35,7 @@ class Recorder(msgspec.Struct, frozen=True):
     distance_m: Range = (2.2, 3.0)  #: from the middle of the person, level
     walls_m: Range = (2.0, 3.2)  #: from there
     ceiling_m: float = 2.6
-    around: int = 20  #: vertices that show a joint
+    around: int = 50  #: vertices that show a joint
     shown_share: float = 0.1  #: of them, at least, if the joint is visible
     same_m: float = 0.02  #: a vertex is visible if the surface is at most so far before it
 
