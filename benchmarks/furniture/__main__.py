@@ -23,9 +23,10 @@ import numpy as np
 from PIL import Image
 
 from benchmarks.furniture.footage import record
+from benchmarks.furniture.people import SIZES, draw_measures
 from benchmarks.furniture.pictures import draw_strip, sheet_of
 from benchmarks.furniture.scores import AFTER, Score, score, score_table
-from benchmarks.furniture.situations import SITUATIONS, SIZES, draw_measures, size_of
+from benchmarks.furniture.situations import SITUATIONS, size_of
 from benchmarks.running import (
     Crash,
     add_changes,
@@ -111,8 +112,9 @@ def measure(chosen: argparse.Namespace) -> int:
     if chosen.pictures is not None:
         chosen.pictures.mkdir(parents=True, exist_ok=True)
         for name in chosen.only:
-            strips = [s for job in jobs if job.situation == name and (s := outcomes[job][1]) is not None]
-            save_png(sheet_of(strips), chosen.pictures / f"{name}.png")
+            drawn = (outcomes[job][1] for job in jobs if job.situation == name and job in outcomes)
+            if strips := [strip for strip in drawn if strip is not None]:
+                save_png(sheet_of(strips), chosen.pictures / f"{name}.png")
     return crashed
 
 

@@ -10,7 +10,8 @@ import numpy as np
 import trimesh
 
 from benchmarks.furniture.parts import Range, Surface, joined, room
-from benchmarks.furniture.situations import Posed, Situation
+from benchmarks.furniture.people import Posed
+from benchmarks.furniture.situations import Situation
 from gepf.common.arrays import Array, Indices, Mask
 from gepf.common.body import BodyModel
 from gepf.common.camera import Intrinsics, inverse, moved, pixels_at, rigid

@@ -112,16 +112,16 @@ def row(scores: Sequence[Score]) -> list[str]:
     """The numbers of COLUMNS."""
     tracked, frames = sum(one.tracked for one in scores), sum(one.frames for one in scores)
     wrong, visible_wrong = sum(one.wrong for one in scores), sum(one.visible_wrong for one in scores)
-    shares = [
-        np.mean([one.found for one in scores]),
-        np.mean([one.found_at_the_end for one in scores]),
+    shares: list[float] = [
+        float(np.mean([one.found for one in scores])),
+        float(np.mean([one.found_at_the_end for one in scores])),
         average([one.error for one in scores]),
-        np.mean([one.near for one in scores]),
+        float(np.mean([one.near for one in scores])),
         tracked / frames,
         wrong / tracked if tracked else np.nan,
-        np.mean([one.visible for one in scores]),
+        float(np.mean([one.visible for one in scores])),
         average([one.visible_error for one in scores]),
-        np.mean([one.visible_near for one in scores]),
+        float(np.mean([one.visible_near for one in scores])),
         visible_wrong / tracked if tracked else np.nan,
         median([one.stature_off for one in scores]),
         median([one.girth_off for one in scores]),

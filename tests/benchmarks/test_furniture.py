@@ -7,8 +7,10 @@ import pytest
 
 from benchmarks.furniture.footage import Footage, Recorder, record
 from benchmarks.furniture.parts import block, deepest
+from benchmarks.furniture.people import SIZES, draw_measures, posed
 from benchmarks.furniture.scores import score, score_table
-from benchmarks.furniture.situations import SITUATIONS, SIZES, draw_measures, posed, seat_down
+from benchmarks.furniture.seats import seat_down
+from benchmarks.furniture.situations import SITUATIONS
 from benchmarks.running import screen
 from benchmarks.tracking import follow, prepare
 from gepf.common.camera import Intrinsics
