@@ -19,7 +19,7 @@ from gepf.coordinator.settings import preset
 from gepf.coordinator.tracking.tracker import Tracker
 from gepf.refiners import DirectRefiner
 
-FRAMES, CENTIMETRE = 14, 0.01
+FRAMES, FEW, CENTIMETRE = 14, 4, 0.01
 SMALL = Recorder(camera=Intrinsics(256, 212, 182.5, 182.5, 127.5, 105.5))
 
 
@@ -56,7 +56,7 @@ def test_a_person_on_a_box_is_found_and_scored() -> None:
     """In front of the camera the joints are visible; the tracker finds them, and the table says so."""
     rng = np.random.default_rng([1, 1])
     measures = draw_measures(*SIZES["man"], rng)
-    footage = record(SITUATIONS["box"](human_of(measures), FRAMES, rng), 0.0, rng, SMALL)
+    footage = record(SITUATIONS["box"](human_of(measures), FEW, rng), 0.0, rng, SMALL)
     assert footage.visible.mean() > 0.8
     prepared = prepare()
     found, _ = follow(Tracker(DirectRefiner(), preset("default"), prepared), footage.frames)
@@ -71,7 +71,7 @@ def test_a_person_on_a_box_is_found_and_scored() -> None:
 def test_what_a_desk_hides_is_not_visible() -> None:
     """A board in front of the legs hides knees and ankles, and not the head."""
     rng = np.random.default_rng(0)
-    situation = SITUATIONS["box"](human(1.75), 11, rng)
+    situation = SITUATIONS["box"](human(1.75), FEW, rng)
     situation.furniture.append(block((-1.0, 1.0), (-0.75, -0.7), (0.0, 0.85)))
     footage: Footage = record(situation, 0.0, rng, SMALL)
     shown = dict(zip(footage.names, footage.visible.mean(axis=0), strict=True))
