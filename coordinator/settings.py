@@ -87,6 +87,8 @@ class CandidateSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True)
     max_flat_share: Share = 0.5  #: share of points in one plane above which an object is furniture
     flat_points: Count = 800  #: number of points of an object that are searched for planes
     flat_samples: Count = 400  #: planes drawn by RANSAC, through three points each
+    moved_permanence: Share = 0.9  #: share of the time below which something moved at a pixel
+    min_moved_m2: Quantity = 0.002  #: area of such pixels, without its outline, that shows a motion
     min_moved_share: Share = 0.2  #: share of pixels with a known background above which a person moved
 
 

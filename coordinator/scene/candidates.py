@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import binary_dilation, minimum_filter
+from scipy.ndimage import binary_dilation, binary_erosion, minimum_filter
 
 from gepf.common.arrays import Array, Mask
 from gepf.common.camera import Intrinsics, points_of
@@ -30,7 +30,8 @@ class Part:
     """A connected component of the foreground.
 
     mask: (H, W) its pixels in a window of the frame. points: (P, 3) their points in the camera frame, metres.
-    middle, heights: their median (3,), and the ends of their vertical range, in the level camera frame.
+    level: (3, 3) rotates into the level camera frame.
+    middle, heights: their median (3,), and the ends of their vertical range, in that frame.
     uncut: (H, W) the pixels of the component before flat parts were cut off.
     """
 
@@ -38,6 +39,7 @@ class Part:
     mask: Mask
     uncut: Mask
     points: Array
+    level: Array
     middle: Array
     heights: tuple[float, float]
 
@@ -45,6 +47,11 @@ class Part:
     def height(self) -> float:
         """The vertical range, metres."""
         return self.heights[1] - self.heights[0]
+
+    @property
+    def length(self) -> float:
+        """The longest extent in any direction of the level camera frame, metres."""
+        return float(np.ptp(self.points @ self.level.T, axis=0).max())
 
     @property
     def pixel(self) -> Array:
@@ -104,19 +111,24 @@ def find_parts(view: SceneView, free: Mask, step: float, least_m2: float) -> lis
     """The connected components of pixels (H, W), without flat furniture.
 
     Neighbours are connected if their depths differ by less than `step`, metres. Components with a visible
-    area below `least_m2`, and those larger than a person, are left out.
+    area below `least_m2`, and what is larger than a person without its flat parts, are left out.
     """
     limits = view.settings.segmentation
     labels = label_parts(view.depth, free, step, limits.step_m, view.noise, view.camera.fx)
     areas, windows = measure_components(labels, view.depth, view.camera.fx, view.camera.fy)
     parts, max_m2 = list[Part](), view.settings.candidates.max_person_m2
-    for label in np.flatnonzero((areas >= least_m2) & (areas <= max_m2)).tolist():
+    for label in np.flatnonzero(areas >= least_m2).tolist():
         left, top, right, bottom = windows[label].tolist()
         window = slice(top, bottom), slice(left, right)
         mask = labels[window] == label
         part = part_of(view, mask, window, mask)
         parts += cut_off_furniture(view, part) if areas[label] >= limits.min_person_m2 else [part]
-    return parts
+    return [part for part in parts if area_of(view, part.points) <= max_m2]
+
+
+def area_of(view: SceneView, points: Array) -> float:
+    """The area across the line of sight, square metres, of pixels with these points (P, 3)."""
+    return float(np.sum(points[:, 2] ** 2)) / (view.camera.fx * view.camera.fy)
 
 
 def part_of(view: SceneView, mask: Mask, window: tuple[slice, slice], uncut: Mask) -> Part:
@@ -124,7 +136,7 @@ def part_of(view: SceneView, mask: Mask, window: tuple[slice, slice], uncut: Mas
     points = points_of(view.depth[window], camera_of(view, window), mask)
     level = points @ view.planes.level.T
     heights = float(level[:, 1].min()), float(level[:, 1].max())
-    return Part(window, mask, uncut, points, np.median(level, axis=0), heights)
+    return Part(window, mask, uncut, points, view.planes.level, np.median(level, axis=0), heights)
 
 
 def camera_of(view: SceneView, window: tuple[slice, slice]) -> Intrinsics:
@@ -137,8 +149,8 @@ def camera_of(view: SceneView, window: tuple[slice, slice]) -> Intrinsics:
 def cut_off_furniture(view: SceneView, part: Part) -> list[Part]:
     """The parts of a component that are not flat, without flat furniture.
 
-    A flat patch is taken for furniture touching a person if what remains is as tall as the whole component,
-    or at least a metre tall. Small parts are dropped. If no remaining part is that tall, the patch may be a
+    A flat patch is taken for furniture touching a person if what remains is as long as the whole component,
+    or at least a metre long. Small parts are dropped. If no remaining part is that long, the patch may be a
     seat that the person is sitting on. Otherwise the component is kept whole, or dropped if most of it is
     flat.
     """
@@ -151,7 +163,7 @@ def cut_off_furniture(view: SceneView, part: Part) -> list[Part]:
         areas, _ = measure_components(labels, depth, view.camera.fx, view.camera.fy)
         large = np.flatnonzero(areas >= limits.min_person_m2).tolist()
         remaining_parts = [part_of(view, labels == label, part.window, part.uncut) for label in large]
-    if max((rest.height for rest in remaining_parts), default=0.0) >= min(1.0, part.height):
+    if max((rest.length for rest in remaining_parts), default=0.0) >= min(1.0, part.length):
         return [smaller for rest in remaining_parts for smaller in cut_off_furniture(view, rest)]
     unseated = part.mask & ~flat.grow(find_seat(view, part, flat))
     if 0 < np.count_nonzero(unseated) < len(part.points):
@@ -231,6 +243,15 @@ def touches(view: SceneView, mask: Mask, around: Mask, part: Part) -> bool:
     return bool(abs(step) < view.settings.candidates.max_limb_step_m)
 
 
+def has_moved(view: SceneView, person: Candidate) -> bool:
+    """Whether a part of a candidate has moved lately; its outline, where depth flickers, does not count."""
+    if view.permanence is None:
+        return False
+    limits = view.settings.candidates
+    moved = binary_erosion(person.widest & (view.permanence < limits.moved_permanence), np.ones((3, 3)))
+    return area_of(view, points_of(view.depth, view.camera, moved)) >= limits.min_moved_m2
+
+
 def dilated(mask: Mask) -> Mask:
     """The mask (H, W), which must not be empty, dilated by two pixels."""
     (top, bottom), (left, right) = (np.flatnonzero(mask.any(axis=a))[[0, -1]].tolist() for a in (1, 0))
@@ -260,7 +281,7 @@ def candidate_of(view: SceneView, part: Part) -> Candidate | None:
     The score increases towards the middle of the image and with the height up to one metre.
     """
     points, limits = part.points, view.settings.candidates
-    area_m2 = float(np.sum(points[:, 2] ** 2)) / (view.camera.fx * view.camera.fy)
+    area_m2 = area_of(view, points)
     if area_m2 < view.settings.segmentation.min_person_m2:
         return None
     sampled_points = points[:: 1 + len(points) // limits.flat_points]

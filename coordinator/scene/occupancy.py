@@ -3,8 +3,8 @@
 The surface of the scene is the farthest that a pixel ever showed. Whatever has covered it for only a part of
 the recent time has moved, and is no part of the scene. What covered it all the time may be: a person, or the
 chair on which the person has been sitting from the first frame on. So a pixel's permanence is the share of
-the time for which it showed nothing behind the present surface. Occupancy grids (Moravec and Elfes, 1985)
-accumulate the same evidence in cells of space.
+the time for which it showed nothing behind the present surface. Before its first depth, a pixel showed
+something behind it. Occupancy grids (Moravec and Elfes, 1985) accumulate the same evidence in cells of space.
 """
 
 from __future__ import annotations
@@ -76,9 +76,7 @@ def accumulate(
             if not z > 0.0:
                 continue
             margin = margin_at(z, noise)
-            if last_farthest == 0.0:
-                farthest[v, u], shown[v, u] = z, ALWAYS
-            elif z > last_farthest + margin:
+            if z > last_farthest + margin:
                 farthest[v, u], shown[v, u] = z, np.uint16(weight * ALWAYS + 0.5)
             else:
                 is_shown = z > last_farthest - margin

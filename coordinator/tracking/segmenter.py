@@ -12,7 +12,7 @@ from gepf.common.arrays import Array, Mask
 from gepf.common.camera import points_of
 from gepf.common.frame import Frame, SubjectFrame, View
 from gepf.coordinator.colour.matching import Keypoints, with_keypoints
-from gepf.coordinator.scene.candidates import Candidate, candidates
+from gepf.coordinator.scene.candidates import Candidate, candidates, has_moved
 from gepf.coordinator.scene.foreign import mark_foreign, points_beside
 from gepf.coordinator.scene.planes import Planes
 from gepf.coordinator.scene.scene import Depth, Scene, SceneChange, SceneChanges, SceneView
@@ -176,8 +176,8 @@ class Segmenter:
         The `excluded` cameras of a body are not used for it, unless no other camera shows it. A body is `new`
         if it was detected a short time ago.
 
-        Other people are not added to the background, unless they have been `rejected` for a while. Without
-        `find`, they are not searched for, and nothing is learned while a body may be anywhere.
+        Other people are not added to the background, unless they have been `rejected` for a while and do not
+        move. Without `find`, they are not searched for, and nothing is learned while a body may be anywhere.
         """
         new = new or [False] * len(bodies)
         views = tuple(
@@ -270,7 +270,7 @@ class Segmenter:
         if missing or not (find or complete):  # a body may be anywhere
             not_learned = np.ones_like(near_bodies)
         else:
-            people = [] if rejected else [person.widest for person in possible]
+            people = [person.widest for person in possible if not rejected or has_moved(view, person)]
             not_learned = reduce(np.logical_or, people, near_bodies)
         change = replace(scene.learn(view, not_learned), foreign=self._foreign[image.camera])
         masked = iter([masked_view(image, view, body) for body in segmented])

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from gepf.common.arrays import Mask
-from gepf.common.camera import Intrinsics
+from gepf.common.camera import Intrinsics, back_project
 from gepf.common.frame import UNKNOWN
-from gepf.coordinator.scene.candidates import Candidate, candidates
+from gepf.coordinator.scene.candidates import Candidate, candidates, has_moved
 from gepf.coordinator.scene.flatness import find_flat
 from gepf.coordinator.scene.noise import noise_of
 from gepf.coordinator.scene.scene import Scene
@@ -18,7 +18,7 @@ from gepf.coordinator.scene.scope import Scope
 from gepf.coordinator.scene.segmentation import measure_distances, segment_body
 from gepf.coordinator.settings import SceneSettings
 from tests.support import rooms
-from tests.support.rooms import CABINET, HEIGHT, PERSON, TABLE, Room
+from tests.support.rooms import CABINET, HEIGHT, PERSON, TABLE, Room, of_ellipsoid
 
 
 def found_in(room: Room, person: tuple[float, float] | None) -> list[Candidate]:
@@ -163,3 +163,37 @@ def test_what_limits_leave_out_says_nothing_of_the_body() -> None:
     outside = excluded[top:bottom, left:right]
     assert outside.any()
     assert (cut.labels[outside] == UNKNOWN).all()
+
+
+@pytest.mark.parametrize("moves", [False, True])
+def test_who_moves_is_told_from_what_stands_still(moves: bool) -> None:
+    """Of somebody who stands still, with noise at the outline, and of somebody who sways."""
+    scene, moved = Scene(SceneSettings()), []
+    for number in range(20):
+        place = (PERSON[0] + 0.05 * np.sin(0.5 * number) * moves, PERSON[1])
+        view = scene.see(Room(noise=0.002).see(place, number).view)
+        (person,) = candidates(view)
+        scene.learn(view, person.widest)
+        moved.append(has_moved(view, person))
+    assert moved[-1] == moves
+    assert not moved[0]
+
+
+def test_somebody_lying_is_told_from_the_bed() -> None:
+    """A candidate is as long as a person, and hardly has pixels of the bed, which is larger than a person."""
+    bed = ((-1.1, 0.6, 1.6), (1.1, HEIGHT, 3.2))
+    room = Room((bed,), pitch=0.3, noise=0.001)
+    image = room.see(None).view
+    rays = back_project(np.ones(image.depth.shape), image.intrinsics) @ room.tilt.T
+    lying = [
+        ((0.0, 0.5, 2.3), (0.42, 0.14, 0.2)),
+        ((-0.6, 0.5, 2.3), (0.13, 0.1, 0.1)),
+        ((0.75, 0.5, 2.2), (0.45, 0.09, 0.08)),
+    ]
+    depth = np.min([of_ellipsoid(rays, np.array(m), np.array(axes)) for m, axes in lying], axis=0)
+    mask = depth < image.metres()
+    shown = replace(image, depth=np.where(mask, np.rint(1000.0 * depth), image.depth).astype(np.uint16))
+    best = candidates(Scene(SceneSettings()).see(shown))[0]
+    precision, recall = overlap(best.mask, mask)
+    assert precision > 0.8
+    assert recall > 0.8

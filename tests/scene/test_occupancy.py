@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gepf.common.arrays import Array
+from gepf.common.arrays import Mask
 from gepf.coordinator.scene.noise import noise_of
 from gepf.coordinator.scene.occupancy import ALWAYS, Occupancy, OccupancyChange, accumulate
 from gepf.coordinator.scene.scene import Scene
@@ -34,11 +34,15 @@ def test_permanence_is_the_share_of_the_time_without_anything_behind(near: list[
     assert abs(permanence - (covered if near[-1] else 1.0 - covered)) < 1e-3
 
 
-@given(st.lists(st.sampled_from([0.0, NEAR]), min_size=1, max_size=20))
-def test_what_hides_the_scene_from_the_first_frame_on_is_permanent(depths: list[float]) -> None:
-    """Whatever is behind: a person, or a chair. Pixels without depth tell nothing."""
-    permanence, _ = watch(depths)
-    assert permanence == (depths[-1] > 0.0)
+@given(st.integers(1, 20), st.integers(0, 5))
+def test_what_hides_the_scene_from_the_first_frame_on_is_permanent(frames: int, holes: int) -> None:
+    """Whatever is behind: a person, or a chair. Frames in which it has no depth do not matter."""
+    assert watch([NEAR] * frames + [0.0] * holes + [NEAR])[0] == 1.0
+
+
+def test_what_comes_before_something_out_of_range_has_moved() -> None:
+    """Nothing was measured at the pixel before."""
+    assert watch([0.0] * 9 + [NEAR])[0] < 0.11
 
 
 def test_what_a_person_uncovers_is_no_part_of_the_past() -> None:
@@ -73,6 +77,6 @@ def test_who_walks_is_told_from_furniture() -> None:
         scene.learn(view)
     permanence = view.permanence
     assert permanence is not None
-    cabinet: Array = room.see(None).view.metres() < Room().see(None).view.metres() - 0.2
+    cabinet: Mask = room.see(None).view.metres() < Room().see(None).view.metres() - 0.2
     assert np.median(permanence[mask]) < 0.5
     assert np.median(permanence[cabinet & ~mask]) > 0.95
