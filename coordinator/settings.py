@@ -99,6 +99,7 @@ class SceneSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Time after which a stationary nearer object becomes background; also the interval between searches for
     planes."""
     remembered_s: Quantity = 4.0  #: time for which it is remembered what a pixel showed
+    remember_interval_s: Quantity = 0.1  #: time between the images that are remembered
     noise: NoiseSettings = NoiseSettings()
     planes: PlaneSettings = PlaneSettings()
     segmentation: SegmentationSettings = SegmentationSettings()

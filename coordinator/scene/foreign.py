@@ -1,12 +1,14 @@
 """Other people and things beside the tracked bodies.
 
-They have no model. Until they touch a body they are told from it by the gap. After that, what is nearer to
-what they were in the last frame than to a body is still theirs.
+They have no model. While there is a gap between them and every body, they are components of the foreground
+of their own. When the gap has closed, what is nearer to their points in the last frame than to a body's
+surface is still theirs.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gepf.common.arrays import Array, Mask
 from gepf.common.camera import points_of
@@ -15,8 +17,10 @@ from gepf.coordinator.scene.noise import DepthNoise, margin_at
 from gepf.coordinator.scene.scene import FOREGROUND, Depth, SceneView
 from gepf.coordinator.scene.segmentation import measure_distances
 
+Points = NDArray[np.float32]  # (N, 3), camera frame, metres
 
-def mark_foreign(view: SceneView, nearest: Depth, nearest_new: Depth, last: Depth) -> Mask:
+
+def mark_foreign(view: SceneView, nearest: Depth, nearest_new: Depth, last: Points) -> Mask:
     """Pixels (H, W) of other people and things, given their points `last` (N, 3) in the last frame.
 
     nearest: distances (H, W) from the nearest body. nearest_new: the same of the bodies that were detected a
@@ -29,7 +33,7 @@ def mark_foreign(view: SceneView, nearest: Depth, nearest_new: Depth, last: Dept
     return foreign
 
 
-def points_beside(view: SceneView, foreign: Mask, surface: Array) -> Depth:
+def points_beside(view: SceneView, foreign: Mask, surface: Array) -> Points:
     """Some of the foreign points (N, 3) around the surfaces (V, 3) of bodies, camera frame, metres."""
     limits = view.settings.segmentation
     points = points_of(view.depth, view.camera, foreign)

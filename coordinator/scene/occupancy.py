@@ -1,10 +1,11 @@
 """How permanent what a pixel shows is, for a camera that stands still.
 
-The surface of the scene is the farthest that a pixel ever showed. Whatever has covered it for only a part of
-the recent time has moved, and is no part of the scene. What covered it all the time may be: a person, or the
-chair on which the person has been sitting from the first frame on. So a pixel's permanence is the share of
-the time for which it showed nothing behind the present surface. Before its first depth, a pixel showed
-something behind it. Occupancy grids (Moravec and Elfes, 1985) accumulate the same evidence in cells of space.
+Permanence is the share of the recent time for which nothing behind the present surface was visible. It is
+small for what has moved: an arm in front of a wall that was visible a moment ago. It is 1 for what has been
+there since the first frame: a person who sits still, or the chair. Only the farthest surface of a pixel and
+the share of the time for which it was visible are stored. Before its first depth, a pixel counts as having
+shown something behind it. Occupancy grids (Moravec and Elfes, 1985) accumulate the same evidence in cells of
+space.
 """
 
 from __future__ import annotations
@@ -58,33 +59,44 @@ class OccupancyChange(NamedTuple):
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def accumulate(
-    depth: Depth, noise: DepthNoise, occupancy: Occupancy, weight: float, permanence: Depth
-) -> NDArray[np.uint32]:
-    """Add a depth image (H, W) in place, and fill the permanence (H, W) of what it shows, 0 without depth.
+def accumulate(depth: Depth, noise: DepthNoise, occupancy: Occupancy, weight: float) -> NDArray[np.uint32]:
+    """Add a depth image (H, W) in place; returns the flat indices (N,) of the changed pixels.
 
-    `weight` is the part of the time that the image stands for. Returns the flat indices (N,) of the changed
-    pixels.
+    `weight` is the part of the time that the image stands for.
     """
     farthest, shown = occupancy.farthest, occupancy.shown
     pixels = np.empty(depth.size, dtype=np.uint32)
     count = 0
     for v in range(depth.shape[0]):
         for u in range(depth.shape[1]):
-            z, last_farthest, last_share = depth[v, u], farthest[v, u], shown[v, u]
-            permanence[v, u] = 0.0
-            if not z > 0.0:
-                continue
+            z, last_share = depth[v, u], shown[v, u]
             margin = margin_at(z, noise)
-            if z > last_farthest + margin:
+            if not z > 0.0 or (last_share == ALWAYS and abs(z - farthest[v, u]) < margin):
+                continue
+            if z > farthest[v, u] + margin:
                 farthest[v, u], shown[v, u] = z, np.uint16(weight * ALWAYS + 0.5)
             else:
-                is_shown = z > last_farthest - margin
-                goal = ALWAYS if is_shown else 0
+                goal = ALWAYS if z > farthest[v, u] - margin else 0
                 shown[v, u] = np.uint16(last_share + weight * (goal - np.float64(last_share)) + 0.5)
-            share = shown[v, u] / ALWAYS
-            permanence[v, u] = share if z > farthest[v, u] - margin else 1.0 - share
-            if farthest[v, u] != last_farthest or shown[v, u] != last_share:
-                pixels[count] = v * depth.shape[1] + u
-                count += 1
+                if shown[v, u] == last_share:
+                    continue
+            pixels[count] = v * depth.shape[1] + u
+            count += 1
     return pixels[:count].copy()
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def permanence_of(depth: Depth, noise: DepthNoise, occupancy: Occupancy) -> Depth:
+    """The permanence (H, W) of what a depth image (H, W) shows, from 0 to 1; 0 without depth."""
+    permanence = np.zeros(depth.shape, np.float32)
+    for v in range(depth.shape[0]):
+        for u in range(depth.shape[1]):
+            z = depth[v, u]
+            if z > 0.0:
+                share = occupancy.shown[v, u] / ALWAYS
+                margin = margin_at(z, noise)
+                if z > occupancy.farthest[v, u] + margin:
+                    permanence[v, u] = 0.0  # it was never visible before
+                else:
+                    permanence[v, u] = share if z > occupancy.farthest[v, u] - margin else 1.0 - share
+    return permanence

@@ -17,7 +17,7 @@ from gepf.common.camera import NOT_MOVED, Intrinsics, Pinhole
 from gepf.common.compiling import numba
 from gepf.common.frame import View
 from gepf.coordinator.scene.noise import DepthNoise, fit_growth, margin_at, noise_of
-from gepf.coordinator.scene.occupancy import Occupancy, OccupancyChange, accumulate
+from gepf.coordinator.scene.occupancy import Occupancy, OccupancyChange, accumulate, permanence_of
 from gepf.coordinator.scene.planes import SIDES, Planes, extents, find_planes, refit, sample_rays, to_points
 from gepf.coordinator.settings import SceneSettings
 
@@ -97,6 +97,9 @@ NO_PIXELS = np.empty(0, np.uint32)
 NOTHING = Learned(NO_PIXELS, np.empty(0, np.float32), np.empty(0, np.uint8))
 
 
+NOBODY = np.empty((0, 3), np.float32)  # no points of other people and things
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class SceneChange:
     """The change of a scene by one frame: the changed pixels of the background, and everything else."""
@@ -116,7 +119,7 @@ class SceneChange:
         default_factory=lambda: OccupancyChange.of(Occupancy.unknown((0, 0)), NO_PIXELS)
     )
     T_rig_camera: Array = field(default_factory=NOT_MOVED.copy)  # of the frame
-    foreign: Depth = field(default_factory=lambda: np.empty((0, 3), np.float32))  # (N, 3), see `foreign.py`
+    foreign: NDArray[np.float32] = field(default_factory=lambda: NOBODY)  # (N, 3), see `foreign.py`
 
 
 SceneChanges = dict[str, SceneChange]
@@ -185,7 +188,7 @@ class Scene:
         pixels of the second time were people at the first; what was `learned` then is a part of the change.
         """
         if not self._shows_room:
-            return self._change(NO_PIXELS)
+            return self._change(NO_PIXELS, NO_PIXELS)
         outside = np.zeros(view.depth.shape, np.bool_) if people is None else people
         learned_before = self._background > 0.0
         pixels = learn_pixels(view.depth, view.noise, outside, self._background, self._nearer, view.steps)
@@ -196,7 +199,8 @@ class Scene:
             learn_pixels(view.depth, view.noise, outside, self._background, self._nearer, view.steps)
         if moved or view.is_first:
             return self.all()
-        return self._change(np.union1d(learned.pixels, pixels) if len(learned.pixels) else pixels)
+        pixels = np.union1d(learned.pixels, pixels) if len(learned.pixels) else pixels
+        return self._change(pixels, self._occupied)
 
     def recall(self, change: SceneChange) -> None:
         """Restore the scene after a frame from its change, after those of all earlier frames."""
@@ -214,8 +218,8 @@ class Scene:
 
     def all(self) -> SceneChange:
         """The change from an empty scene to the present one."""
-        self._occupied = np.arange(self._background.size, dtype=np.uint32)
-        return self._change(self._occupied)
+        pixels = np.arange(self._background.size, dtype=np.uint32)
+        return self._change(pixels, pixels)
 
     def _begin(self, background: Depth) -> None:
         self._frames_with_depth = 0
@@ -258,14 +262,20 @@ class Scene:
         self._frames_with_depth += 1
 
     def _accumulate(self, depth: Depth, noise: DepthNoise, steps: int) -> Depth:
-        """Add a depth image (H, W) to the occupancy; returns the permanence (H, W) of what it shows."""
-        settings, permanence = self._settings, np.empty_like(depth)
-        memory = SETTLED_STEPS * settings.remembered_s / settings.settled_s
-        weight = min(1.0, steps / min(self._step_count + 1.0, memory))
-        self._occupied = accumulate(depth, noise, self._occupancy, weight, permanence)
-        return permanence
+        """The permanence (H, W) of what a depth image (H, W) shows; it is added to the occupancy if due."""
+        settings, now, self._occupied = self._settings, self._step_count, NO_PIXELS
+        interval, memory = (
+            max(1, round(SETTLED_STEPS * time_s / settings.settled_s))
+            for time_s in (settings.remember_interval_s, settings.remembered_s)
+        )
+        if now // interval != (now - steps) // interval:
+            is_first = not self._occupancy.farthest.any()
+            weight = 1.0 if is_first else min(1.0, max(steps, interval) / min(now + 1, memory))
+            self._occupied = accumulate(depth, noise, self._occupancy, weight)
+        return permanence_of(depth, noise, self._occupancy)
 
-    def _change(self, pixels: NDArray[np.uint32]) -> SceneChange:
+    def _change(self, pixels: NDArray[np.uint32], occupied: NDArray[np.uint32]) -> SceneChange:
+        """The change of the background and of the occupancy at these pixels (N,), flat indices."""
         return SceneChange(
             self._frames_with_depth,
             self._time_s,
@@ -278,7 +288,7 @@ class Scene:
             self._shows_room,
             self._background.shape,
             Learned(pixels, self._background.ravel()[pixels], self._nearer.ravel()[pixels]),
-            OccupancyChange.of(self._occupancy, self._occupied),
+            OccupancyChange.of(self._occupancy, occupied),
             self._T_rig_camera,
         )
 

@@ -46,7 +46,7 @@ class Assignment:
         elif target.needs_candidates:
             subject, candidate = None, self._take(nearest(self._free, target.last_seen))
         else:
-            candidate = self._take(self._elsewhere(person_index)) if self._misses(person_index) else None
+            candidate = self._elsewhere(person_index) if self._misses(person_index) else None
             is_elsewhere = candidate is not None and not isinstance(target.track, Found)
         if candidate is not None:
             subject, alternatives = candidate.subject, candidate.alternatives

@@ -13,9 +13,9 @@ from gepf.common.camera import points_of
 from gepf.common.frame import Frame, SubjectFrame, View
 from gepf.coordinator.colour.matching import Keypoints, with_keypoints
 from gepf.coordinator.scene.candidates import Candidate, candidates, has_moved
-from gepf.coordinator.scene.foreign import mark_foreign, points_beside
+from gepf.coordinator.scene.foreign import Points, mark_foreign, points_beside
 from gepf.coordinator.scene.planes import Planes
-from gepf.coordinator.scene.scene import Depth, Scene, SceneChange, SceneChanges, SceneView
+from gepf.coordinator.scene.scene import NOBODY, Depth, Scene, SceneChange, SceneChanges, SceneView
 from gepf.coordinator.scene.scope import Scope
 from gepf.coordinator.scene.segmentation import (
     Segmentation,
@@ -144,7 +144,7 @@ class Segmenter:
         self._points, self._settings = points, settings
         self._scope = scope or Scope()
         self._scenes = dict[str, Scene]()
-        self._foreign = dict[str, Depth]()  # points (N, 3) beside the bodies in the last frame, camera frame
+        self._foreign = dict[str, Points]()  # points (N, 3) beside the bodies in the last frame, camera frame
 
     def recall(self, changes: SceneChanges) -> None:
         """Restore what was known after a frame, after the changes of all earlier frames."""
@@ -288,12 +288,11 @@ class Segmenter:
         """The pixels (H, W) of other people and things, which are remembered until the next frame."""
         nearest = nearest_of(view, distances)
         nearest_new = nearest_of(view, [d for d, is_new in zip(distances, new, strict=True) if is_new])
-        nothing = np.empty((0, 3), np.float32)
-        foreign = mark_foreign(view, nearest, nearest_new, self._foreign.get(camera, nothing))
+        foreign = mark_foreign(view, nearest, nearest_new, self._foreign.get(camera, NOBODY))
         if surfaces and foreign.any():
             self._foreign[camera] = points_beside(view, foreign, np.concatenate(surfaces))
         else:
-            self._foreign[camera] = nothing
+            self._foreign[camera] = NOBODY
         return foreign
 
     def _join_people(

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from gepf.common.arrays import Mask
 from gepf.coordinator.scene.noise import noise_of
-from gepf.coordinator.scene.occupancy import ALWAYS, Occupancy, OccupancyChange, accumulate
+from gepf.coordinator.scene.occupancy import ALWAYS, Occupancy, OccupancyChange, accumulate, permanence_of
 from gepf.coordinator.scene.scene import Scene
 from gepf.coordinator.settings import NoiseSettings, SceneSettings
 from tests.support.rooms import CABINET, PERSON, Room
@@ -17,19 +17,19 @@ WALL, NEAR = 3.0, 2.0  # metres
 NOISE = noise_of(0.001, NoiseSettings())
 
 
-def watch(depths: list[float]) -> tuple[float, Occupancy]:
-    """The permanence of the last of the depths that one pixel showed, and its occupancy."""
-    occupancy, permanence = Occupancy.unknown((1, 1)), np.empty((1, 1), np.float32)
+def watch(depths: list[float]) -> float:
+    """The permanence of the last of the depths that one pixel showed."""
+    occupancy = Occupancy.unknown((1, 1))
     for n, depth in enumerate(depths):
         image = np.full((1, 1), depth, np.float32)
-        accumulate(image, NOISE, occupancy, 1.0 / (n + 1), permanence)
-    return float(permanence[0, 0]), occupancy
+        accumulate(image, NOISE, occupancy, 1.0 / (n + 1))
+    return float(permanence_of(image, NOISE, occupancy)[0, 0])
 
 
 @given(st.lists(st.booleans(), min_size=1, max_size=60))
 def test_permanence_is_the_share_of_the_time_without_anything_behind(near: list[bool]) -> None:
     """Of a pixel that shows a wall or something nearer, as counted in plain Python."""
-    permanence, _ = watch([WALL, *(NEAR if each else WALL for each in near)])
+    permanence = watch([WALL, *(NEAR if each else WALL for each in near)])
     covered = sum(near) / (len(near) + 1)
     assert abs(permanence - (covered if near[-1] else 1.0 - covered)) < 1e-3
 
@@ -37,27 +37,27 @@ def test_permanence_is_the_share_of_the_time_without_anything_behind(near: list[
 @given(st.integers(1, 20), st.integers(0, 5))
 def test_what_hides_the_scene_from_the_first_frame_on_is_permanent(frames: int, holes: int) -> None:
     """Whatever is behind: a person, or a chair. Frames in which it has no depth do not matter."""
-    assert watch([NEAR] * frames + [0.0] * holes + [NEAR])[0] == 1.0
+    assert watch([NEAR] * frames + [0.0] * holes + [NEAR]) == 1.0
 
 
 def test_what_comes_before_something_out_of_range_has_moved() -> None:
     """Nothing was measured at the pixel before."""
-    assert watch([0.0] * 9 + [NEAR])[0] < 0.11
+    assert watch([0.0] * 9 + [NEAR]) < 0.11
 
 
 def test_what_a_person_uncovers_is_no_part_of_the_past() -> None:
     """A wall behind somebody who goes away has been visible for a short time only."""
-    assert watch([NEAR] * 9 + [WALL])[0] < 0.11
+    assert watch([NEAR] * 9 + [WALL]) < 0.11
 
 
 def test_the_change_of_an_image_leads_to_the_same_occupancy() -> None:
     """Pixels that did not change are not in it; a pixel that always shows a wall does not change."""
     first, second = Occupancy.unknown((2, 3)), Occupancy.unknown((2, 3))
-    permanence, counts = np.empty((2, 3), np.float32), []
+    counts = []
     for n in range(5):
         image = np.full((2, 3), WALL, np.float32)
         image[0, : n % 3] = NEAR
-        pixels = accumulate(image, NOISE, first, 1.0 / (n + 1), permanence)
+        pixels = accumulate(image, NOISE, first, 1.0 / (n + 1))
         OccupancyChange.of(first, pixels).apply(second)
         counts.append(len(pixels))
     assert counts[0] == 6
