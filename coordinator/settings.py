@@ -78,6 +78,7 @@ class CandidateSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True)
     """What may be a person in the foreground."""
 
     max_person_m2: Quantity = 1.6  #: largest visible area of a person
+    max_joined_m2: Quantity = 6.0  #: largest visible area of a person together with flat furniture
     min_length_m: Quantity = 0.6  #: smallest length of a person in any pose
     max_length_m: Quantity = 2.5  #: largest length of a person; a frame that extends farther shows a room
     max_limb_step_m: Quantity = 0.8  #: largest step in depth from the outline of a body to its own limb

@@ -30,8 +30,8 @@ class Part:
     """A connected component of the foreground.
 
     mask: (H, W) its pixels in a window of the frame. points: (P, 3) their points in the camera frame, metres.
-    level: (3, 3) rotates into the level camera frame.
-    middle, heights: their median (3,), and the ends of their vertical range, in that frame.
+    middle, heights: their median (3,), and the ends of their vertical range, in the level camera frame.
+    length: their longest extent along an axis of that frame, metres, without outliers.
     uncut: (H, W) the pixels of the component before flat parts were cut off.
     """
 
@@ -39,19 +39,14 @@ class Part:
     mask: Mask
     uncut: Mask
     points: Array
-    level: Array
     middle: Array
     heights: tuple[float, float]
+    length: float
 
     @property
     def height(self) -> float:
         """The vertical range, metres."""
         return self.heights[1] - self.heights[0]
-
-    @property
-    def length(self) -> float:
-        """The longest extent in any direction of the level camera frame, metres."""
-        return float(np.ptp(self.points @ self.level.T, axis=0).max())
 
     @property
     def pixel(self) -> Array:
@@ -116,14 +111,14 @@ def find_parts(view: SceneView, free: Mask, step: float, least_m2: float) -> lis
     limits = view.settings.segmentation
     labels = label_parts(view.depth, free, step, limits.step_m, view.noise, view.camera.fx)
     areas, windows = measure_components(labels, view.depth, view.camera.fx, view.camera.fy)
-    parts, max_m2 = list[Part](), view.settings.candidates.max_person_m2
-    for label in np.flatnonzero(areas >= least_m2).tolist():
+    parts, people = list[Part](), view.settings.candidates
+    for label in np.flatnonzero((areas >= least_m2) & (areas <= people.max_joined_m2)).tolist():
         left, top, right, bottom = windows[label].tolist()
         window = slice(top, bottom), slice(left, right)
         mask = labels[window] == label
         part = part_of(view, mask, window, mask)
         parts += cut_off_furniture(view, part) if areas[label] >= limits.min_person_m2 else [part]
-    return [part for part in parts if area_of(view, part.points) <= max_m2]
+    return [part for part in parts if area_of(view, part.points) <= people.max_person_m2]
 
 
 def area_of(view: SceneView, points: Array) -> float:
@@ -136,7 +131,9 @@ def part_of(view: SceneView, mask: Mask, window: tuple[slice, slice], uncut: Mas
     points = points_of(view.depth[window], camera_of(view, window), mask)
     level = points @ view.planes.level.T
     heights = float(level[:, 1].min()), float(level[:, 1].max())
-    return Part(window, mask, uncut, points, view.planes.level, np.median(level, axis=0), heights)
+    some = level[:: 1 + len(level) // view.settings.candidates.flat_points]
+    length = float(extents(some, view.settings.planes.outlier_percent).max())
+    return Part(window, mask, uncut, points, np.median(level, axis=0), heights, length)
 
 
 def camera_of(view: SceneView, window: tuple[slice, slice]) -> Intrinsics:

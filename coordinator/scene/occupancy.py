@@ -22,6 +22,7 @@ Depth = NDArray[np.float32]
 Shares = NDArray[np.uint16]  # from 0 to ALWAYS
 
 ALWAYS = 65_535
+FORGOTTEN = ALWAYS // 100  # below this share, a surface that is not visible is no part of the scene any more
 
 
 class Occupancy(NamedTuple):
@@ -78,7 +79,9 @@ def accumulate(depth: Depth, noise: DepthNoise, occupancy: Occupancy, weight: fl
             else:
                 goal = ALWAYS if z > farthest[v, u] - margin else 0
                 shown[v, u] = np.uint16(last_share + weight * (goal - np.float64(last_share)) + 0.5)
-                if shown[v, u] == last_share:
+                if goal == 0 and shown[v, u] < FORGOTTEN:  # as good as never visible: its time is over
+                    farthest[v, u], shown[v, u] = z, ALWAYS
+                elif shown[v, u] == last_share:
                     continue
             pixels[count] = v * depth.shape[1] + u
             count += 1

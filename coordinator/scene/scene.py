@@ -133,6 +133,9 @@ class Scene:
     bit for bit; `recall` restores it from the changes alone. If the size of a frame differs from that of
     earlier frames, or of the background, it is from another camera, and the scene starts again.
 
+    Attributes:
+        foreign: Points (N, 3) of other people and things in the last frame, camera frame, metres.
+
     Args:
         settings: Settings of the scene and its segmentation.
         background: Depth (H, W) in metres without people, 0 if unknown; None to learn all of it.
@@ -149,7 +152,6 @@ class Scene:
         self._background: Depth
         self._nearer: Marks
         self._occupancy: Occupancy
-        self._occupied = NO_PIXELS  # whose occupancy the last image changed
         self._begin(np.zeros((0, 0), np.float32) if background is None else background.copy())
         self._shows_room = background is not None
 
@@ -195,7 +197,7 @@ class Scene:
         moved = np.count_nonzero(learned_before.ravel()[pixels]) > 0.5 * np.count_nonzero(view.depth)
         if moved:  # most of the image changed: the camera was moved
             self._background[:], self._nearer[:] = 0.0, 0
-            self._occupancy = Occupancy.unknown(view.depth.shape)
+            self._occupancy, self.foreign = Occupancy.unknown(view.depth.shape), NOBODY
             learn_pixels(view.depth, view.noise, outside, self._background, self._nearer, view.steps)
         if moved or view.is_first:
             return self.all()
@@ -215,6 +217,7 @@ class Scene:
         self._background.ravel()[change.learned.pixels] = change.learned.depth
         self._nearer.ravel()[change.learned.pixels] = change.learned.nearer
         change.occupancy.apply(self._occupancy)
+        self.foreign = change.foreign
 
     def all(self) -> SceneChange:
         """The change from an empty scene to the present one."""
@@ -230,6 +233,8 @@ class Scene:
         self._background = background
         self._nearer = np.zeros(background.shape, np.uint8)
         self._occupancy = Occupancy.unknown(background.shape)
+        self._occupied = NO_PIXELS  # whose occupancy the last image changed
+        self.foreign = NOBODY
 
     def _pass_time(self, time_s: float) -> int:
         """Count the time since the last frame with depth, and return it in steps.
@@ -239,6 +244,8 @@ class Scene:
         before, longest_s = self._step_count, 0.5 * self._settings.settled_s
         if self._frames_with_depth:
             self._elapsed_s += min(max(time_s - self._time_s, 0.0), longest_s)
+            if time_s - self._time_s > longest_s:  # other people may be anywhere
+                self.foreign = NOBODY
         self._time_s = time_s
         return self._step_count - before if self._frames_with_depth else 1
 
@@ -290,6 +297,7 @@ class Scene:
             Learned(pixels, self._background.ravel()[pixels], self._nearer.ravel()[pixels]),
             OccupancyChange.of(self._occupancy, occupied),
             self._T_rig_camera,
+            self.foreign,
         )
 
 

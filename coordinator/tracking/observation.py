@@ -18,6 +18,7 @@ from gepf.coordinator.scene.segmentation import Labels, Window, slices
 from gepf.coordinator.settings import SceneSettings
 
 POINTS = 300  # observed points that are enough for the filter, and for a median
+FEW_POINTS = 1_000  # below which a body does not get fewer points because they weigh little
 
 
 class MaskedView(NamedTuple):
@@ -90,13 +91,14 @@ def crop(frame: Frame, masked: MaskedView, depth: NDArray[np.uint16], most: int)
 def pick(measured: NDArray[np.uint32], most: int, weights: NDArray[np.float32] | None) -> NDArray[np.uint32]:
     """At most `most` of the measured pixels (N,), flat indices, evenly distributed, as dense as they weigh.
 
-    A pixel is picked once at most, so few are picked if few have large weights (H, W).
+    A pixel is picked once at most, so fewer are picked if few have large weights (H, W). If there are only
+    FEW_POINTS pixels, or fewer, weights do not matter.
     """
     count = min(len(measured), most)
-    if weights is None or count == 0:
+    if weights is None or len(measured) <= FEW_POINTS:
         return measured[np.arange(count) * len(measured) // max(1, count)]
     total = np.cumsum(weights.ravel()[measured], dtype=np.float64)
-    count = min(count, int(total[-1] / weights.ravel()[measured].max()))
+    count = min(count, max(int(total[-1] / weights.ravel()[measured].max()), FEW_POINTS))
     ranks = np.floor(total / total[-1] * count + 1e-9)
     chosen: NDArray[np.uint32] = measured[np.diff(ranks, prepend=0.0) > 0.0]
     return chosen

@@ -81,7 +81,7 @@ class FramePreparation:
                     for target, step in zip(targets, sight.steps, strict=True)
                 ],
                 excluded=excluded,
-                new=[target.is_new for target in targets],
+                new=[isinstance(track, Body) and track.was_new for track in tracks],
                 rejected=any(
                     isinstance(track, Searching) and track.searches > self._settings.max_searches
                     for track in tracks

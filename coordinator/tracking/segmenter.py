@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import reduce
 
 import numpy as np
@@ -13,7 +13,7 @@ from gepf.common.camera import points_of
 from gepf.common.frame import Frame, SubjectFrame, View
 from gepf.coordinator.colour.matching import Keypoints, with_keypoints
 from gepf.coordinator.scene.candidates import Candidate, candidates, has_moved
-from gepf.coordinator.scene.foreign import Points, mark_foreign, points_beside
+from gepf.coordinator.scene.foreign import mark_foreign, points_beside
 from gepf.coordinator.scene.planes import Planes
 from gepf.coordinator.scene.scene import NOBODY, Depth, Scene, SceneChange, SceneChanges, SceneView
 from gepf.coordinator.scene.scope import Scope
@@ -144,13 +144,11 @@ class Segmenter:
         self._points, self._settings = points, settings
         self._scope = scope or Scope()
         self._scenes = dict[str, Scene]()
-        self._foreign = dict[str, Points]()  # points (N, 3) beside the bodies in the last frame, camera frame
 
     def recall(self, changes: SceneChanges) -> None:
         """Restore what was known after a frame, after the changes of all earlier frames."""
         for camera, change in changes.items():
             self._scene_of(camera, change.T_rig_camera, None).recall(change)
-            self._foreign[camera] = change.foreign
 
     def _scene_of(self, camera: str, T_rig_camera: Array, gravity: Array | None) -> Scene:
         """The scene of a camera, from its first frame on; `gravity` (3,) as the camera measures it."""
@@ -235,8 +233,7 @@ class Segmenter:
             )
             for subject in (person, *others):
                 things &= depth_of(subject, name, depth.shape) == 0.0
-            change = self._scenes[name].learn(view.scene, ~things, changes[name].learned)
-            after[name] = replace(change, foreign=changes[name].foreign)
+            after[name] = self._scenes[name].learn(view.scene, ~things, changes[name].learned)
         return after
 
     def _segment_view(
@@ -248,6 +245,7 @@ class Segmenter:
         image, out_of_scope = scope.limit(image)
         view = scene.see(image, out_of_scope)
         if not view.shows_room and len(bodies) == 1:
+            scene.foreign = NOBODY
             everything, change = next(iter(outline(image)), None), scene.learn(view)
             if bodies[0] is not None:
                 return SegmentedView(image, view, change, (everything,), ())
@@ -257,7 +255,7 @@ class Segmenter:
         nearest = nearest_of(view, distances)
         near_bodies = nearest <= self._settings.segmentation.near_m
         are_new = [is_new for body, is_new in zip(bodies, new, strict=True) if body is not None]
-        beside = self._mark_foreign(image.camera, view, surfaces, distances, are_new)
+        beside = mark_and_remember(scene, view, surfaces, distances, are_new)
         foreign = [(distance > nearest) | beside for distance in distances]
         segmented = [segment_body(view, *body) for body in zip(surfaces, distances, foreign, strict=True)]
         complete = len(surfaces) == len(bodies)
@@ -272,28 +270,10 @@ class Segmenter:
         else:
             people = [person.widest for person in possible if not rejected or has_moved(view, person)]
             not_learned = reduce(np.logical_or, people, near_bodies)
-        change = replace(scene.learn(view, not_learned), foreign=self._foreign[image.camera])
+        change = scene.learn(view, not_learned)
         masked = iter([masked_view(image, view, body) for body in segmented])
         own = tuple(None if body is None else next(masked) for body in bodies)
         return SegmentedView(image, view, change, own, strangers)
-
-    def _mark_foreign(
-        self,
-        camera: str,
-        view: SceneView,
-        surfaces: Sequence[Array],
-        distances: Sequence[Depth],
-        new: Sequence[bool],
-    ) -> Mask:
-        """The pixels (H, W) of other people and things, which are remembered until the next frame."""
-        nearest = nearest_of(view, distances)
-        nearest_new = nearest_of(view, [d for d, is_new in zip(distances, new, strict=True) if is_new])
-        foreign = mark_foreign(view, nearest, nearest_new, self._foreign.get(camera, NOBODY))
-        if surfaces and foreign.any():
-            self._foreign[camera] = points_beside(view, foreign, np.concatenate(surfaces))
-        else:
-            self._foreign[camera] = NOBODY
-        return foreign
 
     def _join_people(
         self, frame: Frame, seen: Sequence[Sequence[MaskHypotheses]]
@@ -342,6 +322,20 @@ def mask_candidate(image: View, view: SceneView, person: Candidate, near_bodies:
     """The masks of a candidate in an image; `near_bodies` are the pixels (H, W) of those who are tracked."""
     masked = segment_masks(view, (person.mask, *person.wider), near_bodies)
     return tuple(masked_view(image, view, mask) for mask in masked)
+
+
+def mark_and_remember(
+    scene: Scene, view: SceneView, surfaces: Sequence[Array], distances: Sequence[Depth], new: Sequence[bool]
+) -> Mask:
+    """The pixels (H, W) of other people and things, which the scene remembers until the next frame.
+
+    surfaces: (V, 3) of the bodies. distances: (H, W) from each. new: which were detected a short time ago.
+    """
+    nearest_new = nearest_of(view, [d for d, is_new in zip(distances, new, strict=True) if is_new])
+    foreign = mark_foreign(view, nearest_of(view, distances), nearest_new, scene.foreign)
+    is_beside = len(surfaces) > 0 and foreign.any()
+    scene.foreign = points_beside(view, foreign, np.concatenate(surfaces)) if is_beside else NOBODY
+    return foreign
 
 
 def masked_view(image: View, view: SceneView, segmentation: Segmentation) -> MaskedView:

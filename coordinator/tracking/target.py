@@ -134,14 +134,6 @@ class TargetTracker:
         return vertices if step_m is None else vertices + step_m
 
     @property
-    def is_new(self) -> bool:
-        """Whether the body was detected a short time ago."""
-        track = self.track
-        return isinstance(track, Found) or (
-            isinstance(track, OnceTracked) and track.is_new(self._settings.track)
-        )
-
-    @property
     def expected_body(self) -> ExpectedBody | None:
         """The person around whom the next frame is segmented; None if unknown, or no person."""
         pose = self.track.segmentation_pose if isinstance(self.track, Body) else None

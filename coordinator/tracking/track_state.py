@@ -65,6 +65,7 @@ class Body(msgspec.Struct, frozen=True, kw_only=True):
     this one is refined. At low rates it is set again when this one is refined.
     """
     excluded: tuple[str, ...] = ()  # cameras that are not used for it when the next frame is segmented
+    was_new: bool = False  # whether it is regarded as new when the next frame is segmented
     agreement: Agreement = msgspec.field(default_factory=Agreement)  # of the cameras, on the last pose
     is_searched: bool = False  # a search for it is running
     unshown_s: float | None = 0.0
@@ -87,6 +88,7 @@ class Found(Body, frozen=True, kw_only=True, tag="found"):
     place: Array | None = None
     detected_pixels: int = 0
     is_lost: bool = False  # whether a frame showed nothing at a given start pose
+    was_new: bool = True
 
 
 class OnceTracked(Body, frozen=True, kw_only=True):
@@ -286,6 +288,7 @@ def _handle_seen(
     state = replace(state, segmentation_pose=_segmentation_pose(state, policy))
     if isinstance(state, Found):
         return state, ("refine",)
+    state = replace(state, was_new=state.is_new(policy.settings))
     if state.is_searched or not (policy.recovers and _check_due(state, event.time_s, policy)):
         return replace(state, visibility="body"), ("refine",)
     return replace(state, visibility="body", is_searched=True), ("search", "refine")
@@ -384,7 +387,12 @@ def _refined(
     )
     if event.is_slow:
         pose = _segmentation_pose(after, policy)
-        after = replace(after, segmentation_pose=pose, excluded=after.agreement.contradicting)
+        after = replace(
+            after,
+            segmentation_pose=pose,
+            excluded=after.agreement.contradicting,
+            was_new=after.is_new(settings),
+        )
     if set(before.faulty) - set(event.faulty) and policy.recovers:  # a camera is back
         # a running search began without it; check the body in the next frame
         after = replace(after, check_clock_s=settings.search_interval_s - USUAL_INTERVAL, is_searched=False)

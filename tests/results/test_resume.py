@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
 import pytest
 
+from gepf.common.camera import back_project
 from gepf.common.errors import NoWorkers
+from gepf.common.frame import Frame
 from gepf.coordinator.filters.methods import METHODS, settings_for
 from gepf.coordinator.pool.options import Pool, PoolStatistics
 from gepf.coordinator.results.log import Entry, Opening, append_records, read_log
@@ -24,7 +28,7 @@ from gepf.coordinator.tracking.state import TrackerState, first_state
 from gepf.coordinator.tracking.target import TargetTracker
 from gepf.refiners import DirectRefiner
 from tests.support.people import STANDING, OnePerson, as_bytes, empty, known, shown
-from tests.support.rooms import in_a_room
+from tests.support.rooms import in_a_room, of_box
 from tests.support.stand_ins import Desk, desk, sequence, workers  # noqa: F401 fixtures
 
 
@@ -38,16 +42,36 @@ def recorded_state(file: BinaryIO, state: TrackerState, estimate: Estimate) -> T
     return recorded.state
 
 
-@pytest.mark.parametrize(("method", "room"), [*((method, False) for method in METHODS), ("gepf", True)])
-def test_a_tracker_goes_on_bit_for_bit(method: str, *, room: bool, tmp_path: Path) -> None:
+def beside(frame: Frame) -> Frame:
+    """The frame with something as large as a child, which comes nearer until it touches the person."""
+    (view,) = frame.views
+    rays = back_project(np.ones(view.depth.shape), view.intrinsics)
+    left, z = STANDING["root_tx"] + 0.5 - 0.07 * frame.number, STANDING["root_tz"]
+    thing = of_box(rays, ((left, -0.3, z - 0.1), (left + 0.5, 0.7, z + 0.3)))
+    units = np.minimum(np.rint(1000.0 * thing), view.depth.astype(np.float64))
+    return Frame.of(replace(view, depth=units.astype(np.uint16)))
+
+
+PLACES: dict[str, Callable[[Frame], Frame]] = {
+    "alone": lambda frame: frame,
+    "room": in_a_room,
+    "beside something": lambda frame: beside(in_a_room(frame)),
+}
+
+
+CASES = [*((method, "alone") for method in METHODS), ("gepf", "room"), ("gepf", "beside something")]
+
+
+@pytest.mark.parametrize(("method", "place"), CASES)
+def test_a_tracker_goes_on_bit_for_bit(method: str, place: str, tmp_path: Path) -> None:
     """After any frame, a new tracker from the recorded state gives the same estimates.
 
-    The state of a room is restored from the log.
+    The state of a room is restored from the log, and what is beside the person.
     """
     settings = settings_for(method, "default", 1 if method == "gradient" else 6, 500, seed=5)
     frames = list(shown("standing").frames)
     frames[2] = empty(2)
-    frames = [in_a_room(frame) for frame in frames] if room else frames
+    frames = [PLACES[place](frame) for frame in frames]
     whole = OnePerson(DirectRefiner(), settings, known(), start=STANDING)
     said = [as_bytes(tracked.people[0].estimate) for tracked in whole.follow(frames)]
 

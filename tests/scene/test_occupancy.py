@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
@@ -50,6 +52,15 @@ def test_what_a_person_uncovers_is_no_part_of_the_past() -> None:
     assert watch([NEAR] * 9 + [WALL]) < 0.11
 
 
+def test_a_single_wrong_depth_is_forgotten() -> None:
+    """An outlier behind a wall, then the wall for long: somebody in front of it has moved."""
+    occupancy = Occupancy.unknown((1, 1))
+    for depth in (WALL, WALL + 0.5, *[WALL] * 300):
+        accumulate(np.full((1, 1), depth, np.float32), NOISE, occupancy, 0.03)
+    assert permanence_of(np.full((1, 1), WALL, np.float32), NOISE, occupancy)[0, 0] > 0.99
+    assert permanence_of(np.full((1, 1), NEAR, np.float32), NOISE, occupancy)[0, 0] < 0.01
+
+
 def test_the_change_of_an_image_leads_to_the_same_occupancy() -> None:
     """Pixels that did not change are not in it; a pixel that always shows a wall does not change."""
     first, second = Occupancy.unknown((2, 3)), Occupancy.unknown((2, 3))
@@ -80,3 +91,14 @@ def test_who_walks_is_told_from_furniture() -> None:
     cabinet: Mask = room.see(None).view.metres() < Room().see(None).view.metres() - 0.2
     assert np.median(permanence[mask]) < 0.5
     assert np.median(permanence[cabinet & ~mask]) > 0.95
+
+
+def test_a_smaller_image_starts_again() -> None:
+    """Another camera: nothing of the former one is left, also while its frames are empty."""
+    scene, room = Scene(SceneSettings()), Room((CABINET,), noise=0.001)
+    image, _ = room.see(PERSON)
+    scene.learn(scene.see(image))
+    small = replace(image, number=1, time_s=0.1, depth=np.zeros((30, 40), np.uint16))
+    change = scene.learn(scene.see(small))
+    assert change.size == (30, 40)
+    assert len(change.occupancy.pixels) == 0

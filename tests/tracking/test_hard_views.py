@@ -176,14 +176,14 @@ def furnished(boxes: Sequence[Box], *, with_another: bool) -> tuple[list[Array],
     return pictures, joint_positions(model, poses)
 
 
-APPROACH = np.linspace(1.0, 0.5, 12)  # metres between the middles of two people who come to touch
+APPROACH = np.linspace(1.0, 0.56, 12)  # metres between the middles of two people who come to touch
 
 
 def test_who_comes_to_touch_the_tracked_person_takes_no_limb() -> None:
     """One person is tracked; another one comes from the side until their arms touch, and stays."""
     model = human(1.82)
-    apart = np.concatenate([np.full(4, APPROACH[0]), APPROACH, np.full(8, APPROACH[-1])])
-    poses = np.array([name_pose(model, raised(STANDING, n // 2)) for n in range(len(apart))])
+    apart = np.concatenate([np.full(12, APPROACH[0]), APPROACH, np.full(8, APPROACH[-1])])
+    poses = np.array([name_pose(model, raised(STANDING, n // 4)) for n in range(len(apart))])
     place = {**STANDING, "root_tz": STANDING["root_tz"] + 0.05, "root_ry": 0.6}
     others = np.array([name_pose(model, {**place, "root_tx": STANDING["root_tx"] - x}) for x in apart])
     floor = float(pose_vertices(model, poses[:1])[..., 1].max()) + 0.005

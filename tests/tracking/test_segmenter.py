@@ -69,11 +69,12 @@ def test_a_body_of_which_little_is_measured_is_not_learned_as_room(measured: str
 
 def test_points_that_have_moved_are_picked_more_densely() -> None:
     """Something thin comes beside a trunk that did not move: all of it is picked, and a tenth of the rest."""
-    held = ((PERSON[0] + 0.2, -0.3, 2.5), (PERSON[0] + 0.27, 0.4, 2.6))
-    segmenter, surface = Segmenter(10_000, SceneSettings()), Room().surface(PERSON)
+    place = (-0.2, 1.6)
+    held = ((place[0] + 0.2, -0.3, place[1] - 0.1), (place[0] + 0.27, 0.4, place[1]))
+    segmenter, surface = Segmenter(10_000, SceneSettings()), Room().surface(place)
     for number in range(20):
         room = Room((held,) if number == 19 else (), noise=0.001)
-        segmented = segmenter.segment(Frame.of(room.see(PERSON, number).view), [surface])
+        segmented = segmenter.segment(Frame.of(room.see(place, number).view), [surface])
     (subject,) = segmented.subjects
     assert subject is not None
     view, picked = subject.largest, np.zeros(subject.largest.image.depth.size, np.bool_)
@@ -88,12 +89,22 @@ def test_points_that_have_moved_are_picked_more_densely() -> None:
 
 def test_points_are_picked_evenly_by_weight() -> None:
     """Half of the pixels have a tenth of the weight of the others; all are used if the weights are equal."""
-    measured, weights = np.arange(1_000, dtype=np.uint32), np.ones(1_000, np.float32)
-    assert np.array_equal(pick(measured, 5_000, weights), measured)
-    weights[:500] = 0.1
-    picked = pick(measured, 220, weights)
-    assert len(picked) == 220
-    assert np.count_nonzero(picked < 500) == 20
-    assert np.ptp(np.diff(picked[:20])) <= 1
-    assert len(pick(measured, 5_000, weights)) == 550
+    measured, weights = np.arange(10_000, dtype=np.uint32), np.ones(10_000, np.float32)
+    assert np.array_equal(pick(measured, 50_000, weights), measured)
+    weights[:5_000] = 0.1
+    picked = pick(measured, 2_200, weights)
+    assert len(picked) == 2_200
+    assert np.count_nonzero(picked < 5_000) == 200
+    assert np.ptp(np.diff(picked[:200])) <= 1
+    assert len(pick(measured, 50_000, weights)) == 5_500
     assert len(pick(measured[:0], 100, weights)) == 0
+
+
+@pytest.mark.parametrize("heavy", [0, 1, 40])
+def test_a_small_body_loses_no_points(heavy: int) -> None:
+    """Somebody far away who stands still has all points, and a few more pixels do not halve them."""
+    weights = np.full(1_100, 0.1, np.float32)
+    weights[:heavy] = 1.0
+    counts = [len(pick(np.arange(n, dtype=np.uint32), 3_000, weights)) for n in (160, 1_000, 1_100)]
+    assert counts[:2] == [160, 1_000]
+    assert counts[2] > 700

@@ -68,6 +68,10 @@ def test_a_transition_is_as_the_table_says(row: Transition) -> None:
             np.testing.assert_array_equal(value.poses, before.poses)
             assert np.isnan(value.residual).all()
             assert not value.velocities.any()
+        elif (
+            name == "was_new" and isinstance(row.before, Tracked | Lost) and isinstance(row.event, Segmented)
+        ):
+            assert value == row.before.is_new(row.policy.settings)
         elif hasattr(row.before, name):
             assert value is getattr(row.before, name) or value == getattr(row.before, name), name
 
