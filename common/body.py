@@ -11,7 +11,7 @@ import hashlib
 from collections.abc import Collection
 from dataclasses import dataclass, field, fields, replace
 from difflib import get_close_matches
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -206,9 +206,17 @@ def with_shape(
     )
 
 
+@lru_cache(maxsize=16)
+def at_zero_shape(model: BodyModel) -> BodyModel:
+    """A body without shape coefficients, of the shape where all are zero: for names, and as an example."""
+    return with_fixed_shape(model, np.zeros(model.shape_count))
+
+
 def with_fixed_shape(model: BodyModel, shape: Array) -> BodyModel:
-    """A body without shape coefficients, of the shape with these values (S,) of them."""
+    """A body without shape coefficients, of the shape with these values (S,) of them; itself without any."""
     count = model.shape_count
+    if not count:
+        return model
     return replace(
         model,
         dof_names=model.dof_names[count:],

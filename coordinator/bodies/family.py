@@ -26,9 +26,6 @@ SIZES = 64  # bodies that are kept
 BodySize = tuple[float, ...]
 """Measures by which the bodies of a family differ; empty if their shape is known."""
 
-SizeStage = Callable[[BodySize], Sequence[BodySize]]
-"""The sizes that are tried next, after the best one so far."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FittedBody:
@@ -61,10 +58,7 @@ class BodyFamily(ABC):
     """Of the body whose poses are compared with a frame."""
 
     sizes: ClassVar[Sequence[BodySize]] = ((),)
-    """With which a body of unknown size is searched for."""
-
-    size_stages: ClassVar[Sequence[SizeStage]] = ()
-    """How the size of a detected body is found, stage after stage."""
+    """At which a body of unknown size is compared with a frame; its shape is refined from there."""
 
     cell_m: ClassVar[float | None] = None
     """Cells in which a body of the library size is compared with a frame; None: a share of its extent."""
@@ -129,19 +123,18 @@ class BodyFamily(ABC):
         del size
         return 1.0
 
-    def mean_size(self, sizes: Array, weights: Array, best: int) -> BodySize:
-        """The weighted mean of sizes (N, K), of which one is the best."""
-        del best
-        return tuple((weights @ sizes / weights.sum()).tolist())
+    def alternatives(self, size: BodySize) -> Sequence[BodySize]:
+        """Sizes that look alike from afar, of which refinement does not find one from another."""
+        return [size]
 
     def log_pose_prior(self, model: BodyModel, poses: Array) -> Array:
         """Log density (N,) of the angles of poses (N, D), up to a constant; by default all are alike."""
         del model
         return np.zeros(len(poses))
 
-    def log_prior(self, names: tuple[str, ...], sizes: Array, in_view: Mask) -> Array:
-        """Log density (N,) of sizes (N, K), up to a constant, given which joints (N, J) are in view."""
-        del names, sizes
+    def log_shape_prior(self, names: tuple[str, ...], shapes: Array, in_view: Mask) -> Array:
+        """Log density (N,) of shapes (N, S), up to a constant, given which joints (N, J) are in view."""
+        del names, shapes
         return np.zeros(len(in_view))
 
     def size_of(self, coefficients: Array) -> BodySize:
@@ -237,8 +230,17 @@ class Bodies:
 
     @property
     def sizes(self) -> Sequence[BodySize]:
-        """The sizes with which an unknown body is searched for."""
+        """The sizes at which the body is compared with a frame."""
         return self.family.sizes if self.size is None else [self.size]
+
+    @cached_property
+    def searched(self) -> BodyModel:
+        """The body that is searched for: with shape coefficients, if its size is not known."""
+        return self._flexible(self.start_dofs, self.usual_size, {})[0]
+
+    def shape_of(self, size: BodySize) -> Array:
+        """The shape coefficients (S,) of a size."""
+        return np.empty(0) if self.space is None else self.space.coefficients(size)
 
     @property
     def usual_size(self) -> BodySize:
@@ -257,12 +259,15 @@ class Bodies:
 
     def flexible(self, size: BodySize, values: Mapping[str, float]) -> tuple[BodyModel, Array]:
         """As `tracked`, with shape coefficients as further degrees of freedom if the size is not known."""
-        if self.space is None:
-            return self.tracked(size, values)
-        full = self.space.anybody
-        held = name_pose(full, values)
-        held[: full.shape_count] = self.space.coefficients(size)
-        return activate_at(full, (*full.dof_names[: full.shape_count], *self.active), held)
+        return self._flexible(self.active, size, values)
+
+    def _flexible(
+        self, active: tuple[str, ...], size: BodySize, values: Mapping[str, float]
+    ) -> tuple[BodyModel, Array]:
+        full = self.full(*size) if self.space is None else self.space.anybody
+        held, count = name_pose(full, values), full.shape_count
+        held[:count] = self.shape_of(size)
+        return activate_at(full, (*full.dof_names[:count], *active), held)
 
     def _for_start(self, *size: float) -> BodyModel:
         """The body with the degrees of freedom for detection."""

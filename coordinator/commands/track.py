@@ -213,7 +213,7 @@ def publish(tracked: TrackedFrame, outlets: Sequence[LiveResults]) -> None:
     for person, outlet in zip(tracked.people, outlets, strict=False):
         start = person.state.start
         if len(tracked.people) == 1 or start.found:
-            outlet.put(person.estimate, person.state.body, start.held)
+            outlet.put(person.estimate, start.model, start.held, person.state.shape)
 
 
 @contextmanager

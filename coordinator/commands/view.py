@@ -12,7 +12,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from gepf.common.body import BodyModel
+from gepf.common.body import BodyModel, with_fixed_shape
 from gepf.common.errors import BusError, GepfError, InputError, ProtocolError
 from gepf.common.frame import View
 from gepf.common.protocol.frames import decode_live, number_of
@@ -252,5 +252,8 @@ class LiveView:
                 self._scene.report_malformed(result.body, error)
                 return None
         body = self._bodies[result.body]
+        if len(result.shape) != body.shape_count:
+            return None
+        body = with_fixed_shape(body, result.shape)
         names = body.dof_names, body.joint_names
         return body if names == (result.track.dof_names, result.track.joint_names) else None

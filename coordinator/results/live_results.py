@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 
 from gepf.common.arrays import Array
-from gepf.common.body import BodyModel
+from gepf.common.body import BodyModel, at_zero_shape
 from gepf.common.errors import ProtocolError
 from gepf.common.protocol.keys import RUN, of_run
 from gepf.common.protocol.wire import LIVE
@@ -26,6 +26,7 @@ from gepf.coordinator.results.track import Track
 from gepf.coordinator.tracking.estimate import Estimate, Status
 
 KIND, END = "estimate", "estimates-end"
+NO_SHAPE = np.empty(0)
 
 BodyKey = Annotated[str, msgspec.Meta(pattern=rf"^gepf/run/{RUN.pattern}/model/[0-9a-f]{{64}}\Z")]
 Values = dict[str, float | None]  # by name; None if unknown
@@ -57,6 +58,7 @@ class ResultMessage(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind",
     joint_seen: Values
     hypotheses: HypothesesMessage
     body: BodyKey | None = None  # at which the tracked body can be fetched
+    shape: list[float] = []  # the values of its shape coefficients
 
 
 class EndMessage(msgspec.Struct, frozen=True, tag_field="kind", tag=END):
@@ -74,7 +76,7 @@ class Outlet(Protocol):
         ...
 
     def put(self, message: ResultMessage, model: BodyModel) -> None:
-        """Publish a result of this body."""
+        """Publish a result of this body, whose shape coefficients are in the message."""
         ...
 
     def end(self) -> None:
@@ -120,20 +122,23 @@ class LiveResults:
         self.end = outlet.end
         self._last: Array | None = None
 
-    def put(self, estimate: Estimate, model: BodyModel, held: Mapping[str, float]) -> None:
-        """Publish the estimate of a frame."""
+    def put(
+        self, estimate: Estimate, model: BodyModel, held: Mapping[str, float], shape: Array = NO_SHAPE
+    ) -> None:
+        """Publish the estimate of a frame, of a body with these values (S,) of its shape coefficients."""
         if not self._outlet.has_subscriber:
             return
         estimated_at = time.time()
-        angles = angles_of(model, held)
-        track = assemble(model, [estimate], held=held)
+        named = at_zero_shape(model)
+        angles = angles_of(named, held)
+        track = assemble(named, [estimate], held=held)
         message = ResultMessage(
             frame=estimate.frame,
             time_s=estimate.time_s,
             estimated_at=estimated_at,
             status=estimate.status,
             residual=estimate.residual if np.isfinite(estimate.residual) else None,
-            pose=by_name(model.dof_names, estimate.pose),
+            pose=by_name(named.dof_names, estimate.pose),
             angles=by_name(angles.names, self._follow(angles, track)),
             angle_deviation=by_name(angles.names, track.angle_deviation[0]),
             joints=by_name(model.joint_names, estimate.joint_positions),
@@ -145,6 +150,7 @@ class LiveResults:
                 estimate.hypothesis_weight.tolist(), estimate.hypothesis_pose.tolist()
             ),
             body=None if self._run is None else of_run(self._run, f"model/{model.hash}"),
+            shape=shape.tolist(),
         )
         self._outlet.put(message, model)
 
@@ -169,10 +175,11 @@ def by_name(names: tuple[str, ...], values: Array) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Result:
-    """A received result: a track of one frame, and the key of its body; None without one."""
+    """A received result: a track of one frame, the key of its body, None without one, and its shape (S,)."""
 
     track: Track
     body: str | None
+    shape: Array
 
 
 def read_result(payload: bytes) -> Result | None:
@@ -184,7 +191,7 @@ def read_result(payload: bytes) -> Result | None:
             raise ProtocolError(f"the result is of version {message.version}, expected {LIVE}")
         if isinstance(message, EndMessage):
             return None
-        return Result(as_track(message), message.body)
+        return Result(as_track(message), message.body, np.array(message.shape))
     except (msgspec.MsgspecError, ValueError, RecursionError) as error:
         raise ProtocolError(f"not a result: {error}") from error
 

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gepf.common.arrays import Array
-from gepf.common.body import REST_FROM_URDF, TRANSLATION, BodyModel
+from gepf.common.body import REST_FROM_URDF, TRANSLATION, BodyModel, with_fixed_shape
 from gepf.common.kinematics import link_transforms, pose_vertices
 from gepf.coordinator.bodies.tracked import coarsen
 from gepf.coordinator.results.live_results import ResultMessage
@@ -75,7 +75,8 @@ class RosOutlet:
         if message.status in POSE_UNKNOWN:
             self._clear(header)
             return
-        pose = np.array([[*message.pose.values()]], dtype=np.float64)
+        pose, shape = np.array([[*message.pose.values()]], dtype=np.float64), np.array(message.shape)
+        coarse, model = coarsen(model, DRAWN.surface_m), with_fixed_shape(model, shape)
         if self._joints.has_subscriber:
             slides = {name: message.pose[name] for name in model.joints_of(TRANSLATION)}  # metres
             values = {name: value for name, value in (slides | message.angles).items() if value is not None}
@@ -100,7 +101,7 @@ class RosOutlet:
             doubts = [place for name, place in message.joints.items() if place and is_doubtful(message, name)]
             body = self._marker(header, BODY, self._marked.ADD, [PLACEHOLDER])
             action = self._marked.ADD if doubts else self._marked.DELETE
-            spheres, coarse = self._marker(header, DOUBTS, action, doubts), coarsen(model, DRAWN.surface_m)
+            spheres, coarse = self._marker(header, DOUBTS, action, doubts), with_fixed_shape(coarse, shape)
             corners = pose_vertices(coarse, pose)[0][coarse.triangles.ravel()]
             self._markers.put(
                 self._make(MARKERS, [body, spheres]), lambda payload: with_points(payload, corners)

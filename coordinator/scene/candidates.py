@@ -242,10 +242,11 @@ def touches(view: SceneView, mask: Mask, around: Mask, part: Part) -> bool:
 
 def has_moved(view: SceneView, person: Candidate) -> bool:
     """Whether a part of a candidate has moved lately; its outline, where depth flickers, does not count."""
-    if view.permanence is None:
+    permanence = view.permanence((0, 0, view.depth.shape[1], view.depth.shape[0]))
+    if permanence is None:
         return False
     limits = view.settings.candidates
-    moved = binary_erosion(person.widest & (view.permanence < limits.moved_permanence), np.ones((3, 3)))
+    moved = binary_erosion(person.widest & (permanence < limits.moved_permanence), np.ones((3, 3)))
     return area_of(view, points_of(view.depth, view.camera, moved)) >= limits.min_moved_m2
 
 

@@ -20,6 +20,7 @@ from gepf.coordinator.scene.noise import DepthNoise, margin_at
 
 Depth = NDArray[np.float32]
 Shares = NDArray[np.uint16]  # from 0 to ALWAYS
+Window = tuple[int, int, int, int]  # left, top, right, bottom in pixels, half-open
 
 ALWAYS = 65_535
 FORGOTTEN = ALWAYS // 100  # below this share, a surface that is not visible is no part of the scene any more
@@ -89,17 +90,19 @@ def accumulate(depth: Depth, noise: DepthNoise, occupancy: Occupancy, weight: fl
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def permanence_of(depth: Depth, noise: DepthNoise, occupancy: Occupancy) -> Depth:
-    """The permanence (H, W) of what a depth image (H, W) shows, from 0 to 1; 0 without depth."""
-    permanence = np.zeros(depth.shape, np.float32)
-    for v in range(depth.shape[0]):
-        for u in range(depth.shape[1]):
+def permanence_of(depth: Depth, noise: DepthNoise, occupancy: Occupancy, window: Window) -> Depth:
+    """The permanence (h, w) of what a window of a depth image (H, W) shows, from 0 to 1; 0 without depth."""
+    left, top, right, bottom = window
+    permanence = np.zeros((bottom - top, right - left), np.float32)
+    for v in range(top, bottom):
+        for u in range(left, right):
             z = depth[v, u]
             if z > 0.0:
                 share = occupancy.shown[v, u] / ALWAYS
                 margin = margin_at(z, noise)
                 if z > occupancy.farthest[v, u] + margin:
-                    permanence[v, u] = 0.0  # it was never visible before
-                else:
-                    permanence[v, u] = share if z > occupancy.farthest[v, u] - margin else 1.0 - share
+                    share = 0.0  # it was never visible before
+                elif z <= occupancy.farthest[v, u] - margin:
+                    share = 1.0 - share
+                permanence[v - top, u - left] = share
     return permanence

@@ -17,7 +17,7 @@ from gepf.common.camera import NOT_MOVED, Intrinsics, Pinhole
 from gepf.common.compiling import numba
 from gepf.common.frame import View
 from gepf.coordinator.scene.noise import DepthNoise, fit_growth, margin_at, noise_of
-from gepf.coordinator.scene.occupancy import Occupancy, OccupancyChange, accumulate, permanence_of
+from gepf.coordinator.scene.occupancy import Occupancy, OccupancyChange, Window, accumulate, permanence_of
 from gepf.coordinator.scene.planes import SIDES, Planes, extents, find_planes, refit, sample_rays, to_points
 from gepf.coordinator.settings import SceneSettings
 
@@ -41,7 +41,7 @@ class SceneView:
     out_of_scope: (H, W) pixels that the user excluded; they are unknown.
     steps: time since the last frame with depth, in steps; SETTLED_STEPS of them make `settled_s`.
     is_first: whether no earlier frame had depth.
-    permanence: (H, W) from 0 to 1, see `gepf.coordinator.scene.occupancy`; None if the frame shows no room.
+    occupancy: what pixels have shown, until the next frame; None if the frame shows no room.
     """
 
     number: int
@@ -56,7 +56,16 @@ class SceneView:
     out_of_scope: Mask | None = None
     steps: int = 1
     is_first: bool = False
-    permanence: Depth | None = None
+    occupancy: Occupancy | None = None
+
+    def permanence(self, window: Window) -> Depth | None:
+        """How permanent, from 0 to 1, what a window (h, w) shows is; None if the frame shows no room.
+
+        It must be asked for before the next frame.
+        """
+        if self.occupancy is None:
+            return None
+        return permanence_of(self.depth, self.noise, self.occupancy, window)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -166,7 +175,8 @@ class Scene:
             self._look(depth, image.intrinsics, steps)
         camera, planes, limits = image.intrinsics, self._planes, self._settings.noise
         noise = noise_of(self._growth or limits.usual_growth_m, limits)
-        permanence = self._accumulate(depth, noise, steps) if self._shows_room else None
+        if self._shows_room:
+            self._accumulate(depth, noise, steps)
         return SceneView(
             number=image.number,
             depth=depth,
@@ -180,7 +190,7 @@ class Scene:
             out_of_scope=out_of_scope,
             steps=steps,
             is_first=self._frames_with_depth <= 1,
-            permanence=permanence,
+            occupancy=self._occupancy if self._shows_room else None,
         )
 
     def learn(self, view: SceneView, people: Mask | None = None, learned: Learned = NOTHING) -> SceneChange:
@@ -268,8 +278,8 @@ class Scene:
                 self._planes, self._shows_room = find_planes(rays, self._possible_ups, limits), True
         self._frames_with_depth += 1
 
-    def _accumulate(self, depth: Depth, noise: DepthNoise, steps: int) -> Depth:
-        """The permanence (H, W) of what a depth image (H, W) shows; it is added to the occupancy if due."""
+    def _accumulate(self, depth: Depth, noise: DepthNoise, steps: int) -> None:
+        """Add a depth image (H, W) to the occupancy, if it is due."""
         settings, now, self._occupied = self._settings, self._step_count, NO_PIXELS
         interval, memory = (
             max(1, round(SETTLED_STEPS * time_s / settings.settled_s))
@@ -279,7 +289,6 @@ class Scene:
             is_first = not self._occupancy.farthest.any()
             weight = 1.0 if is_first else min(1.0, max(steps, interval) / min(now + 1, memory))
             self._occupied = accumulate(depth, noise, self._occupancy, weight)
-        return permanence_of(depth, noise, self._occupancy)
 
     def _change(self, pixels: NDArray[np.uint32], occupied: NDArray[np.uint32]) -> SceneChange:
         """The change of the background and of the occupancy at these pixels (N,), flat indices."""

@@ -18,10 +18,10 @@ from gepf.common.camera import Pinhole, points_of, project
 from gepf.common.compiling import numba
 from gepf.common.frame import EMPTY, HIDDEN, SUBJECT, UNKNOWN, UNMEASURED
 from gepf.coordinator.scene.noise import DepthNoise, margin_at
+from gepf.coordinator.scene.occupancy import Window
 from gepf.coordinator.scene.scene import FOREGROUND, NOT_MEASURED, ON_PLANE, Depth, SceneView
 
 Labels = NDArray[np.uint8]
-Window = tuple[int, int, int, int]  # left, top, right, bottom in pixels, half-open
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,9 +1,8 @@
 """Detects a body in a frame, in any pose and orientation.
 
-Poses of a library that resemble the observed points are refined in stages: all of them for a few iterations,
-the best distinct ones until they converge, the best one with bodies of several sizes, as its family says, and
-the remaining ones as the tracked body. The first two stages use few points and a coarse surface. The others
-use all points and the whole surface, because a coarse surface does not show a person's girth.
+Poses of a library that resemble the observed points are refined in stages, together with their shape: all of
+them for a few iterations, the best distinct ones until they converge, then with all points and the whole
+surface, because a coarse surface does not show a person's girth, and at last as the tracked body.
 
 `CandidateStages` implements the stages.
 """
@@ -18,7 +17,7 @@ import msgspec
 import numpy as np
 
 from gepf.common.arrays import Array
-from gepf.common.body import ROOT_DOFS, BodyModel
+from gepf.common.body import ROOT_DOFS, BodyModel, with_fixed_shape
 from gepf.common.frame import SubjectFrame, SubjectView
 from gepf.common.refinement import Particles
 from gepf.common.settings import RefineSettings
@@ -29,27 +28,13 @@ from gepf.coordinator.filters.priors import pose_prior
 from gepf.coordinator.scene.noise import SensorNoise, assume_noise
 from gepf.coordinator.scene.planes import Planes
 from gepf.coordinator.settings import Settings, preset
-from gepf.coordinator.tracking.candidate_refinement import (
-    CandidateStages,
-    Group,
-    Query,
-    Search,
-    Shape,
-    group_for_first_size,
-)
+from gepf.coordinator.tracking.candidate_refinement import CandidateStages, Query, Search, Shape
 from gepf.coordinator.tracking.field_of_view import in_view
 from gepf.coordinator.tracking.gating import gate_pose
 from gepf.coordinator.tracking.observation import camera_points, middle_of, observed_points, without_flat
-from gepf.coordinator.tracking.pose_candidates import (
-    Detection,
-    PoseCandidates,
-    candidates_of,
-    depth_likelihood,
-    log_pose_prior,
-    ordered,
-)
+from gepf.coordinator.tracking.pose_candidates import Detection, PoseCandidates, candidates_of, ordered
 from gepf.coordinator.tracking.pose_library import PoseLibrary, displaced, library_of, upright_rolls
-from gepf.coordinator.tracking.refiner import Refiner, iterations, with_closest_points
+from gepf.coordinator.tracking.refiner import Refiner, iterations
 from gepf.coordinator.tracking.state import Start, start_at
 
 
@@ -80,9 +65,8 @@ class Detector:
         return CandidateStages(self._bodies, self._refiner, self._library.cell_m, self._settings)
 
     def prepare(self) -> None:
-        """Build the pose library and the bodies of candidates."""
-        for size in self._bodies.sizes:
-            self._stages.coarse(size)
+        """Build the pose library and the body of candidates."""
+        _ = self._stages.coarse
 
     def detect(
         self,
@@ -100,13 +84,14 @@ class Detector:
         """
         limits = self._settings.search
         rolls = upright_rolls(planes, self._rolls, limits.min_upright_share)
-        settings, sizes = assume_noise(self._refine, noise), self._bodies.sizes
-        query = Query(subject, settings, self._family, sizes, limits, self._upright(rolls))
+        settings = assume_noise(self._refine, noise)
+        shapes = np.array([self._bodies.shape_of(size) for size in self._bodies.sizes])
+        query = Query(subject, settings, self._family, shapes, limits, self._upright(rolls))
         best = yield from self._stages.shortlist(query, self._match(query, rolls))
         best_query = query
         for wider in alternatives:
             more = replace(query, subject=wider)
-            groups = best.group, self._similar(more, rolls[0], limits.further_candidates)
+            groups = best.poses, self._similar(more, rolls[0], limits.further_candidates)
             refined = yield from self._stages.shortlist(more, groups)
             if self._gain(more, refined) > self._gain(best_query, best):
                 best_query, best = more, refined
@@ -125,16 +110,18 @@ class Detector:
     ) -> Search[Detection]:
         """Detect an unknown body that explains all points of a frame, from its shortlist."""
         subject, settings = query.subject, query.settings
-        size, poses = yield from self._stages.fit_size(query, best)
-        if len(subject.views) > 1 and len(query.sizes) > 1:  # few of the candidates had this size
-            query = replace(query, sizes=[size])
+        fit = yield from self._stages.fit_shape(query, best)
+        model = self._bodies.searched
+        shape = fit.poses[0, : model.shape_count]
+        if len(subject.views) > 1 and len(query.shapes) > 1:  # few of the candidates had this shape
+            query = replace(query, shapes=shape[None])
             rolls = upright_rolls(planes, self._rolls, self._settings.search.min_upright_share)
-            matched = self._match(query, rolls, poses[0])
-            poses = (yield from self._stages.shortlist(query, matched)).poses
-        model = self._bodies.for_start(*size)
-        values = pose_by_name(model, poses[0])
+            matched = self._match(query, rolls, fit.poses[0])
+            fit = yield from self._stages.shortlist(query, matched)
+        values = dict(list(pose_by_name(model, fit.poses[0]).items())[model.shape_count :])
+        size = self._family.size_of(shape) if len(shape) else self._bodies.usual_size
         start = start_at(values, self._bodies, size, noise, flexible=self._flexible)
-        candidates, gate = yield from self._stages.as_tracked(subject, start, poses, settings)
+        candidates, gate = yield from self._stages.as_tracked(subject, start, fit.poses, settings)
         if candidates.is_visible:
             gate = gate.against(self._family.implausible(fitted(query, start, candidates, planes)))
         return Detection(subject, start, candidates, gate)
@@ -164,12 +151,19 @@ class Detector:
             self._refine, noise_depth=settings.noise_depth, noise_lateral=settings.noise_lateral
         )
         shape = Shape(last_pose[: start.model.shape_count], precision)
-        size = start.size_of(shape.coefficients)
         values = {**start.values, **pose_by_name(start.model, last_pose)}
-        model = self._bodies.for_start(*size)
+        model = self._bodies.searched
         present = np.array([values.get(name, 0.0) for name in model.dof_names])
+        if model.shape_count and not len(shape.coefficients):  # a size that is not estimated
+            present[: model.shape_count] = self._bodies.shape_of(start.size)
         query = Query(
-            subject, search_settings, self._family, [size], self._settings.search, self._upright(rolls)
+            subject,
+            search_settings,
+            self._family,
+            present[None, : model.shape_count],
+            self._settings.search,
+            self._upright(rolls),
+            precision if len(precision) else None,
         )
         matched = self._match(query, rolls, present)
         proposed = yield from self._stages.on_few_points(query, matched, self._stages.rough)
@@ -179,9 +173,9 @@ class Detector:
             for limb in limbs:
                 mixed.append(np.tile(present, (len(proposed.poses), 1)))
                 mixed[-1][:, limb.dofs] = proposed.poses[:, limb.dofs]
-            group = group_for_first_size(np.concatenate(mixed))
-            proposed = yield from self._stages.on_few_points(query, [group], self._stages.rough)
-        best = yield from self._stages.on_few_points(query, [proposed.group], self._stages.fine)
+            groups = [np.concatenate(mixed)]
+            proposed = yield from self._stages.on_few_points(query, groups, self._stages.rough)
+        best = yield from self._stages.on_few_points(query, [proposed.poses], self._stages.fine)
         candidates, gate = yield from self._stages.as_tracked(subject, start, best.poses, settings, shape)
         return Detection(subject, start, candidates, gate)
 
@@ -199,17 +193,15 @@ class Detector:
         prior = pose_prior(model, settings, poses[:, : model.shape_count])
         particles = Particles(poses, iterations(settings, search.iterations), prior=prior)
         pending = self._refiner.submit(current, model, particles)
-        candidates = ordered([candidates_of(model, pending.result(), 0, settings)])
+        candidates = ordered([candidates_of(model, pending.result(), current, settings)])
         if not candidates.is_visible:
             return detection
-        by_depth = depth_likelihood(
-            candidates.log_likelihood[0], model, candidates.poses[0], current, settings
-        )
+        by_depth = candidates.by_depth(model, current)[0]
         gate = gate_pose(by_depth, candidates.residual[0], settings, self._settings.gating)
         return replace(detection, subject=current, candidates=candidates, gate=gate)
 
-    def _match(self, query: Query, rolls: Sequence[float], last_pose: Array | None = None) -> Iterator[Group]:
-        """Candidates (N, D) and their sizes (N,): those of the first orientation, then all others.
+    def _match(self, query: Query, rolls: Sequence[float], last_pose: Array | None = None) -> Iterator[Array]:
+        """Candidates (N, D): those of the first orientation, then all others.
 
         They are poses of the library that are similar to the observed points, and the last pose `last_pose`
         (D,), moved and rotated.
@@ -218,38 +210,38 @@ class Detector:
         yield self._similar(query, rolls[0], search.candidates)
         further = [self._similar(query, roll, search.further_candidates) for roll in rolls[1:]]
         if last_pose is not None:
-            model, T_rig_camera = (
-                self._bodies.for_start(*query.sizes[0]),
-                query.subject.largest.image.T_rig_camera,
-            )
+            model, shape = self._bodies.searched, query.shapes[0]
+            body = with_fixed_shape(model, shape) if len(shape) else model
+            T_rig_camera = query.subject.largest.image.T_rig_camera
             points = camera_points(query.subject.largest)
             cell_m, truncating_view = self._library.cell_m, self._truncating_view(query.subject)
-            further.append(
-                group_for_first_size(
-                    displaced(model, last_pose, points, cell_m, search, T_rig_camera, truncating_view)
-                )
+            poses = displaced(
+                body, last_pose[len(shape) :], points, cell_m, search, T_rig_camera, truncating_view
             )
+            further.append(np.column_stack([np.tile(shape, (len(poses), 1)), poses]))
         if further:
-            poses, size_indices = map(np.concatenate, zip(*further, strict=True))
-            yield poses, size_indices
+            yield np.concatenate(further)
 
-    def _similar(self, query: Query, roll: float, count: int) -> Group:
-        """Poses (N, D) of the library that are similar to the observed points, and their sizes (N,)."""
+    def _similar(self, query: Query, roll: float, count: int) -> Array:
+        """Poses (N, D) of the library that are similar to the observed points."""
         usual = self._family.length(self._bodies.library_size)
-        scales = [self._family.length(size) / usual for size in query.sizes]
+        scales = [self._length(shape) / usual for shape in query.shapes]
         stride = 2 if query.truncated.any() else 1  # all sizes of a part are tried later
         points, T_rig_camera = camera_points(query.subject.largest), query.subject.largest.image.T_rig_camera
         view = self._truncating_view(query.subject)
-        poses, size_indices = self._library.match(points, scales[::stride], roll, count, T_rig_camera, view)
-        return poses, size_indices * stride
+        poses, scale_of = self._library.match(points, scales[::stride], roll, count, T_rig_camera, view)
+        return np.column_stack([query.shapes[::stride][scale_of], poses])
+
+    def _length(self, shape: Array) -> float:
+        """A length that is proportional to the body of a shape (S,)."""
+        return self._family.length(self._family.size_of(shape) if len(shape) else self._bodies.usual_size)
 
     def _gain(self, query: Query, candidates: PoseCandidates) -> float:
         """Log-likelihood of a subject's pixels with the best candidate, minus that at the gate's limit."""
         allowed_m = self._settings.gating.max_residual_m + query.settings.noise_depth
         log_likelihood_at_gate = -0.5 * (allowed_m / query.settings.likelihood_scale) ** 2
-        model, best = self._stages.coarse(query.sizes[candidates.sizes[0]]), candidates.poses[:1]
-        prior = log_pose_prior(model, with_closest_points(query.settings), best)[0]
-        return query.subject.pixels * float(candidates.log_likelihood[0] - prior - log_likelihood_at_gate)
+        log_likelihood = float(candidates.log_likelihood[0] - candidates.log_prior[0])
+        return query.subject.pixels * (log_likelihood - log_likelihood_at_gate)
 
     def _upright(self, rolls: Sequence[float]) -> float | None:
         """The first orientation, for a body with an axis."""

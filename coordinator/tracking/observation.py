@@ -14,7 +14,8 @@ from gepf.common.frame import SUBJECT, UNKNOWN, Frame, SubjectFrame, SubjectView
 from gepf.coordinator.filters.belief import USUAL_INTERVAL, Observation
 from gepf.coordinator.scene.flatness import find_flat
 from gepf.coordinator.scene.noise import fit_noise
-from gepf.coordinator.scene.segmentation import Labels, Window, slices
+from gepf.coordinator.scene.occupancy import Window
+from gepf.coordinator.scene.segmentation import Labels, slices
 from gepf.coordinator.settings import SceneSettings
 
 POINTS = 300  # observed points that are enough for the filter, and for a median

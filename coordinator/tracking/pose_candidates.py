@@ -1,9 +1,9 @@
-"""Candidates of a detection: refined poses of bodies of several sizes, their differences, front and back."""
+"""Candidates of a detection: refined poses and shapes, their differences, front and back."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -23,11 +23,11 @@ from gepf.coordinator.tracking.state import Start
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseCandidates:
-    """Refined candidates (N) with bodies of several sizes, the most likely first; at least one."""
+    """Refined candidates (N), the most likely first; at least one."""
 
-    poses: Array  # (N, D)
-    sizes: Indices  # (N,) indices into a list of sizes
-    log_likelihood: Array  # (N,)
+    poses: Array  # (N, D), with shape coefficients if the shape of the body is not known
+    log_likelihood: Array  # (N,) with `log_prior`
+    log_prior: Array  # (N,) of pose and shape, by the family of bodies
     residual: Array  # (N,) metres
     joints: Array  # (N, J, 3) camera frame, metres
 
@@ -36,19 +36,14 @@ class PoseCandidates:
         """Whether the frame shows any of them."""
         return bool(np.isfinite(self.log_likelihood[0]))
 
-    @property
-    def group(self) -> tuple[Array, Indices]:
-        """The poses, and the indices of their sizes, to be refined again."""
-        return self.poses, self.sizes
-
     def take(self, indices: Indices) -> PoseCandidates:
         """The candidates with these indices, in this order."""
         return PoseCandidates(*(getattr(self, column.name)[indices] for column in fields(self)))
 
-    def likelier_by(self, log_prior: Array) -> PoseCandidates:
-        """The candidates with these log priors (N,) added, the most likely first."""
-        likely = replace(self, log_likelihood=self.log_likelihood + log_prior)
-        return likely.take(np.argsort(-likely.log_likelihood, kind="stable"))
+    def by_depth(self, model: BodyModel, subject: SubjectFrame) -> Array:
+        """The log likelihood (N,) by depth alone, without keypoints and the priors of the family."""
+        costs = [keypoint_cost(ExpectedBody(model, pose), subject) for pose in self.poses]
+        return np.asarray(self.log_likelihood - self.log_prior + costs)
 
     def distinct(
         self, model: BodyModel, count: int, distinct_m: float, seen: Mask | None = None
@@ -84,22 +79,17 @@ class Detection:
         start = self.start
         return start.family.faces_away(start.model.joint_names, self.candidates.joints, joints)
 
-    def looks_alike(
-        self, joints: Array, log_likelihood: float, alike_nats: float, settings: RefineSettings
-    ) -> bool:
+    def looks_alike(self, joints: Array, log_likelihood: float, alike_nats: float) -> bool:
         """Whether a candidate that faces opposite to joints (J, 3) explains the depth about equally well.
 
         `log_likelihood` is that of the pose with these joints, also by depth alone.
         """
-        return bool(np.any(self.by_depth(settings)[self.faces_away(joints)] > log_likelihood - alike_nats))
+        return bool(np.any(self.by_depth[self.faces_away(joints)] > log_likelihood - alike_nats))
 
-    def by_depth(self, settings: RefineSettings) -> Array:
+    @property
+    def by_depth(self) -> Array:
         """The log likelihood (N,) of the candidates by depth alone."""
-        pairs = zip(self.candidates.log_likelihood, self.candidates.poses, strict=True)
-        model = self.start.model
-        return np.array(
-            [depth_likelihood(likely, model, pose, self.subject, settings) for likely, pose in pairs]
-        )
+        return self.candidates.by_depth(self.start.model, self.subject)
 
 
 def log_pose_prior(model: BodyModel, settings: RefineSettings, poses: Array) -> Array:
@@ -115,18 +105,29 @@ def log_pose_prior(model: BodyModel, settings: RefineSettings, poses: Array) -> 
 def depth_likelihood(
     log_posterior: float, model: BodyModel, pose: Array, subject: SubjectFrame, settings: RefineSettings
 ) -> float:
-    """The log likelihood of a pose (D,) by depth alone, without keypoints and the prior of the family."""
+    """The log likelihood of a tracked pose (D,) by depth alone, without keypoints and the family's prior."""
     prior = log_pose_prior(model, settings, pose[None])[0]
     return float(log_posterior - prior) + keypoint_cost(ExpectedBody(model, pose), subject)
 
 
-def candidates_of(model: BodyModel, refined: Refined, size: int, settings: RefineSettings) -> PoseCandidates:
-    """Refined poses of one body of this size as candidates, in their order, with the prior of the family."""
+def candidates_of(
+    model: BodyModel,
+    refined: Refined,
+    subject: SubjectFrame,
+    settings: RefineSettings,
+    *,
+    knows_shape: bool = True,
+) -> PoseCandidates:
+    """Poses of a body that were refined in a frame as candidates, in their order, with the family's priors.
+
+    The prior of shapes only counts until the shape is known.
+    """
     after = natural_angles(model, refined.poses)
-    sizes = np.full(len(after), size, dtype=np.int64)
-    joints = joint_positions(model, after)
-    likely = refined.log_likelihood + log_pose_prior(model, settings, after)
-    return PoseCandidates(after, sizes, likely, refined.residual, joints)
+    joints, prior = joint_positions(model, after), log_pose_prior(model, settings, after)
+    if model.shape_count and not knows_shape:
+        seen = in_view(subject, joints)
+        prior += family_of(model).log_shape_prior(model.joint_names, after[:, : model.shape_count], seen)
+    return PoseCandidates(after, refined.log_likelihood + prior, prior, refined.residual, joints)
 
 
 def ordered(parts: Sequence[PoseCandidates]) -> PoseCandidates:

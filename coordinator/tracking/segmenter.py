@@ -24,7 +24,6 @@ from gepf.coordinator.scene.segmentation import (
     nearest_of,
     segment_body,
     segment_masks,
-    slices,
 )
 from gepf.coordinator.settings import SceneSettings
 from gepf.coordinator.tracking.observation import MaskedView, depth_in, depth_of, outline, subject_of
@@ -341,8 +340,7 @@ def mark_and_remember(
 def masked_view(image: View, view: SceneView, segmentation: Segmentation) -> MaskedView:
     """What an image shows of a subject; the longer a surface has been there, the less its points weigh."""
     weights = None
-    if view.permanence is not None:
-        permanence = view.permanence[slices(segmentation.window)]
+    if (permanence := view.permanence(segmentation.window)) is not None:
         weights = np.maximum(1.0 - permanence, view.settings.segmentation.permanent_weight)
     return MaskedView(image, segmentation.window, segmentation.labels, weights)
 

@@ -53,7 +53,7 @@ class Start:
 
     def body_of(self, shape: Array) -> BodyModel:
         """The body of the shape with these coefficients (S,), without degrees of freedom of shape."""
-        return with_fixed_shape(self.model, shape) if self.model.shape_count else self.model
+        return with_fixed_shape(self.model, shape)
 
     def size_of(self, shape: Array) -> BodySize:
         """The size of the body with these shape coefficients (S,); that of the start without any."""

@@ -415,19 +415,17 @@ class TargetTracker:
         joints = joint_positions(self.model, belief.poses[:1])[0]
         before, after = belief.log_weights[0], detection.candidates.log_likelihood[0]
         if detection.faces_away(joints)[0] and self._knows_facing:  # a frame's keypoints may be swapped
-            before, after = by_depth, detection.by_depth(refine)[0]
+            before, after = by_depth, detection.by_depth[0]
         if not after > before + settings.search.surer_nats:
             return Choice(
-                belief,
-                gate,
-                looks_alike=detection.looks_alike(joints, by_depth, settings.search.alike_nats, refine),
+                belief, gate, looks_alike=detection.looks_alike(joints, by_depth, settings.search.alike_nats)
             )
         redetected = self.track.is_lost or detection.is_elsewhere(joints, settings.certainty.wrong_m)
         chosen = replace(
             self._filter.belief_from(self.model, detection.candidates), shape_precision=belief.shape_precision
         )
-        joints, by_depth = joint_positions(self.model, chosen.poses[:1])[0], detection.by_depth(refine)[0]
-        looks_alike = detection.looks_alike(joints, by_depth, settings.search.alike_nats, refine)
+        joints, by_depth = joint_positions(self.model, chosen.poses[:1])[0], detection.by_depth[0]
+        looks_alike = detection.looks_alike(joints, by_depth, settings.search.alike_nats)
         return Choice(chosen, detection.gate, redetected, looks_alike)
 
     def _assess(self, belief: Belief, submitted: Submitted, faulty: tuple[str, ...]) -> Refined:

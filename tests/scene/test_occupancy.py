@@ -17,6 +17,7 @@ from tests.support.rooms import CABINET, PERSON, Room
 
 WALL, NEAR = 3.0, 2.0  # metres
 NOISE = noise_of(0.001, NoiseSettings())
+PIXEL = (0, 0, 1, 1)  # the window of an image of one pixel
 
 
 def watch(depths: list[float]) -> float:
@@ -25,7 +26,7 @@ def watch(depths: list[float]) -> float:
     for n, depth in enumerate(depths):
         image = np.full((1, 1), depth, np.float32)
         accumulate(image, NOISE, occupancy, 1.0 / (n + 1))
-    return float(permanence_of(image, NOISE, occupancy)[0, 0])
+    return float(permanence_of(image, NOISE, occupancy, PIXEL)[0, 0])
 
 
 @given(st.lists(st.booleans(), min_size=1, max_size=60))
@@ -57,8 +58,8 @@ def test_a_single_wrong_depth_is_forgotten() -> None:
     occupancy = Occupancy.unknown((1, 1))
     for depth in (WALL, WALL + 0.5, *[WALL] * 300):
         accumulate(np.full((1, 1), depth, np.float32), NOISE, occupancy, 0.03)
-    assert permanence_of(np.full((1, 1), WALL, np.float32), NOISE, occupancy)[0, 0] > 0.99
-    assert permanence_of(np.full((1, 1), NEAR, np.float32), NOISE, occupancy)[0, 0] < 0.01
+    assert permanence_of(np.full((1, 1), WALL, np.float32), NOISE, occupancy, PIXEL)[0, 0] > 0.99
+    assert permanence_of(np.full((1, 1), NEAR, np.float32), NOISE, occupancy, PIXEL)[0, 0] < 0.01
 
 
 def test_the_change_of_an_image_leads_to_the_same_occupancy() -> None:
@@ -86,7 +87,7 @@ def test_who_walks_is_told_from_furniture() -> None:
         image, mask = room.see(person, number)
         view = scene.see(image)
         scene.learn(view)
-    permanence = view.permanence
+    permanence = view.permanence((0, 0, mask.shape[1], mask.shape[0]))
     assert permanence is not None
     cabinet: Mask = room.see(None).view.metres() < Room().see(None).view.metres() - 0.2
     assert np.median(permanence[mask]) < 0.5

@@ -146,7 +146,9 @@ def empty(number: int) -> Frame:
 
 def people_of(size: Size | None) -> Bodies:
     """People of this size, or of any, with the paper's degrees of freedom."""
-    return Bodies(PEOPLE, shape_space().person, DEFAULT_ACTIVE, DEFAULT_ACTIVE, HUMAN_DOFS, size=size)
+    space = shape_space()
+    freedom = {"space": space} if size is None else {"size": size}
+    return Bodies(PEOPLE, space.person, DEFAULT_ACTIVE, DEFAULT_ACTIVE, HUMAN_DOFS, **freedom)
 
 
 @cache

@@ -184,8 +184,8 @@ def test_what_may_be_the_persons_is_used_if_a_body_explains_it(extra: str) -> No
 def candidates(log_likelihood: list[float], *turns: float, model: BodyModel = MODEL) -> PoseCandidates:
     """Candidates whose root is turned so, with these log likelihoods."""
     poses = np.array([name_pose(model, {**STANDING, "root_ry": turn}) for turn in turns])
-    sizes, residual = np.zeros(len(turns), dtype=np.int64), np.zeros(len(turns))
-    return PoseCandidates(poses, sizes, np.array(log_likelihood), residual, joint_positions(model, poses))
+    prior, residual = np.zeros((2, len(turns)))
+    return PoseCandidates(poses, np.array(log_likelihood), prior, residual, joint_positions(model, poses))
 
 
 def test_only_candidates_that_differ_go_on_and_one_that_faces_the_other_way() -> None:
@@ -205,7 +205,7 @@ def test_front_and_back_are_ambiguous_where_the_frame_does_not_tell_them_apart(
     found = candidates([-5.0, -5.0 - behind], FRONT, BACK, model=start.model)
     subject = subject_of(show(start.model, found.poses[:1]).frames[0], 300)
     detection = Detection(subject, start, found, Gate(0.5))
-    assert detection.looks_alike(found.joints[0], -5.0, 2.0, SETTINGS.refine) is ambiguous
+    assert detection.looks_alike(found.joints[0], -5.0, 2.0) is ambiguous
 
 
 @pytest.mark.parametrize("turn", [FRONT, BACK])
@@ -276,7 +276,7 @@ def test_a_search_in_which_no_candidate_is_visible_finds_nobody() -> None:
     for found in (first, later, detector.transfer(later, replace(subject), SETTINGS.refine)):
         assert not found.gate.passes
         assert found.gate.why == "the body does not fit the observed points"
-        assert not found.looks_alike(found.candidates.joints[0], 0.0, 2.0, SETTINGS.refine)
+        assert not found.looks_alike(found.candidates.joints[0], 0.0, 2.0)
 
 
 def test_a_person_in_whom_no_candidate_is_visible_is_searched_for() -> None:

@@ -13,6 +13,7 @@ import pytest
 from rerun.chunk import RrdReader
 
 from gepf.common.activation import activate
+from gepf.common.body import with_shape
 from gepf.common.protocol.frames import encode_live
 from gepf.common.protocol.models import encode_model
 from gepf.common.transport.opening import open_worker
@@ -65,11 +66,18 @@ def test_every_frame_is_in_the_recording(recorded: tuple[Path, Path], tmp_path: 
     assert rows["/status"] == 1
 
 
+@pytest.mark.parametrize("shapes", [0, 1], ids=["known size", "estimated size"])
 def test_live_frames_and_results_are_shown_as_they_come(
-    recorded: tuple[Path, Path], endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    recorded: tuple[Path, Path], endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shapes: int
 ) -> None:
-    """Depth, body and hypotheses of what others publish are written until the results end."""
+    """Depth, body and hypotheses of what others publish are written until the results end.
+
+    A body whose size changes is fetched once, and shown in the shape of each result.
+    """
     track, model = read_track(recorded[1]), read_tracked_body(recorded[1]).model
+    if shapes:
+        rest = model.vertices, model.points, model.joint_points
+        model = with_shape(model, ("scale",), np.ones(1), *(points[None] for points in rest))
     fetched = threading.Event()
 
     def fetch(_: object) -> bytes:
@@ -88,7 +96,8 @@ def test_live_frames_and_results_are_shown_as_they_come(
                 joints = track.joint_positions[f]
                 certainty = unknown_certainty(len(joints))
                 known = Estimate(f, 0.0, "tracked", pose, joints, pose[None], np.ones(1), 0.0, certainty)
-                LiveResults(PackedOutlet(results), run="room/r").put(known, model, {})
+                shape = np.full(shapes, 0.1 * f)
+                LiveResults(PackedOutlet(results), run="room/r").put(known, model, {}, shape)
                 fetched.wait(2.0)  # so that the body is known when a later frame is shown
             LiveResults(PackedOutlet(results)).end()
             stop.wait()

@@ -31,10 +31,8 @@ USUAL = {"paper": DEFAULT_ACTIVE, "default": DEFAULT_ACTIVE + SPINE}
 """Preset -> default degrees of freedom."""
 
 STATURES_M = (0.82, 0.9, 0.98, 1.07, 1.16, 1.26, 1.38, 1.5, 1.62, 1.74, 1.86, 1.98)
-STATURE_STEPS = np.array([0.91, 0.955, 1.0, 1.045, 1.09])  # factors of the best stature so far
 MATURITIES = (0.0, 0.5, 1.0)  # of a small person: proportions of the mean child, halfway, of an adult
-GIRTHS = (0.9, 1.05, 1.2, 1.4)
-USUAL_GIRTH = GIRTHS[1]
+USUAL_GIRTH = 1.05
 ADULT_M, ADULT_DEVIATION_M = 1.69, 0.10  # mean and deviation of the statures of adults
 ENDS = ("head", "left_ankle", "right_ankle")
 
@@ -48,24 +46,6 @@ def limb_lines(side: str) -> tuple[tuple[str, str], ...]:
     return (*arm, ("pelvis", hip), (hip, knee), (knee, ankle))
 
 
-def near_statures(size: BodySize) -> Sequence[BodySize]:
-    """Statures around this one, those of small people with several proportions."""
-    stature, girth, _ = Size(*size)
-    adult, statures = shape_space().statures[-1], stature * STATURE_STEPS
-    maturities = MATURITIES if stature <= adult else MATURITIES[:1]
-    return [
-        Size(tried, girth, maturity)
-        for maturity in maturities
-        for tried in statures
-        if maturity == 0.0 or tried < adult
-    ]
-
-
-def all_girths(size: BodySize) -> Sequence[BodySize]:
-    """The same stature with each girth."""
-    return [Size(*size)._replace(girth=girth) for girth in GIRTHS]
-
-
 class People(BodyFamily):
     """People: detected in typical poses and any size, upright if nothing contradicts, and never flat."""
 
@@ -73,7 +53,6 @@ class People(BodyFamily):
     usual_size = Size(REFERENCE_STATURE, 1.0)
     library_size = Size(REFERENCE_STATURE, USUAL_GIRTH)
     sizes: ClassVar[Sequence[BodySize]] = [Size(stature, USUAL_GIRTH) for stature in STATURES_M]
-    size_stages = (near_statures, all_girths)
     cell_m = 0.06
     nearest_m = 1.2
     axis = ("pelvis", "head")
@@ -119,10 +98,11 @@ class People(BodyFamily):
         """The stature, metres."""
         return Size(*size).stature
 
-    def mean_size(self, sizes: Array, weights: Array, best: int) -> BodySize:
-        """The weighted mean of the sizes (N, 3) with the maturity of the best."""
-        weights = weights * (sizes[:, 2] == sizes[best, 2])
-        return Size(*(weights @ sizes / weights.sum()).round(2).tolist())
+    def alternatives(self, size: BodySize) -> Sequence[BodySize]:
+        """A small person with the proportions of the mean child, halfway, and of an adult."""
+        size = Size(*size)
+        is_small = size.stature <= shape_space().statures[-1]
+        return [size._replace(maturity=maturity) for maturity in MATURITIES] if is_small else [size]
 
     def log_pose_prior(self, model: BodyModel, poses: Array) -> Array:
         """Log density (N,) of the arms of poses (N, D), by recorded poses."""
@@ -130,12 +110,13 @@ class People(BodyFamily):
 
         return log_density(model, poses)
 
-    def log_prior(self, names: tuple[str, ...], sizes: Array, in_view: Mask) -> Array:
+    def log_shape_prior(self, names: tuple[str, ...], shapes: Array, in_view: Mask) -> Array:
         """Log density (N,) of the statures of adults, where not both ends of the body are in view.
 
         A part of a body fits a range of sizes. Children are as likely as the mean adult.
         """
-        above = np.maximum(0.0, (sizes[:, 0] - ADULT_M) / ADULT_DEVIATION_M)
+        statures = REFERENCE_STATURE + shapes[:, 0]
+        above = np.maximum(0.0, (statures - ADULT_M) / ADULT_DEVIATION_M)
         ends = in_view[:, [names.index(end) for end in ENDS]]
         return np.where(ends[:, 0] & ends[:, 1:].any(axis=1), 0.0, -0.5 * above**2)
 

@@ -11,7 +11,7 @@ is tempered, so is the prior: its whole weight prefers the usual pose to a visib
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -38,18 +38,25 @@ class ArmPrior(NamedTuple):
 
 def log_density(model: BodyModel, poses: Array) -> Array:
     """Tempered log density (N,) of poses (N, D), up to a constant; of arms whose four angles can change."""
-    arms = [dofs for side in ("l", "r") if (dofs := arm_dofs(model, side))]
-    total, mean = np.zeros(len(poses)), np.zeros((1, len(model.dof_names)))
+    total, (arms, mean) = np.zeros(len(poses)), arms_and_mean(model)
     if not arms:
         return total
-    prior = arm_prior()
-    mean[:, np.concatenate(arms)] = np.tile(prior.mean, len(arms))
-    away = difference(model, mean, poses)
+    away, precision = difference(model, mean, poses), arm_prior().precision
     for dofs in arms:
         own = away[:, dofs]
-        squared = np.sum((own @ prior.precision) * own, axis=1)
+        squared = np.sum((own @ precision) * own, axis=1)
         total -= 0.5 * TEMPER * (TAILS + len(dofs)) * np.log1p(squared / TAILS)
     return total
+
+
+@lru_cache(maxsize=16)
+def arms_and_mean(model: BodyModel) -> tuple[list[list[int]], Array]:
+    """The indices of the angles of each arm, and the pose (1, D) with the mean arms, otherwise zero."""
+    arms = [dofs for side in ("l", "r") if (dofs := arm_dofs(model, side))]
+    mean = np.zeros((1, len(model.dof_names)))
+    for dofs in arms:
+        mean[:, dofs] = arm_prior().mean
+    return arms, mean
 
 
 def arm_dofs(model: BodyModel, side: str) -> list[int]:
