@@ -223,6 +223,8 @@ class Bodies:
         content: str | None = None,
         space: ShapeSpace | None = None,
     ) -> None:
+        if size is None and space is None and len(family.sizes) > 1:
+            raise ValueError("bodies of unknown size need the space of their shapes")
         self.full = lru_cache(SIZES)(build)
         self.for_start = lru_cache(SIZES)(self._for_start)
         self.family, self.size, self.content, self.space = family, size, content, space
