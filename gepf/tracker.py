@@ -138,7 +138,7 @@ class FrameLoop(Closing):
     def _save(self, estimates: Iterable[Estimate], place: int, folder: Path) -> Path:
         """Write one person's estimates as the folder of a run."""
         tracker_state = self._tracker.state
-        state, up = tracker_state.people[place], floor_up(tracker_state.frame.scenes)
+        state, up = tracker_state.people[place], floor_up(tracker_state.frame.scene_changes)
         start = state.start
         track = assemble(state.body, list(estimates), held=start.held, up=up)
         save_run(folder, track, TrackedBody(state.body, start.held), self._settings)

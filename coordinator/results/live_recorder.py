@@ -102,7 +102,7 @@ class LiveRecorder:
         When this returns, readers see them, and they survive the end of this process. The disk gets them as
         fast as it can, without delaying the next frame: if power is lost, what it did not get is lost.
         """
-        self._scenes.update(tracked.state.scenes)
+        self._scenes.update(tracked.state.scene_changes)
         floor = floor_up(self._scenes)
         up = None if floor is None else floor.tolist()
         starts = [person.state.start for person in tracked.people]

@@ -35,7 +35,7 @@ from gepf.coordinator.tracking.estimate import Estimate
 from gepf.coordinator.tracking.state import Checkpoint, FrameState, PersonState, Start, TrackerState
 
 HEAD = struct.Struct("<II")
-FORM = 22
+FORM = 23
 
 
 class Opening(msgspec.Struct, frozen=True, tag="opening"):
@@ -156,7 +156,7 @@ def read_log(path: Path) -> Recorded | None:
             if last is None:
                 estimates = [[] for _ in starts]
             last = record
-            for camera, change in record.frame.scenes.items():
+            for camera, change in record.frame.scene_changes.items():
                 scenes.setdefault(camera, Scene(SceneSettings())).recall(change)
             for estimates_of_person, estimate in zip(estimates, record.estimates, strict=True):
                 estimates_of_person.append(estimate)
@@ -172,7 +172,7 @@ def read_log(path: Path) -> Recorded | None:
         seconds=last.seconds,
         resumes=len(openings) - 1,
         people=people,
-        frame=replace(last.frame, scenes={camera: scene.all() for camera, scene in scenes.items()}),
+        frame=replace(last.frame, scene_changes={camera: scene.all() for camera, scene in scenes.items()}),
         end=end,
     )
 

@@ -147,7 +147,7 @@ class Recorder:
         recorded = read_log(self.run / LOG_FILE)
         if recorded is None:
             return {}
-        up = floor_up(recorded.frame.scenes)
+        up = floor_up(recorded.frame.scene_changes)
         people = [person.outcome(up) for person in recorded.people]
         facts = {**facts, "frame_rate": rate or recorded.frames / max(recorded.seconds, 1e-9)}
         found = write_run(self.run, recorded, people, facts, lambda p: recorded.people[p].estimates)

@@ -32,10 +32,7 @@ class Assignment:
     ) -> None:
         self._targets, self._segmenter, self._segmented = targets, segmenter, segmented
         # a person who has just been detected may still be among the candidates
-        detected = any(
-            isinstance(target.track, Found) and target.track.place is not None for target in targets
-        )
-        self._free = [] if detected else list(free)
+        self._free = [] if any(target.is_just_detected for target in targets) else list(free)
 
     def view_of(self, person_index: int) -> BodyView:
         """What the frame shows of a person: a free candidate if the person is undetected or lost."""

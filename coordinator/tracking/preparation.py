@@ -25,13 +25,13 @@ from gepf.coordinator.tracking.track_state import ROUNDING_S, Body, Searching
 class PreparedFrame:
     """A segmented frame, the state of its cameras, what colour shows, and a stopwatch for each person.
 
-    interval_s: time since the previous frame, seconds; 0 for the first. is_slow: it exceeds
-    `max_lookahead_s`.
+    interval_s: time since the previous frame, seconds; 0 for the first. after_gap: it exceeds
+    `max_lookahead_s`; the frame after this one is then prepared only after the update, around newer poses.
     """
 
     segmented: SegmentedFrame
     cameras: CameraStates
-    is_slow: bool
+    after_gap: bool
     clocks: Sequence[Stopwatch]
     sight: Sight
     interval_s: float
@@ -65,12 +65,12 @@ class FramePreparation:
             self._cameras, frame = watch(self._cameras, frame, set().union(*excluded))
             last_s, self._time_s = self._time_s, frame.time_s
             interval_s = 0.0 if last_s is None else frame.time_s - last_s
-            is_slow = interval_s > self._settings.max_lookahead_s + ROUNDING_S
+            after_gap = interval_s > self._settings.max_lookahead_s + ROUNDING_S
             look = self._colour.begin(
                 frame, [target.expected_body for target in targets], is_late=self.is_late
             )
             sight = Sight.of_nobody(len(targets))
-            if look is not None and is_slow:  # people may have moved far since the last frame
+            if look is not None and after_gap:  # people may have moved far since the last frame
                 is_trusted = not unused(colours, last_s)
                 usable = [is_trusted and target.is_confirmed for target in targets]
                 sight = replace(sight, steps=look.steps(usable, self._settings.max_motion_m))
@@ -92,7 +92,7 @@ class FramePreparation:
             with clocks[0].stage("keypoints"):
                 sight = see(look, segmented, sight, targets, interval_s)
                 segmented = with_own_keypoints(segmented, sight.people.keypoints)
-        return PreparedFrame(segmented, self._cameras, is_slow, clocks, sight, interval_s)
+        return PreparedFrame(segmented, self._cameras, after_gap, clocks, sight, interval_s)
 
 
 def see(

@@ -150,9 +150,8 @@ class PersonState:
 class FrameState:
     """The state after a frame that does not belong to a person."""
 
-    scenes: SceneChanges = field(
-        default_factory=dict
-    )  # changes made by the frame; in a resumed run, all of them
+    scene_changes: SceneChanges = field(default_factory=dict)
+    """What this frame changed in the scenes; in the state from which a run is resumed, all changes so far."""
     cameras: CameraStates = field(default_factory=dict)
     colours: ColourStates = field(default_factory=dict)
     time_s: float | None = None
@@ -160,7 +159,11 @@ class FrameState:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrackerState:
-    """The whole state of a tracker between two frames; equal states give equal results, bit for bit."""
+    """The state of a tracker between two frames.
+
+    It determines what follows, bit for bit, together with the scenes. These are the sum of the scene changes
+    of all frames so far; `gepf.coordinator.results.log` adds them up for a resumed run.
+    """
 
     people: Sequence[PersonState]
     frame: FrameState = field(default_factory=FrameState)

@@ -1,7 +1,8 @@
 """Executes the state machine of one body (`track_state`): searches for it, refines it, and makes the events.
 
 A frame takes three steps. `take_search` takes over a body that a live search has detected, before the frame
-is segmented. `submit` sends the particles of the frame to the workers. `update` waits for the refined ones.
+is segmented; a recorded search ends within `submit`, which takes it over there. `submit` sends the particles
+of the frame to the workers. `update` waits for the refined ones.
 """
 
 from __future__ import annotations
@@ -95,7 +96,6 @@ class TargetTracker:
         self._filter = ParticleFilter(refiner, settings, motion)
         self._filter.rng.bit_generator.state = json.loads(state.checkpoint.generator)
         self._detector = Detector(bodies, refiner, settings)
-        self._distance = 0.0  # of the subject in the current frame, metres
         self.search = BodySearch()
         self.start, self.track = state.start, state.track
         self._detected: JustDetected | None = None
@@ -162,6 +162,11 @@ class TargetTracker:
     @property
     def _knows_facing(self) -> bool:
         return isinstance(self.track, OnceTracked) and self.track.knows_facing(self._settings.colour)
+
+    @property
+    def is_just_detected(self) -> bool:
+        """Whether the body was detected, and is not tracked in a first frame yet."""
+        return isinstance(self.track, Found) and not self.track.is_given
 
     @property
     def last_seen(self) -> Array:
@@ -239,26 +244,19 @@ class TargetTracker:
         updated at once. A frame with a budget does not wait for a search: the search continues during later
         frames, and this one takes the result of an earlier one.
         """
-        subject, detection, todo = view.subject, None, Instructions()
         waits_for_search = budget is None
-        self._distance = distance_to(subject)
         with clock.stage("search"):
+            subject = view.subject
             if not isinstance(self.track, Body):
-                subject = self._look_for_body(view, wait=waits_for_search)
-            if isinstance(self.track, Body):
-                todo = self._segmented(view, subject)
-            if "stop searching" in todo:
-                self.search.drop()
-            if subject is not None:
-                if "search" in todo:
-                    self._begin_search(view, subject)
-                if waits_for_search:
-                    self.search.finish()
-                if (ended := self._end_repeated_search()) is not None:
-                    detection = self._detector.transfer(ended, subject, self._refine_settings)
-        if subject is not None and "refine" in todo:
-            return self._refine(view, subject, detection, clock, budget)
-        return Updated(view.frame, self.state, 0, None, clock)
+                subject = self._search_first(view, wait=waits_for_search)
+            if not isinstance(self.track, Body):
+                return Updated(view.frame, self.state, 0, None, clock)
+            todo, distance_m = self._segmented(view, subject), distance_to(view.subject)
+            settings = self._settings_at(distance_m)
+            detection = self._search_again(view, subject, settings, todo, wait=waits_for_search)
+        if subject is None or "refine" not in todo:
+            return Updated(view.frame, self.state, 0, None, clock)
+        return self._refine(view, subject, detection, settings, clock, budget)
 
     def update(self, submitted: Submitted, cameras: CameraStates) -> Updated:
         """Wait for the refined particles of the last submitted frame, and update the state."""
@@ -280,15 +278,15 @@ class TargetTracker:
         view: BodyView,
         subject: SubjectFrame,
         detection: Detection | None,
+        settings: RefineSettings,
         clock: Stopwatch,
         budget: FrameBudget | None,
     ) -> Submitted:
         """Predict the particles of a frame and send them to the workers."""
         assert isinstance(self.track, Body)  # it has a belief
         past_is_guess, belief = isinstance(self.track, Found), self.track.belief
-        if (
-            past_is_guess and budget is not None
-        ):  # with few particles, hypotheses of the detection would be lost
+        if past_is_guess and budget is not None:
+            # with few particles, hypotheses of the detection would be lost
             budget = replace(budget, is_late=False)
         with clock.stage("publish"):
             self._refiner.publish(subject)
@@ -297,18 +295,17 @@ class TargetTracker:
                 self.model, belief, subject, self.track.time_s, budget, view.step_m
             )
         with clock.stage("refine"):
-            settings = self._filter.scale_iterations(self._refine_settings, proposal.interval, budget)
+            settings = self._filter.scale_iterations(settings, proposal.interval, budget)
             context = FrameContext(
                 subject, belief.reported, proposal.interval, settings.stretch, past_is_guess
             )
             pending = self._filter.send(self.model, subject, proposal, settings)
         return Submitted(view, settings, proposal, pending, context, detection, clock)
 
-    @property
-    def _refine_settings(self) -> RefineSettings:
-        """The settings for the noise at the distance of the current frame."""
+    def _settings_at(self, distance_m: float) -> RefineSettings:
+        """The settings of refinement for the camera's noise at a distance."""
         floor_m = self._settings.scene.noise.floor_m
-        return assume_noise(self._settings.refine, self.start.noise.at(self._distance, floor_m))
+        return assume_noise(self._settings.refine, self.start.noise.at(distance_m, floor_m))
 
     def _step(self, event: Event) -> Instructions:
         self.track, todo = step(self.track, event, self.policy)
@@ -321,7 +318,7 @@ class TargetTracker:
             return self._step(Segmented(view.frame.time_s, has_depth=has_depth))
         moved = None
         if isinstance(self.track, Found):
-            if self.track.place is None:
+            if self.track.place is None:  # the start is given
                 self.start = replace(self.start, noise=self._measure_noise(subject))
             else:
                 moved = self._move(self.track.belief, middle_of(subject) - self.track.place)
@@ -338,39 +335,56 @@ class TargetTracker:
             return NO_NOISE
         return measure_noise(subject.largest.image, self._settings.scene.noise)
 
-    def _begin_search(self, view: BodyView, subject: SubjectFrame) -> None:
-        """Begin a search for the body in a frame: for any body, or for the known one."""
-        if isinstance(self.track, Body):
-            belief, settings = self.track.belief, self._refine_settings
-            stages = self._detector.redetect(
-                subject,
-                self.start,
-                settings,
-                belief.reported,
-                belief.shape_precision,
-                lost=self.track.is_lost,
-            )
-        else:
-            noise = self._measure_noise(subject)
-            stages = self._detector.detect(subject, noise, view.planes, view.alternatives)
-        self.search.begin(stages, UntrackedPerson(subject, view.alternatives))
-
-    def _look_for_body(self, view: BodyView, *, wait: bool) -> SubjectFrame | None:
-        """Search for an unknown body; the person to refine in this frame if it is known now.
+    def _search_first(self, view: BodyView, *, wait: bool) -> SubjectFrame | None:
+        """Search for an unknown body; the person to refine in this frame, if they are detected by now.
 
         That is the detected person after a search in this frame, or else what this frame shows of them.
         """
-        todo = self._segmented(view, view.subject)
-        if view.subject is None:
+        subject, todo = view.subject, self._segmented(view, view.subject)
+        if subject is None:
             return None
         if "search" in todo:
-            self._begin_search(view, view.subject)
+            noise = self._measure_noise(subject)
+            stages = self._detector.detect(subject, noise, view.planes, view.alternatives)
+            self.search.begin(stages, UntrackedPerson(subject, view.alternatives))
         if wait:
             self.search.finish()
         self.take_search()
         if self._detected is None:
             return None
-        return self._detected.person if wait else view.subject
+        return self._detected.person if wait else subject
+
+    def _search_again(
+        self,
+        view: BodyView,
+        subject: SubjectFrame | None,
+        settings: RefineSettings,
+        todo: Instructions,
+        *,
+        wait: bool,
+    ) -> Detection | None:
+        """Search for a known body as instructed; the result of the last search, if one has ended.
+
+        It is refined in this frame, and will be compared with the track.
+        """
+        if "stop searching" in todo:
+            self.search.drop()
+        if subject is None:
+            return None
+        if "search" in todo:
+            assert isinstance(self.track, Body)
+            belief, lost = self.track.belief, self.track.is_lost
+            stages = self._detector.redetect(
+                subject, self.start, settings, belief.reported, belief.shape_precision, lost=lost
+            )
+            self.search.begin(stages, UntrackedPerson(subject, view.alternatives))
+        if wait:
+            self.search.finish()
+        detection = self.search.take()
+        if detection is None:
+            return None
+        self._step(SearchEnded())
+        return self._detector.transfer(detection, subject, settings)
 
     def _end_first_search(self) -> JustDetected | None:
         """Take over the body that the search for an unknown one has detected; None if it has not."""
@@ -395,13 +409,6 @@ class TargetTracker:
         )
         todo = self._step(SearchEnded(detected))
         return JustDetected(searched, person) if "update the background" in todo else None
-
-    def _end_repeated_search(self) -> Detection | None:
-        """The result of a search for the known body, if one has ended: to be compared with the track."""
-        detection = self.search.take()
-        if detection is not None:
-            self._step(SearchEnded())
-        return detection
 
     def _choose(self, belief: Belief, submitted: Submitted) -> Choice:
         """The tracked hypotheses, or those of a detection that explains the frame better."""
@@ -449,7 +456,7 @@ class TargetTracker:
             allowed_m=allowed_m,
             # the interval of the first frame includes the search, in which no cameras were compared
             interval_s=USUAL_INTERVAL if context.past_is_guess else submitted.proposal.interval,
-            is_slow=view.is_slow,
+            after_gap=view.after_gap,
             is_shown=match.is_shown or (False if view.is_looked_at else None),
             sides=-1 if view.is_exchanged else match.sides,
         )

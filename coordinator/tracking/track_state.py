@@ -44,13 +44,13 @@ class Searching(msgspec.Struct, frozen=True, tag="searching"):
     searches: int = 1  # number of searches that have begun
     searched_s: float = 0.0  # time of the frame in which the last one began
     why: str = ""  # reason why the last one detected nothing
-    is_running: bool = False  # whether a search is under way
+    awaits_search: bool = False  # whether a search has begun whose result is not taken yet
     visibility: Visibility = "something"
 
     def is_due(self, time_s: float, settings: TrackSettings) -> bool:
         """Whether the next search may begin."""
         due_s = self.searched_s + settings.search_interval_s - ROUNDING_S
-        return not self.is_running and time_s >= due_s
+        return not self.awaits_search and time_s >= due_s
 
 
 class Body(msgspec.Struct, frozen=True, kw_only=True):
@@ -67,7 +67,7 @@ class Body(msgspec.Struct, frozen=True, kw_only=True):
     excluded: tuple[str, ...] = ()  # cameras that are not used for it when the next frame is segmented
     was_new: bool = False  # whether it is regarded as new when the next frame is segmented
     agreement: Agreement = msgspec.field(default_factory=Agreement)  # of the cameras, on the last pose
-    is_searched: bool = False  # a search for it is running
+    awaits_search: bool = False  # whether a search for it has begun whose result is not taken yet
     unshown_s: float | None = 0.0
     """Time without confirmation by colour since the detection; None once confirmed."""
     is_confirmed: bool = False  # whether colour had confirmed it before the last frame
@@ -89,6 +89,11 @@ class Found(Body, frozen=True, kw_only=True, tag="found"):
     detected_pixels: int = 0
     is_lost: bool = False  # whether a frame showed nothing at a given start pose
     was_new: bool = True
+
+    @property
+    def is_given(self) -> bool:
+        """Whether the start was given, not detected."""
+        return self.place is None
 
 
 class OnceTracked(Body, frozen=True, kw_only=True):
@@ -182,7 +187,7 @@ class Refined:
     `redetected`: the pose is that of a search, and not where the body was tracked. `ambiguous_facing`: front
     and back look alike in that search; None without a search. `faulty` cameras are left out; the other
     cameras have `residuals` in metres (see `Agreement.after`) and count as agreeing up to `allowed_m`.
-    `is_slow`: the next frame is not segmented yet. `is_shown`: whether colour confirms the person; None if
+    `after_gap`: the next frame is not segmented yet. `is_shown`: whether colour confirms the person; None if
     unknown. `sides`: 1 if colour shows left and right correctly, -1 if swapped, 0 if unknown.
     """
 
@@ -199,7 +204,7 @@ class Refined:
     residuals: Mapping[str, float] = field(default_factory=dict)
     allowed_m: float = 0.0
     interval_s: float = 0.0
-    is_slow: bool = False
+    after_gap: bool = False
 
 
 Event: TypeAlias = Segmented | SearchEnded | SearchGivenUp | Refined
@@ -245,18 +250,18 @@ def _look_for_anybody(
     state: Absent | Searching, event: Segmented, policy: Policy
 ) -> tuple[TrackState, Instructions]:
     """An unknown body: search for it at intervals while there is something to search in."""
-    if isinstance(state, Searching) and state.is_running:
+    if isinstance(state, Searching) and state.awaits_search:
         if event.pixels or event.has_depth:
             return replace(state, visibility="something"), ()
         return replace(state, searches=1, why="", visibility="nothing"), ()
     if event.points < policy.min_points:
         return Absent(), ()
     if isinstance(state, Absent):
-        return Searching(searched_s=event.time_s, is_running=True), ("search",)
+        return Searching(searched_s=event.time_s, awaits_search=True), ("search",)
     state = replace(state, visibility="something")
     if not state.is_due(event.time_s, policy.settings):
         return state, ()
-    state = replace(state, searches=state.searches + 1, searched_s=event.time_s, is_running=True)
+    state = replace(state, searches=state.searches + 1, searched_s=event.time_s, awaits_search=True)
     return state, ("search",)
 
 
@@ -267,7 +272,7 @@ def _handle_unseen(state: Found | Tracked | Lost, event: Segmented, policy: Poli
     """
     shows_something = state.segmentation_pose is not None and event.has_depth
     excluded = state.agreement.contradicting
-    if isinstance(state, Found) and state.place is None:
+    if isinstance(state, Found) and state.is_given:
         is_lost = state.is_lost or not shows_something
         return replace(state, segmentation_pose=None, excluded=excluded, is_lost=is_lost)
     here_once_more = _segmentation_pose(state, policy)  # before `_lose`: a lost body may be anywhere
@@ -289,9 +294,9 @@ def _handle_seen(
     if isinstance(state, Found):
         return state, ("refine",)
     state = replace(state, was_new=state.is_new(policy.settings))
-    if state.is_searched or not (policy.recovers and _check_due(state, event.time_s, policy)):
+    if state.awaits_search or not (policy.recovers and _check_due(state, event.time_s, policy)):
         return replace(state, visibility="body"), ("refine",)
-    return replace(state, visibility="body", is_searched=True), ("search", "refine")
+    return replace(state, visibility="body", awaits_search=True), ("search", "refine")
 
 
 def _check_due(state: Tracked | Lost, time_s: float, policy: Policy) -> bool:
@@ -334,23 +339,23 @@ def _segmentation_pose(state: Found | Tracked | Lost, policy: Policy) -> Array |
 def _search_ended(state: TrackState, event: SearchEnded) -> tuple[TrackState, Instructions]:
     """A first search has detected a body or nothing; a repeated one is over."""
     if isinstance(state, Body):
-        return replace(state, is_searched=False), ()
+        return replace(state, awaits_search=False), ()
     if event.detected is not None:
         return event.detected, ("update the background",)
-    if isinstance(state, Absent) or not state.is_running:
+    if isinstance(state, Absent) or not state.awaits_search:
         return state, ()
-    return replace(state, why=event.why, is_running=False), ()
+    return replace(state, why=event.why, awaits_search=False), ()
 
 
 def _search_given_up(state: TrackState) -> TrackState:
     """A first search that is given up does not count."""
     if isinstance(state, Body):
-        return replace(state, is_searched=False)
-    if isinstance(state, Absent) or not state.is_running:
+        return replace(state, awaits_search=False)
+    if isinstance(state, Absent) or not state.awaits_search:
         return state
     if state.searches == 1:
         return Absent()
-    return replace(state, searches=state.searches - 1, searched_s=-math.inf, is_running=False)
+    return replace(state, searches=state.searches - 1, searched_s=-math.inf, awaits_search=False)
 
 
 def _refined(
@@ -385,7 +390,7 @@ def _refined(
         unshown_s=_unshown(0.0 if event.redetected else before.unshown_s, event, interval, policy.colour),
         sides_s=0.0 if event.redetected else _sides(before.sides_s, event.sides, interval, policy.colour),
     )
-    if event.is_slow:
+    if event.after_gap:
         pose = _segmentation_pose(after, policy)
         after = replace(
             after,
@@ -395,7 +400,7 @@ def _refined(
         )
     if set(before.faulty) - set(event.faulty) and policy.recovers:  # a camera is back
         # a running search began without it; check the body in the next frame
-        after = replace(after, check_clock_s=settings.search_interval_s - USUAL_INTERVAL, is_searched=False)
+        after = replace(after, check_clock_s=settings.search_interval_s - USUAL_INTERVAL, awaits_search=False)
         return after, ("stop searching",)
     return after, ()
 
@@ -419,7 +424,7 @@ def _as_once_tracked(state: Found | Tracked | Lost, settings: TrackSettings) -> 
     """A found body as a tracked one; a given start is checked only while in doubt."""
     if not isinstance(state, Found):
         return state
-    return _become(Tracked, state, check_clock_s=settings.check_interval_s if state.place is None else 0.0)
+    return _become(Tracked, state, check_clock_s=settings.check_interval_s if state.is_given else 0.0)
 
 
 def _lose(state: Found | Tracked | Lost, policy: Policy) -> Tracked | Lost:

@@ -31,7 +31,7 @@ class SubmittedFrame(NamedTuple):
     """A frame whose particles are with the workers; people without any are updated already."""
 
     people: list[Submitted | Updated]
-    scenes: SceneChanges
+    scene_changes: SceneChanges
     prepared: PreparedFrame
 
 
@@ -54,7 +54,7 @@ class Tracker:
         start: Values of degrees of freedom in the first frame, metres and radians; None to detect the body.
         motion: Joint motion as measured by encoders.
         colour: Finds keypoints of people in colour images; None: depth alone.
-        state: State to resume from, of a tracker with the same settings.
+        state: State to resume from, with all scene changes so far, of a tracker with the same settings.
     """
 
     def __init__(  # noqa: PLR0913 one parameter an input
@@ -74,7 +74,7 @@ class Tracker:
         self._refiner, self._settings, self._bodies = refiner, settings, bodies
         self._colour = colour
         self._segmenter = Segmenter(settings.points, settings.scene, scope)
-        self._segmenter.recall(state.frame.scenes)
+        self._segmenter.recall(state.frame.scene_changes)
         watch = ColourWatch(colour, settings.colour)
         self._preparation = FramePreparation(self._segmenter, watch, settings.track, state.frame)
         self._frame = state.frame  # of the last updated frame
@@ -82,7 +82,7 @@ class Tracker:
 
     @property
     def state(self) -> TrackerState:
-        """Everything that the next frame depends on."""
+        """The state after the last frame; of the scenes, only what that frame changed."""
         return TrackerState([target.state for target in self._targets], self._frame)
 
     def prepare(self) -> None:
@@ -117,7 +117,7 @@ class Tracker:
                 submitted = self._submit(prepared, budget)  # predict, refine
                 # the workers are busy from here until the update
                 yield from reported(updated, self._settings)
-                if pacing.looks_ahead and not prepared.is_slow:
+                if pacing.looks_ahead and not prepared.after_gap:
                     self._send_ahead(upcoming.peek())
                     advance_search(self._targets, wait=False)
                 updated = [self._update(submitted)]  # update, assess
@@ -137,7 +137,7 @@ class Tracker:
 
     def _submit(self, prepared: PreparedFrame, budget: FrameBudget | None) -> SubmittedFrame:
         """Predict the particles of each person, and send them to the workers."""
-        scenes = prepared.segmented.changes
+        scene_changes = prepared.segmented.changes
         facing = [target.body_with_known_orientation for target in self._targets]
         coloured = ColouredFrame(
             prepared.segmented, prepared.sight, self._frame.colours, facing, self._settings.colour
@@ -146,13 +146,13 @@ class Tracker:
         assignment = Assignment(self._targets, self._segmenter, segmented, coloured.free)
         submitted = list[Submitted | Updated]()
         for person_index, (target, clock) in enumerate(zip(self._targets, prepared.clocks, strict=True)):
-            view = replace(assignment.view_of(person_index), is_slow=prepared.is_slow)
+            view = replace(assignment.view_of(person_index), after_gap=prepared.after_gap)
             view = coloured.complete(view, person_index, is_at_last_pose=target.is_segmented_at_last_pose)
             submitted.append(target.submit(view, clock, budget))
             if (detected := target.take_detected()) is not None:
                 others = assignment.other_people(person_index, detected.searched)
-                scenes = self._segmenter.learn_things(segmented, scenes, *detected, others)
-        return SubmittedFrame(submitted, scenes, prepared)
+                scene_changes = self._segmenter.learn_things(segmented, scene_changes, *detected, others)
+        return SubmittedFrame(submitted, scene_changes, prepared)
 
     def _send_ahead(self, prepared: PreparedFrame | None) -> None:
         """Send the workers the people's pixels of the next frame before their turn."""
@@ -173,7 +173,7 @@ class Tracker:
         bodies = [target.explained_body for target in self._targets]
         image, keypoints = prepared.segmented.frame, prepared.sight.people.keypoints
         colours = compare(self._frame.colours, image, bodies, keypoints, prepared.interval_s, settings)
-        self._frame = FrameState(frame.scenes, prepared.cameras, colours, image.time_s)
+        self._frame = FrameState(frame.scene_changes, prepared.cameras, colours, image.time_s)
         return UpdatedFrame(people, self._frame)
 
 

@@ -49,7 +49,7 @@ GIVEN = Found(belief=BELIEF, segmentation_pose=BELIEF.reported)
 DETECTED = Found(
     belief=BELIEF, time_s=1.0, segmentation_pose=BELIEF.reported, place=np.zeros(3), detected_pixels=900
 )
-RUNNING = Searching(searched_s=1.0, is_running=True)
+RUNNING = Searching(searched_s=1.0, awaits_search=True)
 TRACKED = Tracked(belief=BELIEF, time_s=1.0, segmentation_pose=BELIEF.reported, check_clock_s=0.5, pixels=900)
 DUE = replace(TRACKED, check_clock_s=LIMITS.check_interval_s - 0.01)
 UNSURE = replace(TRACKED, doubtful_s=LIMITS.check_interval_s)  # since this frame
@@ -94,8 +94,8 @@ TRANSITIONS = [
     Transition(Absent(), "", NOTHING, "nothing is seen", Absent, {}, ()),
     Transition(Absent(), "", Segmented(NEXT_S, 50, 50), "too few points are seen", Absent, {}, ()),
     Transition(
-        Absent(), "", CANDIDATE, "a candidate is seen", Searching, {"searched_s": NEXT_S, "is_running": True},
-        ("search",)
+        Absent(), "", CANDIDATE, "a candidate is seen",
+        Searching, {"searched_s": NEXT_S, "awaits_search": True}, ("search",)
     ),
     Transition(Absent(), "", GIVEN_UP, "the search is given up", Absent, {}, ()),
     Transition(RUNNING, "a search runs", CANDIDATE, "a candidate is seen", Searching, {}, ()),
@@ -117,7 +117,7 @@ TRANSITIONS = [
         SearchEnded(why="wrong"),
         "the search detects nothing",
         Searching,
-        {"why": "wrong", "is_running": False},
+        {"why": "wrong", "awaits_search": False},
         (),
     ),
     Transition(
@@ -136,7 +136,7 @@ TRANSITIONS = [
         GIVEN_UP,
         "the search is given up",
         Searching,
-        {"searches": 3, "searched_s": -np.inf, "is_running": False},
+        {"searches": 3, "searched_s": -np.inf, "awaits_search": False},
         (),
     ),
     Transition(
@@ -154,7 +154,7 @@ TRANSITIONS = [
         with_fields(CANDIDATE, time_s=LATER_S),
         "a candidate is seen",
         Searching,
-        {"searches": 2, "searched_s": LATER_S, "is_running": True},
+        {"searches": 2, "searched_s": LATER_S, "awaits_search": True},
         ("search",),
     ),
     Transition(
@@ -254,7 +254,7 @@ TRANSITIONS = [
         CANDIDATE,
         "the body is seen",
         Tracked,
-        {"is_searched": True},
+        {"awaits_search": True},
         ("search", "refine"),
     ),
     Transition(
@@ -263,7 +263,7 @@ TRANSITIONS = [
         CANDIDATE,
         "the body is seen",
         Tracked,
-        {"is_searched": True},
+        {"awaits_search": True},
         ("search", "refine"),
     ),
     Transition(
@@ -272,7 +272,7 @@ TRANSITIONS = [
         CANDIDATE,
         "the body is seen",
         Tracked,
-        {"is_searched": True},
+        {"awaits_search": True},
         ("search", "refine"),
     ),
     Transition(
@@ -290,7 +290,7 @@ TRANSITIONS = [
         CANDIDATE,
         "the body is seen",
         Tracked,
-        {"is_searched": True},
+        {"awaits_search": True},
         ("search", "refine"),
     ),
     Transition(
@@ -317,7 +317,7 @@ TRANSITIONS = [
         CANDIDATE,
         "the body is seen",
         Tracked,
-        {"is_searched": True},
+        {"awaits_search": True},
         ("search", "refine"),
     ),
     Transition(
@@ -335,7 +335,7 @@ TRANSITIONS = [
         CANDIDATE,
         "the body is seen",
         Tracked,
-        {"is_searched": True},
+        {"awaits_search": True},
         ("search", "refine"),
     ),
     Transition(
@@ -348,7 +348,7 @@ TRANSITIONS = [
         ("refine",),
     ),
     Transition(
-        replace(DUE, normalised_residual=1.1, is_searched=True),
+        replace(DUE, normalised_residual=1.1, awaits_search=True),
         "a check is due, and a search runs",
         CANDIDATE,
         "the body is seen",
@@ -372,7 +372,7 @@ TRANSITIONS = [
         with_fields(CANDIDATE, is_elsewhere=True),
         "a candidate elsewhere is assumed to be the body",
         Lost,
-        {"segmentation_pose": None, "is_searched": True},
+        {"segmentation_pose": None, "awaits_search": True},
         ("search", "refine"),
     ),
     Transition(
@@ -458,7 +458,7 @@ TRANSITIONS = [
     Transition(
         TRACKED,
         "",
-        with_fields(FITS, is_slow=True),
+        with_fields(FITS, after_gap=True),
         "its pose is refined and explains the frame, after a long gap between frames",
         Tracked,
         {**AS_REFINED, "segmentation_pose": AFTER.reported},
@@ -513,7 +513,7 @@ TRANSITIONS = [
         (),
     ),
     Transition(
-        replace(TRACKED, faulty=("side",), is_searched=True),
+        replace(TRACKED, faulty=("side",), awaits_search=True),
         "a camera had a fault",
         FITS,
         "its pose is refined, and the camera is back",
@@ -525,26 +525,26 @@ TRANSITIONS = [
             "normalised_residual": 0.8,
             "pixels": 800,
             "faulty": (),
-            "is_searched": False,
+            "awaits_search": False,
         },
         ("stop searching",),
     ),
     Transition(
-        replace(TRACKED, is_searched=True),
+        replace(TRACKED, awaits_search=True),
         "a search runs",
         ENDED,
         "the search ends",
         Tracked,
-        {"is_searched": False},
+        {"awaits_search": False},
         (),
     ),
     Transition(
-        replace(TRACKED, is_searched=True),
+        replace(TRACKED, awaits_search=True),
         "a search runs",
         GIVEN_UP,
         "the search is given up",
         Tracked,
-        {"is_searched": False},
+        {"awaits_search": False},
         (),
     ),
     Transition(
@@ -553,11 +553,11 @@ TRANSITIONS = [
         CANDIDATE,
         "a candidate is seen",
         Lost,
-        {"segmentation_pose": None, "is_searched": True},
+        {"segmentation_pose": None, "awaits_search": True},
         ("search", "refine"),
     ),
     Transition(
-        replace(LOST, is_searched=True),
+        replace(LOST, awaits_search=True),
         "a search runs",
         CANDIDATE,
         "a candidate is seen",
@@ -602,21 +602,21 @@ TRANSITIONS = [
         (),
     ),
     Transition(
-        replace(LOST, is_searched=True),
+        replace(LOST, awaits_search=True),
         "a search runs",
         ENDED,
         "the search ends",
         Lost,
-        {"is_searched": False},
+        {"awaits_search": False},
         (),
     ),
     Transition(
-        replace(LOST, is_searched=True),
+        replace(LOST, awaits_search=True),
         "a search runs",
         GIVEN_UP,
         "the search is given up",
         Lost,
-        {"is_searched": False},
+        {"awaits_search": False},
         (),
     ),
 ]  # fmt: skip

@@ -113,7 +113,7 @@ RESULTS = st.builds(
     residuals=st.sampled_from([{}, {"a": 0.01, "b": 0.01}, {"a": 0.01, "b": 0.2}]),
     allowed_m=st.just(0.04),
     interval_s=st.sampled_from([0.03, 0.6]),
-    is_slow=st.booleans(),
+    after_gap=st.booleans(),
 )
 ENDS = st.sampled_from(["runs on", "detects", "detects nothing", "is given up"])
 PAUSES = st.sampled_from([0.0, 1 / 30, 0.1, 0.25, 2.0])
@@ -178,10 +178,10 @@ def check(state: TrackState, policy: Policy, *, searches: bool) -> None:
         case Absent():
             assert not searches
         case Searching():
-            assert state.is_running == searches
+            assert state.awaits_search == searches
             assert state.searches
         case Found() | Tracked() | Lost():
-            assert state.is_searched == searches
+            assert state.awaits_search == searches
             assert policy.recovers or not searches
             assert state.segmentation_pose is None or not np.isnan(state.segmentation_pose).any()
     if isinstance(state, OnceTracked):
