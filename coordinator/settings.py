@@ -48,10 +48,12 @@ class PlaneSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     min_floor_area_m2: Quantity = 0.3  #: smallest visible area of a floor
     min_wall_width_m: Quantity = 0.7  #: smallest visible width of a wall
     min_wall_area_m2: Quantity = 1.5  #: smallest visible area of a wall
-    resting_height_m: Quantity = 0.3  #: height above a floor at which the weight of resting on it is 1 / e
+    resting_height_m: Quantity = 0.3
+    """Height above a floor at which the weight of a point, as evidence of something resting on it, is
+    1 / e."""
     min_resting_share: Share = 0.1
-    """Minimum mean weight for another up direction, if the usual one has no floor; that of points spread
-    evenly up to 3 m."""
+    """Mean weight that another up direction must exceed if the usual one has no floor; points spread evenly
+    up to 3 m have this weight."""
     outlier_percent: Quantity = 1.0  #: points at each end that do not count for an extent, per cent
 
 
@@ -88,7 +90,7 @@ class CandidateSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True)
     max_flat_share: Share = 0.5  #: share of points in one plane above which an object is furniture
     flat_points: Count = 800  #: number of points of an object that are searched for planes
     flat_samples: Count = 400  #: planes drawn by RANSAC, through three points each
-    moved_permanence: Share = 0.9  #: share of the time below which something moved at a pixel
+    moved_permanence: Share = 0.9  #: permanence of a pixel below which something has moved there
     min_moved_m2: Quantity = 0.002  #: area of such pixels, without its outline, that shows a motion
     min_moved_share: Share = 0.2  #: share of pixels with a known background above which a person moved
 
@@ -131,7 +133,8 @@ class TrackSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     gone_share: Share = 0.35
     """Share of the pixels in the last explained frame below which the body may have left."""
     whole_share: Share = 0.85  #: share of the pixels at its detection below which a part is missing
-    camera_confirmed_s: Quantity = 0.5  #: time until a fault is reported, and cameras that agree are trusted
+    camera_confirmed_s: Quantity = 0.5
+    """Time after which a fault is reported, and after which cameras that agree are trusted."""
 
 
 class ColourSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -143,18 +146,23 @@ class ColourSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     hidden_deviation_share: Share = 0.035  #: added if it is hidden (`python -m benchmarks.keypoints`)
     max_gap_px: Quantity = 12.0  #: largest width of gaps in registered colour that are closed
     reach_m: Quantity = 0.95  #: distance of an adult's hips from the farthest point: half of a first crop
-    outline_px: Count = 3  #: pixels by which keypoints at the outline of a candidate may be off it
+    outline_px: Count = 3  #: largest distance of a candidate's keypoints from its silhouette
     same_person_deviations: Quantity = 3.0  #: largest median distance of the keypoints of one person
-    trunk_m: Quantity = 0.2  #: thickness of a trunk: the mean distance of two people's keypoints is larger
+    trunk_m: Quantity = 0.2
+    """Thickness of a trunk; the keypoints of two different people are farther apart than this on average."""
     trunk_middle_m: Quantity = 0.08  #: radius across the line of sight in which the trunk's depth is measured
     hand_share: Share = 0.1  #: share of the surface there that may be nearer than the trunk
     looks_per_s: Quantity = 40.0  #: candidates looked at per second: half of the time of a processor core
     late_look_s: Quantity = 0.5  #: time between looks while live frames are late
-    max_step_s: Quantity = 0.5  #: cap on the interval between two frames that counts as time of colour
-    facing_s: Quantity = 1.0  #: time for which colour shows left and right before it tells front from back
-    exchanged_s: Quantity = 4.0  #: time for which colour shows them swapped before depth is doubted
+    max_step_s: Quantity = 0.5
+    """Cap on how much the interval between two frames adds to a time measured by colour."""
+    facing_s: Quantity = 1.0
+    """Time for which colour must show left and right correctly before it decides between front and back."""
+    exchanged_s: Quantity = 4.0
+    """Time for which colour must show left and right swapped before depth is doubted."""
     unshown_s: Quantity = 1.0  #: time after which a new body that colour has not confirmed is dropped
-    persistent_s: Quantity = 4.0  #: time by which disagreement outlasts agreement before colour is not used
+    persistent_s: Quantity = 4.0
+    """Time by which disagreement must exceed agreement before colour is no longer used."""
     shifted_deviations: Quantity = 1.5
     """Largest median offset of all keypoints; of real people 0.8, rarely above."""
 
@@ -182,7 +190,7 @@ class SearchSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     alike_nats: Quantity = 2.0  #: minimum difference that distinguishes two poses
     end_m: Quantity = 0.06  #: width of the outermost strip of a person at a side: a cell of a descriptor
     cut_gap_m: Quantity = 0.03  #: largest distance in the image between a person and what truncates them
-    cut_share: Share = 0.5  #: minimum truncated share of that strip; the side is then truncated
+    cut_share: Share = 0.5  #: share of that strip that must be truncated for the side to count as truncated
 
 
 class FeatureWeights(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -278,7 +286,7 @@ class FilterSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class ShapeSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The shape of a body, estimated over time."""
 
-    error_time_s: Quantity = 1.0  #: time in which errors of the shape in successive frames are the same
+    error_time_s: Quantity = 1.0  #: time within which successive frames are assumed to share one shape error
     curvature_share: Share = 0.1
     """Share of the Gauss-Newton information that counts: with more, a wrong first stature of rendered people
     was not corrected, and deviations were too small."""
@@ -291,7 +299,8 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     method: str = "gepf"  #: a key of `METHODS` in `coordinator/filters/methods.py`
     seed: int = 0  #: seed of all random numbers
     points: int = 10_000  #: largest number of observed points
-    measure_noise: bool = True  #: whether to measure it in the first frame; that of `refine` is the minimum
+    measure_noise: bool = True
+    """Whether to measure the camera's noise in the first frame; the noise in `refine` is the minimum."""
     pace_iterations: float = 0.0  #: growth of iterations with the time between frames
     max_pace: Quantity = 3.0  #: the largest factor on the iterations is `max_pace ** pace_iterations`
     measure_person: bool = True  #: whether to estimate the stature, from the first frames that show a person

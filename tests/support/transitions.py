@@ -286,7 +286,7 @@ TRANSITIONS = [
     ),
     Transition(
         replace(DUE, sides_s=-COLOUR.exchanged_s),
-        "a check is due, and colour has shown left and right swapped for long",
+        "a check is due, and colour has shown left and right swapped for a long time",
         CANDIDATE,
         "the body is seen",
         Tracked,
