@@ -102,23 +102,25 @@ def candidates(view: SceneView, people_mask: Mask | None = None) -> list[Candida
     return people
 
 
-def find_parts(view: SceneView, free: Mask, step: float, least_m2: float) -> list[Part]:
+def find_parts(view: SceneView, free: Mask, step: float, min_area_m2: float) -> list[Part]:
     """The connected components of pixels (H, W), without flat furniture.
 
     Neighbours are connected if their depths differ by less than `step`, metres. Components with a visible
-    area below `least_m2`, and what is larger than a person without its flat parts, are left out.
+    area below `min_area_m2`, and those that are still larger than a person after their flat furniture is cut
+    off, are left out.
     """
     limits = view.settings.segmentation
     labels = label_parts(view.depth, free, step, limits.step_m, view.noise, view.camera.fx)
     areas, windows = measure_components(labels, view.depth, view.camera.fx, view.camera.fy)
-    parts, people = list[Part](), view.settings.candidates
-    for label in np.flatnonzero((areas >= least_m2) & (areas <= people.max_joined_m2)).tolist():
+    parts, candidate_limits = list[Part](), view.settings.candidates
+    possible = (areas >= min_area_m2) & (areas <= candidate_limits.max_joined_m2)
+    for label in np.flatnonzero(possible).tolist():
         left, top, right, bottom = windows[label].tolist()
         window = slice(top, bottom), slice(left, right)
         mask = labels[window] == label
         part = part_of(view, mask, window, mask)
         parts += cut_off_furniture(view, part) if areas[label] >= limits.min_person_m2 else [part]
-    return [part for part in parts if area_of(view, part.points) <= people.max_person_m2]
+    return [part for part in parts if area_of(view, part.points) <= candidate_limits.max_person_m2]
 
 
 def area_of(view: SceneView, points: Array) -> float:
@@ -151,11 +153,12 @@ def cut_off_furniture(view: SceneView, part: Part) -> list[Part]:
     seat that the person is sitting on. Otherwise the component is kept whole, or dropped if most of it is
     flat.
     """
-    depth, limits, people = view.depth[part.window], view.settings.segmentation, view.settings.candidates
+    depth, limits = view.depth[part.window], view.settings.segmentation
+    candidate_limits = view.settings.candidates
     flat = find_flat(depth, part.mask, camera_of(view, part.window), view.noise, view.settings)
     remaining_parts = list[Part]()
     if flat.patch_areas.max() >= limits.min_person_m2:
-        curved = part.mask & ~flat.grow(flat.patch_areas >= people.min_part_m2)
+        curved = part.mask & ~flat.grow(flat.patch_areas >= candidate_limits.min_part_m2)
         labels = label_parts(depth, curved, limits.step_m, limits.step_m, view.noise, view.camera.fx)
         areas, _ = measure_components(labels, depth, view.camera.fx, view.camera.fy)
         large = np.flatnonzero(areas >= limits.min_person_m2).tolist()
@@ -169,7 +172,7 @@ def cut_off_furniture(view: SceneView, part: Part) -> list[Part]:
             kept = cut_off_furniture(view, rest)
             if any(candidate_of(view, smaller) for smaller in kept):
                 return kept
-    return [] if flat.share > people.max_flat_share else [part]
+    return [] if flat.share > candidate_limits.max_flat_share else [part]
 
 
 def find_seat(view: SceneView, part: Part, flat: Flat) -> Mask:

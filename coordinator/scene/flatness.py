@@ -21,9 +21,9 @@ class Flat:
     """The plane that contains the largest part of an object.
 
     share: share of the object's pixels within half the margin of the plane. on_plane: (H, W) pixels of the
-    object whose single measurements, within noise, are consistent with the plane. size: side of the averaging
-    square, in pixels. patch_areas: (H, W) visible area, in m^2, of the connected flat patch that a pixel
-    belongs to; 0 if it belongs to none.
+    object whose individual measurements, within noise, are consistent with the plane. size: side of the
+    averaging square, in pixels. patch_areas: (H, W) visible area, in m^2, of the connected flat patch that a
+    pixel belongs to; 0 if it belongs to none.
     """
 
     share: float
@@ -32,7 +32,7 @@ class Flat:
     patch_areas: Array
 
     def grow(self, pixels: Mask) -> Mask:
-        """Some pixels (H, W) of the patches, extended by nearby pixels that are consistent with the plane."""
+        """The given `pixels` (H, W) of patches, extended by nearby pixels consistent with the plane."""
         return np.asarray(pixels | (binary_dilation(pixels, iterations=self.size) & self.on_plane))
 
 

@@ -1,8 +1,8 @@
 """Other people and things beside the tracked bodies.
 
-They have no model. While there is a gap between them and every body, they are components of the foreground
-of their own. When the gap has closed, what is nearer to their points in the last frame than to a body's
-surface is still theirs.
+They have no model. While there is a gap between them and every body, they form separate components of the
+foreground. Once the gap has closed, whatever is nearer to their points in the last frame than to a body's
+surface still counts as theirs.
 """
 
 from __future__ import annotations
@@ -43,16 +43,16 @@ def points_beside(view: SceneView, foreign: Mask, surface: Array) -> Points:
 
 
 def mark_apart(view: SceneView, nearest: Depth) -> Mask:
-    """Pixels (H, W) of other people and things that touch bodies, from the distances to the nearest body.
+    """Pixels (H, W) of other people and things beside bodies, from the distances to the nearest body.
 
-    They are foreground components that are not near any body, extend more than `reach_m` away from it, and
-    are too large to be a limb.
+    They are connected components of the foreground farther than `near_m` from every body that come within
+    `reach_m` of one, extend beyond it, and are too large to be a limb.
     """
     limits = view.settings.segmentation
-    least = limits.min_person_m2 * view.camera.fx * view.camera.fy
+    min_area = limits.min_person_m2 * view.camera.fx * view.camera.fy
     free = view.marks == FOREGROUND
     return grow_apart(
-        view.depth, free, nearest, view.noise, limits.near_m, limits.reach_m, limits.step_m, least
+        view.depth, free, nearest, view.noise, limits.near_m, limits.reach_m, limits.step_m, min_area
     )
 
 
@@ -65,9 +65,9 @@ def grow_apart(
     near_m: float,
     reach_m: float,
     step_m: float,
-    least: float,
+    min_area: float,
 ) -> Mask:
-    """Pixels (H, W) as in `mark_apart`; `least` is an area in pixels times z^2."""
+    """Pixels (H, W) as in `mark_apart`; `min_area` is in pixels times z^2."""
     rows, columns = depth.shape
     apart = np.zeros(depth.shape, dtype=np.bool_)
     grown = np.empty(rows * columns, dtype=np.int64)
@@ -92,7 +92,7 @@ def grow_apart(
                     free[r, c] = False
                     grown[count] = r * columns + c
                     count += 1
-        if beyond and area >= least:
+        if beyond and area >= min_area:
             for k in range(count):
                 apart[grown[k] // columns, grown[k] % columns] = True
     return apart

@@ -35,7 +35,7 @@ class DepthNoise(NamedTuple):
         return self.floor_m + self.growth * z * z
 
     def margin(self, z: Array) -> Array:
-        """The least difference, metres, by which two surfaces can be distinguished at depths z, metres."""
+        """The smallest difference, metres, by which two surfaces can be distinguished at depths z, metres."""
         return self.margin_deviations * self.sigma(z)
 
 
@@ -133,7 +133,7 @@ def count_changes(mask: Mask) -> int:
 def assume_noise(settings: RefineSettings, noise: SensorNoise) -> RefineSettings:
     """Settings with at least this noise. Their own noise also covers the error of the surface.
 
-    The noise across is at most the noise along: a rougher outline has other causes.
+    The lateral noise is capped at the depth noise, because a rougher outline has other causes.
     """
     depth = max(settings.noise_depth, noise.depth)
     lateral = min(max(settings.noise_lateral, noise.lateral), depth)

@@ -1,4 +1,4 @@
-"""How permanent what a pixel shows is, for a camera that stands still.
+"""The permanence of what each pixel shows, for a stationary camera.
 
 Permanence is the share of the recent time for which nothing behind the present surface was visible. It is
 small for what has moved: an arm in front of a wall that was visible a moment ago. It is 1 for what has been
@@ -23,7 +23,8 @@ Shares = NDArray[np.uint16]  # from 0 to ALWAYS
 Window = tuple[int, int, int, int]  # left, top, right, bottom in pixels, half-open
 
 ALWAYS = 65_535
-FORGOTTEN = ALWAYS // 100  # below this share, a surface that is not visible is no part of the scene any more
+FORGOTTEN = ALWAYS // 100
+"""Below this share, a surface that is not visible no longer counts as part of the scene."""
 
 
 class Occupancy(NamedTuple):
@@ -80,7 +81,7 @@ def accumulate(depth: Depth, noise: DepthNoise, occupancy: Occupancy, weight: fl
             else:
                 goal = ALWAYS if z > farthest[v, u] - margin else 0
                 shown[v, u] = np.uint16(last_share + weight * (goal - np.float64(last_share)) + 0.5)
-                if goal == 0 and shown[v, u] < FORGOTTEN:  # as good as never visible: its time is over
+                if goal == 0 and shown[v, u] < FORGOTTEN:  # almost never visible lately: replace it
                     farthest[v, u], shown[v, u] = z, ALWAYS
                 elif shown[v, u] == last_share:
                     continue

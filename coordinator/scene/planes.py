@@ -86,8 +86,8 @@ def extents(points: Array, outlier_percent: float) -> Array:
 def find_planes(rays: Array, approximate_ups: Array, settings: PlaneSettings) -> Planes:
     """Floor and walls among rays (N, 4), by RANSAC, given the possible approximate up directions (K, 3).
 
-    If several directions are possible, up is that whose floor most things rest on; the first one without a
-    floor.
+    If several directions are possible, up is the one on whose floor most things rest; if no direction has a
+    floor, the first one.
     """
     drawn, rest, planes = draw_planes(rays, settings.samples), rays, list[Array]()
     max_beyond = settings.max_beyond_share * len(rays)
@@ -211,8 +211,8 @@ def refit(planes: Array, rays: Array, min_points: int) -> Array:
         enough = counts >= min_points
         products, sums = moments[enough, :, :3], moments[enough, :, 3:]
         rounding = np.finfo(float).eps * counts[enough]
-        least = rounding * np.trace(products, axis1=1, axis2=2)  # for collinear points
-        planes[enough] = np.linalg.solve(products + least[:, None, None] * np.eye(3), sums)[..., 0]
+        ridge = rounding * np.trace(products, axis1=1, axis2=2)  # for collinear points
+        planes[enough] = np.linalg.solve(products + ridge[:, None, None] * np.eye(3), sums)[..., 0]
     return planes
 
 
@@ -244,7 +244,7 @@ def lie_on(plane: Array, rays: Array) -> Mask:
     return np.asarray(np.abs(rays[:, :2] @ plane[:2] + plane[2] - rays[:, 2]) < rays[:, 3])
 
 
-def is_large(plane: Array, rays: Array, least: tuple[float, float], outlier_percent: float) -> bool:
+def is_large(plane: Array, rays: Array, min_size: tuple[float, float], outlier_percent: float) -> bool:
     """Whether the rays (N, 4) on a plane extend over at least this width, metres, and area, square metres.
 
     `outlier_percent` of them are discarded at each end.
@@ -252,4 +252,4 @@ def is_large(plane: Array, rays: Array, least: tuple[float, float], outlier_perc
     points = to_points(rays[lie_on(plane, rays)])
     across = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2][:2].T
     extent = extents(points @ across, outlier_percent)
-    return bool(extent.min() > least[0] and np.prod(extent) > least[1])
+    return bool(extent.min() > min_size[0] and np.prod(extent) > min_size[1])

@@ -25,7 +25,7 @@ Depth = NDArray[np.float32]
 Marks = NDArray[np.uint8]
 
 NOT_MEASURED, FOREGROUND, BACKGROUND, ON_PLANE = 0, 1, 2, 3  # marks of a pixel
-SETTLED_STEPS = 30  # steps in `settled_s`, of 255 that a byte can hold; at 30 frames/s, a step is a frame
+SETTLED_STEPS = 30  # steps in `settled_s`; a byte can count to 255; at 30 frames/s, a step is one frame
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,9 +59,9 @@ class SceneView:
     occupancy: Occupancy | None = None
 
     def permanence(self, window: Window) -> Depth | None:
-        """How permanent, from 0 to 1, what a window (h, w) shows is; None if the frame shows no room.
+        """The permanence, from 0 to 1, of what a window (h, w) shows; None if the frame shows no room.
 
-        It must be asked for before the next frame.
+        Must be called before the next frame is given to `see`.
         """
         if self.occupancy is None:
             return None
@@ -196,8 +196,9 @@ class Scene:
     def learn(self, view: SceneView, people: Mask | None = None, learned: Learned = NOTHING) -> SceneChange:
         """Learn from the last frame, the `view` that `see` returned, and return the change.
 
-        Pixels (H, W) of `people` or possible people are not learned. A frame may be learned twice, if the
-        pixels of the second time were people at the first; what was `learned` then is a part of the change.
+        Pixels (H, W) of `people` or possible people are not learned. A frame may be learned a second time,
+        for pixels that were excluded as people the first time; pass what the first call `learned`, so that
+        the returned change includes it.
         """
         if not self._shows_room:
             return self._change(NO_PIXELS, NO_PIXELS)
@@ -215,7 +216,10 @@ class Scene:
         return self._change(pixels, self._occupied)
 
     def recall(self, change: SceneChange) -> None:
-        """Restore the scene after a frame from its change, after those of all earlier frames."""
+        """Restore the scene after a frame by applying its change.
+
+        The changes of all earlier frames must have been applied first.
+        """
         self._possible_ups = change.possible_ups
         if self._background.shape != change.size:
             self._begin(np.zeros(change.size, np.float32))

@@ -226,7 +226,7 @@ def label_parts(
             count -= 1
             row, column = stack[count] // columns, stack[count] % columns
             z = depth[row, column]
-            most, reach = step_m + margin_at(z, noise), 1 + int(gap_m * focal / z)
+            max_step, reach = step_m + margin_at(z, noise), 1 + int(gap_m * focal / z)
             for k in range(4):
                 down, right = (k == 1) - (k == 0), (k == 3) - (k == 2)
                 for n in range(1, reach + 1):
@@ -235,7 +235,7 @@ def label_parts(
                         break
                 if not (0 <= r < rows and 0 <= c < columns) or not inside[r, c] or labels[r, c] > 0:
                     continue
-                if abs(depth[r, c] - z) < most:
+                if abs(depth[r, c] - z) < max_step:
                     labels[r, c] = last
                     stack[count] = r * columns + c
                     count += 1
