@@ -118,7 +118,7 @@ def trusted(states: ColourStates, time_s: float, settings: ColourSettings) -> fr
 
 
 def describe_changes(before: Mapping[str, ColourState], now: Mapping[str, ColourState]) -> list[str]:
-    """Messages on the cameras whose colour is not used any more, or used again."""
+    """Messages on the cameras whose colour is no longer used, or used again."""
     lines = list[str]()
     for name, state in now.items():
         if state.used != before.get(name, ColourState()).used:

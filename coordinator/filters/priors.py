@@ -3,12 +3,12 @@
 A request for refinement brings along the prior of the pose, `pose_prior`.
 
 Joints are near rest, the base is anywhere, and the shape is what earlier frames showed. Shape is constant,
-but errors of successive frames are not independent, as they follow from pose and clothes. All frames within
-`error_time_s` together count as one. So the precision P of the earlier frames is divided by the share k of a
-frame, which makes the refinement the recursive estimate of a constant from frames with the share k of their
-information I. With the covariance S of the shape by the refinement, k I = k S^-1 - P. The precision after the
-frame is P + c k I. The factor c corrects that the Gauss-Newton matrix overstates the information: it holds
-correspondences fixed, which slide along the surface.
+but errors of successive frames are not independent, because they follow from pose and clothes. All frames
+within `error_time_s` together count as one. So the precision P of the earlier frames is divided by the share
+k of a frame, which makes the refinement the recursive estimate of a constant from frames with the share k of
+their information I. With the covariance S of the shape by the refinement, k I = k S^-1 - P. The precision
+after the frame is P + c k I. The factor c corrects that the Gauss-Newton matrix overstates the information:
+it holds correspondences fixed, which slide along the surface.
 
 The prior of motion between frames, velocity and Gaussian noise, is step 3 of the paper: `draw_noise` and
 `fuse_with_prediction`.

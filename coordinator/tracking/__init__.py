@@ -1,1 +1,4 @@
-"""People through a sequence: segmentation, detection, filter, estimates. Refinement is an interface."""
+"""Tracks people through a sequence: segmentation, detection, filtering and estimates.
+
+Particles are refined through an interface (`refiner.py`).
+"""

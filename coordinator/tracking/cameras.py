@@ -7,8 +7,8 @@ camera is always kept.
 
 After a frame, `Agreement.after` says which cameras contradict the pose of a body. When the next frame is
 segmented, the body excludes these (`Body.excluded`): what they show of it is set aside, and compared again.
-`watch` gives a camera that a body excludes, or whose image is at fault, a fault for everybody. `faults_of`
-returns the faults that last: estimates name them, and a track is checked when one of them ends.
+`watch` marks a camera as faulty for all bodies if any body excludes it or if its image is at fault.
+`faults_of` returns the faults that last: estimates name them, and a track is checked when one of them ends.
 """
 
 from __future__ import annotations
@@ -53,7 +53,8 @@ class Agreement:
     """Whether the cameras that show a body agree on its position.
 
     contradicting: cameras whose points the last pose does not explain. agreed_s: seconds for which two or
-    more cameras have agreed; kept from `camera_confirmed_s` on, until the body is lost.
+    more cameras have agreed; once it has reached `camera_confirmed_s`, disagreement no longer resets it until
+    the body is lost.
     """
 
     contradicting: tuple[str, ...] = ()

@@ -155,7 +155,7 @@ class CandidateStages:
         return np.array(poses)
 
     def fit_shape(self, query: Query, candidates: PoseCandidates) -> Search[PoseCandidates]:
-        """The candidates with all points and the whole surface, which shows proportions and girth.
+        """Refine the candidates on all points and the whole surface, which shows proportions and girth.
 
         The shape of the best is also tried with other proportions.
         """

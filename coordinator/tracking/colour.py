@@ -1,4 +1,4 @@
-"""What colour tells about the people in each frame: where they are, who is a person, and which side is left.
+"""What colour reveals about people in each frame: where they are, who is a person, and which side is left.
 
 Keypoints are found while depth is segmented, a frame ahead. Whether they are used follows from the states of
 the cameras after the previous frame, in `ColouredFrame`.
@@ -101,12 +101,14 @@ class Sight:
 
     @classmethod
     def of_nobody(cls, count: int) -> Sight:
-        """Without colour, of this number of people."""
+        """The sight of a frame without colour, for this number of people."""
         return cls(PeopleInColour([{}] * count, [False] * count, [()] * count), {}, [None] * count)
 
 
 class ColouredFrame:
-    """A segmented frame with the keypoints that are used: none of cameras that show people elsewhere.
+    """A segmented frame with the keypoints that are used.
+
+    A camera whose keypoints contradict depth contributes none.
 
     `facing` are the bodies whose left and right side are known: swapped keypoints are swapped back.
 
@@ -143,7 +145,7 @@ class ColouredFrame:
         self.free = possible_people(people, self._shows_people)
 
     def complete(self, view: BodyView, person_index: int, *, is_at_last_pose: bool) -> BodyView:
-        """The view of the body with this index, with what colour tells about it."""
+        """The view of the body with this index, with what colour reveals about it."""
         if self._sight.people.doubles[person_index] and not self._distrusted:
             return replace(view, subject=None)  # the body is lost, and searched for elsewhere
         if view.subject is None or not view.is_own:

@@ -226,7 +226,7 @@ class Detector:
         """Poses (N, D) of the library that are similar to the observed points."""
         usual = self._family.length(self._bodies.library_size)
         scales = [self._length(shape) / usual for shape in query.shapes]
-        stride = 2 if query.truncated.any() else 1  # all sizes of a part are tried later
+        stride = 2 if query.truncated.any() else 1  # for a truncated body, all sizes are tried later
         points, T_rig_camera = camera_points(query.subject.largest), query.subject.largest.image.T_rig_camera
         view = self._truncating_view(query.subject)
         poses, scale_of = self._library.match(points, scales[::stride], roll, count, T_rig_camera, view)

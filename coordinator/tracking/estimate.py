@@ -41,7 +41,7 @@ class Certainty:
     """The certainty of each joint (J,) in a frame; NaN if the pose is unknown."""
 
     seen: Array  # visible share of the surface around the joint that faces the camera that sees it best
-    off_probability: Array  # probability that it is wrong: an error above 15 cm, or as the settings say
+    off_probability: Array  # probability of an error above `wrong_m` of the settings, by default 15 cm
     deviation: Array  # expected distance from the true joint, one standard deviation, metres
 
 

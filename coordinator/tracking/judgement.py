@@ -62,8 +62,8 @@ def judge_pose(
 def has_rival(weights: Array, joints: Array, reported: Array, settings: CertaintySettings) -> bool:
     """Whether a comparably likely hypothesis places a joint in view elsewhere.
 
-    Of hypotheses with weights (M,) and joints (M, J, 3), the most likely first. `reported` (J, 3) may differ
-    from the most likely hypothesis.
+    The hypotheses have weights (M,) and joints (M, J, 3), and are sorted most likely first. `reported`
+    (J, 3) may differ from the most likely one.
     """
     apart = np.linalg.norm(joints[weights > settings.rival_share * weights[0]] - reported, axis=-1)
     return bool(np.any(apart > settings.wrong_m))

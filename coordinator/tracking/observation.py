@@ -19,7 +19,7 @@ from gepf.coordinator.scene.segmentation import Labels, slices
 from gepf.coordinator.settings import SceneSettings
 
 POINTS = 300  # observed points that are enough for the filter, and for a median
-FEW_POINTS = 1_000  # below which a body does not get fewer points because they weigh little
+FEW_POINTS = 1_000  # low weights never reduce the number of a body's points below this
 
 
 class MaskedView(NamedTuple):
@@ -53,7 +53,7 @@ def subject_of(frame: Frame, views: Sequence[MaskedView], points: int) -> Subjec
     """The crops of those images of a frame that show the subject; None if no image does.
 
     At most `points` pixels are picked, in each image in proportion to the area that it shows of the subject,
-    and there evenly distributed, as dense as their weights.
+    and there evenly distributed, with a density proportional to their weights.
     """
     depths = [depth_in(view) for view in views]
     areas = [area_of(view.image, depth) for view, depth in zip(views, depths, strict=True)]
@@ -90,10 +90,11 @@ def crop(frame: Frame, masked: MaskedView, depth: NDArray[np.uint16], most: int)
 
 
 def pick(measured: NDArray[np.uint32], most: int, weights: NDArray[np.float32] | None) -> NDArray[np.uint32]:
-    """At most `most` of the measured pixels (N,), flat indices, evenly distributed, as dense as they weigh.
+    """At most `most` of the measured pixels (N,), flat indices.
 
-    A pixel is picked once at most, so fewer are picked if few have large weights (H, W). If there are only
-    FEW_POINTS pixels, or fewer, weights do not matter.
+    They are evenly distributed, with a density proportional to their weights (H, W). A pixel is picked at
+    most once, so fewer are picked if few have large weights. If there are at most FEW_POINTS pixels, weights
+    do not matter.
     """
     count = min(len(measured), most)
     if weights is None or len(measured) <= FEW_POINTS:

@@ -26,8 +26,8 @@ class PoseCandidates:
     """Refined candidates (N), the most likely first; at least one."""
 
     poses: Array  # (N, D), with shape coefficients if the shape of the body is not known
-    log_likelihood: Array  # (N,) with `log_prior`
-    log_prior: Array  # (N,) of pose and shape, by the family of bodies
+    log_likelihood: Array  # (N,) includes `log_prior`
+    log_prior: Array  # (N,) log prior of pose and shape, given by the family of bodies
     residual: Array  # (N,) metres
     joints: Array  # (N, J, 3) camera frame, metres
 
@@ -41,7 +41,7 @@ class PoseCandidates:
         return PoseCandidates(*(getattr(self, column.name)[indices] for column in fields(self)))
 
     def by_depth(self, model: BodyModel, subject: SubjectFrame) -> Array:
-        """The log likelihood (N,) by depth alone, without keypoints and the priors of the family."""
+        """The log likelihood (N,) from depth alone, without keypoints and the priors of the family."""
         costs = [keypoint_cost(ExpectedBody(model, pose), subject) for pose in self.poses]
         return np.asarray(self.log_likelihood - self.log_prior + costs)
 
@@ -82,18 +82,18 @@ class Detection:
     def looks_alike(self, joints: Array, log_likelihood: float, alike_nats: float) -> bool:
         """Whether a candidate that faces opposite to joints (J, 3) explains the depth about equally well.
 
-        `log_likelihood` is that of the pose with these joints, also by depth alone.
+        `log_likelihood` is that of the pose with these joints, also from depth alone.
         """
         return bool(np.any(self.by_depth[self.faces_away(joints)] > log_likelihood - alike_nats))
 
     @property
     def by_depth(self) -> Array:
-        """The log likelihood (N,) of the candidates by depth alone."""
+        """The log likelihood (N,) of the candidates from depth alone."""
         return self.candidates.by_depth(self.start.model, self.subject)
 
 
 def log_pose_prior(model: BodyModel, settings: RefineSettings, poses: Array) -> Array:
-    """Log density (N,) of poses (N, D) by the family of bodies, up to a constant.
+    """Log density (N,) that the family of bodies assigns to poses (N, D), up to a constant.
 
     The refinement does not include it. It is 0 without a prior of joint angles.
     """
@@ -105,7 +105,7 @@ def log_pose_prior(model: BodyModel, settings: RefineSettings, poses: Array) -> 
 def depth_likelihood(
     log_posterior: float, model: BodyModel, pose: Array, subject: SubjectFrame, settings: RefineSettings
 ) -> float:
-    """The log likelihood of a tracked pose (D,) by depth alone, without keypoints and the family's prior."""
+    """The log likelihood of a tracked pose (D,) from depth alone, without keypoints and family prior."""
     prior = log_pose_prior(model, settings, pose[None])[0]
     return float(log_posterior - prior) + keypoint_cost(ExpectedBody(model, pose), subject)
 

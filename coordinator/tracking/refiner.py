@@ -19,7 +19,7 @@ class Pending(Protocol):
     """Particles that are being refined."""
 
     def poll(self) -> bool:
-        """Whether the result would come at once. Without workers, each call processes one request."""
+        """Whether `result` would return at once. Without workers, each call processes one request."""
         ...
 
     def result(self) -> Refined:

@@ -129,8 +129,8 @@ def doubt_of(
 def status_of(track: TrackState, *, is_ambiguous: bool) -> Status:
     """The status of a frame.
 
-    `absent`: nothing shows a body. `searching`: something does, but not where it is. `lost`: the pose does
-    not explain the frame. `ambiguous`: a tracked pose is doubtful.
+    `absent`: nothing shows a body. `searching`: something may be the body, but where the body is remains
+    unknown. `lost`: the pose does not explain the frame. `ambiguous`: a tracked pose is doubtful.
     """
     match track:
         case Searching(visibility="something") | Lost(visibility="body"):
@@ -154,7 +154,10 @@ def doubt_thresholds(certainty: Certainty, settings: CertaintySettings, *, fault
 
 
 def explain_doubt(names: tuple[str, ...], certainty: Certainty, thresholds: Array, wrong_m: float) -> str:
-    """Text that names joints (J,) with more than these probabilities to be wrong, the most probable first."""
+    """Text that names the joints whose probability of being wrong exceeds their threshold.
+
+    `thresholds` are (J,). The most probable joint comes first.
+    """
     probability = certainty.off_probability
     doubted = [j for j in np.argsort(-probability, kind="stable") if probability[j] > thresholds[j]]
     listed = ", ".join(names[j].replace("_", " ") for j in doubted)

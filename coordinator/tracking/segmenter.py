@@ -145,7 +145,10 @@ class Segmenter:
         self._scenes = dict[str, Scene]()
 
     def recall(self, changes: SceneChanges) -> None:
-        """Restore what was known after a frame, after the changes of all earlier frames."""
+        """Restore what was known after a frame by applying its changes.
+
+        Those of all earlier frames must have been applied first.
+        """
         for camera, change in changes.items():
             self._scene_of(camera, change.T_rig_camera, None).recall(change)
 
@@ -259,7 +262,7 @@ class Segmenter:
         segmented = [segment_body(view, *body) for body in zip(surfaces, distances, foreign, strict=True)]
         complete = len(surfaces) == len(bodies)
         possible = candidates(view, near_bodies) if find and not complete else []
-        # colour tells who of several candidates is a person
+        # colour tells which of several candidates is a person
         count = 1 if len(bodies) == 1 and image.colours is None else None
         chosen = scope.choose(view, possible)[:count]
         strangers = tuple(mask_candidate(image, view, person, near_bodies) for person in chosen)
