@@ -30,7 +30,8 @@ class Part:
     """A connected component of the foreground.
 
     mask: (H, W) its pixels in a window of the frame. points: (P, 3) their points in the camera frame, metres.
-    middle, heights: their median (3,), and the ends of their vertical range, in the level camera frame.
+    middle, heights: their median (3,), and the upper and the lower end of their vertical range, in the level
+    camera frame, in which y points down.
     length: their longest extent along an axis of that frame, metres, without outliers.
     uncut: (H, W) the pixels of the component before flat parts were cut off.
     """
@@ -200,20 +201,20 @@ def join_parts(view: SceneView, person: Candidate, parts: Sequence[Part]) -> Can
     Parts that may be two people are not joined.
     """
     own, mask, joined, limits = person.part, person.mask.copy(), [person.part], view.settings.candidates
-    (low, high), half = own.heights, 0.5 * limits.max_length_m
+    (upper, lower), half = own.heights, 0.5 * limits.max_length_m
     for part in parts:
-        (bottom, top), across = part.heights, own.middle - part.middle
-        lowest, highest = min(low, bottom), max(high, top)
-        far = np.linalg.norm(across[[0, 2]]) >= limits.same_spot_m or highest - lowest >= limits.max_length_m
+        (top, bottom), across = part.heights, own.middle - part.middle
+        ends = min(upper, top), max(lower, bottom)
+        far = np.linalg.norm(across[[0, 2]]) >= limits.same_spot_m or ends[1] - ends[0] >= limits.max_length_m
         if far or (mask[part.window] & part.mask).any():
             continue
         smaller, larger = sorted((own.height, part.height))
-        shared = min(high, top) - max(low, bottom)
+        shared = min(lower, bottom) - max(upper, top)
         adjoins = -view.settings.segmentation.near_m < shared < 0.5 * smaller
         adjoins = adjoins and (smaller < limits.min_length_m or larger < half)
         if adjoins or is_behind(view, joined, part):
             part.mark(mask)
-            joined, low, high = [*joined, part], lowest, highest
+            joined, (upper, lower) = [*joined, part], ends
     return replace(person, mask=mask, points=np.concatenate([part.points for part in joined]))
 
 

@@ -193,23 +193,25 @@ class Scene:
             occupancy=self._occupancy if self._shows_room else None,
         )
 
-    def learn(self, view: SceneView, people: Mask | None = None, learned: Learned = NOTHING) -> SceneChange:
+    def learn(
+        self, view: SceneView, not_learned: Mask | None = None, learned: Learned = NOTHING
+    ) -> SceneChange:
         """Learn from the last frame, the `view` that `see` returned, and return the change.
 
-        Pixels (H, W) of `people` or possible people are not learned. A frame may be learned a second time,
+        Pixels (H, W) of people and possible people are `not_learned`. A frame may be learned a second time,
         for pixels that were excluded as people the first time; pass what the first call `learned`, so that
         the returned change includes it.
         """
         if not self._shows_room:
             return self._change(NO_PIXELS, NO_PIXELS)
-        outside = np.zeros(view.depth.shape, np.bool_) if people is None else people
+        left_out = np.zeros(view.depth.shape, np.bool_) if not_learned is None else not_learned
         learned_before = self._background > 0.0
-        pixels = learn_pixels(view.depth, view.noise, outside, self._background, self._nearer, view.steps)
+        pixels = learn_pixels(view.depth, view.noise, left_out, self._background, self._nearer, view.steps)
         moved = np.count_nonzero(learned_before.ravel()[pixels]) > 0.5 * np.count_nonzero(view.depth)
         if moved:  # most of the image changed: the camera was moved
             self._background[:], self._nearer[:] = 0.0, 0
             self._occupancy, self.foreign = Occupancy.unknown(view.depth.shape), NOBODY
-            learn_pixels(view.depth, view.noise, outside, self._background, self._nearer, view.steps)
+            learn_pixels(view.depth, view.noise, left_out, self._background, self._nearer, view.steps)
         if moved or view.is_first:
             return self.all()
         pixels = np.union1d(learned.pixels, pixels) if len(learned.pixels) else pixels
@@ -297,20 +299,20 @@ class Scene:
     def _change(self, pixels: NDArray[np.uint32], occupied: NDArray[np.uint32]) -> SceneChange:
         """The change of the background and of the occupancy at these pixels (N,), flat indices."""
         return SceneChange(
-            self._frames_with_depth,
-            self._time_s,
-            self._elapsed_s,
-            self._growth,
-            self._planes.coefficients,
-            self._planes.has_floor,
-            self._planes.approximate_up,
-            self._possible_ups,
-            self._shows_room,
-            self._background.shape,
-            Learned(pixels, self._background.ravel()[pixels], self._nearer.ravel()[pixels]),
-            OccupancyChange.of(self._occupancy, occupied),
-            self._T_rig_camera,
-            self.foreign,
+            frames_with_depth=self._frames_with_depth,
+            time_s=self._time_s,
+            elapsed_s=self._elapsed_s,
+            growth=self._growth,
+            planes=self._planes.coefficients,
+            has_floor=self._planes.has_floor,
+            approximate_up=self._planes.approximate_up,
+            possible_ups=self._possible_ups,
+            shows_room=self._shows_room,
+            size=self._background.shape,
+            learned=Learned(pixels, self._background.ravel()[pixels], self._nearer.ravel()[pixels]),
+            occupancy=OccupancyChange.of(self._occupancy, occupied),
+            T_rig_camera=self._T_rig_camera,
+            foreign=self.foreign,
         )
 
 

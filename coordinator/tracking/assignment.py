@@ -19,8 +19,8 @@ class Assignment:
     """Assigns the pixels of one segmented frame to people.
 
     `free` are the candidates that may still be assigned, most likely first; each is assigned at most once.
-    `view_of` is called for one person after another, after the previous one was submitted: a person who was
-    detected just now is a body then.
+    `view_of` is called for each person in turn, once the previous person has been submitted, so a person who
+    has just been detected is already a body.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class Assignment:
         return BodyView(segmented.frame, subject, planes, alternatives, set_aside, is_own, is_elsewhere)
 
     def _take(self, candidate: UntrackedPerson | None) -> UntrackedPerson | None:
-        """Assign a candidate, who is not free any more, and return it."""
+        """Remove a candidate, if there is one, from the free ones, and return it."""
         if candidate in self._free:
             self._free.remove(candidate)
         return candidate
@@ -63,7 +63,7 @@ class Assignment:
         If colour confirms some candidates as people, only those are searched.
 
         People are detected in their order. In the first round all cameras of a candidate are used, in each
-        further round one of them: cameras with wrong poses show no person together.
+        further round one of them: the views of cameras with wrong poses do not combine into a person.
         """
         target = self._targets[person_index]
         confirmed = [candidate for candidate in self._free if candidate.is_shown]

@@ -240,7 +240,7 @@ class Detector:
         """Log-likelihood of a subject's pixels with the best candidate, minus that at the gate's limit."""
         allowed_m = self._settings.gating.max_residual_m + query.settings.noise_depth
         log_likelihood_at_gate = -0.5 * (allowed_m / query.settings.likelihood_scale) ** 2
-        log_likelihood = float(candidates.log_likelihood[0] - candidates.log_prior[0])
+        log_likelihood = float(candidates.log_posterior[0] - candidates.log_prior[0])
         return query.subject.pixels * (log_likelihood - log_likelihood_at_gate)
 
     def _upright(self, rolls: Sequence[float]) -> float | None:

@@ -69,13 +69,11 @@ class ParticleFilter:
         """The belief from all candidates if the method has several hypotheses, else from the best."""
         belief = initial_belief(model, candidates.poses[0], self._settings)
         if not len(belief.covariances) or self._settings.filter.particles == 1:
-            return replace(
-                belief, log_weights=candidates.log_likelihood[:1], residual=candidates.residual[:1]
-            )
+            return replace(belief, log_weights=candidates.log_posterior[:1], residual=candidates.residual[:1])
         return replace(
             belief,
             poses=candidates.poses,
-            log_weights=candidates.log_likelihood,
+            log_weights=candidates.log_posterior,
             residual=candidates.residual,
             velocities=np.zeros_like(candidates.poses),
             covariances=np.repeat(belief.covariances, len(candidates.poses), axis=0),

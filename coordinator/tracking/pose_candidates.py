@@ -26,7 +26,7 @@ class PoseCandidates:
     """Refined candidates (N), the most likely first; at least one."""
 
     poses: Array  # (N, D), with shape coefficients if the shape of the body is not known
-    log_likelihood: Array  # (N,) includes `log_prior`
+    log_posterior: Array  # (N,) log likelihood plus `log_prior`
     log_prior: Array  # (N,) log prior of pose and shape, given by the family of bodies
     residual: Array  # (N,) metres
     joints: Array  # (N, J, 3) camera frame, metres
@@ -34,7 +34,7 @@ class PoseCandidates:
     @property
     def is_visible(self) -> bool:
         """Whether the frame shows any of them."""
-        return bool(np.isfinite(self.log_likelihood[0]))
+        return bool(np.isfinite(self.log_posterior[0]))
 
     def take(self, indices: Indices) -> PoseCandidates:
         """The candidates with these indices, in this order."""
@@ -43,7 +43,7 @@ class PoseCandidates:
     def by_depth(self, model: BodyModel, subject: SubjectFrame) -> Array:
         """The log likelihood (N,) from depth alone, without keypoints and the priors of the family."""
         costs = [keypoint_cost(ExpectedBody(model, pose), subject) for pose in self.poses]
-        return np.asarray(self.log_likelihood - self.log_prior + costs)
+        return np.asarray(self.log_posterior - self.log_prior + costs)
 
     def distinct(
         self, model: BodyModel, count: int, distinct_m: float, seen: Mask | None = None
@@ -134,8 +134,8 @@ def ordered(parts: Sequence[PoseCandidates]) -> PoseCandidates:
     """All visible candidates, the most likely first; if none is, a single one with log likelihood -inf."""
     columns = ([getattr(part, column.name) for part in parts] for column in fields(PoseCandidates))
     whole = PoseCandidates(*map(np.concatenate, columns))
-    order = np.argsort(-whole.log_likelihood, kind="stable")
-    visible = max(1, int(np.isfinite(whole.log_likelihood).sum()))
+    order = np.argsort(-whole.log_posterior, kind="stable")
+    visible = max(1, int(np.isfinite(whole.log_posterior).sum()))
     return whole.take(order[:visible])
 
 

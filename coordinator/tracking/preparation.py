@@ -1,7 +1,7 @@
 """Prepares a frame: compares its cameras, segments it around the people, and looks at them in colour.
 
-A frame may be prepared while the workers refine the one before it. So what a preparation remembers is of the
-last prepared frame, which may be one ahead of the state of the tracker.
+A frame may be prepared while the workers refine the one before it. The state kept here is therefore that of
+the last prepared frame, which may be one frame ahead of the tracker's state.
 """
 
 from __future__ import annotations

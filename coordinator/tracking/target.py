@@ -186,7 +186,10 @@ class TargetTracker:
 
     @property
     def needs_candidates(self) -> bool:
-        """Whether the body may be anywhere in the next frame, and no first search for it is under way."""
+        """Whether the next frame needs candidates.
+
+        A known body may be anywhere in it, or an unknown one has no search under way.
+        """
         return self.track.may_be_anywhere if isinstance(self.track, Body) else not self.search.is_running
 
     def is_search_due(self, time_s: float) -> bool:
@@ -336,7 +339,7 @@ class TargetTracker:
         return measure_noise(subject.largest.image, self._settings.scene.noise)
 
     def _search_first(self, view: BodyView, *, wait: bool) -> SubjectFrame | None:
-        """Search for an unknown body; the person to refine in this frame, if they are detected by now.
+        """Search for an unknown body; return the person to refine in this frame, or None if not detected yet.
 
         That is the detected person after a search in this frame, or else what this frame shows of them.
         """
@@ -420,7 +423,7 @@ class TargetTracker:
         if detection is None:
             return Choice(belief, gate)
         joints = joint_positions(self.model, belief.poses[:1])[0]
-        before, after = belief.log_weights[0], detection.candidates.log_likelihood[0]
+        before, after = belief.log_weights[0], detection.candidates.log_posterior[0]
         if detection.faces_away(joints)[0] and self._knows_facing:  # a frame's keypoints may be swapped
             before, after = by_depth, detection.by_depth[0]
         if not after > before + settings.search.surer_nats:

@@ -1,4 +1,4 @@
-"""The state of a track, and how events change it: a state machine without clock, images and workers.
+"""The state of a track, and how events change it: a state machine without a clock, images or workers.
 
 `step` returns the state after an event, and instructions; without any, nothing is left to do in the frame.
 `coordinator/tracking/target.py` executes them, and makes the events. The table of transitions is in
@@ -61,8 +61,8 @@ class Body(msgspec.Struct, frozen=True, kw_only=True):
     segmentation_pose: Array | None
     """The pose (D,) around which the next frame is segmented; None: the body may be anywhere.
 
-    It is set when a frame is segmented, to the pose of the frame before, as the next frame is segmented while
-    this one is refined. At low rates it is set again when this one is refined.
+    It is set when a frame is segmented, to the pose of the frame before, because the next frame is segmented
+    while this one is refined. At low rates it is set again when this one is refined.
     """
     excluded: tuple[str, ...] = ()  # cameras that are not used for it when the next frame is segmented
     was_new: bool = False  # whether it is regarded as new when the next frame is segmented
@@ -102,8 +102,8 @@ class OnceTracked(Body, frozen=True, kw_only=True):
     check_clock_s: float = 0.0
     """The clock of checks: time in frames that show the body since its detection.
 
-    It is set forward for a given start, which needs no first check, and to the first check when a camera is
-    back.
+    For a given start, which needs no first check, it begins past that check; when a camera comes back, it is
+    set to just before the first check.
     """
     unexplained_s: float = 0.0  # time for which no frame was explained
     normalised_residual: float = 0.0  # of the last frame that showed the body
@@ -113,7 +113,7 @@ class OnceTracked(Body, frozen=True, kw_only=True):
     ambiguous_facing: bool = False
     """Whether front and back explained the depth about equally well in the last search."""
     sides_s: float = 0.0
-    """Time for which colour showed left and right correctly, minus that for which swapped."""
+    """Time for which colour showed left and right correctly, minus the time for which it showed them swapped."""
     faulty: tuple[str, ...] = ()  # cameras at fault in the last frame that showed the body
     visibility: Visibility = "body"  # in the last frame
 
@@ -149,7 +149,7 @@ TrackState: TypeAlias = Absent | Searching | Found | Tracked | Lost
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Segmented:
-    """A frame is segmented: the number of pixels that show the body, and of the points picked of them.
+    """A frame is segmented: the number of pixels that show the body, and of the points picked from them.
 
     Both are 0 if nothing shows it. `has_depth`: the frame shows anything. `is_elsewhere`: these pixels are
     not where the body was expected. `moved`: the belief about a detected body, moved to where it is now.

@@ -57,7 +57,7 @@ class Tracker:
         state: State to resume from, with all scene changes so far, of a tracker with the same settings.
     """
 
-    def __init__(  # noqa: PLR0913 one parameter an input
+    def __init__(  # noqa: PLR0913 one parameter per input
         self,
         refiner: Refiner,
         settings: Settings,

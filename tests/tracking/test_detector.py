@@ -94,7 +94,7 @@ def test_a_person_is_detected_in_an_unusual_pose_and_of_any_size(
     assert np.median(np.linalg.norm(off, axis=-1)) < 0.05
     assert Size(*found.start.size).stature == pytest.approx(size.stature, rel=0.1)
     assert Size(*found.start.size).maturity == pytest.approx(size.maturity, abs=0.4)
-    assert np.all(np.diff(found.candidates.log_likelihood) <= 0.0)
+    assert np.all(np.diff(found.candidates.log_posterior) <= 0.0)
     assert tracked.joint_names == model.joint_names
 
 
@@ -192,8 +192,8 @@ def test_only_candidates_that_differ_go_on_and_one_that_faces_the_other_way() ->
     """The likeliest first; one that faces away is kept to the end, however unlikely."""
     alike = candidates([-1.0, -2.0, -3.0, -30.0, -40.0], FRONT, FRONT + 0.01, 1.0, BACK, BACK + 0.6)
     kept = alike.distinct(MODEL, 2, 0.05)
-    assert kept.log_likelihood.tolist() == [-1.0, -3.0, -30.0]
-    assert alike.distinct(MODEL, 9, 0.05).log_likelihood.tolist() == [-1.0, -3.0, -30.0, -40.0]
+    assert kept.log_posterior.tolist() == [-1.0, -3.0, -30.0]
+    assert alike.distinct(MODEL, 9, 0.05).log_posterior.tolist() == [-1.0, -3.0, -30.0, -40.0]
 
 
 @pytest.mark.parametrize(("behind", "ambiguous"), [(0.5, True), (20.0, False)])
