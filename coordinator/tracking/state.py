@@ -56,7 +56,7 @@ class Start:
         return with_fixed_shape(self.model, shape)
 
     def size_of(self, shape: Array) -> BodySize:
-        """The size of the body with these shape coefficients (S,); the size at the start if there are none."""
+        """The size of the body with these shape coefficients (S,); that at the start if there are none."""
         return self.family.size_of(shape) if len(shape) else self.size
 
     @property

@@ -113,7 +113,7 @@ class OnceTracked(Body, frozen=True, kw_only=True):
     ambiguous_facing: bool = False
     """Whether front and back explained the depth about equally well in the last search."""
     sides_s: float = 0.0
-    """Time for which colour showed left and right correctly, minus the time for which it showed them swapped."""
+    """Time for which colour showed left and right correctly, minus the time for which they were swapped."""
     faulty: tuple[str, ...] = ()  # cameras at fault in the last frame that showed the body
     visibility: Visibility = "body"  # in the last frame
 
