@@ -12,14 +12,13 @@ from gepf.common.body import ROTATION, BodyModel, vertex_normals
 from gepf.common.camera import Intrinsics, level_from_camera
 from gepf.common.frame import View
 from gepf.common.kinematics import joint_positions, pose_vertices
-from gepf.coordinator.pictures.overlay import OTHERS_COLOUR, SKELETON_COLOUR, bones
-from gepf.coordinator.pictures.plots import STATUS
-from gepf.coordinator.pictures.shading import MODEL_COLOUR, Colour
+from gepf.coordinator.palette import PALETTE, STATUS, Colour
+from gepf.coordinator.pictures.overlay import bones
 from gepf.coordinator.results.track import Track
 
 NUMBER, SINCE = "frame", "time"  # timelines: number of the frame, seconds since the start
 
-SURFACE_COLOUR = (*MODEL_COLOUR, 150)  # transparent, so that the points are visible
+SURFACE_COLOUR = (*PALETTE.body, 150)  # transparent, so that the points are visible
 DOUBT_COLOUR = to_rgb(STATUS["ambiguous"])
 
 
@@ -105,7 +104,7 @@ class PersonLog:
     def _log_joints(self, track: Track, f: int) -> None:
         """The skeleton of the reported pose; joints that may be wrong have their names."""
         joints = track.joint_positions[f]
-        skeleton = skeletons(track.joint_names, joints[None], np.ones(1), SKELETON_COLOUR)
+        skeleton = skeletons(track.joint_names, joints[None], np.ones(1), PALETTE.skeleton)
         self._log("model", "skeleton", skeleton)
         doubted = np.flatnonzero(track.flagged[f])
         names = [track.joint_names[j].replace("_", " ") for j in doubted]
@@ -131,7 +130,7 @@ class PersonLog:
         self._log("quality", "hypotheses", rr.Scalars(float(len(weights))))
         joints = joint_positions(model, track.hypothesis_pose[f, : len(weights)])
         strength = weights / weights.max(initial=1e-9)
-        self._log("hypotheses", "", skeletons(track.joint_names, joints, strength, OTHERS_COLOUR))
+        self._log("hypotheses", "", skeletons(track.joint_names, joints, strength, PALETTE.hypotheses))
 
 
 def skeletons(names: tuple[str, ...], joints: Array, strength: Array, colour: Colour) -> rr.LineStrips3D:

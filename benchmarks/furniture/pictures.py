@@ -9,8 +9,9 @@ from PIL import Image, ImageDraw
 
 from benchmarks.furniture.footage import Footage
 from gepf.common.camera import project
-from gepf.coordinator.pictures.overlay import SKELETON_COLOUR, draw_skeleton, write_caption
-from gepf.coordinator.pictures.shading import Colour, draw_body, shade_depth
+from gepf.coordinator.palette import PALETTE, Colour
+from gepf.coordinator.pictures.overlay import draw_skeleton, write_caption
+from gepf.coordinator.pictures.shading import draw_body, shade_depth
 from gepf.coordinator.tracking.estimate import POSE_UNKNOWN
 from gepf.coordinator.tracking.reporting import TrackedPerson
 
@@ -45,7 +46,7 @@ def draw_frame(footage: Footage, found: TrackedPerson, n: int, title: str) -> Im
     draw_skeleton(draw, model, true, TRUE_COLOUR, LINE_PX, ~footage.visible[n])
     if known:
         draw_skeleton(
-            draw, model, project(estimate.joint_positions, view.intrinsics), SKELETON_COLOUR, LINE_PX
+            draw, model, project(estimate.joint_positions, view.intrinsics), PALETTE.skeleton, LINE_PX
         )
     write_caption(picture, f"{title} {n}", estimate.status, estimate.why[:60])
     return picture

@@ -20,10 +20,10 @@ from gepf.common.body import BodyModel, vertex_normals
 from gepf.coordinator.exports.axes import CAMERA_TO_Y_UP
 from gepf.coordinator.exports.bones import Bone, bones_of, children, continuous, motion_of, offset, slides
 from gepf.coordinator.exports.recorded import RecordedRun
+from gepf.coordinator.palette import PALETTE
 from gepf.coordinator.sources.source import rising
 
 COMPONENT_TYPES = {"u2": gl.UNSIGNED_SHORT, "u4": gl.UNSIGNED_INT, "f4": gl.FLOAT}
-COLOUR = [0.8, 0.45, 0.2, 1.0]
 
 
 def write_glb(run: RecordedRun, file: BinaryIO) -> None:
@@ -53,7 +53,8 @@ def scene_of(run: RecordedRun) -> gl.GLTF2:
         gltf.nodes[0].rotation = Rotation.from_matrix(level).as_quat().tolist()
         gltf.nodes[0].translation = (level @ bones[0].origin).tolist()
     if len(model.triangles):
-        looks = gl.PbrMetallicRoughness(baseColorFactor=COLOUR, metallicFactor=0.0, roughnessFactor=0.8)
+        colour = [*PALETTE.exported_body, 1.0]
+        looks = gl.PbrMetallicRoughness(baseColorFactor=colour, metallicFactor=0.0, roughnessFactor=0.8)
         gltf.materials = [gl.Material(pbrMetallicRoughness=looks)]
         add_surface(gltf, arrays, model, bones)
         gltf.nodes.append(gl.Node(name=model.name, mesh=0, skin=0))

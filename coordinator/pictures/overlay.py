@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+import msgspec
 import numpy as np
 from PIL import Image, ImageDraw
 
@@ -13,14 +14,19 @@ from gepf.common.body import BodyModel
 from gepf.common.camera import NOT_MOVED, Intrinsics, moved, project
 from gepf.common.kinematics import joint_positions
 from gepf.coordinator.bodies.families import FAMILIES
-from gepf.coordinator.pictures.plots import STATUS
-from gepf.coordinator.pictures.shading import BACKGROUND, Colour, draw_body
+from gepf.coordinator.palette import PALETTE, STATUS
+from gepf.coordinator.pictures.shading import draw_body
 from gepf.coordinator.results.track import Track
 
-FINER = 2  # the picture is drawn at this multiple and averaged
-MARGIN_M = 0.25  # around the joints: half a torso, a hand, the top of the head
-SKELETON_COLOUR: Colour = (255, 255, 255)
-OTHERS_COLOUR: Colour = (92, 214, 255)
+
+class DrawingSettings(msgspec.Struct, frozen=True):
+    """How a body is drawn."""
+
+    finer: int = 2  #: multiple of the picture's size in which it is drawn, and then averaged
+    margin_m: float = 0.25  #: around the joints: half a torso, a hand, the top of the head
+
+
+DRAWING = DrawingSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,21 +61,21 @@ def view_around(
 ) -> Viewport:
     """The view that shows all joints of all frames, and fits into width x height pixels.
 
-    Its picture, which is `FINER` times smaller, has an even size, as films need.
+    Its picture, which is `DRAWING.finer` times smaller, has an even size, as films need.
 
     Frames without a known pose are ignored, unless there are no others. `placed` is T_camera_rig (4, 4).
     """
     kept = ~track.unknown
     points = moved(track.joint_positions[kept if kept.any() else ...].reshape(-1, 3), placed)
-    points = points[np.all(np.isfinite(points), axis=1) & (points[:, 2] > MARGIN_M)]
+    points = points[np.all(np.isfinite(points), axis=1) & (points[:, 2] > DRAWING.margin_m)]
     size = np.array([camera.width, camera.height])
     low, high = np.zeros(2), size
     if len(points):
-        pixels, reach = project(points, camera), camera.fx * MARGIN_M / points[:, 2:]
+        pixels, reach = project(points, camera), camera.fx * DRAWING.margin_m / points[:, 2:]
         low = np.clip((pixels - reach).min(axis=0), 0, size - 2)
         high = np.clip((pixels + reach).max(axis=0), low + 2, size)
     scale = float(np.min((width, height) / (high - low)))
-    even = 2 * FINER
+    even = 2 * DRAWING.finer
     columns, rows = np.maximum(scale * (high - low) // even * even, even).astype(int).tolist()
     return Viewport(camera, float(low[0]), float(low[1]), scale, columns, rows, placed)
 
@@ -94,18 +100,18 @@ def paint(
     picture, camera, status = view.cut(image), view.intrinsics, str(track.status[f])
     if track.placed[f] and status != "absent":
         picture = draw_body(picture, model, track.pose[f], camera, 0.5, view.placed)
-        draw, width = ImageDraw.Draw(picture, "RGBA"), max(FINER, picture.height // 160)
+        draw, width = ImageDraw.Draw(picture, "RGBA"), max(DRAWING.finer, picture.height // 160)
         weights = track.hypothesis_weight[f]
         order = np.argsort(weights)[: np.isfinite(weights).sum()]  # the most likely are drawn last
         skeletons = project_joints(model, track.hypothesis_pose[f, order], camera, view.placed)
         strengths = np.sqrt(weights[order] / weights[order].max(initial=np.finfo(float).tiny))
         for pixels, strength in zip(skeletons, strengths, strict=True):
-            draw_skeleton(draw, model, pixels, (*OTHERS_COLOUR, round(255 * strength)), width // 2)
+            draw_skeleton(draw, model, pixels, (*PALETTE.hypotheses, round(255 * strength)), width // 2)
         (pixels,) = project_joints(model, track.pose[f][None], camera, view.placed)
         hollow = track.flagged[f]
         draw_skeleton(draw, model, pixels, (0, 0, 0), width + 2, hollow)
-        draw_skeleton(draw, model, pixels, SKELETON_COLOUR, width, hollow)
-    picture = picture.reduce(FINER)
+        draw_skeleton(draw, model, pixels, PALETTE.skeleton, width, hollow)
+    picture = picture.reduce(DRAWING.finer)
     write_caption(picture, str(track.frame[f]), status, note)
     return picture
 
@@ -113,7 +119,7 @@ def paint(
 def project_joints(model: BodyModel, poses: Array, camera: Intrinsics, placed: Array = NOT_MOVED) -> Array:
     """Pixels (N, J, 2) of the joints in poses (N, D); limited to the surroundings of the picture."""
     joints = moved(joint_positions(model, poses), placed)
-    joints[..., 2] = np.maximum(joints[..., 2], MARGIN_M)
+    joints[..., 2] = np.maximum(joints[..., 2], DRAWING.margin_m)
     size = np.array([camera.width, camera.height])
     return np.asarray(np.clip(project(joints, camera), -size, 2 * size))
 
@@ -140,7 +146,7 @@ def write_caption(picture: Image.Image, title: str, status: str, note: str) -> N
     """Write the title and the status at the top and a note at the bottom, in place."""
     draw, size = ImageDraw.Draw(picture), max(11, picture.height // 22)
     edge = size // 3
-    style: dict[str, Any] = {"font_size": size, "stroke_width": 1, "stroke_fill": BACKGROUND}
-    draw.text((edge, edge), title, SKELETON_COLOUR, anchor="la", **style)
+    style: dict[str, Any] = {"font_size": size, "stroke_width": 1, "stroke_fill": PALETTE.background}
+    draw.text((edge, edge), title, PALETTE.skeleton, anchor="la", **style)
     draw.text((picture.width - edge, edge), status, STATUS[status], anchor="ra", **style)
-    draw.text((edge, picture.height - edge), note, SKELETON_COLOUR, anchor="ld", **style)
+    draw.text((edge, picture.height - edge), note, PALETTE.skeleton, anchor="ld", **style)

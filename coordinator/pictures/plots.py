@@ -17,20 +17,12 @@ from matplotlib.patches import Patch
 from gepf.common.arrays import Array
 from gepf.common.body import ROOT_DOFS, TRANSLATION
 from gepf.coordinator.bodies.families import angles_of
+from gepf.coordinator.palette import CURVES, STATUS
 from gepf.coordinator.results.angles import measure, near_to
 from gepf.coordinator.results.evaluation import Truth
 from gepf.coordinator.results.track import Track, TrackedBody, filled
 
-REPORTED, HYPOTHESIS, TRUE = "#e8590c", "#3b82c4", "#1b1f27"
-STATUS = {
-    "tracked": "#5cc878",
-    "ambiguous": "#f5be46",
-    "lost": "#f05a5a",
-    "searching": "#c86edc",
-    "absent": "#969696",
-}
 SIDES = ("right_", "left_")
-FAINT = 0.25  # opacity behind a curve
 
 STYLE: Mapping[str, Any] = {
     "axes.spines.top": False,
@@ -68,20 +60,20 @@ class Curve:
         time_s = track.time_s
         if self.deviation is not None:
             low, high = self.reported - self.deviation, self.reported + self.deviation
-            axes.fill_between(time_s, low, high, color=HYPOTHESIS, alpha=FAINT, linewidth=0)
+            axes.fill_between(time_s, low, high, color=CURVES.hypothesis, alpha=CURVES.faint, linewidth=0)
         if self.hypotheses is not None:
             times = np.broadcast_to(time_s[:, None], self.hypotheses.shape)
             opacity = cast("Any", np.sqrt(np.nan_to_num(track.hypothesis_weight)))
-            axes.scatter(times, self.hypotheses, s=8, c=HYPOTHESIS, alpha=opacity)
-            axes.scatter([], [], s=8, c=HYPOTHESIS, label="hypotheses")  # the legend's is opaque
-        axes.plot(time_s, self.reported, color=REPORTED, label="reported")
+            axes.scatter(times, self.hypotheses, s=8, c=CURVES.hypothesis, alpha=opacity)
+            axes.scatter([], [], s=8, c=CURVES.hypothesis, label="hypotheses")  # the legend's is opaque
+        axes.plot(time_s, self.reported, color=CURVES.reported, label="reported")
         if self.true is not None and np.isfinite(self.true).any():
-            axes.plot(time_s, self.true, "--", color=TRUE, label="truth")
+            axes.plot(time_s, self.true, "--", color=CURVES.true, label="truth")
         half = 0.5 * float(np.median(np.diff(track.time_s))) if len(track.time_s) > 1 else 0.5
         for status, first, last in track.stretches():
             if status != "tracked":
                 ends = track.time_s[first] - half, track.time_s[last] + half
-                axes.axvspan(*ends, color=STATUS[status], alpha=FAINT, linewidth=0)
+                axes.axvspan(*ends, color=STATUS[status], alpha=CURVES.faint, linewidth=0)
         axes.set(title=self.name.replace("_", " "))
         axes.yaxis.set_major_formatter(f"{{x:g}}{self.unit}")
         axes.margins(x=0)
@@ -122,7 +114,7 @@ def draw_hypotheses(track: Track, body: TrackedBody, truth: Truth | None, file: 
     figure = plot_curves(track, curves, 1)
     handles = [*figure.axes[0].get_legend_handles_labels()[0]]
     seen = set(track.status.tolist()) - {"tracked"}
-    handles += [Patch(color=STATUS[name], alpha=FAINT, label=name) for name in STATUS if name in seen]
+    handles += [Patch(color=STATUS[name], alpha=CURVES.faint, label=name) for name in STATUS if name in seen]
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False)
     with styled():
         figure.savefig(file)

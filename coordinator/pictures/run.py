@@ -12,7 +12,7 @@ from gepf.common.camera import inverse
 from gepf.common.frame import Frame
 from gepf.coordinator.files import FILM_FILE, HYPOTHESES_FILE, SHEET_FILE
 from gepf.coordinator.pictures.film import save_png, spread, tile, write_film
-from gepf.coordinator.pictures.overlay import FINER, Viewport, paint, view_around
+from gepf.coordinator.pictures.overlay import DRAWING, Viewport, paint, view_around
 from gepf.coordinator.pictures.plots import draw_hypotheses
 from gepf.coordinator.pictures.shading import shade_depth
 from gepf.coordinator.results.evaluation import Truth
@@ -39,7 +39,7 @@ def draw_run(
     filmed = spread(len(track.frame), 200)
     on_sheet = {filmed[i] for i in spread(len(filmed), 15)}
     steps = len(filmed) + 1
-    largest = FINER * 480  # pixels, width and height of a picture
+    largest = DRAWING.finer * 480  # pixels, width and height of a picture
     views = {
         each.camera: view_around(track, each.intrinsics, largest, largest, inverse(each.T_rig_camera))
         for each in source.views
@@ -69,8 +69,8 @@ def draw_run(
 
 def size_of(views: Mapping[str, Viewport]) -> tuple[int, int]:
     """Width and height of a picture of all cameras."""
-    each = views.values()
-    return sum(view.width // FINER for view in each), max(view.height // FINER for view in each)
+    each, finer = views.values(), DRAWING.finer
+    return sum(view.width // finer for view in each), max(view.height // finer for view in each)
 
 
 def paint_views(
@@ -95,5 +95,5 @@ def paint_views(
         if image is not None:
             note = f"{camera} {faults.get(camera, '')}".strip()
             picture.paste(paint(image, view, model, track, f, note), (left, 0))
-        left += view.width // FINER
+        left += view.width // DRAWING.finer
     return picture

@@ -8,25 +8,23 @@ import numpy as np
 from PIL import Image, ImageDraw
 from scipy.ndimage import binary_erosion
 
-from gepf.coordinator.pictures.shading import Colour, shade_depth
+from gepf.coordinator.palette import PALETTE
+from gepf.coordinator.pictures.shading import shade_depth
 from gepf.coordinator.scene.candidates import Candidate
 from gepf.coordinator.scene.scene import ON_PLANE, SceneView, mark_pixels
-
-FLOOR: Colour = (70, 150, 90)
-WALL: Colour = (80, 110, 170)
-OUTLINES: tuple[Colour, ...] = ((255, 200, 60), (255, 120, 60), (200, 90, 200))  # best first
 
 
 def draw_scene(view: SceneView, found: Sequence[Candidate]) -> Image.Image:
     """A frame with green floor, blue walls, and outlined and numbered candidates, the best first."""
     picture = np.array(shade_depth(view.depth, view.camera))
-    planes = view.planes.coefficients
+    planes, outlines = view.planes.coefficients, PALETTE.candidates
     for n in range(len(planes)):
         marks = mark_pixels(view.depth, view.background, view.camera.pinhole, planes[n : n + 1], view.noise)
         on = marks == ON_PLANE
-        picture[on] = picture[on] // 2 + np.array(FLOOR if n == 0 and view.planes.has_floor else WALL) // 2
+        colour = PALETTE.floor if n == 0 and view.planes.has_floor else PALETTE.wall
+        picture[on] = picture[on] // 2 + np.array(colour) // 2
     for n, candidate in reversed(list(enumerate(found))):
-        picture[candidate.mask & ~binary_erosion(candidate.mask)] = OUTLINES[min(n, len(OUTLINES) - 1)]
+        picture[candidate.mask & ~binary_erosion(candidate.mask)] = outlines[min(n, len(outlines) - 1)]
     image = Image.fromarray(picture)
     draw = ImageDraw.Draw(image)
     for n, candidate in enumerate(found):

@@ -12,25 +12,23 @@ from gepf.common.arrays import Array
 from gepf.common.body import BodyModel
 from gepf.common.camera import NOT_MOVED, Intrinsics, moved, project
 from gepf.common.kinematics import pose_vertices
+from gepf.coordinator.palette import PALETTE
 
-Colour = tuple[int, int, int]
-
-BACKGROUND: Colour = (19, 23, 31)
-DEPTH_COLOUR: Colour = (225, 230, 238)
-MODEL_COLOUR: Colour = (255, 122, 28)
-SMOOTHING_PX = 1.5  # standard deviation, against the noise of depth
 LIGHT = LightSource()
 
 
-def shade_depth(depth_m: NDArray[np.float32], camera: Intrinsics) -> Image.Image:
-    """A picture of observed depth (H, W); pixels without depth have the background colour."""
+def shade_depth(depth_m: NDArray[np.float32], camera: Intrinsics, smoothing_px: float = 1.5) -> Image.Image:
+    """A picture of observed depth (H, W); pixels without depth have the background colour.
+
+    `smoothing_px` is the standard deviation of a Gaussian filter against the noise of depth.
+    """
     seen = depth_m > 0.0
     near, distance = np.percentile(depth_m[seen], [2, 50]) if seen.any() else (1.0, 1.0)
-    weight = gaussian_filter(seen.astype(np.float32), SMOOTHING_PX)
-    smooth = np.where(seen, gaussian_filter(depth_m, SMOOTHING_PX) / np.maximum(weight, 1e-6), distance)
+    weight = gaussian_filter(seen.astype(np.float32), smoothing_px)
+    smooth = np.where(seen, gaussian_filter(depth_m, smoothing_px) / np.maximum(weight, 1e-6), distance)
     light = LIGHT.hillshade(-smooth, dx=distance / camera.fx, dy=distance / camera.fy)
     light *= np.sqrt(np.minimum(near / smooth, 1.0))  # distant surfaces are darker
-    colours = np.where(seen[..., None], light[..., None] * DEPTH_COLOUR, BACKGROUND)
+    colours = np.where(seen[..., None], light[..., None] * PALETTE.depth, PALETTE.background)
     return Image.fromarray(colours.astype(np.uint8))
 
 
@@ -53,7 +51,7 @@ def draw_body(
     triangles, corners, normals = model.triangles[facing], corners[facing], normals[facing]
     normals = normals * (1.0, -1.0, -1.0) / np.linalg.norm(normals, axis=1, keepdims=True)  # y up, z back
     light = 0.5 + 0.5 * np.clip(normals @ LIGHT.direction, 0.0, 1.0)
-    fills = np.column_stack([light[:, None] * MODEL_COLOUR, np.full(len(light), 255.0 * opacity)]).astype(int)
+    fills = np.column_stack([light[:, None] * PALETTE.body, np.full(len(light), 255.0 * opacity)]).astype(int)
     edges = {edge for a, b, c in triangles.tolist() for edge in ((a, b), (b, c), (c, a))}
     pixels = project(corners, camera)
     layer = Image.new("RGBA", picture.size)
@@ -63,5 +61,5 @@ def draw_body(
         draw.polygon([*map(tuple, places)], fill=tuple(fills[t].tolist()))
         for k in range(3):
             if (ends[(k + 1) % 3], ends[k]) not in edges:
-                draw.line([*places[k], *places[(k + 1) % 3]], fill=MODEL_COLOUR, width=3)
+                draw.line([*places[k], *places[(k + 1) % 3]], fill=PALETTE.body, width=3)
     return Image.alpha_composite(picture.convert("RGBA"), layer).convert("RGB")

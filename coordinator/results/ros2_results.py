@@ -13,6 +13,7 @@ from gepf.common.arrays import Array
 from gepf.common.body import REST_FROM_URDF, TRANSLATION, BodyModel, with_fixed_shape
 from gepf.common.kinematics import link_transforms, pose_vertices
 from gepf.coordinator.bodies.tracked import coarsen
+from gepf.coordinator.palette import PALETTE
 from gepf.coordinator.results.live_results import ResultMessage
 from gepf.coordinator.results.ros_humans import HumanBodies, body_frames, body_id, in_body, joint_states
 from gepf.coordinator.settings import CertaintySettings
@@ -23,7 +24,7 @@ JOINTS, FRAMES = "sensor_msgs/msg/JointState", "tf2_msgs/msg/TFMessage"
 CERTAINTY, MARKERS = "diagnostic_msgs/msg/DiagnosticArray", "visualization_msgs/msg/MarkerArray"
 MARKER, STATUS = "visualization_msgs/msg/Marker", "diagnostic_msgs/msg/DiagnosticStatus"
 BODY, DOUBTS = "body", "doubtful joints"
-COLOURS = {BODY: (0.8, 0.45, 0.2, 0.6), DOUBTS: (1.0, 0.1, 0.1, 0.9)}
+COLOURS = {BODY: (*PALETTE.exported_body, 0.6), DOUBTS: (*PALETTE.doubtful_joint, 0.9)}
 
 
 class MarkerSettings(msgspec.Struct, frozen=True):

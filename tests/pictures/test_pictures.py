@@ -20,9 +20,10 @@ from gepf.common.body import BodyModel
 from gepf.common.camera import Intrinsics, project
 from gepf.common.kinematics import pose_vertices
 from gepf.coordinator.bodies.families import angles_of
+from gepf.coordinator.palette import STATUS
 from gepf.coordinator.pictures.film import spread, tile, write_film
 from gepf.coordinator.pictures.overlay import Viewport, paint, view_around
-from gepf.coordinator.pictures.plots import STATUS, angle_curves, curves_of, plot_curves
+from gepf.coordinator.pictures.plots import angle_curves, curves_of, plot_curves
 from gepf.coordinator.pictures.run import draw_run
 from gepf.coordinator.pictures.shading import draw_body, shade_depth
 from gepf.coordinator.results.evaluation import Truth, read_truth
