@@ -22,7 +22,7 @@ from gepf.common.arrays import Array, Mask
 from gepf.common.body import ROOT_DOFS
 from gepf.common.camera import level_from_camera
 from gepf.coordinator.bodies.swing_twist import (
-    FARTHEST,
+    LIMITS,
     compose,
     nearest_swing,
     nearest_turn,
@@ -32,9 +32,6 @@ from gepf.coordinator.bodies.swing_twist import (
 
 MIRROR = np.array([1.0, -1.0, -1.0])
 """Signs that convert rotation vectors of a right limb to those of its mirror image."""
-
-SHOWN_FROM_BEND = np.radians(20.0)
-"""Least bend of an elbow at which the twist of the upper arm is visible."""
 
 
 class Turn(NamedTuple):
@@ -129,7 +126,7 @@ class Angles:
         limb = np.array([not joint.upward for joint in self.spherical], dtype=np.bool_)
         free = np.array([joint.dofs[0].name in ROOT_DOFS for joint in self.spherical], dtype=np.bool_)
         swing = nearest_swing(here[..., :2], there[..., :2], limb)
-        twist = nearest_turn(here[..., 2], there[..., 2], np.where(free, np.inf, FARTHEST))
+        twist = nearest_turn(here[..., 2], there[..., 2], np.where(free, np.inf, LIMITS.max_turn))
         turned = np.concatenate([swing, twist[..., None]], axis=-1).reshape(len(angles), first)
         return np.concatenate([turned, nearest_turn(angles[:, first:], reference[:, first:])], axis=1)
 
@@ -151,6 +148,7 @@ class Angles:
     def follow_on(self, angles: Array, unknown: Mask | None, last: Array | None) -> tuple[Array, Array]:
         """The same for frames that follow others, whose reference is `last` (A,), and the next reference."""
         angles, is_first = angles.copy(), last is None
+        min_bend = np.radians(20.0)  # of an elbow at which the twist of the upper arm is visible
         last = (angles[0] if len(angles) else np.empty(0)) if last is None else last
         last = last.copy()
         for number, frame in enumerate(angles):
@@ -158,7 +156,7 @@ class Angles:
                 frame[:] = self.near(frame[None], last)[0]
             if unknown is not None and unknown[number]:
                 continue
-            hidden = [twist for twist, bend in self.levers.items() if frame[bend] < SHOWN_FROM_BEND]
+            hidden = [twist for twist, bend in self.levers.items() if frame[bend] < min_bend]
             seen = np.delete(np.arange(len(frame)), hidden)
             last[seen] = frame[seen]
         return angles, last

@@ -10,16 +10,21 @@ from __future__ import annotations
 
 from math import tau
 
+import msgspec
 import numpy as np
 
 from gepf.common.arrays import Array, Mask
 
-FARTHEST = np.radians(270.0)
-"""Largest rotation of a person's joint to either side; larger values are reduced by a full turn."""
-BEHIND = np.radians(90.0)
-"""Largest swing of a limb backward or inward; a larger value is a swing over the head."""
-OVERHEAD = np.radians(225.0)
-"""Limit up to which a swing backward or inward is interpreted as one over the head."""
+
+class SwingTwistLimits(msgspec.Struct, frozen=True):
+    """How far the joints of people rotate, radians; larger angles are replaced by equivalent ones."""
+
+    max_turn: float = np.radians(270.0)  #: to either side; beyond, a full turn is subtracted
+    max_behind: float = np.radians(90.0)  #: of a limb, backward or inward; a larger swing is over the head
+    max_overhead: float = np.radians(225.0)  #: of such a swing over the head
+
+
+LIMITS = SwingTwistLimits()
 
 
 def quaternions(vectors: Array) -> Array:
@@ -54,17 +59,17 @@ def swing_twist(turned: Array) -> tuple[Array, Array]:
 def nearest_swing(swings: Array, reference: Array, limb: bool | Mask = False) -> Array:
     """The swings (..., 2), or the equivalent opposite ones, whichever are nearer to `reference`.
 
-    For a jump by more than `BEHIND`, directions that are impossible for limbs, backward or inward, are not
-    chosen. `limb` says which swings (...) are those of limbs.
+    For a jump by more than `max_behind`, directions that are impossible for limbs, backward or inward, are
+    not chosen. `limb` says which swings (...) are those of limbs.
     """
     angle = np.hypot(swings[..., 0], swings[..., 1])
     other = swings * (1.0 - tau / np.maximum(angle, 1e-9))[..., None]
     reach = tau - angle
     far, other_far = (np.hypot(*np.moveaxis(s - reference, -1, 0)) for s in (swings, other))
-    wound = (reach <= FARTHEST) & (other_far < far)
-    behind, other_behind = (np.minimum(s[..., 0], s[..., 1]) < -BEHIND for s in (swings, other))
-    forced = (wound & (behind | ~other_behind)) | (behind & ~other_behind & (reach <= OVERHEAD))
-    wound = np.where(limb & (np.where(wound, other_far, far) > BEHIND), forced, wound)
+    wound = (reach <= LIMITS.max_turn) & (other_far < far)
+    behind, other_behind = (np.minimum(s[..., 0], s[..., 1]) < -LIMITS.max_behind for s in (swings, other))
+    forced = (wound & (behind | ~other_behind)) | (behind & ~other_behind & (reach <= LIMITS.max_overhead))
+    wound = np.where(limb & (np.where(wound, other_far, far) > LIMITS.max_behind), forced, wound)
     return np.where(wound[..., None], other, swings)
 
 

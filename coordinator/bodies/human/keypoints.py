@@ -13,7 +13,6 @@ from gepf.common.arrays import Array, Indices
 from gepf.common.body import KEYPOINTS
 from gepf.coordinator.bodies.carried_points import carry
 
-MEASURED_STATURE = 1.75  # metres, of the person on whom they were measured
 POINTS = {
     "nose": ("skull", 0.0, -0.693, -0.087),
     "eye": ("skull", 0.022, -0.719, -0.065),
@@ -25,7 +24,7 @@ POINTS = {
     "knee": ("thigh", 0.096, 0.394, 0.009),
     "ankle": ("shank", 0.096, 0.800, 0.023),
 }
-"""Keypoint -> its link and its place at rest on the left side, metres, in the frame of the rest pose."""
+"""Keypoint -> its link and its place at rest on the left side of a person of 1.75 m, metres, rest frame."""
 
 
 def attach_keypoints(
@@ -35,10 +34,10 @@ def attach_keypoints(
 
     `vertices` (V, 3) are those of the mean adult of stature 1 at rest.
     """
-    links, points = list[int](), list[Array]()
+    links, points, stature_m = list[int](), list[Array](), 1.75  # of the person of POINTS
     for keypoint in KEYPOINTS:
         side, _, part = keypoint.rpartition("_")
         name, *place = POINTS[part]
         links.append(link_names.index(name if name in link_names else f"{side[0]}_{name}"))
-        points.append(np.array(place) / MEASURED_STATURE * (-1.0 if side == "right" else 1.0, 1.0, 1.0))
+        points.append(np.array(place) / stature_m * (-1.0 if side == "right" else 1.0, 1.0, 1.0))
     return np.array(links), *carry(np.array(points), np.array(links), vertices, skin_links)

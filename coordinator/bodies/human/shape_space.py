@@ -24,15 +24,20 @@ from gepf.coordinator.bodies.human.skeleton import build_skeleton
 FILE = Path(__file__).with_name("person.npz")
 """Its arrays: people (K, V, 3) and their joints (K, N, 3) at rest, of stature 1, and what changes them."""
 
-SHAPE_DEVIATIONS_M = (0.06, 0.03, 0.03, 0.15)
-"""Of the shape coefficients around those of the detected person: half the distance between the sizes that are
-tried, proportions of the same age, and a tenth of girth."""
-
 SHAPE_DOFS = ("shape_stature", "shape_infant", "shape_child", "shape_girth")
 """Shape coefficients in metres: stature less that of the usual adult; the parts of the stature that have the
 proportions of an infant and of a child, instead of an adult's; stature times the excess of girth over 1."""
 
 REFERENCE_STATURE = 1.75  # metres, of the usual adult: a person of unknown stature
+
+
+class ShapeDeviations(NamedTuple):
+    """Of the shape coefficients, SHAPE_DOFS, around those of the detected person."""
+
+    stature_m: float = 0.06  #: half the distance between the sizes that are tried
+    infant_m: float = 0.03  #: proportions of the same age
+    child_m: float = 0.03  #: the same
+    girth_m: float = 0.15  #: a tenth of girth
 
 
 class Size(NamedTuple):
@@ -151,7 +156,7 @@ class ShapeSpace:
         return with_shape(
             usual,
             SHAPE_DOFS,
-            np.array(SHAPE_DEVIATIONS_M),
+            np.array(ShapeDeviations()),
             np.concatenate([people, self.girth[None]]),
             centres[:, self.centres],
             centres[:, self.named],

@@ -7,8 +7,8 @@ Coordinates are those of `gepf.coordinator.bodies.human.skeleton`. Where each ce
 - knee, elbow: between the epicondyles; ankle: between the malleoli; wrist: between the styloids (the
   recommendations of the ISB: Wu et al., J. Biomech. 35 (2002) and 38 (2005));
 - shoulder: the point about which the arm rotates while clavicle and scapula are held. They move the joint
-  itself, the glenohumeral one, with the arm; it is `SHOULDER_BELOW` down the arm from that point;
-- vertebrae: along the curve of the spine; head: the middle of the skull, `HEAD_CENTRE` from its base.
+  itself, the glenohumeral one, with the arm; it is `shoulder_below` down the arm from that point;
+- vertebrae: along the curve of the spine; head: the middle of the skull, `head_centre` from its base.
 
 Lengths of an adult lie between the segments of Drillis & Contini (1966; in Winter, "Biomechanics and Motor
 Control of Human Movement", 4th ed. 2009, fig. 4.1), which end at landmarks on the skin, and the distances
@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import msgspec
 import numpy as np
 
 from gepf.common.arrays import Array
@@ -46,18 +47,28 @@ CLOTHED = {**ADULT, "thigh": 0.2394, "shank": 0.2371, "ankle_height": 0.0490}
 
 Chosen on subjects 1 and 2 of UTD-MHAD and the two skinned people, between 0.96 and 1 of `ADULT`.
 """
-SHOULDER_BELOW = 0.020
-"""The distance is 2 to 5 cm for subjects 1 and 2 of UTD-MHAD and the two skinned people."""
-HEAD_CENTRE = (0.0, -0.040, 0.012)
-"""By the same data."""
-SHOULDER_BACK, KNEE_BACK, ANKLE_BACK = 0.012, 0.005, 0.014
-"""Behind the hips, where a person stands upright: the zero of all angles."""
+
+
+class JointPlaces(msgspec.Struct, frozen=True):
+    """Where joint centres are besides the ends of segments, as shares of stature.
+
+    `back` is behind the hips, where a person stands upright: the zero of all angles.
+    """
+
+    shoulder_below: float = 0.020  #: for subjects 1 and 2 of UTD-MHAD and the two skinned people 2 to 5 cm
+    head_centre: tuple[float, float, float] = (0.0, -0.040, 0.012)  #: from the skull's base, by the same data
+    shoulder_back: float = 0.012
+    knee_back: float = 0.005
+    ankle_back: float = 0.014
+
+
+PLACES = JointPlaces()
 
 
 def place_joints(lengths: Mapping[str, float]) -> Joints:
     """Joint centres (3,) of a person with these lengths, rest frame."""
     spine = _spine(lengths["trunk"])
-    joints = {"pelvis": np.zeros(3), **spine, "head": spine["skullbase"] + np.array(HEAD_CENTRE)}
+    joints = {"pelvis": np.zeros(3), **spine, "head": spine["skullbase"] + np.array(PLACES.head_centre)}
     for name, point in {**_leg(lengths), **_arm(lengths)}.items():
         joints[f"l_{name}"] = point
         joints[f"r_{name}"] = point * (-1.0, 1.0, 1.0)
@@ -81,24 +92,24 @@ def _leg(lengths: Mapping[str, float]) -> Joints:
     sole = ankle + lift
     return {
         "hip": np.array([x, 0.0, 0.0]),
-        "knee": np.array([x, knee, KNEE_BACK]),
-        "ankle": np.array([x, ankle, ANKLE_BACK]),
-        "subtalar": np.array([x, sole - 0.6 * lift, ANKLE_BACK]),
-        "midtarsal": np.array([x, sole - 0.55 * lift, ANKLE_BACK - 0.17 * foot]),
-        "metatarsal": np.array([x, sole - 0.25 * lift, ANKLE_BACK - 0.46 * foot]),
+        "knee": np.array([x, knee, PLACES.knee_back]),
+        "ankle": np.array([x, ankle, PLACES.ankle_back]),
+        "subtalar": np.array([x, sole - 0.6 * lift, PLACES.ankle_back]),
+        "midtarsal": np.array([x, sole - 0.55 * lift, PLACES.ankle_back - 0.17 * foot]),
+        "metatarsal": np.array([x, sole - 0.25 * lift, PLACES.ankle_back - 0.46 * foot]),
     }
 
 
 def _arm(lengths: Mapping[str, float]) -> Joints:
     x, trunk = 0.5 * lengths["shoulder_width"], lengths["trunk"]
-    shoulder = np.array([x, -trunk, SHOULDER_BACK])
+    shoulder = np.array([x, -trunk, PLACES.shoulder_back])
     down = np.array(tilted(DOWN, ARM_TILT))
     wrist = shoulder + (lengths["upper_arm"] + lengths["forearm"]) * down
     return {
         "sternoclavicular": np.array([0.1 * x, -1.04 * trunk, -0.025]),
         "acromioclavicular": shoulder + np.array([-0.02, -0.022, 0.0]),
         "shoulder": shoulder,
-        "glenohumeral": shoulder + SHOULDER_BELOW * down,
+        "glenohumeral": shoulder + PLACES.shoulder_below * down,
         "elbow": shoulder + lengths["upper_arm"] * down,
         "wrist": wrist,
         **_hand(lengths["hand"], wrist),

@@ -9,14 +9,11 @@ from scipy.spatial.transform import Rotation
 
 from gepf.common.arrays import Array, Indices
 from gepf.common.camera import rigid
-from gepf.coordinator.bodies.human.build.joints import SHOULDER_BACK
+from gepf.coordinator.bodies.human.build.joints import PLACES
 from gepf.coordinator.bodies.human.skeleton import ARM_TILT, DOWN, FRONT, LEFT, tilted
 
 Joints = Mapping[str, Array]
 
-FOLDED = (15.0, 25.0, 15.0)  # degrees, of the joints of each finger
-ADDUCTED = (30.0, 0.0, 0.0)  # the thumb, towards the hand
-FINGER_NUMBERS = (2, 3, 4, 5)
 TRUNK = ("pelvis", "vl5", "vl3", "vl1", "vt8", "vc7", "vc4", "skull", "l_clavicle", "r_clavicle")
 """Links that keep their relative pose."""
 
@@ -49,15 +46,16 @@ def link_of(bone: str) -> str:
 
 def fold_fingers(vertices: Array, at: Joints, weights: Mapping[str, tuple[Indices, Array]]) -> Array:
     """Vertices (N, 3) with relaxed hands; `at` are MakeHuman's joints by name."""
-    moved = vertices.copy()
+    moved, thumb, fingers = vertices.copy(), 1, (2, 3, 4, 5)
+    folded_deg, adducted_deg = (15.0, 25.0, 15.0), (30.0, 0.0, 0.0)  # joints of a finger; of the thumb
     for side in "lr":
-        knuckles = [at[f"{side}-finger-{n}-1"] for n in FINGER_NUMBERS]
+        knuckles = [at[f"{side}-finger-{n}-1"] for n in fingers]
         hand = knuckles[1] - at[f"{side}-hand"]
         palm = (-1.0 if side == "l" else 1.0) * np.cross(hand, knuckles[0] - knuckles[-1])
-        for n in (1, *FINGER_NUMBERS):
-            towards, angles = (hand, ADDUCTED) if n == 1 else (palm, FOLDED)
+        for n in (thumb, *fingers):
+            towards, angles_deg = (hand, adducted_deg) if n == thumb else (palm, folded_deg)
             motion = np.eye(4)
-            for k, angle in enumerate(np.radians(angles), 1):
+            for k, angle in enumerate(np.radians(angles_deg), 1):
                 centre, along = at[f"{side}-finger-{n}-{k}"], at[f"{side}-finger-{n}-{k + 1}"]
                 axis = np.cross(along - centre, towards)
                 turn = Rotation.from_rotvec(angle * axis / np.linalg.norm(axis)).as_matrix()
@@ -84,7 +82,7 @@ def measure(at: Joints, stature: float, sole: float, foot: float) -> dict[str, f
         "shank": chain("knee", "ankle"),
         "ankle_height": (sole - at["l-ankle"][1]) / stature,
         "foot": foot / stature,
-        "trunk": float(np.sqrt(up**2 + back**2 - SHOULDER_BACK**2)),
+        "trunk": float(np.sqrt(up**2 + back**2 - PLACES.shoulder_back**2)),
         "shoulder_width": 2.0 * at["l-shoulder"][0] / stature,
         "hip_width": 2.0 * at["l-upper-leg"][0] / stature,
     }
