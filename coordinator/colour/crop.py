@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Self
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
@@ -18,15 +19,24 @@ from gepf.common.arrays import Array, Mask
 from gepf.common.camera import Intrinsics, project
 
 SIDE_PX = 256  # of what the network sees
-MARGIN = 1.25  # side of the crop / diameter of the person, with which the network was trained
-NEAREST_M = 0.2  # depth of a point that is projected
-BLACK = 16  # brightest channel of a pixel without colour, after compression
-TINY_PX = 8.0  # smallest side of a crop
-LARGEST_SHIFT, LARGEST_GROWTH, LARGEST_TURN = 0.15, np.log(1.5), np.radians(30.0)
-"""Of crops that show much the same: share of the side, logarithm of the ratio of sides, angle."""
 
 Colours = NDArray[np.uint8]
 """Pixels (H, W, 3), RGB."""
+
+
+class CropSettings(msgspec.Struct, frozen=True):
+    """How a crop is placed, and which crops show much the same."""
+
+    margin: float = 1.25  #: side of the crop / diameter of the person, with which the network was trained
+    min_side_px: float = 8.0  #: in the image
+    min_depth_m: float = 0.2  #: of a vertex that is projected
+    max_black: int = 16  #: brightest channel of a pixel without colour, after compression
+    same_shift_share: float = 0.15  #: between the middles of crops that show the same, of the side
+    same_growth: float = np.log(1.5)  #: logarithm of the ratio of their sides
+    same_turn: float = np.radians(30.0)  #: angle between them
+
+
+CROPS = CropSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +55,8 @@ class Crop:
         `upward` (2,) is the direction in the image from the middle to the head.
         """
         turn = float(np.arctan2(upward[0], -upward[1])) if upward.any() else 0.0
-        return cls(float(middle[0]), float(middle[1]), max(TINY_PX, 2.0 * MARGIN * radius), turn)
+        side = max(CROPS.min_side_px, 2.0 * CROPS.margin * radius)
+        return cls(float(middle[0]), float(middle[1]), side, turn)
 
     def to_image(self, places: Array) -> Array:
         """Pixels (..., 2) of the image at places (..., 2) in the crop."""
@@ -71,7 +82,8 @@ class Crop:
         apart = max(abs(self.column - other.column), abs(self.row - other.row))
         turned = abs((self.turn - other.turn + np.pi) % (2.0 * np.pi) - np.pi)
         ratio = abs(np.log(self.side / other.side))
-        return bool(apart < LARGEST_SHIFT * other.side and ratio < LARGEST_GROWTH and turned < LARGEST_TURN)
+        near = apart < CROPS.same_shift_share * other.side
+        return bool(near and ratio < CROPS.same_growth and turned < CROPS.same_turn)
 
     def overlaps(self, shape: tuple[int, ...]) -> bool:
         """Whether the middle of the crop is near an image (H, W), at most half of its side away."""
@@ -112,7 +124,7 @@ def warp(image: Image.Image, corners: Array, how: Image.Resampling) -> NDArray[n
 
 def close_gaps(colours: Colours, measured: Mask, widest: float) -> Colours:
     """Colours (H, W, 3) with the nearest ones in narrow black gaps where nothing was `measured` (H, W)."""
-    gap = ~measured & (colours.max(axis=2) <= BLACK)
+    gap = ~measured & (colours.max(axis=2) <= CROPS.max_black)
     if not gap.any() or gap.all():
         return colours
     away, nearest = distance_transform_edt(gap, return_indices=True)
@@ -127,8 +139,8 @@ def crop_of_body(vertices: Array, hips: Array, shoulders: Array, camera: Intrins
 
     None if it is not before the camera.
     """
-    ahead = vertices[:, 2] > NEAREST_M
-    if not ahead.any() or min(hips[2], shoulders[2]) <= NEAREST_M:
+    ahead = vertices[:, 2] > CROPS.min_depth_m
+    if not ahead.any() or min(hips[2], shoulders[2]) <= CROPS.min_depth_m:
         return None
     middle, above = project(np.stack([hips, shoulders]), camera)
     radius = np.linalg.norm(project(vertices[ahead], camera) - middle, axis=1).max()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import enum
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,8 +22,13 @@ SHOULDERS, HIPS = (
     [list(LANDMARK_OF).index(f"{side}_{joint}") for side in ("left", "right")]
     for joint in ("shoulder", "hip")
 )
-MIDDLE, RIM = 33, 34  # auxiliary landmarks: middle of the hips, and a point on the circle around the person
-LOOKS = 2
+
+
+class Auxiliary(enum.IntEnum):
+    """Landmarks of the network that show where the person is."""
+
+    MIDDLE = 33  # of the hips
+    RIM = 34  # a point on the circle around the person
 
 
 def find_keypoints(
@@ -34,11 +41,11 @@ def find_keypoints(
     The image (h, w, 3) covers the depth image, of which the pixels (H, W) with depth are `measured`. If the
     person fills the crop badly, the network looks again, where the person is.
     """
-    for _ in range(LOOKS):
+    for _ in range(2):
         found = network.see(crop.take(colours, measured, settings.max_gap_px))
         if found.presence < settings.min_presence:
             return None
-        middle, rim = crop.to_image(found.places[[MIDDLE, RIM]])
+        middle, rim = crop.to_image(found.places[[Auxiliary.MIDDLE, Auxiliary.RIM]])
         seen_in, crop = crop, Crop.around(middle, float(np.linalg.norm(rim - middle)), rim - middle)
         if crop.fits(seen_in):
             break

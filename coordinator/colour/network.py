@@ -30,8 +30,6 @@ PACKAGE, PURPOSE = "ai_edge_litert", "finding keypoints in colour"
 FILE = Path(__file__).with_name("pose_landmark_lite.tflite")
 LANDMARKS, VALUES = 39, 5
 CELL_PX = 4  # of the heatmaps
-PEAK_CELLS = 3  # from a landmark, in each direction
-LEAST_PEAK = 0.5  # probability
 OUTPUTS = {
     (1, LANDMARKS * VALUES): "landmarks",
     (1, 1): "presence",
@@ -102,15 +100,18 @@ class PoseNetwork:
         return Landmarks(places, visibility, float(out["presence"][0]))
 
 
-def to_peaks(places: Array, heatmaps: Floats) -> Array:
-    """Places (N, 2) in the crop, moved to the peaks of their heatmaps (R, C, N) if there is one nearby."""
+def to_peaks(places: Array, heatmaps: Floats, reach: int = 3, min_peak: float = 0.5) -> Array:
+    """Places (N, 2) in the crop, moved to the peaks of their heatmaps (R, C, N) if there is one nearby.
+
+    A peak is at most `reach` cells away in each direction, and has at least the probability `min_peak`.
+    """
     moved, (rows, columns) = places.copy(), heatmaps.shape[:2]
     for n, (column, row) in enumerate(np.floor(places / CELL_PX).astype(int)):
-        top, left = max(0, row - PEAK_CELLS), max(0, column - PEAK_CELLS)
-        bottom, right = min(rows, row + PEAK_CELLS + 1), min(columns, column + PEAK_CELLS + 1)
+        top, left = max(0, row - reach), max(0, column - reach)
+        bottom, right = min(rows, row + reach + 1), min(columns, column + reach + 1)
         if top < bottom and left < right:
             share = expit(heatmaps[top:bottom, left:right, n].astype(np.float64))
-            if share.max() >= LEAST_PEAK:
+            if share.max() >= min_peak:
                 across, down = np.arange(left, right), np.arange(top, bottom)
                 moved[n] = CELL_PX / share.sum() * np.array([(share @ across).sum(), (down @ share).sum()])
     return moved
