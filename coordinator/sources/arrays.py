@@ -15,8 +15,6 @@ from gepf.coordinator.sources.source import FARTHEST_M, Source
 
 logger = logging.getLogger(__name__)
 
-EXAMINED = 10  # frames by which units are chosen
-
 
 class ArraySource(Source):
     """Frames of an array.
@@ -96,7 +94,7 @@ def choose_scale(array: NDArray[np.generic], depth_scale: float | None, name: st
     if depth_scale is not None and not 0 < depth_scale < np.inf:
         raise InputError(f"{name}: depth_scale is {depth_scale}; give its units per metre")
     if array.dtype.kind == "f" and depth_scale is None:
-        some = np.unique(np.linspace(0, len(array) - 1, EXAMINED).astype(int))
+        some = np.unique(np.linspace(0, len(array) - 1, 10).astype(int))  # ten frames
         middle = median_depth(np.array([array[n][::4, ::4] for n in some], dtype=np.float64))
         if middle > FARTHEST_M:
             logger.warning("%s: depth (median %.0f) is interpreted as millimetres", name, middle)

@@ -15,6 +15,7 @@ from decimal import Decimal
 from itertools import pairwise
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
 NUMBER = re.compile(r"\d+(?:\.\d+)?")
@@ -23,17 +24,22 @@ DATE = re.compile(
     r"((?:19|20)\d\d)[-_.]?(\d\d)[-_.]?(\d\d)[-_.T ]*(\d\d)[-_.:h]?(\d\d)[-_.:m]?(\d\d)(?:[-_.,s]?(\d+))?"
 )
 
-SHORTEST_STEP_S, LONGEST_STEP_S = 1.0 / 300.0, 10.0 / 3.0
-"""Plausible times between frames."""
 UNITS = {"seconds": Decimal(1), "milliseconds": Decimal("1e-3"), "microseconds": Decimal("1e-6"),
          "nanoseconds": Decimal("1e-9")}  # fmt: skip
 SECOND_NS = 1_000_000_000
-EPOCH_S = 1e9
-"""Larger numbers are times since 1970, in seconds (2001 to 2096), or in smaller units."""
-COUNTED_STEP = 3000.0
-"""Numbers with larger steps do not count frames."""
-CLOCK_STEP_MS = 8.0
-"""Frames of less than 125 per second; of faster ones, milliseconds look like numbers of frames."""
+
+
+class ClockLimits(msgspec.Struct, frozen=True):
+    """What distinguishes times of frames from numbers that count frames."""
+
+    min_step_s: float = 1.0 / 300.0  #: shortest plausible time between frames
+    max_step_s: float = 10.0 / 3.0  #: longest plausible time between frames
+    epoch: float = 1e9  #: larger numbers are times since 1970, in seconds (2001 to 2096) or smaller units
+    max_counted_step: float = 3000.0  #: numbers with larger steps do not count frames
+    min_step_ms: float = 8.0  #: between frames; if they are faster, milliseconds look like numbers of frames
+
+
+CLOCK = ClockLimits()
 
 
 class Times(NamedTuple):
@@ -50,7 +56,7 @@ def order_of(name: str) -> tuple[Decimal, ...]:
 
 def is_plausible(step_s: float) -> bool:
     """Whether frames of a camera may be so far apart."""
-    return SHORTEST_STEP_S <= step_s < LONGEST_STEP_S
+    return CLOCK.min_step_s <= step_s < CLOCK.max_step_s
 
 
 def median_step(values: Sequence[Decimal]) -> float:
@@ -118,7 +124,7 @@ def readings(texts: Sequence[str], columns: Sequence[tuple[str, ...]]) -> Iterat
             yield [Decimal(day) + part for day, part in zip(days, parts, strict=True)], "dates"
     for whole, part in pairwise(columns):
         width, index = max(map(len, part)), median_step([*map(Decimal, whole)]) >= 1.0
-        clock = width <= 9 and (float(whole[0]) >= EPOCH_S or (width >= 6 and not index))
+        clock = width <= 9 and (float(whole[0]) >= CLOCK.epoch or (width >= 6 and not index))
         if clock and not has_points(whole) and not has_points(part):
             pairs = zip(whole, fractions(part), strict=True)
             yield [Decimal(second) + share for second, share in pairs], "seconds and their fraction"
@@ -154,16 +160,16 @@ def is_clock(column: Sequence[str]) -> bool:
     values = [*map(Decimal, column)]
     if not ascends(values):
         return False
-    if has_points(column) or values[0] >= EPOCH_S or median_step(values) >= COUNTED_STEP:
+    if has_points(column) or values[0] >= CLOCK.epoch or median_step(values) >= CLOCK.max_counted_step:
         return True
     steps = np.diff([float(value) for value in values])
     low, middle, high = np.quantile(steps, [0.2, 0.5, 0.8])
-    return bool(middle >= CLOCK_STEP_MS and len(steps) > 2 and 0.0 < high - low < 0.5 * middle)
+    return bool(middle >= CLOCK.min_step_ms and len(steps) > 2 and 0.0 < high - low < 0.5 * middle)
 
 
 def unit_of(values: Sequence[Decimal]) -> str:
     """The unit of times: by their size if they are since 1970, else by the median step."""
-    exponent = float(np.log10(float(values[0]) / EPOCH_S)) / 3.0 if values[0] >= EPOCH_S else -1.0
+    exponent = float(np.log10(float(values[0]) / CLOCK.epoch)) / 3.0 if values[0] >= CLOCK.epoch else -1.0
     names = [*UNITS]
     if 0.0 <= exponent < len(names):
         return names[int(exponent)]

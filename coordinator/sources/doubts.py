@@ -9,7 +9,7 @@ import numpy as np
 
 from gepf.common.arrays import Array
 from gepf.common.camera import Intrinsics
-from gepf.coordinator.sources.clock import LONGEST_STEP_S, SHORTEST_STEP_S
+from gepf.coordinator.sources.clock import CLOCK
 from gepf.coordinator.sources.source import Source
 
 
@@ -22,10 +22,6 @@ class Plausible(msgspec.Struct, frozen=True):
 
 
 PLAUSIBLE = Plausible()
-KINECT_V2 = (512, 424)
-"""Size of the depth images of a Kinect v2 alone, which libfreenect2 and the vendor's driver mirror.
-
-Depth alone does not show it. Recordings with ground truth are not in doubt."""
 
 
 def find_doubts(source: Source, nearest_m: float) -> Iterator[str]:
@@ -35,10 +31,12 @@ def find_doubts(source: Source, nearest_m: float) -> Iterator[str]:
     """
     yield from doubts_of_lens(source.intrinsics)
     yield from doubts_of_unit(measured_depth(source), nearest_m)
-    if len(source) > 1 and not 1.0 / LONGEST_STEP_S <= source.fps <= 1.0 / SHORTEST_STEP_S:
+    if len(source) > 1 and not 1.0 / CLOCK.max_step_s <= source.fps <= 1.0 / CLOCK.min_step_s:
         yield f"{source.fps:.4g} frames per second are implausible; write their times to timestamps.txt"
-    size = source.intrinsics.width, source.intrinsics.height
-    if size == KINECT_V2 and source.mirrored is None and source.truth is None:
+    # Only images of a Kinect v2 have this size; libfreenect2 and the vendor's driver mirror them, which depth
+    # alone does not show. Recordings with ground truth are not in doubt.
+    is_kinect_v2 = (source.intrinsics.width, source.intrinsics.height) == (512, 424)
+    if is_kinect_v2 and source.mirrored is None and source.truth is None:
         yield (
             "images of a Kinect v2 (512x424) are often mirrored, and left and right are exchanged then: if "
             "text reads backwards in its colour images, add --mirrored, else --not-mirrored"

@@ -35,8 +35,6 @@ from gepf.coordinator.sources.source import FARTHEST_M, Source, rate_of
 logger = logging.getLogger(__name__)
 
 SUFFIXES = (".ply", ".pcd")
-NEIGHBOUR = 4
-"""The distance to the fourth neighbour is the spacing of a square grid, and nearly that of random points."""
 
 
 class CloudCamera(msgspec.Struct, frozen=True):
@@ -92,14 +90,15 @@ def cloud_files(path: Path) -> tuple[list[Path], list[float] | None]:
 def fitting_camera(clouds: Sequence[Array]) -> Intrinsics:
     """A camera for unorganised clouds (N, 3) that sees all points, about one in each pixel."""
     slopes, spacings = [np.zeros((1, 2))], []
+    nth = 4  # distance to this neighbour: the spacing of a square grid, and nearly that of random points
     for cloud in clouds:
         points = cloud[np.isfinite(cloud).all(axis=1) & (cloud[:, 2] > 0)]
         seen = np.unique(points[:, :2] / points[:, 2:], axis=0)
         slopes.append(seen[(np.abs(seen) <= ASSUMED.max_slope).all(axis=1)])
-        if len(seen) > NEIGHBOUR:
+        if len(seen) > nth:
             from scipy.spatial import cKDTree  # takes long to load
 
-            spacings.append(float(np.median(cKDTree(seen).query(seen, NEIGHBOUR + 1)[0][:, -1])))
+            spacings.append(float(np.median(cKDTree(seen).query(seen, nth + 1)[0][:, -1])))
     focal = min(1.0 / float(np.median(spacings)), ASSUMED.max_focal * NOMINAL.fx) if spacings else NOMINAL.fx
     every = np.concatenate(slopes)
     usual = np.array([NOMINAL.width, NOMINAL.height]) / (2.0 * NOMINAL.fx)

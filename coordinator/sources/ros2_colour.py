@@ -24,7 +24,6 @@ from gepf.coordinator.sources.ros_colour import (
 from gepf.coordinator.sources.ros_images import COMPRESSED, IMAGE, PICTURES
 
 NAMES = ("color", "colour", "rgb")  # of which topics of colour have one
-KEPT = 8  # last images
 FARTHEST_NS = round(SECOND_NS / DEFAULT_FPS)  # from depth in time
 
 
@@ -37,7 +36,7 @@ class ColourTopic:
     def __init__(self, node: Node, depth_topic: str) -> None:
         self._node, self._depth_topic = node, depth_topic
         self._is_subscribed = False
-        self._last = deque[tuple[int, str, bytes]](maxlen=KEPT)  # stamp, type, message
+        self._last = deque[tuple[int, str, bytes]](maxlen=8)  # the last: stamp, type, message
         self._other: str | None = None  # frame of another camera, until it is reported
         self._is_reported = False
 

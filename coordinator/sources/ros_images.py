@@ -18,7 +18,6 @@ from gepf.common.bounds import MAX_PIXELS
 IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 FLOATS = "32FC1"  # metres
 ENCODINGS = ("mono16", "16UC1", FLOATS)
-HEADER_BYTES = 12
 LOSSLESS = ("PNG", "TIFF")
 JPEG_START = b"\xff\xd8"
 TRANSPORT, PICTURES = "/compressedDepth", "/compressed"  # ends of topics of compressed images
@@ -69,11 +68,11 @@ def decompressed(message: Any, *, is_inverse: bool) -> NDArray[np.generic]:
     content = content_of(message)
     if TRANSPORT[1:] not in message.format:
         return unpack_picture(content)
-    packed = content[HEADER_BYTES:]
+    header, packed = content[:12], content[12:]  # an integer and two floats
     values = unpack_rvl(packed) if message.format.endswith(" rvl") else unpack_picture(packed)
     if not is_inverse:
         return values
-    a, b = np.frombuffer(content[:HEADER_BYTES], "<f4")[1:]
+    a, b = np.frombuffer(header, "<f4")[1:]
     inverse = np.where(values > 0, values - b, np.inf)
     return np.asarray(a / inverse, dtype=np.float32)
 

@@ -22,7 +22,6 @@ from gepf.coordinator.sources.camera import DEFAULT_FPS
 from gepf.coordinator.sources.gaps import close_gaps, is_sparse
 
 UNITS_PER_METRE = 5000.0  # for metres: steps of 0.2 mm
-ROUNDING_S = 1e-4  # of times in files
 SATURATED = np.iinfo(np.uint16).max
 """The largest value of a pixel stands for no depth: cameras write it where nothing was measured."""
 FARTHEST_M = np.iinfo(np.uint16).max / UNITS_PER_METRE
@@ -124,9 +123,9 @@ class Source:
 
     def nearest(self, time_s: float, within_s: float) -> int | None:
         """The place of the frame nearest to a time of the rig, or the later of two; None if it is far off."""
-        apart = np.abs(self.times_s - time_s)
-        place = int(np.flatnonzero(apart <= apart.min() + ROUNDING_S)[-1])
-        return place if apart[place] <= within_s + ROUNDING_S else None
+        apart, rounding_s = np.abs(self.times_s - time_s), 1e-4  # of times in files
+        place = int(np.flatnonzero(apart <= apart.min() + rounding_s)[-1])
+        return place if apart[place] <= within_s + rounding_s else None
 
     def view_near(self, time_s: float, within_s: float) -> View | None:
         """The image of this camera near a time of the rig; None in a gap of its recording.
