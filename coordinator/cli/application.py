@@ -16,7 +16,7 @@ from typer.core import TyperGroup
 from gepf.common.errors import InputError
 from gepf.common.packages import needs
 from gepf.coordinator.cli.commands import app
-from gepf.coordinator.commands.console import DEBUG, INTERRUPTED, exit_code
+from gepf.coordinator.commands.console import DEBUG, ExitCode, exit_code
 
 
 def use_config(context: typer.Context, given: Path | None) -> None:
@@ -89,7 +89,7 @@ def main(arguments: Sequence[str] | None = None, connect: Connect | None = None)
                 code = app(arguments, prog_name="gepf", standalone_mode=False, obj=connect)
         except typer.TyperException as error:
             raise InputError(describe_misuse(error)) from error
-        if code == INTERRUPTED:  # what typer makes of it
+        if code == ExitCode.INTERRUPTED:  # what typer makes of it
             raise KeyboardInterrupt
         return code if isinstance(code, int) else 0
 

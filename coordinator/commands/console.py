@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import enum
 import errno
 import gc
 import os
@@ -15,10 +16,17 @@ from typing import NoReturn
 
 from gepf.common.errors import GepfError, InputError
 
-NOT_TRACKED = 3  # exit code: done, but most frames were not tracked
-INTERRUPTED = 128 + signal.SIGINT
-
 DEBUG = "GEPF_DEBUG"
+
+
+class ExitCode(enum.IntEnum):
+    """How a process ended."""
+
+    DONE = 0
+    FAILED = 1
+    WRONG_INPUT = 2
+    NOT_TRACKED = 3  # done, but most frames were not tracked
+    INTERRUPTED = 128 + signal.SIGINT
 
 
 class Interrupts:
@@ -97,10 +105,10 @@ def exit_code(work: Callable[[], int], name: str) -> int:
         if isinstance(interrupt.__cause__, GepfError):  # for instance, results could not be written
             complain(name, interrupt.__cause__)
         say(name, "stopped")
-        return INTERRUPTED
+        return ExitCode.INTERRUPTED
     except Exception as error:  # noqa: BLE001 whatever it is, a user reads one line
         complain(name, error)
-        return 2 if isinstance(error, InputError) else 1
+        return ExitCode.WRONG_INPUT if isinstance(error, InputError) else ExitCode.FAILED
 
 
 def complain(name: str, error: Exception) -> None:

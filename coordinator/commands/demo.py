@@ -19,7 +19,6 @@ import numpy as np
 from rich.table import Table
 
 from gepf.common.errors import GepfError, InputError, check_choice
-from gepf.coordinator.commands.console import NOT_TRACKED
 from gepf.coordinator.commands.job import Job
 from gepf.coordinator.commands.many import run_pool
 from gepf.coordinator.commands.progress import Show
@@ -77,7 +76,7 @@ def run_demo(
     ]
     show.say(f"tracking {len(jobs)} runs; the first time, compiling takes a few minutes")
     for run in run_pool(jobs, show, quiet=True):
-        if run.code not in (0, NOT_TRACKED):
+        if not run.is_done:
             raise GepfError(f"{run.job.folder} ended with exit code {run.code}")
     scores = np.array([[score(scene, out, way, seed) for way in (LONE, FILTER)] for seed in seeds])
     show.console.print(tabulate(scene, scores))

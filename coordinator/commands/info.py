@@ -30,8 +30,15 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 
-PROMISING = 0.25  # score above which a candidate is probably a person
-FRAMES = 60  # most that are searched for a person
+
+class PersonSearch(msgspec.Struct, frozen=True):
+    """How a recording is searched for a person."""
+
+    max_frames: int = 60  #: that are searched, spread over the recording
+    min_score: float = 0.25  #: above which a candidate is probably a person
+
+
+SEARCH = PersonSearch()
 
 
 def run_info(options: InfoOptions, camera: CameraOptions) -> None:
@@ -107,10 +114,10 @@ def find_people(source: Source) -> tuple[SceneView, list[Candidate]]:
     from gepf.coordinator.settings import SceneSettings
 
     scene = Scene(SceneSettings(), up=None if source.gravity is None else -source.gravity)
-    for number in source.numbers[:: math.ceil(len(source.numbers) / FRAMES)]:
+    for number in source.numbers[:: math.ceil(len(source.numbers) / SEARCH.max_frames)]:
         view = scene.see(source.view(number))
         found = candidates(view)
-        likely = [each for each in found if each.score > PROMISING]
+        likely = [each for each in found if each.score > SEARCH.min_score]
         if likely:
             return view, likely
         scene.learn(view, None)
@@ -136,7 +143,7 @@ def describe_scene(view: SceneView, found: list[Candidate]) -> dict[str, object]
         "noise_mm": round(1000.0 * float(view.noise.sigma(np.array(2.0))), 1),
         "people": [
             {
-                "may_be": "a person" if n == 0 and each.score > PROMISING else "a person or furniture",
+                "may_be": "a person" if n == 0 and each.score > SEARCH.min_score else "a person or furniture",
                 "pixel": [int(np.median(side)) for side in np.nonzero(each.mask)[::-1]],
                 "distance_m": round(float(np.median(each.points[:, 2])), 2),
                 "score": round(each.score, 2),

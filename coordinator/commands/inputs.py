@@ -65,7 +65,6 @@ logger = logging.getLogger(__name__)
 Streams = Generator[Iterator[Frame], None, None]
 
 MEND_STREAM = "is its publisher running, with this key and endpoint, and is its depth above 0?"
-EXAMINED = 10  # frames of a recording, for colour
 LEFT_OUT = {"skipped": "for newer frames", "rejected": "do not fit the stream", "malformed": "malformed"}
 """Counts of live input that are shown, and why these messages were left out."""
 
@@ -214,7 +213,7 @@ class RecordedInput(Input):
         fit = list[bool]()
         for view in coloured.views:
             numbers = self.numbers if view is coloured.views[0] else view.numbers
-            places = np.unique(np.linspace(0, len(numbers) - 1, EXAMINED).astype(int))
+            places = np.unique(np.linspace(0, len(numbers) - 1, 10).astype(int))  # ten frames
             if view.colours is not None:
                 fit += [view.colours(numbers[place]) is not None for place in places]
         if not fit:

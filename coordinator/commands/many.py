@@ -28,7 +28,7 @@ from rich.progress import TaskID
 from rich.table import Table
 
 from gepf.common.errors import InputError
-from gepf.coordinator.commands.console import INTERRUPTED, INTERRUPTS, NOT_TRACKED, exit_code
+from gepf.coordinator.commands.console import INTERRUPTS, ExitCode, exit_code
 from gepf.coordinator.commands.job import Job
 from gepf.coordinator.commands.progress import Advance, Show, bars_on
 from gepf.coordinator.commands.track import track
@@ -122,6 +122,11 @@ class Ended:
     code: int
     seconds: float
 
+    @property
+    def is_done(self) -> bool:
+        """Whether it has results, although most frames may not be tracked."""
+        return self.code in (ExitCode.DONE, ExitCode.NOT_TRACKED)
+
 
 def choose_runs(job: Job, paths: Sequence[Path]) -> list[Job]:
     """One run per recording, which continues what is in its folder; InputError for equal names."""
@@ -154,7 +159,7 @@ def track_many(jobs: Sequence[Job], show: Show) -> int:
     show.console.print(table)
     write_table(jobs[0].folder.parent / TABLE_FILE, ended)
     codes = [run.code for run in ended if run.code]
-    return INTERRUPTED if INTERRUPTED in codes else min(codes, default=0)
+    return ExitCode.INTERRUPTED if ExitCode.INTERRUPTED in codes else min(codes, default=0)
 
 
 def run_pool(jobs: Sequence[Job], show: Show, *, quiet: bool) -> list[Ended]:
@@ -198,7 +203,7 @@ def run_pool(jobs: Sequence[Job], show: Show, *, quiet: bool) -> list[Ended]:
 def row_of(run: Ended) -> tuple[str, ...]:
     """The row of one run in the table."""
     name, took = run.job.folder.name, f"{run.seconds:.1f}"
-    if run.code not in (0, NOT_TRACKED):
+    if not run.is_done:
         return name, "-", "-", took, f"exit code {run.code}"
     summary = read_summary(run.job.folder)
     tracked = f"{100 * summary['status'].get('tracked', 0) / max(summary['frames'], 1):.0f} %"
@@ -211,7 +216,7 @@ def write_table(file: Path, ended: Sequence[Ended]) -> None:
     rows = csv.writer(text, lineterminator="\n")
     rows.writerow(("recording", "folder", "exit_code", *FACTS, *STATUSES))
     for run in ended:
-        summary = {} if run.code not in (0, NOT_TRACKED) else read_summary(run.job.folder)
+        summary = read_summary(run.job.folder) if run.is_done else {}
         facts = [summary.get(name, "") for name in FACTS]
         counts = [summary["status"].get(name, 0) if summary else "" for name in STATUSES]
         rows.writerow((run.job.sequence, run.job.folder, run.code, *facts, *counts))
@@ -229,7 +234,11 @@ def track_one(job: Job, quiet: bool, pipe: Connection | None) -> None:
     logging.basicConfig(format=f"{name}: %(message)s", level=logging.WARNING, force=True)
     console = Console(stderr=True, quiet=quiet, force_terminal=False)
     show = Show(console, quiet_seconds=math.inf, name=f"{name}: ") if pipe is None else SentShow(pipe)
-    sys.exit(exit_code(lambda: 0 if track(job, show, ZenohRefiner) else NOT_TRACKED, name))
+
+    def work() -> int:
+        return ExitCode.DONE if track(job, show, ZenohRefiner) else ExitCode.NOT_TRACKED
+
+    sys.exit(exit_code(work, name))
 
 
 def end_with_parent() -> None:

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 
 from gepf.common.errors import InputError
-from gepf.coordinator.commands.console import NOT_TRACKED
+from gepf.coordinator.commands.console import ExitCode
 from gepf.coordinator.commands.job import Job, choose_job, is_several, recordings_of
 from gepf.coordinator.commands.options import CameraOptions, SecurityOptions, TrackOptions
 from gepf.coordinator.commands.progress import Show
@@ -30,7 +30,10 @@ def run_track(
         jobs = choose_runs(job, recordings_of(options))
         if options.index is not None:
             jobs, single = [listed_at(options.index, jobs)], True
-    code = (0 if track(jobs[0], show, connect) else NOT_TRACKED) if single else track_many(jobs, show)
+    if single:
+        code: int = ExitCode.DONE if track(jobs[0], show, connect) else ExitCode.NOT_TRACKED
+    else:
+        code = track_many(jobs, show)
     if options.as_json:
         files = [each.folder / SUMMARY_FILE for each in jobs]
         texts = ",\n".join(file.read_text(encoding="utf-8").strip() for file in files if file.exists())

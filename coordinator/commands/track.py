@@ -40,8 +40,6 @@ from gepf.coordinator.tracking.cameras import describe_changes
 from gepf.coordinator.tracking.reporting import TrackedFrame
 from gepf.coordinator.tracking.tracker import Tracker
 
-LONGEST_DRAWN = 108_000  # frames of live input, an hour: curves of more show nothing, and need memory
-
 AnyRecorder = Recorder | LiveRecorder | Unstored
 
 
@@ -254,6 +252,7 @@ def open_outlets(
 def draw(given: RecordedInput | LiveInput, recorded: Mapping[int, Outcome], show: Show) -> None:
     """Draw pictures of a finished run, and print where the results are."""
     job = given.job
+    max_live_frames = 108_000  # an hour: curves of more show nothing, and need memory
     for number, each in recorded.items():
         frames, status = counted(each.tally.frames, "frame"), describe_counts(each.tally.status)
         if isinstance(given, LiveInput):
@@ -264,7 +263,7 @@ def draw(given: RecordedInput | LiveInput, recorded: Mapping[int, Outcome], show
         out = folder_of(job.out, job.people, number)
         drawn, later = "", f"; gepf pictures {out} draws them" if given.source else ""
         try:
-            if job.pictures and (given.source or each.tally.frames <= LONGEST_DRAWN):
+            if job.pictures and (given.source or each.tally.frames <= max_live_frames):
                 files = draw_pictures(read_track(out), given.source, out, show, given.truth, given.colours)
                 drawn, later = f" and {counted(len(files), 'picture')}", ""
         finally:
