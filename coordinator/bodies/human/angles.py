@@ -1,7 +1,7 @@
 """Anatomical angles of people: flexion, abduction and rotation, with plain names.
 
-Angles are zero with arms straight down along the trunk (the template's arms differ from that by `ARM_TILT`,
-so its rest pose has this abduction), legs and spine straight.
+Angles are zero with arms straight down along the trunk (the template's arms differ from that by
+`REST.arm_tilt`, so its rest pose has this abduction), legs and spine straight.
 
 Signs are alike on both sides: flexion is forward (knee: the heel back), abduction away from the body,
 rotation inward; trunk, neck and pelvis bend forward, lean to the person's right and turn to the left.
@@ -17,7 +17,7 @@ import numpy as np
 from gepf.common.arrays import Array
 from gepf.common.body import ROTATION
 from gepf.coordinator.bodies.angles import Angles, RevoluteJoint, SphericalJoint, Turn, level_turn, whole_body
-from gepf.coordinator.bodies.human.skeleton import ARM_TILT, Dof, build_skeleton
+from gepf.coordinator.bodies.human.skeleton import REST, Dof, build_skeleton
 
 SIDES = {"r": "right", "l": "left"}
 NECK_FLEXION = "neck_flexion"
@@ -29,7 +29,7 @@ of people with exact truth are within one deviation, 98 % within two."""
 
 _LIMB_BONES = {
     # joint: carrier, moving segment, angle of the bone to the vertical at rest
-    "shoulder": ("vt1", "{side}_upper_arm", ARM_TILT),
+    "shoulder": ("vt1", "{side}_upper_arm", REST.arm_tilt),
     "hip": ("pelvis", "{side}_thigh", 0.0),
 }
 _WORDS = {"twisting": "rotation", "rotate": "rotation", "abduct": "abduction", "pivot": "deviation"}

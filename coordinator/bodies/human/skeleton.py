@@ -1,9 +1,9 @@
 """The table of a person's degrees of freedom.
 
 Rest pose: upright, facing the camera, arms at the sides, palms towards the thighs. The arms differ from the
-vertical by `ARM_TILT`, so that they do not touch an average trunk. All angles are zero there for any girth,
-so that angles of different people can be compared. Coordinates are those of `gepf.common.body`: x to the
-person's left, y down, z to the person's back, the root between the hip joints at the origin.
+vertical by `REST.arm_tilt`, so that they do not touch an average trunk. All angles are zero there for any
+girth, so that angles of different people can be compared. Coordinates are those of `gepf.common.body`: x to
+the person's left, y down, z to the person's back, the root between the hip joints at the origin.
 
 Signs, the same on both sides of the body:
 
@@ -24,6 +24,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -37,10 +38,17 @@ Bone = tuple[str, str | None, str, Motions, int]
 LEFT, DOWN, BACK = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 RIGHT, UP, FRONT = (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)
 
-ARM_TILT = np.radians(11.0)
+
+class RestPose(NamedTuple):
+    """How arms and thumbs differ from vertical limbs at rest."""
+
+    arm_tilt: float = np.radians(11.0)  #: angle to the vertical, radians
+    thumb_direction: Vector = (0.0, 0.8, -0.6)  #: of a vertical left arm
+
+
+REST = RestPose()
 
 _SPINE_MOTIONS = {"roll": FRONT, "torsion": UP, "tilt": LEFT}
-THUMB_DIRECTION = (0.0, 0.8, -0.6)
 _FINGER = {
     0: {"flexion": BACK},
     1: {"flexion": BACK, "pivot": RIGHT, "twisting": DOWN},
@@ -48,7 +56,7 @@ _FINGER = {
     3: {"flexion": BACK},
 }
 _THUMB = {
-    1: {"flexion": LEFT, "pivot": (0.0, 0.6, 0.8), "twisting": THUMB_DIRECTION},
+    1: {"flexion": LEFT, "pivot": (0.0, 0.6, 0.8), "twisting": REST.thumb_direction},
     2: {"flexion": LEFT},
     3: {"flexion": LEFT},
 }
@@ -120,11 +128,11 @@ def _bones() -> Iterator[Bone]:
         below = bone
     for side in "lr":
         yield from _limb(side, "vt1", _GIRDLE, 0.0)
-        yield from _limb(side, f"{side}_scapula", _ARM, ARM_TILT)
+        yield from _limb(side, f"{side}_scapula", _ARM, REST.arm_tilt)
         for finger in (*FINGERS, "thumb"):
             parts = _THUMB if finger == "thumb" else _FINGER
             bones = {(f"{finger}{n}", f"{finger}{n}"): motions for n, motions in parts.items()}
-            yield from _limb(side, f"{side}_hand", bones, ARM_TILT)
+            yield from _limb(side, f"{side}_hand", bones, REST.arm_tilt)
         yield from _limb(side, "pelvis", _LEG, 0.0)
 
 

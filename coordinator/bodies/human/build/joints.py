@@ -25,7 +25,7 @@ import numpy as np
 
 from gepf.common.arrays import Array
 from gepf.coordinator.bodies.human.dofs import FINGERS, VERTEBRAE_UPWARD
-from gepf.coordinator.bodies.human.skeleton import ARM_TILT, DOWN, THUMB_DIRECTION, tilted
+from gepf.coordinator.bodies.human.skeleton import DOWN, REST, tilted
 
 Joints = dict[str, Array]
 
@@ -103,7 +103,7 @@ def _leg(lengths: Mapping[str, float]) -> Joints:
 def _arm(lengths: Mapping[str, float]) -> Joints:
     x, trunk = 0.5 * lengths["shoulder_width"], lengths["trunk"]
     shoulder = np.array([x, -trunk, PLACES.shoulder_back])
-    down = np.array(tilted(DOWN, ARM_TILT))
+    down = np.array(tilted(DOWN, REST.arm_tilt))
     wrist = shoulder + (lengths["upper_arm"] + lengths["forearm"]) * down
     return {
         "sternoclavicular": np.array([0.1 * x, -1.04 * trunk, -0.025]),
@@ -120,14 +120,14 @@ def _hand(length: float, wrist: Array) -> Joints:
     """Finger joints, on lines down the hand; the index finger is in front."""
 
     def at(down: float, front: float) -> Array:
-        return wrist + length * np.array(tilted((0.0, down, -front), ARM_TILT))
+        return wrist + length * np.array(tilted((0.0, down, -front), REST.arm_tilt))
 
     joints = {}
     for i, finger in enumerate(FINGERS):
         front = (i - 1.5) * 0.11
         for n, down in enumerate((0.12, 0.47, 0.70, 0.86)):
             joints[f"{finger}{n}"] = at(down, front * min(1.0, 0.5 + n))
-    _, down, back = THUMB_DIRECTION
+    _, down, back = REST.thumb_direction
     for n, along in ((1, 0.0), (2, 0.24), (3, 0.40)):
         joints[f"thumb{n}"] = at(0.13 + along * down, 0.12 - along * back)
     return joints

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from gepf.common.arrays import Array, Indices
 from gepf.common.camera import rigid
 from gepf.coordinator.bodies.human.build.joints import PLACES
-from gepf.coordinator.bodies.human.skeleton import ARM_TILT, DOWN, FRONT, LEFT, tilted
+from gepf.coordinator.bodies.human.skeleton import DOWN, FRONT, LEFT, REST, tilted
 
 Joints = Mapping[str, Array]
 
@@ -90,7 +90,7 @@ def measure(at: Joints, stature: float, sole: float, foot: float) -> dict[str, f
 
 def to_rest(at: Joints, rest: Joints) -> dict[str, Array]:
     """Transforms (4, 4) of links with skin from MakeHuman's pose to rest, where joints are at `rest`."""
-    down, ahead, left = np.array(tilted(DOWN, ARM_TILT)), np.array(FRONT), np.array(LEFT)
+    down, ahead, left = np.array(tilted(DOWN, REST.arm_tilt)), np.array(FRONT), np.array(LEFT)
     shoulder, elbow, wrist = (at[f"l-{name}"] for name in ("shoulder", "elbow", "hand"))
     hip, knee, ankle = (at[f"l-{name}"] for name in ("upper-leg", "knee", "ankle"))
     middle, upright = shoulder * (0.0, 1.0, 1.0), rest["l_shoulder"] * (0.0, 1.0, 1.0)
