@@ -28,12 +28,10 @@ from gepf.coordinator.colour.crop import SIDE_PX, Colours
 NETWORK = "BlazePose lite 0.5.1675469404"
 PACKAGE, PURPOSE = "ai_edge_litert", "finding keypoints in colour"
 FILE = Path(__file__).with_name("pose_landmark_lite.tflite")
-LANDMARKS, VALUES = 39, 5
-CELL_PX = 4  # of the heatmaps
 OUTPUTS = {
-    (1, LANDMARKS * VALUES): "landmarks",
+    (1, 39 * 5): "landmarks",  # column, row, depth, logits of visibility and presence
     (1, 1): "presence",
-    (1, SIDE_PX // CELL_PX, SIDE_PX // CELL_PX, LANDMARKS): "heatmaps",
+    (1, 64, 64, 39): "heatmaps",
 }
 """Shape -> output; names of outputs say nothing."""
 
@@ -94,7 +92,7 @@ class PoseNetwork:
             self._interpreter.set_tensor(self._input, crop[None].astype(np.float32) / np.float32(255.0))
             self._interpreter.invoke()
             out = {name: self._interpreter.get_tensor(index)[0] for name, index in self._outputs.items()}
-        values = out["landmarks"].reshape(LANDMARKS, VALUES).astype(np.float64)
+        values = out["landmarks"].reshape(-1, 5).astype(np.float64)
         places = to_peaks(values[:, :2], out["heatmaps"])
         visibility = expit(values[:, 3]) * expit(values[:, 4])
         return Landmarks(places, visibility, float(out["presence"][0]))
@@ -106,12 +104,13 @@ def to_peaks(places: Array, heatmaps: Floats, reach: int = 3, min_peak: float = 
     A peak is at most `reach` cells away in each direction, and has at least the probability `min_peak`.
     """
     moved, (rows, columns) = places.copy(), heatmaps.shape[:2]
-    for n, (column, row) in enumerate(np.floor(places / CELL_PX).astype(int)):
+    cell_px = SIDE_PX // rows
+    for n, (column, row) in enumerate(np.floor(places / cell_px).astype(int)):
         top, left = max(0, row - reach), max(0, column - reach)
         bottom, right = min(rows, row + reach + 1), min(columns, column + reach + 1)
         if top < bottom and left < right:
             share = expit(heatmaps[top:bottom, left:right, n].astype(np.float64))
             if share.max() >= min_peak:
                 across, down = np.arange(left, right), np.arange(top, bottom)
-                moved[n] = CELL_PX / share.sum() * np.array([(share @ across).sum(), (down @ share).sum()])
+                moved[n] = cell_px / share.sum() * np.array([(share @ across).sum(), (down @ share).sum()])
     return moved
