@@ -4,7 +4,7 @@ The reported angles of a hidden limb, and the rotation of an arm with a straight
 deviation of each angle is known for each frame, and so is the speed of human joints. Angles with a misfit are
 smoothed accordingly: the most likely x (F,) minimise
 
-    sum_f (x_f - angle_f)^2 / variance_f + sum_f (x_f - x_{f-1})^2 / (SPEED interval_f)^2
+    sum_f (x_f - angle_f)^2 / variance_f + sum_f (x_f - x_{f-1})^2 / (speed interval_f)^2
 
 Here `variance` is the variance of an angle beyond its misfit, so a visible angle does not change.
 """
@@ -14,6 +14,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
 from gepf.common.arrays import Array
@@ -22,20 +23,24 @@ from gepf.coordinator.bodies.angles import Angles
 from gepf.coordinator.results.track import MODEL_FILE, NewArray, Track, filled_from, read_tracked_body
 from gepf.coordinator.sources.camera import DEFAULT_FPS
 
-SPREAD_FACTOR = 2.0
-"""From the spread of hypotheses to the error, which is larger because there are few particles: for the same
-people, 69 % of the joints are within the resulting deviation, 96 % within twice of it."""
 
-LARGEST_DEVIATION = np.radians(60.0)
-"""Deviation of an angle that is not visible: about that of a random angle within a joint's range."""
+class AngleSettings(msgspec.Struct, frozen=True):
+    """How deviations of angles follow from hypotheses, and how angles are smoothed; radians, seconds."""
 
-SPEED = np.radians(1400.0)
-"""Radians per second, one standard deviation: a fast arm. Elbows of throwers reach 2 300 degrees."""
+    spread_factor: float = 2.0
+    """From the spread of hypotheses to the error, which is larger because there are few particles: for the
+    same people, 69 % of the joints are within the resulting deviation, 96 % within twice of it."""
+    max_deviation: float = np.radians(60.0)
+    """Deviation of an angle that is not visible: about that of a random angle within a joint's range."""
+    speed: float = np.radians(1400.0)
+    """Standard deviation of the speed: a fast arm. Elbows of throwers reach 2 300 degrees per second."""
+    min_variance: float = np.radians(1e-4) ** 2  #: in smoothing; a smaller one is that of a known angle
+    max_variance: float = np.radians(1e4) ** 2  #: in smoothing; that of an unknown angle
+    part_frames: int = 1024
+    """Frames that are measured at once, so that memory does not grow with the hypotheses of a long run."""
 
-KNOWN_VARIANCE, UNKNOWN_VARIANCE = np.radians([1e-4, 1e4]) ** 2  # limits in smoothing
 
-PART_FRAMES = 1024
-"""Frames that are measured at once, so that memory does not grow with the hypotheses of a long run."""
+ANGLES = AngleSettings()
 
 
 def with_angles(track: Track, angles: Angles, new: NewArray = np.empty) -> Track:
@@ -49,7 +54,7 @@ def with_angles(track: Track, angles: Angles, new: NewArray = np.empty) -> Track
         return replace(track, angle_names=angles.names, angle=nothing, angle_deviation=nothing.copy())
     first = int(np.argmax(placed))
     start = track.part(slice(first, first + 1))
-    parts = [slice(n, n + PART_FRAMES) for n in range(0, shape[0], PART_FRAMES)]
+    parts = [slice(n, n + ANGLES.part_frames) for n in range(0, shape[0], ANGLES.part_frames)]
     smoothed, last = angles.misfit > 0.0 and shape[0] > 1, None
     reported = new(shape[::-1], np.float64).T if smoothed else new(shape, np.float64)
     beyond = new(shape[::-1], np.float64).T if smoothed else np.empty((0, shape[1]))
@@ -71,7 +76,7 @@ def with_angles(track: Track, angles: Angles, new: NewArray = np.empty) -> Track
     for part in parts:
         known = filled_from(track.part(part), start)
         others = measure(known, angles)[1]
-        expected[part] = deviations(known, angles, others, reported[part], LARGEST_DEVIATION)
+        expected[part] = deviations(known, angles, others, reported[part], ANGLES.max_deviation)
     reported[~placed], expected[unknown] = np.nan, np.nan
     return replace(track, angle_names=angles.names, angle=reported, angle_deviation=expected)
 
@@ -83,15 +88,15 @@ def smooth(angle: Array, variance: Array, interval: Array) -> Array:
     """
     from scipy.linalg import solveh_banded  # slow to load
 
-    weight = 1.0 / np.clip(variance, KNOWN_VARIANCE, UNKNOWN_VARIANCE)
-    stiffness = 1.0 / (SPEED * interval) ** 2
+    weight = 1.0 / np.clip(variance, ANGLES.min_variance, ANGLES.max_variance)
+    stiffness = 1.0 / (ANGLES.speed * interval) ** 2
     bands = np.zeros((2, len(angle)))
     bands[1] = weight
     bands[1, :-1] += stiffness
     bands[1, 1:] += stiffness
     bands[0, 1:] = -stiffness
     smoothed = solveh_banded(bands, weight * angle)
-    return np.where(variance <= KNOWN_VARIANCE, angle, smoothed)
+    return np.where(variance <= ANGLES.min_variance, angle, smoothed)
 
 
 def measure(track: Track, angles: Angles) -> tuple[Array, Array]:
@@ -113,7 +118,7 @@ def deviations(track: Track, angles: Angles, others: Array, about: Array, most: 
     of a limb is less certain the straighter the limb is. Unknown angles have the deviation `most`.
     """
     away = near_to(about, others, angles) - about[:, None]
-    spread = SPREAD_FACTOR * root_mean_square(away, track.hypothesis_weight)
+    spread = ANGLES.spread_factor * root_mean_square(away, track.hypothesis_weight)
     if not angles.misfit:
         return spread
     off = np.maximum(angles.misfit, deviations_from_joints(track, angles))

@@ -17,8 +17,6 @@ from gepf.coordinator.results.track import Track
 
 Columns = dict[str, Array]
 
-PART_FRAMES = 4096  # in memory at once
-
 
 def write_csv(track: Track, file: BinaryIO) -> None:
     """Frame, time and status, then the columns of `angle_columns`, `joint_columns`, and the pose.
@@ -28,7 +26,7 @@ def write_csv(track: Track, file: BinaryIO) -> None:
     text = io.TextIOWrapper(file, encoding="utf-8", newline="")
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["frame", "time_s", "status", *columns_of(track.part(slice(0, 0)))])
-    for part in track.parts(PART_FRAMES):
+    for part in track.parts(4096):  # frames in memory at once
         values = np.stack(list(columns_of(part).values()), axis=1)
         for f, frame in enumerate(part.frame.tolist()):
             writer.writerow([frame, float(part.time_s[f]), part.status[f], *values[f].tolist()])
