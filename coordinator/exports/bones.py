@@ -20,8 +20,6 @@ from gepf.common.kinematics import dof_transforms
 from gepf.coordinator.exports.axes import CAMERA_TO_Y_UP
 
 WORLD = "world"
-LARGEST_OFFSET_M = 0.05  # of a joint from the centre of rotation of its bone
-ROUNDED_M = 1e-6  # a joint is at the centre of rotation
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,6 +84,7 @@ def named_joints(model: BodyModel, bones: list[Bone]) -> tuple[Bone, ...]:
 
     A limb continues from such a joint if it is near its bone's origin.
     """
+    max_offset_m, rounding_m = 0.05, 1e-6  # of a joint from the centre of rotation of its bone
     places = model.joint_points @ CAMERA_TO_Y_UP.T
     of_joint = [[bone.dof for bone in bones].index(dof) for dof in model.link_dofs[model.joint_links]]
     left, found, ends = set(range(len(places))), list[Bone](), list[int]()
@@ -95,11 +94,11 @@ def named_joints(model: BodyModel, bones: list[Bone]) -> tuple[Bone, ...]:
         name, parent = bone.name, ends[bone.parent] if bone.parent >= 0 else -1
         if name in model.joint_names:
             name = f"{name}_link"  # which no joint has
-        if own and apart.min() < LARGEST_OFFSET_M:
+        if own and apart.min() < max_offset_m:
             j = own[int(apart.argmin())]
             left.remove(j)
             joint = Bone(model.joint_names[j], parent, bone.dof, moves=bone.moves, origin=places[j])
-            if bone.parent >= 0 and apart.min() > ROUNDED_M and is_hinged(model, bones, bone):
+            if bone.parent >= 0 and apart.min() > rounding_m and is_hinged(model, bones, bone):
                 found.append(replace(bone, name=name, parent=parent))
                 joint = replace(joint, parent=len(found) - 1, moves=False)
         else:

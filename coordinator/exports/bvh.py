@@ -24,14 +24,13 @@ from gepf.coordinator.exports.bones import Bone, bones_of, children, motion_of, 
 from gepf.coordinator.exports.recorded import RecordedRun
 
 ORDER = "ZXY"
-LONGEST_S = 86_400.0  # of a file: a day; a longer one would fill the memory
 TIP = "0.000000 5.000000 0.000000"  # centimetres from the last joint of a limb to the end of its bone
 
 
 def write_bvh(run: RecordedRun, file: BinaryIO) -> None:
     """Write the skeleton in its rest pose, and its motion at the run's rate.
 
-    InputError for a run that lasts longer than LONGEST_S.
+    InputError for a run that lasts longer than a day.
     """
     model = run.body().model
     bones = bones_of(model)
@@ -54,7 +53,7 @@ def write_bvh(run: RecordedRun, file: BinaryIO) -> None:
 def evenly(run: RecordedRun, turns: Array, places: Array) -> tuple[Array, Array]:
     """Rotations (R, B, 3, 3) and origins (R, B, 3) of the bones at the run's rate, from all frames."""
     times = run.seconds - run.seconds[0]
-    if times[-1] > LONGEST_S:
+    if times[-1] > 86_400.0:  # a day; the rows of a longer run would fill the memory
         raise InputError(f"the run lasts {times[-1] / 3600:.0f} h; a BVH has a row for all times, so use glb")
     if len(times) == 1:
         return turns, places
