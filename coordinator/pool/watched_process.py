@@ -6,7 +6,6 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-LONGEST_LOOK_S = 1.0  # counts of the time between two looks: during more, the observer was not running itself
 WAITING = ("R", "D")  # states of threads that would run if there were a processor, or a page of memory
 TICKS = os.sysconf("SC_CLK_TCK")  # per second
 
@@ -17,9 +16,13 @@ class WatchedProcess:
     It was if it used a processor. It also was while none of its threads wanted one: they waited for something
     else, as in a deadlock, or were stopped. The rest of the time it waited for a processor, and says nothing
     about the process.
+
+    Of the time between two looks, at most `max_look_s` counts: during more, the observer was not running
+    itself.
     """
 
-    def __init__(self, pid: int) -> None:
+    def __init__(self, pid: int, max_look_s: float = 1.0) -> None:
+        self._max_look_s = max_look_s
         self._threads = Path(f"/proc/{pid}/task")
         self._last: tuple[float, float] | None = None  # time of the last look, processor time then
 
@@ -34,7 +37,7 @@ class WatchedProcess:
         last, self._last = self._last, (now, used)
         if last is None or not found:
             return 0.0
-        watched = min(now - last[0], LONGEST_LOOK_S)
+        watched = min(now - last[0], self._max_look_s)
         if not any(state in WAITING for state, _ in found):
             return watched
         return max(0.0, min(used - last[1], watched))
