@@ -10,7 +10,6 @@ from gepf.common.body import BodyModel
 SKINS = np.array([[0.88, 0.67, 0.55], [0.78, 0.53, 0.35], [0.55, 0.33, 0.20]])
 BROWN = np.array([1.0, 0.8, 0.6])
 TROUSERS, SHOES = ("pelvis", "thigh", "shank"), ("talus", "heel", "foot", "toes")
-HAIRLINE_SHARE = 0.456  # of stature, above the pelvis
 
 FACE = {
     (-0.019, -0.423, -0.065): (0.05, 0.04, 0.04),
@@ -31,7 +30,7 @@ def dress(model: BodyModel, rng: np.random.Generator) -> Array:
     parts = [name.split("_")[-1] for name in model.link_names]
     part = np.array(parts)[model.skin_links[:, 0]]
     _, y, z = model.vertices.T
-    high = y < -HAIRLINE_SHARE * np.ptp(y)
+    high = y < -0.456 * np.ptp(y)  # above the hairline
     colours = np.tile(shirt, (len(part), 1))
     colours[np.isin(part, TROUSERS)] = trousers
     colours[np.isin(part, SHOES)] = shoes

@@ -28,8 +28,6 @@ class SensorModel(msgspec.Struct, frozen=True):
 
 
 KINECT = SensorModel()
-FARTHEST = 6.0  # standard deviations, the largest noise
-SAME_SURFACE = 0.01  # largest relative difference of neighbouring depths on one surface
 
 
 def add_noise(
@@ -84,7 +82,8 @@ def reached(depth_m: Array, camera: Intrinsics, lateral: float) -> tuple[slice, 
     if not len(rows):
         return slice(0), slice(0)
     nearest = depth_m[depth_m > 0.0].min()
-    reach = int(np.ceil(FARTHEST * lateral * max(camera.fx, camera.fy) / nearest))
+    farthest_m = 6.0 * lateral  # six standard deviations, the largest noise
+    reach = int(np.ceil(farthest_m * max(camera.fx, camera.fy) / nearest))
     return slice(max(0, rows[0] - reach), rows[-1] + reach + 1), slice(
         max(0, columns[0] - reach), columns[-1] + reach + 1
     )
@@ -116,6 +115,6 @@ def read(depth_m: Array, pixels: Array) -> Array:
     inverse = np.divide(1.0, depth_m, out=np.zeros_like(depth_m), where=depth_m > 0.0)  # linear on a plane
     nearest = map_coordinates(inverse, np.rint(pixels), order=0)
     between = map_coordinates(inverse, pixels, order=1)
-    inside = np.abs(between - nearest) < SAME_SURFACE * nearest
+    inside = np.abs(between - nearest) < 0.01 * nearest  # depths of one surface differ by less than 1 %
     chosen: Array = np.where(inside, between, nearest)
     return np.divide(1.0, chosen, out=np.zeros_like(chosen), where=chosen > 0.0)
