@@ -9,11 +9,12 @@ from dataclasses import replace
 from functools import partial
 from itertools import groupby
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 from rich.progress import track as progress
+from threadpoolctl import ThreadpoolController  # type: ignore[import-untyped]
 
 from gepf.common.body import BodyModel
 from gepf.common.camera import Intrinsics
@@ -53,6 +54,7 @@ from gepf.run import Run, load
 
 Body = str | Path | Measures | BodyModel
 Start = Mapping[str, float] | str | Path
+Item = TypeVar("Item")
 
 
 class FrameLoop(Closing):
@@ -106,7 +108,8 @@ class FrameLoop(Closing):
         for stream, part in groupby(frames, lambda _: 0 if live is None else live.stream):
             if stream != last:
                 self._tracker, last = self._make(), stream
-            for tracked in self._tracker.follow(part, look_ahead=look_ahead, live=live):
+            tracked_frames = self._tracker.follow(part, look_ahead=look_ahead, live=live)
+            for tracked in with_one_blas_thread(tracked_frames):
                 for line in describe_changes(self._colours, tracked.state.colours):
                     log.warning(line)
                 self._colours = tracked.state.colours
@@ -143,6 +146,21 @@ class FrameLoop(Closing):
         track = assemble(state.body, list(estimates), held=start.held, up=up)
         save_run(folder, track, TrackedBody(state.body, start.held), self._settings)
         return folder
+
+
+def with_one_blas_thread(items: Iterator[Item]) -> Iterator[Item]:
+    """The items, each computed with one thread of BLAS.
+
+    More threads do not speed up small matrices, and take the processor cores from the workers. Between the
+    items the number of threads is that of the caller.
+    """
+    blas = ThreadpoolController().select(user_api="blas")
+    while True:
+        with blas.limit(limits=1):
+            item = next(items, None)
+        if item is None:
+            return
+        yield item
 
 
 class Tracker(FrameLoop):
