@@ -124,8 +124,9 @@ class BodyFamily(ABC):
         return 1.0
 
     def alternatives(self, size: BodySize) -> Sequence[BodySize]:
-        """Sizes that look alike from afar, of which refinement does not find one from another."""
-        return [size]
+        """Other sizes that look much like this one, but that refinement does not reach from it."""
+        del size
+        return []
 
     def log_pose_prior(self, model: BodyModel, poses: Array) -> Array:
         """Log density (N,) of the angles of poses (N, D), up to a constant; by default all are alike."""

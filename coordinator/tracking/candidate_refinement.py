@@ -163,7 +163,7 @@ class CandidateStages:
         tried = candidates.poses
         if count:
             sizes = query.family.alternatives(query.family.size_of(best[:count]))
-            others = [with_shape_of(best, self._bodies.shape_of(size)) for size in sizes[1:]]
+            others = [with_shape_of(best, self._bodies.shape_of(size)) for size in sizes]
             tried = np.concatenate([tried, *(pose[None] for pose in others)])
         settings = iterations(query.settings, self._search.iterations)
         return (yield from self._refine(query.subject, self._bodies.searched, [tried], settings))

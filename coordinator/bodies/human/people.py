@@ -31,7 +31,6 @@ USUAL = {"paper": DEFAULT_ACTIVE, "default": DEFAULT_ACTIVE + SPINE}
 """Preset -> default degrees of freedom."""
 
 STATURES_M = (0.82, 0.9, 0.98, 1.07, 1.16, 1.26, 1.38, 1.5, 1.62, 1.74, 1.86, 1.98)
-MATURITIES = (0.0, 0.5, 1.0)  # of a small person: proportions of the mean child, halfway, of an adult
 USUAL_GIRTH = 1.05
 ADULT_M, ADULT_DEVIATION_M = 1.69, 0.10  # mean and deviation of the statures of adults
 ENDS = ("head", "left_ankle", "right_ankle")
@@ -99,10 +98,10 @@ class People(BodyFamily):
         return Size(*size).stature
 
     def alternatives(self, size: BodySize) -> Sequence[BodySize]:
-        """A small person with the proportions of the mean child, halfway, and of an adult."""
+        """A small person with the proportions of an adult, or halfway between these and the mean child's."""
         size = Size(*size)
         is_small = size.stature <= shape_space().statures[-1]
-        return [size._replace(maturity=maturity) for maturity in MATURITIES] if is_small else [size]
+        return [size._replace(maturity=maturity) for maturity in (0.5, 1.0)] if is_small else []
 
     def log_pose_prior(self, model: BodyModel, poses: Array) -> Array:
         """Log density (N,) of the arms of poses (N, D), by recorded poses."""
