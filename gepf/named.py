@@ -9,8 +9,9 @@ import numpy as np
 from markupsafe import Markup
 
 from gepf.common.arrays import Array
-from gepf.common.body import TRANSLATION, BodyModel
+from gepf.common.body import TRANSLATION, BodyModel, at_zero_shape, with_fixed_shape
 from gepf.common.errors import InputError, check_choice
+from gepf.coordinator.bodies.angles import Angles
 from gepf.coordinator.bodies.families import angles_of
 from gepf.coordinator.tracking import estimate
 
@@ -25,18 +26,30 @@ class Estimate(estimate.Estimate):
     observed points and the most likely hypothesis, metres; NaN if nothing was observed.
     """
 
-    model: BodyModel
+    flexible: BodyModel
+    """The body with its shape coefficients, if it has any, as degrees of freedom."""
+    shape: Array = field(default_factory=lambda: np.empty(0))
+    """(S,) their values."""
     held: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def model(self) -> BodyModel:
+        """The body in its present shape, whose degrees of freedom are those of the pose."""
+        return with_fixed_shape(self.flexible, self.shape)
 
     @property
     def joint_names(self) -> tuple[str, ...]:
         """Names for `joint`."""
-        return self.model.joint_names
+        return self.flexible.joint_names
 
     @property
     def angle_names(self) -> tuple[str, ...]:
         """Names for `angle`, besides the MPEG-4 names of the degrees of freedom."""
-        return angles_of(self.model, self.held).names
+        return self._angles.names
+
+    @property
+    def _angles(self) -> Angles:
+        return angles_of(at_zero_shape(self.flexible), self.held)
 
     def joint(self, name: str) -> Array:
         """Position (3,) of a joint, camera frame, metres; InputError lists the valid names."""
@@ -64,32 +77,32 @@ class Estimate(estimate.Estimate):
 
         Values of prismatic joints are in metres; InputError if they are requested in degrees.
         """
-        if name in self.model.dof_names:
-            at = self.model.dof_names.index(name)
-            if degrees and self.model.kinds[at] == TRANSLATION:
+        model = at_zero_shape(self.flexible)
+        if name in model.dof_names:
+            at = model.dof_names.index(name)
+            if degrees and model.kinds[at] == TRANSLATION:
                 raise refuse_degrees(name)
             value = self.pose[at]
         else:
-            known = tuple(dict.fromkeys((*self.angle_names, *self.model.dof_names)))
-            angles = angles_of(self.model, self.held)
-            value = angles.measure(self.pose[None])[0, index_of(name, known, "angle")]
+            known = tuple(dict.fromkeys((*self.angle_names, *model.dof_names)))
+            value = self._angles.measure(self.pose[None])[0, index_of(name, known, "angle")]
         return float(np.degrees(value) if degrees else value)
 
     def _repr_html_(self) -> str:
         """The main facts, and the angles in degrees, for notebooks."""
         facts = {"frame": self.frame, "status": self.status, "why": self.why or "-"}
         facts |= {"residual": f"{1000.0 * self.residual:.0f} mm", "hypotheses": len(self.hypothesis_weight)}
-        angles = angles_of(self.model, self.held).measure(self.pose[None])[0]
+        angles = self._angles.measure(self.pose[None])[0]
         degrees = (
             f"{name} {value:z.0f}" for name, value in zip(self.angle_names, np.degrees(angles), strict=True)
         )
         return table({**facts, "angles, degrees": ", ".join(degrees)}.items())
 
 
-def named(plain: estimate.Estimate, model: BodyModel, held: Mapping[str, float]) -> Estimate:
+def named(plain: estimate.Estimate, flexible: BodyModel, shape: Array, held: Mapping[str, float]) -> Estimate:
     """An estimate with its body."""
     values = {f.name: getattr(plain, f.name) for f in fields(estimate.Estimate)}
-    return Estimate(**values, model=model, held=held)
+    return Estimate(**values, flexible=flexible, shape=shape, held=held)
 
 
 def table(rows: Iterable[tuple[str, object]]) -> str:

@@ -6,7 +6,7 @@ import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, suppress
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from itertools import groupby
 from pathlib import Path
 from typing import Any, TypeVar
@@ -114,7 +114,10 @@ class FrameLoop(Closing):
                     log.warning(line)
                 self._colours = tracked.state.colours
                 self._frames += 1
-                yield [named(p.estimate, p.state.body, p.state.start.held) for p in tracked.people]
+                yield [
+                    named(p.estimate, p.state.start.model, p.state.shape, p.state.start.held)
+                    for p in tracked.people
+                ]
 
     def _say_unused(self, frame: Frame) -> Frame:
         """The frame; says once why its colour is not used."""
@@ -154,13 +157,18 @@ def with_one_blas_thread(items: Iterator[Item]) -> Iterator[Item]:
     More threads do not speed up small matrices, and take the processor cores from the workers. Between the
     items the number of threads is that of the caller.
     """
-    blas = ThreadpoolController().select(user_api="blas")
     while True:
-        with blas.limit(limits=1):
+        with blas_libraries().limit(limits=1):
             item = next(items, None)
         if item is None:
             return
         yield item
+
+
+@cache
+def blas_libraries() -> ThreadpoolController:
+    """The loaded libraries of BLAS; to search the process for them takes as long as a tenth of a frame."""
+    return ThreadpoolController().select(user_api="blas")
 
 
 class Tracker(FrameLoop):

@@ -14,6 +14,8 @@ from gepf.common.body import SHAPE, TRANSLATION, BodyModel
 from gepf.common.compiling import numba
 from gepf.common.kinematics.rotations import fill_rotation
 
+UNMOVED = np.eye(3, 4)
+
 
 def contiguous(values: Array) -> Array:
     """A copy in C order, of float64: kernels are compiled for one memory layout."""
@@ -31,7 +33,7 @@ def dof_transforms(model: BodyModel, poses: Array) -> Array:
 def link_transforms(model: BodyModel, poses: Array) -> Array:
     """T_camera_rest (N, L, 3, 4) of each link, for poses (N, D)."""
     out = np.empty((len(poses), len(model.kinds) + 1, 3, 4))
-    out[:, -1] = np.eye(3, 4)  # of links that nothing moves
+    out[:, -1] = UNMOVED  # of links that nothing moves
     points = shaped(model.points, model.shape_points, poses)
     forward_kinematics_each(model.kinds, model.parents, model.axes, points, contiguous(poses), out)
     return out.take(model.link_dofs, axis=1)
@@ -133,8 +135,44 @@ def shaped(rest: Array, directions: Array, poses: Array) -> Array:
     """
     if not len(directions):
         return rest[None]
-    moved = poses[:, : len(directions)] @ directions.reshape(len(directions), -1)
-    return np.asarray(rest + moved.reshape(len(poses), *rest.shape))
+    out = np.empty((len(poses), *rest.shape))
+    shape_points_each(rest, directions, contiguous(poses), out)
+    return out
+
+
+@numba.njit(cache=True, nogil=True)
+def shape_points_each(rest: Array, directions: Array, poses: Array, out: Array) -> None:
+    """`shape_points` for poses (N, D) into out (N, K, 3)."""
+    for n in range(len(poses)):
+        shape_points(rest, directions, poses[n], out[n])
+
+
+@numba.njit(cache=True, nogil=True)
+def shape_points(rest: Array, directions: Array, pose: Array, out: Array) -> None:
+    """Fill out (K, 3) with points (K, 3) of the rest pose in the shape of pose (D,).
+
+    By directions (S, K, 3). Without coefficients, out stays as it was allocated.
+    """
+    for k in range(len(rest) if len(directions) > 0 else 0):
+        shape_point(k, rest, directions, pose, out)
+
+
+@numba.njit(cache=True, nogil=True)
+def shape_some(some: Numbers, rest: Array, directions: Array, pose: Array, out: Array) -> None:
+    """As `shape_points`, but fill some rows only."""
+    for m in range(len(some) if len(directions) > 0 else 0):
+        shape_point(some[m], rest, directions, pose, out)
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def shape_point(k: int, rest: Array, directions: Array, pose: Array, out: Array) -> None:
+    """Fill one row of `shape_points`."""
+    x, y, z = rest[k, 0], rest[k, 1], rest[k, 2]
+    for s in range(len(directions)):
+        x += pose[s] * directions[s, k, 0]
+        y += pose[s] * directions[s, k, 1]
+        z += pose[s] * directions[s, k, 2]
+    out[k, 0], out[k, 1], out[k, 2] = x, y, z
 
 
 @numba.njit(cache=True, nogil=True)

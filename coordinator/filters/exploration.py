@@ -18,7 +18,7 @@ from gepf.common.arrays import Array, Indices, Mask
 from gepf.common.body import ROTATION, BodyModel
 from gepf.common.compiling import numba
 from gepf.common.kinematics import link_transforms, shaped
-from gepf.common.kinematics.chain import blend_each
+from gepf.common.kinematics.chain import blend_each, contiguous
 from gepf.coordinator.settings import ExplorationSettings
 
 
@@ -49,15 +49,15 @@ class Layout(NamedTuple):
 
 def explain(model: BodyModel, pose: Array, points: Array, settings: ExplorationSettings) -> Mask:
     """Which points (P, 3) are near each part of a body in pose (D,): (G, P)."""
-    parts = layout_of(model, settings.vertices).parts
-    posed = [pose_part(model, part, pose[None]) for part in parts]
+    parts, transforms = layout_of(model, settings.vertices).parts, link_transforms(model, pose[None])
+    posed = [pose_part(part, pose[None], transforms) for part in parts]
     return np.array([mark_near(points, vertices, settings.near_m)[0] for vertices in posed])
 
 
-def pose_part(model: BodyModel, part: Part, poses: Array) -> Array:
-    """The vertices (N, V, 3) of a part in poses (N, D)."""
+def pose_part(part: Part, poses: Array, transforms: Array) -> Array:
+    """The vertices (N, V, 3) of a part in poses (N, D), given the transforms of all links (N, L, 3, 4)."""
     vertices = shaped(part.vertices, part.shape_vertices, poses)
-    return blend_each(vertices, part.links, part.weights, link_transforms(model, poses))
+    return blend_each(vertices, part.links, part.weights, transforms)
 
 
 def choose_count(most: int, near: Mask, settings: ExplorationSettings, cameras: int = 1) -> int:
@@ -108,7 +108,7 @@ def propose_limbs(
         mine = near[limb.group]
         held = np.repeat(pose[None], per_limb, axis=0)
         held[:, limb.dofs] = rng.uniform(limb.low, limb.high, size=(per_limb, len(limb.dofs)))
-        posed = pose_part(model, layout.parts[limb.group], held)
+        posed = pose_part(layout.parts[limb.group], held, link_transforms(model, held))
         reached = mark_near(points[explained == mine], posed, settings.near_m).sum(axis=1)
         draws.append(held[:, limb.dofs])
         gains.append(np.maximum(0, reached - np.count_nonzero(mine & (explained == 1))))
@@ -164,6 +164,7 @@ def layout_of(model: BodyModel, vertices: int) -> Layout:
     mine = [some[group_of == number] for number in range(len(groups))]
     directions = model.shape_vertices
     parts = (
-        Part(model.vertices[v], directions[:, v], model.skin_links[v], model.skin_weights[v]) for v in mine
+        Part(model.vertices[v], contiguous(directions[:, v]), model.skin_links[v], model.skin_weights[v])
+        for v in mine
     )
     return Layout(tuple(parts), tuple(limbs))

@@ -81,7 +81,8 @@ def update(
     if len(posteriors) and proposal.expected is not None:
         expected, turn_deg = proposal.expected[chosen], settings.unexpected_turn_deg
         fused = fuse_with_prediction(model, poses, posteriors, expected, proposal.interval, turn_deg)
-        log_weights = log_weights + proposal.log_prior(fused) - proposal.log_prior(poses)
+        after_fusion, before_fusion = proposal.log_prior(np.concatenate([fused, poses])).reshape(2, -1)
+        log_weights = log_weights + after_fusion - before_fusion
         poses = fused
     order = np.argsort(-log_weights, kind="stable")
     poses, log_weights, parents = poses[order], log_weights[order], parents[order]

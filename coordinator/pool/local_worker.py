@@ -53,6 +53,7 @@ class LocalWorker:
         self._present = False  # on the bus
         self._served = False  # since it was started
         self._silent_s = 0.0  # able to run, but absent after it has served, or without an answer
+        self._is_overdue = False  # whether that was so at the last look
         self.process = self._start() if pool.lanes else None
         if self.process is not None:
             bus.watch(keys.of_worker(name, "offer/**"), self._notice)
@@ -69,20 +70,23 @@ class LocalWorker:
         """
         if self.process is None:
             return None
-        able = self._watched.able_since(now)
         if self._served:
             self._failed_starts = 0
-        if self._served and (owes or not self._present):
-            self._silent_s += able
-        else:
-            self._silent_s = 0.0
+        if not (self._served and (owes or not self._present)):
+            self.heard()
+        elif self._is_overdue:
+            self._silent_s += self._watched.able_since(now)
+        else:  # most answers come before the next look: to watch a process takes time
+            self._is_overdue = True
         if self._silent_s > (LIMITS.silence_s if self._present else LIMITS.absence_s):
             self.process.kill()
         return None if self.process.poll() is None else self._restart(self.process)
 
     def heard(self) -> None:
         """It has answered."""
-        self._silent_s = 0.0
+        self._silent_s, self._is_overdue = 0.0, False
+        if self.process is not None:
+            self._watched.rest()
 
     def stop(self) -> None:
         """End the process; kill it if it does not end in time."""

@@ -42,11 +42,19 @@ class WatchedProcess:
             return watched
         return max(0.0, min(used - last[1], watched))
 
+    def rest(self) -> None:
+        """Watch it no longer: the next look is the first again."""
+        self._last = None
+
     def _read(self) -> Iterator[tuple[str, float]]:
         """State and processor time of each thread; see proc_pid_stat(5)."""
-        for thread in self._threads.glob("*/stat"):
+        try:
+            threads = list(self._threads.iterdir())
+        except OSError:  # it has ended
+            return
+        for thread in threads:
             try:
-                fields = thread.read_text().rsplit(")", 1)[1].split()
+                fields = (thread / "stat").read_text().rsplit(")", 1)[1].split()
             except OSError:  # it has just ended
                 continue
             yield fields[0], (int(fields[11]) + int(fields[12])) / TICKS

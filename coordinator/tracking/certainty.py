@@ -16,7 +16,6 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 from gepf.common.activation import nearest_in
@@ -27,6 +26,7 @@ from gepf.common.compiling import numba
 from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions, pose_vertices
 from gepf.coordinator.colour.matching import ExpectedBody, deviations_of
+from gepf.coordinator.filters.exploration import mark_near
 from gepf.coordinator.settings import CertaintySettings
 from gepf.coordinator.tracking.estimate import Certainty
 from gepf.coordinator.tracking.observation import POINTS, camera_points
@@ -223,17 +223,16 @@ def unexplained_shares(
     the nearest vertex is far away, with lengths along the line of sight scaled by `stretch`. `joints` (J, 3)
     are those of the pose.
     """
-    vertices, scale = pose_vertices(model, pose[None])[0], np.array([1.0, 1.0, stretch])
+    vertices, scale = pose_vertices(model, pose[None]), np.array([1.0, 1.0, stretch])
     weights, missed = np.ones(len(joints)), np.zeros(len(joints))
     stride = max(1, sum(len(view.picked) for view in subject.views) // POINTS)
     for view in subject.views:
         points = camera_points(view, stride) * scale
-        surface = cKDTree(view.image.to_camera(vertices) * scale, balanced_tree=False, compact_nodes=False)
-        nearest, _ = surface.query(points, distance_upper_bound=settings.unexplained_m)  # farther: infinite
+        explained = mark_near(points, view.image.to_camera(vertices) * scale, settings.unexplained_m)[0]
         squares = cdist(points, view.image.to_camera(joints) * scale, "sqeuclidean")
         near = np.exp(-0.5 * squares / settings.reach_m**2)
         weights += near.sum(axis=0)
-        missed += np.isinf(nearest) @ near
+        missed += ~explained @ near
     return np.log(missed / weights + settings.share_floor)
 
 

@@ -47,7 +47,7 @@ def test_the_library_gives_metres_and_never_degrees(gantry: BodyModel, tmp_path:
     joints = track.joint_positions[0]
     certainty = unknown_certainty(len(joints))
     plain = Estimate(0, 0.0, "tracked", poses[0], joints, poses[:1], np.ones(1), 0.01, certainty)
-    estimate = named(plain, gantry, {})
+    estimate = named(plain, gantry, np.empty(0), {})
     for name in ("main_lift", "root_tx"):
         at = gantry.dof(name)
         assert np.array_equal(run.angle(name), track.pose[:, at])

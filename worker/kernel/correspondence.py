@@ -28,10 +28,10 @@ LOOSER, TINY = np.float32(1.0 + 1e-6), np.float32(1e-12)  # enlarge bounds: poin
 def find_correspondences(
     visible: Numbers, surface: Surface, observed: PackedObservation, stretch: float, workspace: Workspace
 ) -> None:
-    """Find the closest visible vertex of each observed point.
+    """Find the closest visible vertex of each observed point, and its offset from the disc around the vertex.
 
-    Fills workspace.search.closest with indices into `visible`, and .squared with squared distances in the
-    metric of the noise. The initial guess is the result of the last search in this workspace.
+    Fills workspace.search.closest with indices into `visible`, .squared with squared distances in the metric
+    of the noise, and .offsets. The initial guess is the result of the last search in this workspace.
     """
     search, leaves = workspace.search, fill_leaves(visible, surface, stretch, workspace)
     fill_discs(visible, surface, stretch, workspace)
@@ -39,6 +39,7 @@ def find_correspondences(
     if len(guesses) > 0 and not same_vertices(guesses, visible):
         remap_closest(guesses, visible, search.remapped, search.closest)
     closest_points(observed, leaves, len(guesses) > 0, search)
+    measure_offsets(observed, search)
     search.last_count[0] = len(visible)
     search.last_visible[: len(visible)] = visible
 
@@ -97,6 +98,28 @@ def fill_discs(visible: Numbers, surface: Surface, stretch: float, workspace: Wo
         z = per_stretch * (t[2, 0] * a + t[2, 1] * b + t[2, 2] * c)
         scale = 1.0 / np.sqrt(x * x + y * y + z * z)
         discs[m, 0], discs[m, 1], discs[m, 2], discs[m, 3] = scale * x, scale * y, scale * z, radii[v]
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def measure_offsets(observed: PackedObservation, search: Search) -> None:
+    """Fill search.offsets with the offset of each observed point from the disc of its closest vertex.
+
+    Its parts are loops without branches over contiguous rows, which are compiled to vector instructions.
+    """
+    points, model, discs, offsets = observed.points, search.model, search.discs, search.offsets
+    x, y, z = offsets.vectors[0], offsets.vectors[1], offsets.vectors[2]
+    nx, ny, nz = offsets.normals[0], offsets.normals[1], offsets.normals[2]
+    radii, heights, beyond = offsets.radii, offsets.heights, offsets.beyond
+    for i in range(len(heights)):
+        m = np.uint64(search.closest[i])
+        x[i], y[i], z[i] = points[0, i] - model[m, 0], points[1, i] - model[m, 1], points[2, i] - model[m, 2]
+        nx[i], ny[i], nz[i], radii[i] = discs[m, 0], discs[m, 1], discs[m, 2], discs[m, 3]
+    for i in range(len(heights)):
+        heights[i] = nx[i] * x[i] + ny[i] * y[i] + nz[i] * z[i]
+    for i in range(len(heights)):
+        h = heights[i]
+        ax, ay, az = x[i] - h * nx[i], y[i] - h * ny[i], z[i] - h * nz[i]
+        beyond[i] = max(np.float32(0.0), np.sqrt(ax * ax + ay * ay + az * az) - radii[i])
 
 
 @numba.njit(cache=True, nogil=True)

@@ -14,10 +14,10 @@ from gepf.common.arrays import Array
 from gepf.common.compiling import numba
 from gepf.worker.kernel import terms
 from gepf.worker.kernel.correspondence import find_correspondences
-from gepf.worker.kernel.observation import PackedObservation, view_of
+from gepf.worker.kernel.observation import view_of
 from gepf.worker.kernel.terms import depth
 from gepf.worker.kernel.visibility import pose_body, visible_vertices
-from gepf.worker.kernel.workspace import CameraView, Problem, Search, Workspaces, workspace_of
+from gepf.worker.kernel.workspace import CameraView, Problem, Workspaces, workspace_of
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -39,22 +39,12 @@ def evaluate(pose: Array, mean: Array, problem: Problem, workspaces: Workspaces)
             continue
         pose_body(pose, skeleton, surface, workspace)
         visible = visible_vertices(surface, workspace)
+        view = CameraView(visible, observed, parameters.posterior, problem, workspace)
         if len(visible) > 0:
             explained += observed.count
             find_correspondences(visible, surface, observed, parameters.stretch, workspace)
-            residual += sum_distances(observed, parameters.stretch, workspace.search) / views.total
-        view = CameraView(visible, observed, parameters.posterior, problem, workspace)
+            residual += depth.sum_distances(view) / views.total
         cost += terms.cost_of_points(view)
     if explained == 0:
         return -np.inf, np.inf
     return -cost, residual
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def sum_distances(observed: PackedObservation, stretch: float, search: Search) -> float:
-    """Sum of the distances (m) of the observed points from the surface, without scaled depth."""
-    total, shrink = 0.0, 1.0 / stretch
-    for i in range(observed.count):
-        (dx, dy, dz), _, _ = depth.residual_of(i, observed.points, search, np.float32(1.0))
-        total += np.sqrt(dx * dx + dy * dy + shrink * shrink * dz * dz)
-    return total

@@ -45,17 +45,25 @@ def fill_normal_equations(pose: Array, mean: Array, problem: Problem, workspace:
     subtrees, twists, force = equations.subtrees, equations.twists, np.empty(equations.twists.shape[1])
     gram[:, :], gradient[:] = 0.0, 0.0
     for k in range(len(gradient)):
-        for a in range(len(force)):
-            gradient[k] += twists[k, a] * subtrees[k, a, len(force)]
-            force[a] = 0.0
-            for b in range(len(force)):
-                force[a] += subtrees[k, a, b] * twists[k, b]
+        first, stop = entries_of(k, skeleton)
+        force[:] = 0.0
+        for b in range(first, stop):
+            gradient[k] += twists[k, b] * subtrees[k, b, len(force)]
+            for a in range(len(force)):
+                force[a] += subtrees[k, b, a] * twists[k, b]  # matrices are symmetric
         j = k
         while j >= 0:  # only ancestors share moved links
-            for a in range(len(force)):
+            first, stop = entries_of(j, skeleton)
+            for a in range(first, stop):
                 gram[k, j] += force[a] * twists[j, a]
             j = parents[j]
     terms.linearise_pose(pose, mean, problem, equations)
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def entries_of(j: int, skeleton: Skeleton) -> tuple[int, int]:
+    """The entries of the twist of degree of freedom j that may be nonzero: the first, and the end."""
+    return (6 + j, 7 + j) if skeleton.kinds[j] == SHAPE else (0, 6)
 
 
 @numba.njit(cache=True, nogil=True)

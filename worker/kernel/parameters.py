@@ -58,7 +58,7 @@ class KernelParameters(NamedTuple):
     posterior: Weights  # in the log posterior and in scoring
     limit_stiffness: float  # nats per squared radian
     stretch: float  # ratio of lateral to depth noise
-    outlier_squared: float  # m^2; 0 gives all points full weight
+    per_outlier_squared: float  # 1 / m^2, of the robust kernel; 0 gives all points full weight
     noise_depth: float  # metres
     noise_lateral: float
     outside_weight: float  # of a squared distance from the plane of the surface, for a point outside of it
@@ -86,7 +86,7 @@ def pack_parameters(settings: RefineSettings, points: int) -> KernelParameters:
         Weights(0.0, 0.0, independent / count, KEYPOINT_WEIGHT) if soft else closest,
         LIMIT_WEIGHT_M2 * of_mean,
         settings.stretch,
-        OUTLIER_DISTANCE_M**2 if camera else 0.0,
+        OUTLIER_DISTANCE_M**-2 if camera else 0.0,
         settings.noise_depth,
         settings.noise_lateral,
         settings.outside_weight if camera else 1.0,

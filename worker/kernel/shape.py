@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gepf.common.arrays import Array, Indices, Numbers
+from gepf.common.arrays import Array, Indices
 from gepf.common.body import ROTATION, BodyModel
 from gepf.common.compiling import numba
 
@@ -34,34 +34,6 @@ def fit_fields(model: BodyModel) -> Array:
                 fit = np.linalg.lstsq((share * places)[mine], (share * directions)[mine], rcond=RANK)
                 fields[link, s] = fit[0].T
     return fields
-
-
-@numba.njit(cache=True, nogil=True)
-def shape_points(rest: Array, directions: Array, pose: Array, out: Array) -> None:
-    """Fill out (K, 3) with points (K, 3) of the rest pose in the shape of pose (D,).
-
-    By directions (S, K, 3). Without coefficients, out stays as it was allocated.
-    """
-    for k in range(len(rest) if len(directions) > 0 else 0):
-        shape_point(k, rest, directions, pose, out)
-
-
-@numba.njit(cache=True, nogil=True)
-def shape_some(some: Numbers, rest: Array, directions: Array, pose: Array, out: Array) -> None:
-    """As `shape_points`, but fill some rows only."""
-    for m in range(len(some) if len(directions) > 0 else 0):
-        shape_point(some[m], rest, directions, pose, out)
-
-
-@numba.njit(cache=True, nogil=True, inline="always")
-def shape_point(k: int, rest: Array, directions: Array, pose: Array, out: Array) -> None:
-    """Fill one row of `shape_points`."""
-    x, y, z = rest[k, 0], rest[k, 1], rest[k, 2]
-    for s in range(len(directions)):
-        x += pose[s] * directions[s, k, 0]
-        y += pose[s] * directions[s, k, 1]
-        z += pose[s] * directions[s, k, 2]
-    out[k, 0], out[k, 1], out[k, 2] = x, y, z
 
 
 @numba.njit(cache=True, nogil=True)

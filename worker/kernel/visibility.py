@@ -14,10 +14,16 @@ from numpy.typing import NDArray
 from gepf.common.arrays import Array, Numbers
 from gepf.common.bounds import MOST_PIXELS
 from gepf.common.compiling import numba
-from gepf.common.kinematics.chain import blend_some, blend_vertices, forward_kinematics
+from gepf.common.kinematics.chain import (
+    blend_some,
+    blend_vertices,
+    forward_kinematics,
+    shape_points,
+    shape_some,
+)
 from gepf.common.kinematics.manifold import apply_step
 from gepf.worker.kernel.drawing import SIDE, draw_block
-from gepf.worker.kernel.shape import shape_links, shape_points, shape_some
+from gepf.worker.kernel.shape import shape_links
 from gepf.worker.kernel.surface import Skeleton, Surface
 from gepf.worker.kernel.workspace import LARGEST_SIDE_PX, Workspace
 

@@ -42,6 +42,17 @@ class Problem(NamedTuple):
     elimination: Indices  # (D,) parents in the elimination tree of the normal equations
 
 
+class Offsets(NamedTuple):
+    """The offset of each observed point from the disc around its closest vertex, depth stretched."""
+
+    vectors: Points  # (3, P) from the vertex
+    normals: Points  # (3, P) of the disc
+    radii: Points  # (P,)
+    heights: Points  # (P,) over the plane of the disc
+    beyond: Points  # (P,) distance of the point's projection to this plane from the rim; 0 within the disc
+    pulls: Points  # (3, P) of `depth`: along the vector, along the normal, and mass of the target
+
+
 class Search(NamedTuple):
     """The visible vertices by leaf, and the closest of them to each observed point."""
 
@@ -56,6 +67,7 @@ class Search(NamedTuple):
     closest: Numbers  # (P,) their indices; the initial guess of the next search
     squared: Points  # (P,)
     largest: Points  # (P / TILE,) the largest of `squared` in each tile
+    offsets: Offsets
 
 
 class Equations(NamedTuple):
@@ -172,6 +184,14 @@ def workspace_of(workspaces: Workspaces, views: PackedViews, v: int) -> Workspac
             workspaces.closest[place : place + count],
             search.squared[:count],
             search.largest[: count // TILE],
+            Offsets(
+                search.offsets.vectors.reshape(-1)[: 3 * count].reshape(3, count),
+                search.offsets.normals.reshape(-1)[: 3 * count].reshape(3, count),
+                search.offsets.radii[:count],
+                search.offsets.heights[:count],
+                search.offsets.beyond[:count],
+                search.offsets.pulls.reshape(-1)[: 3 * count].reshape(3, count),
+            ),
         ),
         shared.equations.sums[v],
         shared.equations,
@@ -235,4 +255,12 @@ def make_search(vertices: int, leaves: int, points: int) -> Search:
         closest=np.empty(points, np.uint32),
         squared=np.empty(points, np.float32),
         largest=np.empty(points // TILE, np.float32),
+        offsets=Offsets(
+            vectors=np.empty((3, points), np.float32),
+            normals=np.empty((3, points), np.float32),
+            radii=np.empty(points, np.float32),
+            heights=np.empty(points, np.float32),
+            beyond=np.empty(points, np.float32),
+            pulls=np.empty((3, points), np.float32),
+        ),
     )

@@ -23,12 +23,12 @@ GRAZING = np.cos(np.radians(78.0))  # of the largest angle between normal and ra
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def cost(view: CameraView) -> float:
     """Cost of the model points that a camera's free space contains."""
-    weight, scale_squared = view.weights.free_space, view.problem.parameters.outlier_squared
+    weight, per_outlier = view.weights.free_space, view.problem.parameters.per_outlier_squared
     if weight == 0.0 or len(view.visible) == 0:
         return 0.0
     free, offsets, total = vertices_in_free_space(view), view.workspace.offsets, 0.0
     for n in range(len(free)):
-        total += robust_cost(offsets[n, 0] ** 2 + offsets[n, 1] ** 2, scale_squared)
+        total += robust_cost(offsets[n, 0] ** 2 + offsets[n, 1] ** 2, per_outlier)
     return 0.5 * weight * view.observed.count / len(view.visible) * total
 
 
@@ -47,7 +47,7 @@ def linearise(view: CameraView) -> None:
     for n in range(len(free)):
         m, dx, dy = free[n], offsets[n, 0], offsets[n, 1]
         x, y, z = posed[visible[m], 0], posed[visible[m], 1], posed[visible[m], 2]
-        pull = share * robust_weight(dx * dx + dy * dy, parameters.outlier_squared)
+        pull = share * robust_weight(dx * dx + dy * dy, parameters.per_outlier_squared)
         along = (dx * (x + dx) + dy * (y + dy)) / z
         z -= along / (parameters.stretch * parameters.stretch)
         add_scaled(targets, m, pull, (x + dx, y + dy, z, 1.0))  # type: ignore[call-arg]

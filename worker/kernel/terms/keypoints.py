@@ -17,7 +17,7 @@ from gepf.worker.kernel.terms.robust import robust_cost, robust_weight
 from gepf.worker.kernel.visibility import NEAREST_M
 from gepf.worker.kernel.workspace import CameraView
 
-OUTLIER_SQUARED = KEYPOINT_OUTLIER**2
+PER_OUTLIER_SQUARED = KEYPOINT_OUTLIER**-2
 
 
 @numba.njit(cache=True, nogil=True)
@@ -30,9 +30,9 @@ def cost(view: CameraView) -> float:
     for k in range(len(keypoints.links)):
         right, down, z = residual_of(k, view, forces, place)
         if z > NEAREST_M:
-            total += robust_cost(seen[k, 2] * (right * right + down * down), OUTLIER_SQUARED)
+            total += robust_cost(seen[k, 2] * (right * right + down * down), PER_OUTLIER_SQUARED)
         elif seen[k, 2] > 0.0:
-            total += OUTLIER_SQUARED
+            total += 1.0 / PER_OUTLIER_SQUARED
     return 0.5 * view.weights.keypoints * total
 
 
@@ -53,7 +53,7 @@ def linearise(view: CameraView) -> None:
         if seen[k, 2] == 0.0 or z <= NEAREST_M or j < 0:
             continue
         squared = seen[k, 2] * (right * right + down * down)
-        pull = view.weights.keypoints * seen[k, 2] * robust_weight(squared, OUTLIER_SQUARED)
+        pull = view.weights.keypoints * seen[k, 2] * robust_weight(squared, PER_OUTLIER_SQUARED)
         place_fields(workspace.of_rig[j], skeleton.shape_fields[link], drifts[j], fields)
         x, y, z = keypoints.points[k, 0], keypoints.points[k, 1], keypoints.points[k, 2]
         for a in range(2):
