@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gepf.common.arrays import Array, Indices, Numbers
+from gepf.common.arrays import Array, Indices
 from gepf.common.body import SHAPE, TRANSLATION, BodyModel
 from gepf.common.compiling import numba
 from gepf.common.kinematics.rotations import fill_rotation
@@ -149,19 +149,9 @@ def shape_points_each(rest: Array, directions: Array, poses: Array, out: Array) 
 
 @numba.njit(cache=True, nogil=True)
 def shape_points(rest: Array, directions: Array, pose: Array, out: Array) -> None:
-    """Fill out (K, 3) with points (K, 3) of the rest pose in the shape of pose (D,).
-
-    By directions (S, K, 3). Without coefficients, out stays as it was allocated.
-    """
-    for k in range(len(rest) if len(directions) > 0 else 0):
+    """Fill out (K, 3) with points (K, 3) of the rest pose in the shape of pose (D,); directions (S, K, 3)."""
+    for k in range(len(rest)):
         shape_point(k, rest, directions, pose, out)
-
-
-@numba.njit(cache=True, nogil=True)
-def shape_some(some: Numbers, rest: Array, directions: Array, pose: Array, out: Array) -> None:
-    """As `shape_points`, but fill some rows only."""
-    for m in range(len(some) if len(directions) > 0 else 0):
-        shape_point(some[m], rest, directions, pose, out)
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
@@ -182,15 +172,6 @@ def blend_vertices(
     """Fill out (V, 3) with vertices (V, 3) blended over their links' T_camera_rest (L, 3, 4)."""
     for v in range(len(vertices)):
         blend_vertex(v, vertices, links, weights, transforms, out)
-
-
-@numba.njit(cache=True, nogil=True)
-def blend_some(
-    some: Numbers, vertices: Array, links: Numbers, weights: Array, transforms: Array, out: Array
-) -> None:
-    """As `blend_vertices`, but fill some rows only."""
-    for m in range(len(some)):
-        blend_vertex(some[m], vertices, links, weights, transforms, out)
 
 
 @numba.njit(cache=True, nogil=True, inline="always")

@@ -82,7 +82,7 @@ def search(
     assert PAPER.noise_lateral == PAPER.noise_depth  # so depth is not scaled
     leaves = -(-len(model) // LEAF)
     found = make_search(len(model), leaves, len(points))
-    for array in (*found[:-1], *found.offsets):
+    for array in found:
         array.fill(7)  # whatever an earlier search left
     found.model[:] = model
     found.starts[:] = np.minimum(np.arange(leaves + 1) * LEAF, len(model))

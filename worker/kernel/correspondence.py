@@ -19,7 +19,7 @@ from gepf.common.compiling import numba
 from gepf.worker.kernel.observation import TILE, PackedObservation
 from gepf.worker.kernel.surface import Surface
 from gepf.worker.kernel.tiles import boxes_within, largest_of, lowest_bit, search_lanes
-from gepf.worker.kernel.workspace import Search, Workspace
+from gepf.worker.kernel.workspace import BLOCK, Search, Workspace
 
 LOOSER, TINY = np.float32(1.0 + 1e-6), np.float32(1e-12)  # enlarge bounds: points at the bound are found
 
@@ -28,10 +28,10 @@ LOOSER, TINY = np.float32(1.0 + 1e-6), np.float32(1e-12)  # enlarge bounds: poin
 def find_correspondences(
     visible: Numbers, surface: Surface, observed: PackedObservation, stretch: float, workspace: Workspace
 ) -> None:
-    """Find the closest visible vertex of each observed point, and its offset from the disc around the vertex.
+    """Find the closest visible vertex of each observed point, and its offset from the disc around it.
 
     Fills workspace.search.closest with indices into `visible`, .squared with squared distances in the metric
-    of the noise, and .offsets. The initial guess is the result of the last search in this workspace.
+    of the noise, .heights and .beyond. The initial guess is the result of the last search in this workspace.
     """
     search, leaves = workspace.search, fill_leaves(visible, surface, stretch, workspace)
     fill_discs(visible, surface, stretch, workspace)
@@ -102,24 +102,26 @@ def fill_discs(visible: Numbers, surface: Surface, stretch: float, workspace: Wo
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def measure_offsets(observed: PackedObservation, search: Search) -> None:
-    """Fill search.offsets with the offset of each observed point from the disc of its closest vertex.
+    """Fill search.heights and .beyond with the offsets of the observed points from their vertices' discs.
 
     Its parts are loops without branches over contiguous rows, which are compiled to vector instructions.
     """
-    points, model, discs, offsets = observed.points, search.model, search.discs, search.offsets
-    x, y, z = offsets.vectors[0], offsets.vectors[1], offsets.vectors[2]
-    nx, ny, nz = offsets.normals[0], offsets.normals[1], offsets.normals[2]
-    radii, heights, beyond = offsets.radii, offsets.heights, offsets.beyond
-    for i in range(len(heights)):
-        m = np.uint64(search.closest[i])
-        x[i], y[i], z[i] = points[0, i] - model[m, 0], points[1, i] - model[m, 1], points[2, i] - model[m, 2]
-        nx[i], ny[i], nz[i], radii[i] = discs[m, 0], discs[m, 1], discs[m, 2], discs[m, 3]
-    for i in range(len(heights)):
-        heights[i] = nx[i] * x[i] + ny[i] * y[i] + nz[i] * z[i]
-    for i in range(len(heights)):
-        h = heights[i]
-        ax, ay, az = x[i] - h * nx[i], y[i] - h * ny[i], z[i] - h * nz[i]
-        beyond[i] = max(np.float32(0.0), np.sqrt(ax * ax + ay * ay + az * az) - radii[i])
+    points, model, discs, block = observed.points, search.model, search.discs, search.block
+    x, y, z, nx, ny, nz, radii = block[0], block[1], block[2], block[3], block[4], block[5], block[6]
+    for first in range(0, points.shape[1], BLOCK):
+        stop = min(first + BLOCK, points.shape[1])
+        heights, beyond = search.heights[first:stop], search.beyond[first:stop]
+        for i in range(stop - first):
+            m, p = np.uint64(search.closest[first + i]), np.uint64(first + i)
+            x[i], y[i] = points[0, p] - model[m, 0], points[1, p] - model[m, 1]
+            z[i], radii[i] = points[2, p] - model[m, 2], discs[m, 3]
+            nx[i], ny[i], nz[i] = discs[m, 0], discs[m, 1], discs[m, 2]
+        for i in range(stop - first):
+            heights[i] = nx[i] * x[i] + ny[i] * y[i] + nz[i] * z[i]
+        for i in range(stop - first):
+            h = heights[i]
+            ax, ay, az = x[i] - h * nx[i], y[i] - h * ny[i], z[i] - h * nz[i]
+            beyond[i] = max(np.float32(0.0), np.sqrt(ax * ax + ay * ay + az * az) - radii[i])
 
 
 @numba.njit(cache=True, nogil=True)

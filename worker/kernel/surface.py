@@ -1,4 +1,7 @@
-"""A body model packed for the kernel, once per model: vertices ordered by neighbourhood, fixed dtypes."""
+"""A body model packed for the kernel, once per model: vertices ordered by neighbourhood, fixed dtypes.
+
+What need not be exact is of single precision: all particles read it, and a cache of a core is small.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from gepf.common.arrays import Array, Indices, Mask
+from gepf.common.arrays import Array, Indices, Mask, Points
 from gepf.common.body import BodyModel, vertex_normals
 from gepf.worker.kernel.neighbourhoods import neighbourhoods
 from gepf.worker.kernel.shape import fit_fields
@@ -35,14 +38,14 @@ class Surface(NamedTuple):
     """The surface of a body model; successive vertices form leaves of neighbours on one link."""
 
     vertices: Array  # (V, 3)
-    normals: Array  # (V, 3) of length 1
-    radii: Array  # (V,) metres, of the discs around the vertices, see `terms.depth`
+    normals: Points  # (V, 3) of length 1
+    radii: Points  # (V,) metres, of the discs around the vertices, see `terms.depth`
     leaves: Indices  # (V,) ascending
     triangles: NDArray[np.uint32]  # (T, 3)
     skin_links: NDArray[np.uint32]  # (V, K)
     skin_weights: Array  # (V, K)
     link_dofs: Indices  # (L,) as of the skeleton
-    shape_vertices: Array  # (S, V, 3) change of the vertices per unit of each shape coefficient
+    shape_vertices: Points  # (S, V, 3) change of the vertices per unit of each shape coefficient
 
 
 _packed: WeakKeyDictionary[BodyModel, tuple[Skeleton, Surface]] = WeakKeyDictionary()
@@ -75,14 +78,14 @@ def make_packed_model(model: BodyModel) -> tuple[Skeleton, Surface]:
     )
     surface = Surface(
         model.vertices[order],
-        vertex_normals(model.vertices, model.triangles)[order].astype(np.float64),
-        disc_radii(model)[order],
+        vertex_normals(model.vertices, model.triangles)[order].astype(np.float32),
+        disc_radii(model)[order].astype(np.float32),
         leaves,
         triangles[np.argsort(triangles[:, 0], kind="stable")].astype(np.uint32),
         np.ascontiguousarray(model.skin_links[order][:, used], np.uint32),
         np.ascontiguousarray(model.skin_weights[order][:, used]),
         model.link_dofs,
-        np.ascontiguousarray(model.shape_vertices[:, order]),
+        np.ascontiguousarray(model.shape_vertices[:, order], np.float32),
     )
     return skeleton, surface
 

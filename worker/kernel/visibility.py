@@ -14,13 +14,7 @@ from numpy.typing import NDArray
 from gepf.common.arrays import Array, Numbers
 from gepf.common.bounds import MOST_PIXELS
 from gepf.common.compiling import numba
-from gepf.common.kinematics.chain import (
-    blend_some,
-    blend_vertices,
-    forward_kinematics,
-    shape_points,
-    shape_some,
-)
+from gepf.common.kinematics.chain import blend_vertex, forward_kinematics, shape_point, shape_points
 from gepf.common.kinematics.manifold import apply_step
 from gepf.worker.kernel.drawing import SIDE, draw_block
 from gepf.worker.kernel.shape import shape_links
@@ -45,17 +39,24 @@ class DepthImage(NamedTuple):
 @numba.njit(cache=True, nogil=True)
 def pose_body(pose: Array, skeleton: Skeleton, surface: Surface, workspace: Workspace) -> None:
     """Fill workspace.transforms, .of_rig and .posed with the body in pose (D,) (4a)."""
-    links, weights, rest = surface.skin_links, surface.skin_weights, workspace.rest
-    shape_points(surface.vertices, surface.shape_vertices, pose, rest)
-    blend_vertices(rest, links, weights, pose_links(pose, skeleton, workspace), workspace.posed)
+    transforms, posed = pose_links(pose, skeleton, workspace), workspace.posed
+    for v in range(len(posed)):
+        pose_vertex(v, pose, surface, transforms, posed)
 
 
 @numba.njit(cache=True, nogil=True)
 def pose_some(some: Numbers, pose: Array, skeleton: Skeleton, surface: Surface, workspace: Workspace) -> None:
     """As `pose_body`, but fill .posed for some vertices only."""
-    links, weights, rest = surface.skin_links, surface.skin_weights, workspace.rest
-    shape_some(some, surface.vertices, surface.shape_vertices, pose, rest)
-    blend_some(some, rest, links, weights, pose_links(pose, skeleton, workspace), workspace.posed)
+    transforms, posed = pose_links(pose, skeleton, workspace), workspace.posed
+    for m in range(len(some)):
+        pose_vertex(some[m], pose, surface, transforms, posed)
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def pose_vertex(v: int, pose: Array, surface: Surface, transforms: Array, posed: Array) -> None:
+    """Fill one row of posed (V, 3), with links' transforms (L, 3, 4)."""
+    shape_point(v, surface.vertices, surface.shape_vertices, pose, posed)
+    blend_vertex(v, posed, surface.skin_links, surface.skin_weights, transforms, posed)
 
 
 @numba.njit(cache=True, nogil=True)

@@ -21,6 +21,7 @@ from gepf.worker.kernel.parameters import KernelParameters, Weights
 from gepf.worker.kernel.surface import Skeleton, Surface
 
 LARGEST_SIDE_PX = 512  # of a depth image
+BLOCK = 16 * TILE  # observed points
 
 
 class Keypoints(NamedTuple):
@@ -42,17 +43,6 @@ class Problem(NamedTuple):
     elimination: Indices  # (D,) parents in the elimination tree of the normal equations
 
 
-class Offsets(NamedTuple):
-    """The offset of each observed point from the disc around its closest vertex, depth stretched."""
-
-    vectors: Points  # (3, P) from the vertex
-    normals: Points  # (3, P) of the disc
-    radii: Points  # (P,)
-    heights: Points  # (P,) over the plane of the disc
-    beyond: Points  # (P,) distance of the point's projection to this plane from the rim; 0 within the disc
-    pulls: Points  # (3, P) of `depth`: along the vector, along the normal, and mass of the target
-
-
 class Search(NamedTuple):
     """The visible vertices by leaf, and the closest of them to each observed point."""
 
@@ -67,7 +57,9 @@ class Search(NamedTuple):
     closest: Numbers  # (P,) their indices; the initial guess of the next search
     squared: Points  # (P,)
     largest: Points  # (P / TILE,) the largest of `squared` in each tile
-    offsets: Offsets
+    heights: Points  # (P,) of the observed points over the planes of their closest vertices' discs
+    beyond: Points  # (P,) distances of their projections to these planes from the rims; 0 within the discs
+    block: Points  # (7, BLOCK) intermediate results for some of the points: few enough for a small cache
 
 
 class Equations(NamedTuple):
@@ -93,7 +85,6 @@ class Workspace(NamedTuple):
     of_rig: Array  # (D + 1, 3, 4) T_rig_rest, alike, at the time of the frame
     of_links: Array  # (L, 3, 4) of_rig of each link, after the change of its rest pose by shape
     points: Array  # (D, 3) of the degrees of freedom at rest, in the shape of the pose
-    rest: Array  # (V, 3) vertices alike
     T_camera_rig: Array  # (3, 4)
     step: Array  # (D,) motion from the time of the frame to that of the camera
     posed: Array  # (V, 3) metres, camera frame
@@ -160,7 +151,6 @@ def workspace_of(workspaces: Workspaces, views: PackedViews, v: int) -> Workspac
         shared.of_rig,
         shared.of_links,
         shared.points,
-        shared.rest,
         views.T_camera_rig[v],
         workspaces.steps[v],
         shared.posed,
@@ -184,14 +174,9 @@ def workspace_of(workspaces: Workspaces, views: PackedViews, v: int) -> Workspac
             workspaces.closest[place : place + count],
             search.squared[:count],
             search.largest[: count // TILE],
-            Offsets(
-                search.offsets.vectors.reshape(-1)[: 3 * count].reshape(3, count),
-                search.offsets.normals.reshape(-1)[: 3 * count].reshape(3, count),
-                search.offsets.radii[:count],
-                search.offsets.heights[:count],
-                search.offsets.beyond[:count],
-                search.offsets.pulls.reshape(-1)[: 3 * count].reshape(3, count),
-            ),
+            search.heights[:count],
+            search.beyond[:count],
+            search.block,
         ),
         shared.equations.sums[v],
         shared.equations,
@@ -209,7 +194,6 @@ def allocate(skeleton: Skeleton, surface: Surface, points: int, T_camera_rig: Ar
         of_rig=np.tile(np.eye(4)[:3], (dofs + 1, 1, 1)),
         of_links=np.zeros((links, 3, 4)),
         points=skeleton.points.copy(),
-        rest=surface.vertices.copy(),
         T_camera_rig=np.ascontiguousarray(T_camera_rig[0]),
         step=np.zeros(dofs),
         posed=np.empty((vertices, 3)),
@@ -255,12 +239,7 @@ def make_search(vertices: int, leaves: int, points: int) -> Search:
         closest=np.empty(points, np.uint32),
         squared=np.empty(points, np.float32),
         largest=np.empty(points // TILE, np.float32),
-        offsets=Offsets(
-            vectors=np.empty((3, points), np.float32),
-            normals=np.empty((3, points), np.float32),
-            radii=np.empty(points, np.float32),
-            heights=np.empty(points, np.float32),
-            beyond=np.empty(points, np.float32),
-            pulls=np.empty((3, points), np.float32),
-        ),
+        heights=np.empty(points, np.float32),
+        beyond=np.empty(points, np.float32),
+        block=np.empty((7, BLOCK), np.float32),
     )

@@ -19,62 +19,74 @@ import numpy as np
 from gepf.common.compiling import numba
 from gepf.worker.kernel.terms.robust import robust_cost, robust_weight
 from gepf.worker.kernel.vectors import add_scaled
-from gepf.worker.kernel.workspace import CameraView, Offsets
+from gepf.worker.kernel.workspace import BLOCK, CameraView
 
 TINY = 1e-30  # keeps the weight of a point on the surface defined
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def cost(view: CameraView) -> float:
-    """Cost of the points of a camera, from the offsets of `find_correspondences`."""
-    weight, parameters, offsets = view.weights.depth, view.problem.parameters, view.workspace.search.offsets
+    """Cost of the points of a camera, from the results of `find_correspondences`."""
+    weight, parameters, search = view.weights.depth, view.problem.parameters, view.workspace.search
     per_outlier, outside, total = parameters.per_outlier_squared, parameters.outside_weight, 0.0
     if weight == 0.0:
         return 0.0
     if len(view.visible) == 0:
         return 0.5 * weight * view.observed.count / per_outlier
     for i in range(view.observed.count):
-        total += robust_cost(squared_residual(offsets.heights[i], offsets.beyond[i], outside), per_outlier)
+        total += robust_cost(squared_residual(search.heights[i], search.beyond[i], outside), per_outlier)
     return 0.5 * weight * total
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def linearise(view: CameraView) -> None:
-    """Add the target of each observed point to its closest vertex: there its disc touches the point."""
-    weight, parameters, targets = view.weights.depth, view.problem.parameters, view.workspace.targets
-    if weight == 0.0 or len(view.visible) == 0:
+    """Add the target of each observed point to its closest vertex: there its disc touches the point.
+
+    With h the height, n the normal, e the offset beyond the rim, and w the weight of h^2, the gradient of
+    half d^2 is w h n + e. It is the offset from the target, times the weight d^2 / (h^2 + e^2).
+    """
+    parameters, observed, search = view.problem.parameters, view.observed, view.workspace.search
+    if view.weights.depth == 0.0 or len(view.visible) == 0:
         return
-    search, offsets = view.workspace.search, view.workspace.search.offsets
-    closest, model, vectors, normals = search.closest, search.model, offsets.vectors, offsets.normals
-    fill_pulls(weight, parameters.per_outlier_squared, parameters.outside_weight, offsets)
-    along, up, masses, shrink = offsets.pulls[0], offsets.pulls[1], offsets.pulls[2], 1.0 / parameters.stretch
-    for i in range(view.observed.count):
-        m, mass = np.uint64(closest[i]), np.float64(masses[i])
-        x = mass * model[m, 0] + along[i] * vectors[0, i] + up[i] * normals[0, i]
-        y = mass * model[m, 1] + along[i] * vectors[1, i] + up[i] * normals[1, i]
-        z = mass * model[m, 2] + along[i] * vectors[2, i] + up[i] * normals[2, i]
-        add_scaled(targets, m, 1.0, (x, y, shrink * z, mass))  # type: ignore[call-arg]
+    points, closest, model, discs = observed.points, search.closest, search.model, search.discs
+    targets, along, up, masses = view.workspace.targets, search.block[0], search.block[1], search.block[2]
+    shrink = 1.0 / parameters.stretch
+    for first in range(0, observed.count, BLOCK):
+        stop = min(first + BLOCK, observed.count)
+        fill_pulls(first, stop, view)
+        for i in range(stop - first):
+            p = np.uint64(first + i)
+            m, mass = np.uint64(closest[p]), np.float64(masses[i])
+            dx, dy, dz = points[0, p] - model[m, 0], points[1, p] - model[m, 1], points[2, p] - model[m, 2]
+            x = mass * model[m, 0] + along[i] * dx + up[i] * discs[m, 0]
+            y = mass * model[m, 1] + along[i] * dy + up[i] * discs[m, 1]
+            z = mass * model[m, 2] + along[i] * dz + up[i] * discs[m, 2]
+            add_scaled(targets, m, 1.0, (x, y, shrink * z, mass))  # type: ignore[call-arg]
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def fill_pulls(weight: float, per_outlier: float, outside: float, offsets: Offsets) -> None:
-    """Fill offsets.pulls.
+def fill_pulls(first: int, stop: int, view: CameraView) -> None:
+    """Fill the first rows of search.block for some points: with the parts of their gradients, and masses.
 
-    With h the height, n the normal, e the offset beyond the rim, and w the weight of h^2, the gradient of
-    half d^2 is w h n + e. It is the offset from the target, times the weight d^2 / (h^2 + e^2). As e is a
-    share of the vector's part in the plane, the gradient is a sum of the vector and the normal.
+    The gradient is a sum of the offset from the vertex and of the normal, because e is a share of the
+    offset's part in the plane. The mass is the weight of the target. Loops are vectorised as those of
+    `measure_offsets`.
     """
-    heights, beyond, radii = offsets.heights, offsets.beyond, offsets.radii
-    along, up, masses = offsets.pulls[0], offsets.pulls[1], offsets.pulls[2]
-    for i in range(len(heights)):
+    weight, parameters, search = view.weights.depth, view.problem.parameters, view.workspace.search
+    per_outlier, outside = parameters.per_outlier_squared, parameters.outside_weight
+    heights, beyond = search.heights[first:stop], search.beyond[first:stop]
+    along, up, masses, radii = search.block[0], search.block[1], search.block[2], search.block[3]
+    for i in range(stop - first):
+        radii[i] = search.discs[np.uint64(search.closest[first + i]), 3]
+    for i in range(stop - first):
         plane, rim = np.float64(heights[i]) * heights[i], np.float64(beyond[i]) * beyond[i]
         squared = squared_residual(heights[i], beyond[i], outside)
         pull = weight * robust_weight(squared, per_outlier)
         masses[i] = pull * (squared + TINY) / (plane + rim + TINY)
-    for i in range(len(heights)):
+    for i in range(stop - first):
         pull = weight * robust_weight(squared_residual(heights[i], beyond[i], outside), per_outlier)
         along[i] = pull * beyond[i] / (beyond[i] + radii[i] + TINY)
-    for i in range(len(heights)):
+    for i in range(stop - first):
         pull = weight * robust_weight(squared_residual(heights[i], beyond[i], outside), per_outlier)
         up[i] = (pull * (outside if heights[i] > 0.0 else 1.0) - along[i]) * heights[i]
 
@@ -89,11 +101,12 @@ def squared_residual(height: float, beyond: float, outside: float) -> float:
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def sum_distances(view: CameraView) -> float:
     """Sum of the distances (m) of the observed points from the surface, without stretched depth."""
-    offsets, stretch, total = view.workspace.search.offsets, view.problem.parameters.stretch, 0.0
-    change = 1.0 / (stretch * stretch) - 1.0
+    search, points, stretch = view.workspace.search, view.observed.points, view.problem.parameters.stretch
+    change, total = 1.0 / (stretch * stretch) - 1.0, 0.0
     for i in range(view.observed.count):
-        height, beyond = np.float64(offsets.heights[i]), np.float64(offsets.beyond[i])
-        part = beyond / (beyond + offsets.radii[i] + TINY)
-        z = part * offsets.vectors[2, i] + (1.0 - part) * height * offsets.normals[2, i]
-        total += np.sqrt(max(0.0, height * height + beyond * beyond + change * z * z))
+        m, height, beyond = np.uint64(search.closest[i]), np.float64(search.heights[i]), search.beyond[i]
+        part = beyond / (beyond + search.discs[m, 3] + TINY)
+        ahead = points[2, i] - search.model[m, 2]
+        z = part * ahead + (1.0 - part) * height * search.discs[m, 2]
+        total += np.sqrt(max(0.0, height * height + np.float64(beyond) * beyond + change * z * z))
     return total
