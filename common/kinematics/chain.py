@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gepf.common.arrays import Array, Indices
+from gepf.common.arrays import Array, Indices, Points
 from gepf.common.body import SHAPE, TRANSLATION, BodyModel
 from gepf.common.compiling import numba
 from gepf.common.kinematics.rotations import fill_rotation
@@ -148,14 +148,14 @@ def shape_points_each(rest: Array, directions: Array, poses: Array, out: Array) 
 
 
 @numba.njit(cache=True, nogil=True)
-def shape_points(rest: Array, directions: Array, pose: Array, out: Array) -> None:
+def shape_points(rest: Array, directions: Array | Points, pose: Array, out: Array) -> None:
     """Fill out (K, 3) with points (K, 3) of the rest pose in the shape of pose (D,); directions (S, K, 3)."""
     for k in range(len(rest)):
         shape_point(k, rest, directions, pose, out)
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
-def shape_point(k: int, rest: Array, directions: Array, pose: Array, out: Array) -> None:
+def shape_point(k: int, rest: Array, directions: Array | Points, pose: Array, out: Array) -> None:
     """Fill one row of `shape_points`."""
     x, y, z = rest[k, 0], rest[k, 1], rest[k, 2]
     for s in range(len(directions)):

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gepf.common.arrays import Array, Mask
+from gepf.common.arrays import Array, Indices, Mask
 from gepf.common.body import ROOT_DOFS
 from gepf.common.camera import level_from_camera
 from gepf.coordinator.bodies.swing_twist import (
@@ -66,6 +66,16 @@ class RevoluteJoint:
 
     name: str
     dof: str
+
+
+class Chains(NamedTuple):
+    """The degrees of freedom (K) of several joints (J), from the carriers outward, for `Angles.turned`."""
+
+    columns: Indices  # (J, K) of poses; -1 if it is held
+    held: Array  # (J, K) values of those
+    axes: Array  # (J, K, 3)
+    level: Array  # (J, 4) quaternions, x to w, of the carriers
+    hanging: Array  # (J, 4) quaternions from the vertical to a left limb's bone
 
 
 def whole_body(name: str) -> SphericalJoint:
@@ -176,21 +186,33 @@ class Angles:
 
         For right limbs they are those of the mirror image.
         """
+        chains = self._chains if joints is self.spherical else self._chains_of(joints)
+        total = np.tile(chains.level, (len(poses), 1, 1))
+        values = np.where(chains.columns < 0, chains.held, poses[:, chains.columns])
+        turns = quaternions(values[..., None] * chains.axes)
+        for k in range(chains.columns.shape[1]):
+            total = compose(total, turns[:, :, k])
+        return compose(total, chains.hanging)
+
+    @cached_property
+    def _chains(self) -> Chains:
+        return self._chains_of(self.spherical)
+
+    def _chains_of(self, joints: Sequence[SphericalJoint]) -> Chains:
+        """The turns of joints, as arrays."""
+        columns = {name: column for column, name in enumerate(self.dof_names)}
         moved = set(self.dof_names) | {name for name, value in self.held.items() if value}
         chains = [[dof for dof in joint.dofs if dof.name in moved] for joint in joints]
-        longest = max(map(len, chains), default=0)
-        axes, values = np.zeros((len(joints), longest, 3)), np.zeros((len(poses), len(joints), longest))
-        levels = [self.level if joint.dofs[0].name in ROOT_DOFS else (0.0, 0.0, 0.0) for joint in joints]
-        total = np.tile(quaternions(np.array(levels).reshape(-1, 3)), (len(poses), 1, 1))
+        shape = len(joints), max(map(len, chains), default=0)
+        axes, held, numbers = np.zeros((*shape, 3)), np.zeros(shape), np.full(shape, -1)
         for j, joint in enumerate(joints):
             for k, dof in enumerate(chains[j]):
                 axes[j, k] = np.asarray(dof.axis) * (MIRROR if joint.mirrored else 1.0)
-                values[:, j, k] = self._value(dof.name, poses)
-        turns = quaternions(values[..., None] * axes)
-        for k in range(longest):
-            total = compose(total, turns[:, :, k])
-        hanging = [[0.0, 0.0, -joint.tilt] for joint in joints]  # from the vertical to a left limb's bone
-        return compose(total, quaternions(np.array(hanging).reshape(-1, 3)))
+                held[j, k], numbers[j, k] = self.held.get(dof.name, 0.0), columns.get(dof.name, -1)
+        levels = [self.level if joint.dofs[0].name in ROOT_DOFS else (0.0, 0.0, 0.0) for joint in joints]
+        hanging = [[0.0, 0.0, -joint.tilt] for joint in joints]
+        starts, ends = (quaternions(np.array(turns).reshape(-1, 3)) for turns in (levels, hanging))
+        return Chains(numbers, held, axes, starts, ends)
 
     def _value(self, dof: str, poses: Array) -> Array:
         if dof in self.dof_names:

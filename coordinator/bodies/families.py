@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
+
+import numpy as np
 
 from gepf.common.arrays import Array
 from gepf.common.body import BodyModel
@@ -37,4 +40,9 @@ def family_that_reads(model: str) -> BodyFamily:
 
 def angles_of(model: BodyModel, held: Mapping[str, float] | None = None, up: Array | None = None) -> Angles:
     """The angles of a tracked body, as its family defines them; see `BodyFamily.angles`."""
-    return family_of(model).angles(model, held or {}, up)
+    return _angles_of(model, tuple((held or {}).items()), None if up is None else tuple(up.tolist()))
+
+
+@lru_cache(maxsize=16)
+def _angles_of(model: BodyModel, held: tuple[tuple[str, float], ...], up: tuple[float, ...] | None) -> Angles:
+    return family_of(model).angles(model, dict(held), None if up is None else np.array(up))

@@ -58,6 +58,7 @@ def with_angles(track: Track, angles: Angles, new: NewArray = np.empty) -> Track
     smoothed, last = angles.misfit > 0.0 and shape[0] > 1, None
     reported = new(shape[::-1], np.float64).T if smoothed else new(shape, np.float64)
     beyond = new(shape[::-1], np.float64).T if smoothed else np.empty((0, shape[1]))
+    expected = new(shape, np.float64)
     for part in parts:
         known = filled_from(track.part(part), start)
         measured, others = measure(known, angles)
@@ -67,16 +68,17 @@ def with_angles(track: Track, angles: Angles, new: NewArray = np.empty) -> Track
             off = deviations(known, angles, others, followed, np.inf)
             off[unknown[part]] = np.inf
             beyond[part] = np.maximum(off**2 - angles.misfit**2, 0.0)
+        else:
+            expected[part] = deviations(known, angles, others, followed, ANGLES.max_deviation)
     if smoothed:
         since = np.diff(track.time_s)
         interval = np.where(since > 0.0, since, 1.0 / DEFAULT_FPS)
         for column, variance in zip(reported.T, beyond.T, strict=True):
             column[:] = smooth(column, variance, interval)
-    expected = new(shape, np.float64)
-    for part in parts:
-        known = filled_from(track.part(part), start)
-        others = measure(known, angles)[1]
-        expected[part] = deviations(known, angles, others, reported[part], ANGLES.max_deviation)
+        for part in parts:
+            known = filled_from(track.part(part), start)
+            others = measure(known, angles)[1]
+            expected[part] = deviations(known, angles, others, reported[part], ANGLES.max_deviation)
     reported[~placed], expected[unknown] = np.nan, np.nan
     return replace(track, angle_names=angles.names, angle=reported, angle_deviation=expected)
 
