@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
+from functools import lru_cache
 
 import numpy as np
 from markupsafe import Markup
@@ -34,8 +35,8 @@ class Estimate(estimate.Estimate):
 
     @property
     def model(self) -> BodyModel:
-        """The body in its present shape, whose degrees of freedom are those of the pose."""
-        return with_fixed_shape(self.flexible, self.shape)
+        """The body in its present shape: its degrees of freedom are those of the pose. Made on use."""
+        return body_of(self.flexible, self.shape.tobytes())
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -102,7 +103,15 @@ class Estimate(estimate.Estimate):
 def named(plain: estimate.Estimate, flexible: BodyModel, shape: Array, held: Mapping[str, float]) -> Estimate:
     """An estimate with its body."""
     values = {f.name: getattr(plain, f.name) for f in fields(estimate.Estimate)}
+    shape = shape.copy()  # not a part of the tracker's state
+    shape.setflags(write=False)
     return Estimate(**values, flexible=flexible, shape=shape, held=held)
+
+
+@lru_cache(maxsize=16)
+def body_of(flexible: BodyModel, shape: bytes) -> BodyModel:
+    """The body with these values of its shape coefficients, as bytes."""
+    return with_fixed_shape(flexible, np.frombuffer(shape))
 
 
 def table(rows: Iterable[tuple[str, object]]) -> str:

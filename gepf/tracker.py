@@ -167,7 +167,7 @@ def with_one_blas_thread(items: Iterator[Item]) -> Iterator[Item]:
 
 @cache
 def blas_libraries() -> ThreadpoolController:
-    """The loaded libraries of BLAS; to search the process for them takes as long as a tenth of a frame."""
+    """Those loaded at the first frame, as ours are; to search for them takes a tenth of a frame."""
     return ThreadpoolController().select(user_api="blas")
 
 

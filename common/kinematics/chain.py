@@ -15,6 +15,7 @@ from gepf.common.compiling import numba
 from gepf.common.kinematics.rotations import fill_rotation
 
 UNMOVED = np.eye(3, 4)
+UNMOVED.setflags(write=False)
 
 
 def contiguous(values: Array) -> Array:
@@ -183,7 +184,7 @@ def blend_vertex(
     transforms: Array,
     out: Array,
 ) -> None:
-    """Fill one row of `blend_vertices`."""
+    """Fill one row of `blend_vertices`; out may be the vertices."""
     x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
     moved_x = moved_y = moved_z = 0.0
     for k in range(links.shape[1]):

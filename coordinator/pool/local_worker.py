@@ -53,7 +53,7 @@ class LocalWorker:
         self._present = False  # on the bus
         self._served = False  # since it was started
         self._silent_s = 0.0  # able to run, but absent after it has served, or without an answer
-        self._is_overdue = False  # whether that was so at the last look
+        self._was_silent = False  # at the last look it was absent, or owed an answer
         self.process = self._start() if pool.lanes else None
         if self.process is not None:
             bus.watch(keys.of_worker(name, "offer/**"), self._notice)
@@ -73,20 +73,24 @@ class LocalWorker:
         if self._served:
             self._failed_starts = 0
         if not (self._served and (owes or not self._present)):
-            self.heard()
-        elif self._is_overdue:
+            self._rest()
+        elif self._was_silent:
             self._silent_s += self._watched.able_since(now)
-        else:  # most answers come before the next look: to watch a process takes time
-            self._is_overdue = True
+        else:  # most answers come before the next look, and to watch a process takes time
+            self._was_silent = True
         if self._silent_s > (LIMITS.silence_s if self._present else LIMITS.absence_s):
             self.process.kill()
         return None if self.process.poll() is None else self._restart(self.process)
 
     def heard(self) -> None:
         """It has answered."""
-        self._silent_s, self._is_overdue = 0.0, False
         if self.process is not None:
-            self._watched.rest()
+            self._rest()
+
+    def _rest(self) -> None:
+        """Count no silence any more."""
+        self._silent_s, self._was_silent = 0.0, False
+        self._watched.rest()
 
     def stop(self) -> None:
         """End the process; kill it if it does not end in time."""
@@ -109,7 +113,7 @@ class LocalWorker:
             raise BusError(f"local workers do not start; the last {how}: {last}")
         end(ended)
         self._present = self._served = False
-        self._silent_s = 0.0
+        self._rest()
         self.process = self._start()
         self.restarted += 1
         return f"worker {self.name} {how}; starting it again"

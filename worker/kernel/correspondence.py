@@ -1,10 +1,11 @@
-"""The closest visible model point of each observed point (step 4c). The search is exact.
+"""The closest visible model point of each observed point, and the offset from it (step 4c).
 
-Observed points are grouped into tiles, model points into leaves, and leaves into groups. The points of each
-are neighbours, so their bounding boxes are small. An initial guess gives an upper bound on the distance of
-each observed point: its closest point in the last search, which may be that of another particle, or a point
-in the leaf nearest to its tile. The search skips every group and leaf whose box is farther from a tile's box
-than the largest bound of the tile. In the leaves that are left it compares points one by one.
+The search is exact. Observed points are grouped into tiles, model points into leaves, and leaves into groups.
+The points of each are neighbours, so their bounding boxes are small. An initial guess gives an upper bound on
+the distance of each observed point: its closest point in the last search, which may be that of another
+particle, or a point in the leaf nearest to its tile. The search skips every group and leaf whose box is
+farther from a tile's box than the largest bound of the tile. In the leaves that are left it compares points
+one by one.
 
 The result does not depend on the guess: bounds are slightly enlarged, so the first of equally close points in
 the order of the leaves is always found.

@@ -1,4 +1,4 @@
-"""The pose that minimises the terms at fixed correspondences (step 4d), and its covariance.
+"""Towards the pose that minimises the terms at fixed correspondences (step 4d), and its covariance.
 
 Damped Gauss-Newton, Eq. 3-5. The covariance is the inverse of the Gauss-Newton matrix of the log posterior
 (Laplace) in the last step, with its closest points, weights and visible points. Damping and joint limits are
@@ -28,7 +28,7 @@ CONVERGED = 1e-4  # radians and metres; a smaller step ends the loop
 
 @numba.njit(cache=True, nogil=True)
 def minimise(pose: Array, mean: Array, solver: Solver, problem: Problem, workspace: Workspace) -> None:
-    """Move pose (D,) in place to the minimum of Eq. 3, within limits, by damped Gauss-Newton steps (Eq. 4).
+    """Move pose (D,) in place towards the minimum of Eq. 3 within limits: damped Gauss-Newton (Eq. 4).
 
     The equations of the workspace hold the terms of points, linearised at this pose, of which .of_rig is.
     `mean` (D,) is that of the prior.

@@ -1,4 +1,4 @@
-"""Shape coefficients as degrees of freedom: the rest pose that they make, and the derivatives by them.
+"""Shape coefficients as degrees of freedom: the links after their change, and the derivatives by them.
 
 A coefficient moves each vertex of the rest pose along a direction of its own. The sums over the targets of a
 link (`link_sums`) do not hold these directions. So the derivatives take the affine map from the rest pose to

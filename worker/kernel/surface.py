@@ -1,6 +1,6 @@
 """A body model packed for the kernel, once per model: vertices ordered by neighbourhood, fixed dtypes.
 
-What need not be exact is of single precision: all particles read it, and a cache of a core is small.
+Arrays that need not be exact have single precision, so that more of them stay in the cache of a core.
 """
 
 from __future__ import annotations

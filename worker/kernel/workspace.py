@@ -193,7 +193,7 @@ def allocate(skeleton: Skeleton, surface: Surface, points: int, T_camera_rig: Ar
         transforms=np.tile(np.eye(4)[:3], (dofs + 1, 1, 1)),
         of_rig=np.tile(np.eye(4)[:3], (dofs + 1, 1, 1)),
         of_links=np.zeros((links, 3, 4)),
-        points=skeleton.points.copy(),
+        points=np.empty_like(skeleton.points),
         T_camera_rig=np.ascontiguousarray(T_camera_rig[0]),
         step=np.zeros(dofs),
         posed=np.empty((vertices, 3)),

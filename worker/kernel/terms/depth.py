@@ -32,7 +32,7 @@ def cost(view: CameraView) -> float:
     if weight == 0.0:
         return 0.0
     if len(view.visible) == 0:
-        return 0.5 * weight * view.observed.count / per_outlier
+        return 0.5 * weight * view.observed.count / per_outlier  # infinite without a robust kernel
     for i in range(view.observed.count):
         total += robust_cost(squared_residual(search.heights[i], search.beyond[i], outside), per_outlier)
     return 0.5 * weight * total
@@ -66,11 +66,12 @@ def linearise(view: CameraView) -> None:
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def fill_pulls(first: int, stop: int, view: CameraView) -> None:
-    """Fill the first rows of search.block for some points: with the parts of their gradients, and masses.
+    """Fill rows of search.block for some points.
 
-    The gradient is a sum of the offset from the vertex and of the normal, because e is a share of the
-    offset's part in the plane. The mass is the weight of the target. Loops are vectorised as those of
-    `measure_offsets`.
+    0: the share of the offset from the vertex in the gradient. 1: that of the normal; the gradient is their
+    sum, because the offset beyond the rim is a share of the offset's part in the plane. 2: the mass, which is
+    the weight of the target. 3: the radii. Each loop fills one row and computes the pull again: so it is
+    vectorised, like those of `measure_offsets`.
     """
     weight, parameters, search = view.weights.depth, view.problem.parameters, view.workspace.search
     per_outlier, outside = parameters.per_outlier_squared, parameters.outside_weight

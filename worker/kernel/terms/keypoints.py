@@ -32,7 +32,7 @@ def cost(view: CameraView) -> float:
         if z > NEAREST_M:
             total += robust_cost(seen[k, 2] * (right * right + down * down), PER_OUTLIER_SQUARED)
         elif seen[k, 2] > 0.0:
-            total += 1.0 / PER_OUTLIER_SQUARED
+            total += KEYPOINT_OUTLIER**2
     return 0.5 * view.weights.keypoints * total
 
 
