@@ -11,7 +11,7 @@ SOFT_NOISE_RATIO = 4.0
 
 
 Descent = Literal["plain", "accelerated"]
-"""Steps of ICP: as in the paper, or single ones, over-relaxed, damped more, with fewer visibility tests."""
+"""Steps of ICP: as in the paper, or over-relaxed, with more damping and fewer visibility tests."""
 
 Sensor = Literal["distance", "camera"]
 """Sensor model: only the distances of observed points, or a complete model of the camera.
