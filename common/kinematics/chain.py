@@ -1,7 +1,8 @@
 """The body in a pose: transforms along its tree (Eq. 1), axes of relative motion (Eq. 2), surface and joints.
 
-T_camera_rest after a degree of freedom maps rest-pose coordinates to the camera frame. The surface is posed
-by linear blend skinning. Lengths are in metres, angles in radians.
+Shape coefficients move the points of the rest pose. T_camera_rest after a degree of freedom maps rest-pose
+coordinates to the camera frame. The surface is posed by linear blend skinning. Lengths are in metres, angles
+in radians.
 """
 
 from __future__ import annotations
@@ -13,9 +14,6 @@ from gepf.common.arrays import Array, Indices, Points
 from gepf.common.body import SHAPE, TRANSLATION, BodyModel
 from gepf.common.compiling import numba
 from gepf.common.kinematics.rotations import fill_rotation
-
-UNMOVED = np.eye(3, 4)
-UNMOVED.setflags(write=False)
 
 
 def contiguous(values: Array) -> Array:
@@ -34,7 +32,7 @@ def dof_transforms(model: BodyModel, poses: Array) -> Array:
 def link_transforms(model: BodyModel, poses: Array) -> Array:
     """T_camera_rest (N, L, 3, 4) of each link, for poses (N, D)."""
     out = np.empty((len(poses), len(model.kinds) + 1, 3, 4))
-    out[:, -1] = UNMOVED  # of links that nothing moves
+    out[:, -1] = np.eye(3, 4)  # of links that nothing moves
     points = shaped(model.points, model.shape_points, poses)
     forward_kinematics_each(model.kinds, model.parents, model.axes, points, contiguous(poses), out)
     return out.take(model.link_dofs, axis=1)

@@ -69,7 +69,7 @@ class RevoluteJoint:
 
 
 class Chains(NamedTuple):
-    """The degrees of freedom (K) of several joints (J), from the carriers outward, for `Angles.turned`."""
+    """The degrees of freedom (K) of several joints (J), from the carriers outward."""
 
     columns: Indices  # (J, K) of poses; -1 if it is held
     held: Array  # (J, K) values of those
@@ -119,7 +119,7 @@ class Angles:
 
     def measure(self, poses: Array) -> Array:
         """Angles (N, A) of poses (N, D), radians, each the value nearest to zero."""
-        swing, twist = swing_twist(self.turned(self.spherical, poses))
+        swing, twist = swing_twist(turned(self._chains, poses))
         parts = [self._in_names(joint, swing[:, j], twist[:, j]) for j, joint in enumerate(self.spherical)]
         revolute = [self._value(joint.dof, poses)[:, None] for joint in self.revolute]
         return np.concatenate([np.empty((len(poses), 0)), *parts, *revolute], axis=1)
@@ -186,13 +186,7 @@ class Angles:
 
         For right limbs they are those of the mirror image.
         """
-        chains = self._chains if joints is self.spherical else self._chains_of(joints)
-        total = np.tile(chains.level, (len(poses), 1, 1))
-        values = np.where(chains.columns < 0, chains.held, poses[:, chains.columns])
-        turns = quaternions(values[..., None] * chains.axes)
-        for k in range(chains.columns.shape[1]):
-            total = compose(total, turns[:, :, k])
-        return compose(total, chains.hanging)
+        return turned(self._chains_of(joints), poses)
 
     @cached_property
     def _chains(self) -> Chains:
@@ -218,6 +212,16 @@ class Angles:
         if dof in self.dof_names:
             return poses[:, self.dof_names.index(dof)]
         return np.full(len(poses), self.held.get(dof, 0.0))
+
+
+def turned(chains: Chains, poses: Array) -> Array:
+    """`Angles.turned` for the chains of joints."""
+    total = np.tile(chains.level, (len(poses), 1, 1))
+    values = np.where(chains.columns < 0, chains.held, poses[:, chains.columns])
+    turns = quaternions(values[..., None] * chains.axes)
+    for k in range(chains.columns.shape[1]):
+        total = compose(total, turns[:, :, k])
+    return compose(total, chains.hanging)
 
 
 def level_turn(up: Array | None) -> tuple[float, float, float]:

@@ -41,7 +41,7 @@ def family_that_reads(model: str) -> BodyFamily:
 def angles_of(model: BodyModel, held: Mapping[str, float] | None = None, up: Array | None = None) -> Angles:
     """The angles of a tracked body, as its family defines them; see `BodyFamily.angles`.
 
-    Those of a body that stays are made once.
+    They are cached for the bodies that were used last.
     """
     return _angles_of(model, tuple((held or {}).items()), None if up is None else tuple(up.tolist()))
 

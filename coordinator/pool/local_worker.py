@@ -73,7 +73,7 @@ class LocalWorker:
         if self._served:
             self._failed_starts = 0
         if not (self._served and (owes or not self._present)):
-            self._rest()
+            self._end_silence()
         elif self._was_silent:
             self._silent_s += self._watched.able_since(now)
         else:  # most answers come before the next look, and to watch a process takes time
@@ -85,12 +85,12 @@ class LocalWorker:
     def heard(self) -> None:
         """It has answered."""
         if self.process is not None:
-            self._rest()
+            self._end_silence()
 
-    def _rest(self) -> None:
-        """Count no silence any more."""
+    def _end_silence(self) -> None:
+        """It is no longer silent."""
         self._silent_s, self._was_silent = 0.0, False
-        self._watched.rest()
+        self._watched.pause()
 
     def stop(self) -> None:
         """End the process; kill it if it does not end in time."""
@@ -113,7 +113,7 @@ class LocalWorker:
             raise BusError(f"local workers do not start; the last {how}: {last}")
         end(ended)
         self._present = self._served = False
-        self._rest()
+        self._end_silence()
         self.process = self._start()
         self.restarted += 1
         return f"worker {self.name} {how}; starting it again"

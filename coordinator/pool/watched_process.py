@@ -42,8 +42,8 @@ class WatchedProcess:
             return watched
         return max(0.0, min(used - last[1], watched))
 
-    def rest(self) -> None:
-        """Watch it no longer: the next look is the first again."""
+    def pause(self) -> None:
+        """Stop watching it until the next look, which is the first again."""
         self._last = None
 
     def _read(self) -> Iterator[tuple[str, float]]:

@@ -76,17 +76,17 @@ def mark_pixels(depth: Depth, background: Depth, lens: Pinhole, planes: Array, n
     """
     fx, fy, cx, cy = lens
     marks = np.empty(depth.shape, dtype=np.uint8)
-    x = (np.arange(depth.shape[1]) - cx) / fx
-    nearest = np.empty(depth.shape[1])  # plane in each direction, as 1 / z
+    x = ((np.arange(depth.shape[1]) - cx) / fx).astype(np.float32)
+    nearest = np.empty(depth.shape[1], dtype=np.float32)  # plane in each direction, as 1 / z
     for v in range(depth.shape[0]):
-        y = (v - cy) / fy
         nearest[:] = -np.inf
         for p in range(len(planes)):
+            slope, offset = np.float32(planes[p, 0]), np.float32(planes[p, 1] * (v - cy) / fy + planes[p, 2])
             for u in range(depth.shape[1]):
-                nearest[u] = max(nearest[u], planes[p, 0] * x[u] + planes[p, 1] * y + planes[p, 2])
-        for u in range(depth.shape[1]):
-            z = np.float64(depth[v, u])
-            margin = margin_at(z, noise)
+                nearest[u] = max(nearest[u], slope * x[u] + offset)
+        for u in range(depth.shape[1]):  # without branches, so that it is vectorised
+            z = depth[v, u]
+            margin = np.float32(margin_at(z, noise))
             on_plane = nearest[u] * z * z > z - margin
             is_background = abs(z - background[v, u]) < margin
             mark = ON_PLANE if on_plane else (BACKGROUND if is_background else FOREGROUND)
@@ -207,7 +207,7 @@ class Scene:
         left_out = np.zeros(view.depth.shape, np.bool_) if not_learned is None else not_learned
         learned_before = self._background > 0.0
         pixels = learn_pixels(view.depth, view.noise, left_out, self._background, self._nearer, view.steps)
-        moved = np.count_nonzero(learned_before.ravel()[pixels]) > 0.5 * np.count_nonzero(view.depth)
+        moved = np.count_nonzero(learned_before.ravel()[pixels]) > 0.5 * np.count_nonzero(view.marks)
         if moved:  # most of the image changed: the camera was moved
             self._background[:], self._nearer[:] = 0.0, 0
             self._occupancy, self.foreign = Occupancy.unknown(view.depth.shape), NOBODY
@@ -325,16 +325,18 @@ def learn_pixels(
     `steps` have passed since the last image.
     """
     pixels = np.empty(depth.size, dtype=np.uint32)
-    count = 0
+    count, changes = 0, np.empty(depth.shape[1], dtype=np.bool_)
     for v in range(depth.shape[0]):
+        for u in range(depth.shape[1]):  # without branches, so that it is vectorised; few pixels change
+            z = depth[v, u]
+            alike = (abs(z - background[v, u]) <= np.float32(margin_at(z, noise))) & (nearer[v, u] == 0)
+            changes[u] = (z > 0.0) & (not people[v, u]) & (not alike)
         for u in range(depth.shape[1]):
-            z, known_depth = depth[v, u], background[v, u]
-            margin = margin_at(z, noise)
-            alike = abs(z - known_depth) <= margin
-            if not z > 0.0 or people[v, u] or (alike and nearer[v, u] == 0):
+            if not changes[u]:
                 continue
             pixels[count] = v * depth.shape[1] + u
             count += 1
+            z, known_depth, margin = depth[v, u], background[v, u], np.float32(margin_at(depth[v, u], noise))
             nearer[v, u] = nearer[v, u] + steps if z < known_depth - margin else 0
             if z > known_depth + margin or nearer[v, u] >= SETTLED_STEPS:
                 background[v, u], nearer[v, u] = z, 0

@@ -16,7 +16,6 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.distance import cdist
 
 from gepf.common.activation import nearest_in
 from gepf.common.arrays import Array, Mask
@@ -31,6 +30,7 @@ from gepf.coordinator.settings import CertaintySettings
 from gepf.coordinator.tracking.estimate import Certainty
 from gepf.coordinator.tracking.observation import POINTS, camera_points
 
+NEGLIGIBLE = -30.0  # logarithm of a weight that changes no result
 STILL_M = 1e-9  # joints that move less than this are fixed (rounding error)
 
 
@@ -229,11 +229,24 @@ def unexplained_shares(
     for view in subject.views:
         points = camera_points(view, stride) * scale
         explained = mark_near(points, view.image.to_camera(vertices) * scale, settings.unexplained_m)[0]
-        squares = cdist(points, view.image.to_camera(joints) * scale, "sqeuclidean")
-        near = np.exp(-0.5 * squares / settings.reach_m**2)
-        weights += near.sum(axis=0)
-        missed += ~explained @ near
+        add_near(points, explained, view.image.to_camera(joints) * scale, settings.reach_m, weights, missed)
     return np.log(missed / weights + settings.share_floor)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def add_near(
+    points: Array, explained: Mask, joints: Array, reach_m: float, weights: Array, missed: Array
+) -> None:
+    """Add to weights (J,) those of points (P, 3) near joints (J, 3), and to missed those not explained."""
+    scale = -0.5 / (reach_m * reach_m)
+    for p in range(len(points)):
+        for j in range(len(joints)):
+            dx, dy, dz = points[p, 0] - joints[j, 0], points[p, 1] - joints[j, 1], points[p, 2] - joints[j, 2]
+            exponent = scale * (dx * dx + dy * dy + dz * dz)
+            if exponent > NEGLIGIBLE:
+                near = np.exp(exponent)
+                weights[j] += near
+                missed[j] += 0.0 if explained[p] else near
 
 
 @numba.njit(cache=True, nogil=True)

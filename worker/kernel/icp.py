@@ -3,8 +3,8 @@
 With soft correspondences the same number of Fisher scoring steps follows; see `terms.soft`.
 
 ICP converges slowly: successive steps have the same direction and become shorter. So preset `default`
-over-relaxes every iteration but the last: the pose moves twice as far. It tests visibility in every third
-iteration only, and ends when a step is small.
+over-relaxes every iteration but the last: the pose moves twice as far. It does not test visibility in every
+iteration, and ends when a step is small.
 
 Any number of lanes refine the particles of one batch together. Each lane takes the next particle from a
 common queue. The result of a particle depends only on its pose, the model, the observation and the settings,
