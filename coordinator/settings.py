@@ -258,7 +258,7 @@ class CertaintySettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True)
 class ExplorationSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Proposals for single limbs."""
 
-    min_particles: Count = 8
+    min_particles: Count = 6
     """Particles in a frame that the prediction explains; with 5, hidden limbs are tracked less accurately."""
     data_driven_share: Share = 0.4  #: share of the particles that are moved to observed points
     vertices: Count = 400  #: vertices of the body that are compared with observed points
