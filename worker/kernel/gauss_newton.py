@@ -1,8 +1,8 @@
 """Steps to the pose that minimises the terms at fixed correspondences (step 4d), and its covariance.
 
 Damped Gauss-Newton, Eq. 3-5. The covariance is the inverse of the Gauss-Newton matrix of the log posterior
-(Laplace) in the last iteration, with its closest points, weights and visible points. Damping and joint limits are
-not included. Undetermined degrees of freedom, like the twist of a forearm, have a weak prior; without any
+(Laplace) in the last iteration, with its closest points, weights and visible points. Damping and joint limits
+are not included. Undetermined degrees of freedom, like the twist of a forearm, have a weak prior; without any
 step this prior is the covariance.
 """
 
