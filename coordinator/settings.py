@@ -116,6 +116,10 @@ class GatingSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     max_misfit_m: Quantity = 0.0235  #: root of the mean cost, which includes model surface in empty space
     min_points: Count = 150  #: minimum number of observed points that can show a body
 
+    def max_distance_m(self, refine: RefineSettings) -> float:
+        """The largest mean distance of observed points from a body that is accepted, metres."""
+        return self.max_residual_m + refine.noise_depth
+
 
 class TrackSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """When a body is lost, searched for and checked, and which pixels may be its own."""
@@ -145,13 +149,13 @@ class ColourSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Standard deviation of a visible keypoint along each axis, in sides of the crop."""
     hidden_deviation_share: Share = 0.035  #: added if it is hidden (`python -m benchmarks.keypoints`)
     max_gap_px: Quantity = 12.0  #: largest width of gaps in registered colour that are closed
-    reach_m: Quantity = 0.95  #: distance of an adult's hips from the farthest point: half of a first crop
+    reach_m: Quantity = 0.95  #: largest distance of an adult's body from the hips: half of a first crop
     outline_px: Count = 3  #: largest distance of a candidate's keypoints from its silhouette
     same_person_deviations: Quantity = 3.0  #: largest median distance of the keypoints of one person
     trunk_m: Quantity = 0.2
     """Thickness of a trunk; the keypoints of two different people are farther apart than this on average."""
     trunk_middle_m: Quantity = 0.08  #: radius across the line of sight in which the trunk's depth is measured
-    hand_share: Share = 0.1  #: share of the surface there that may be nearer than the trunk
+    hand_share: Share = 0.1  #: share of the surface within `trunk_middle_m` that may be nearer than the trunk
     looks_per_s: Quantity = 40.0  #: candidates looked at per second: half of the time of a processor core
     late_look_s: Quantity = 0.5  #: time between looks while live frames are late
     max_step_s: Quantity = 0.5
@@ -260,6 +264,7 @@ class ExplorationSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=Tru
 
     min_particles: Count = 6
     """Particles in a frame that the prediction explains; with 5, hidden limbs are tracked less accurately."""
+    late_particles: Count = 3  #: particles in a live frame that is late, at most
     data_driven_share: Share = 0.4  #: share of the particles that are moved to observed points
     vertices: Count = 400  #: vertices of the body that are compared with observed points
     near_m: Quantity = 0.08  #: largest distance of an explained point from a vertex

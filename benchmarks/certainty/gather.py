@@ -27,7 +27,7 @@ from gepf.coordinator.tracking.reporting import Updated, report
 from gepf.coordinator.tracking.segmenter import BodyView, Segmenter
 from gepf.coordinator.tracking.state import first_state
 from gepf.coordinator.tracking.target import TargetTracker
-from gepf.coordinator.tracking.track_state import OnceTracked
+from gepf.coordinator.tracking.track_state import TrackedBefore
 from gepf.refiners import DirectRefiner
 
 ROOMS = ("skinned", "three_cameras", "rooms")  # folders of rendered recordings
@@ -99,7 +99,7 @@ def gather(
             continue
         updated, track = tracker.update(submitted, {}), tracker.track
         estimate, context = report(updated, {}, settings).estimate, submitted.context
-        assert isinstance(track, OnceTracked)
+        assert isinstance(track, TrackedBefore)
         found = np.flatnonzero(reference.frame == frame.number)
         if estimate.status in POSE_UNKNOWN or not len(found):
             continue

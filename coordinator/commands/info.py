@@ -44,8 +44,8 @@ SEARCH = PersonSearch()
 def run_info(options: InfoOptions, camera: CameraOptions) -> None:
     """Print facts about a sequence and its scene; draw its middle frame, and the scene.
 
-    Facts about the recording are printed first, because analysing the scene takes longer. Of a rig, print
-    those of each camera, and draw the first one; of a run, who was tracked.
+    Facts about the recording are printed first, because analysing the scene takes longer. For a rig, print
+    the facts about each camera, and draw the first camera; for a run, print who was tracked.
     """
     sequence, as_json = options.sequence, options.as_json
     finish_killed(sequence)

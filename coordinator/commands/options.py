@@ -99,7 +99,7 @@ class TrackOptions:
         default=None,
     )
     listed: Path | None = input_option("FILE", "Recordings, one per line, instead of SEQ.", "--list")
-    index: int | None = input_option("N", "Only the recording N, from 0, of --list.", min=0)
+    index: int | None = input_option("N", "Track only recording N of --list, counted from 0.", min=0)
     dof: str | None = input_option("NAME,...", "Track only these; `joints`: all but root.")
     model: str = input_option("human|FILE", "Body: a URDF file, or a file of measures.", default="human")
     init: str | None = input_option("auto|FILE", "Pose to start from (default: SEQ/init.json, else auto).")
@@ -111,7 +111,7 @@ class TrackOptions:
     idle_timeout: float | None = input_option("SECONDS", "Silence that ends live input (default: none).")
     record: Path | None = output_option("DIR", "Keep the tracked frames of live input in a new folder.")
     rotate: str = input_option(
-        "0|90|180|270|auto", "Clockwise degrees to upright (default: found).", default="auto"
+        "0|90|180|270|auto", "Clockwise degrees that make images upright (default: detected).", default="auto"
     )
     color: Path | None = input_option(
         "DIR", "Colour frames to use and to draw over (default: use SEQ/color)."

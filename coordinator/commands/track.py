@@ -48,38 +48,38 @@ def track(job: Job, show: Show, connect: Connect) -> bool:
 
     The folder of results is created when the options and the first recorded frame are valid. If the run ends
     early, because of an interrupt, a damaged frame or another error, the tracked frames are in the folder,
-    and another run with `resume` continues from there. An interrupt ends live input like its publisher. If
+    and another run with `resume` continues from detected. An interrupt ends live input like its publisher. If
     all workers stop answering, the run continues over a new connection, as long as each connection gives
     frames.
     """
     cameras = live_cameras(job.sequence)
-    given = LiveInput(job, cameras, show) if cameras else RecordedInput(job)
-    if job.resume and is_complete(job.folder, given.configuration):
-        show.say(f"all {given.total} frames are in {job.out} already")
+    run_input = LiveInput(job, cameras, show) if cameras else RecordedInput(job)
+    if job.resume and is_complete(job.folder, run_input.configuration):
+        show.say(f"all {run_input.total} frames are in {job.out} already")
         return True
     finished = False
     while not finished:
-        with open_recorder(given) as recorder:
-            recorded, finished = record(given, recorder, show, connect)
-        given.job = replace(given.job, resume=True)
-    if isinstance(given, LiveInput) and not recorded:
-        raise InputError(f"no depth came on {given.keys} before the stream's end; {MEND_STREAM}")
-    draw(given, recorded, show)
-    tracked = conclude(given, recorded, show)
-    if not tracked and given.source is not None:
-        where = describe_range(measured_depth(given.source))
+        with open_recorder(run_input) as recorder:
+            recorded, finished = record(run_input, recorder, show, connect)
+        run_input.job = replace(run_input.job, resume=True)
+    if isinstance(run_input, LiveInput) and not recorded:
+        raise InputError(f"no depth came on {run_input.keys} before the stream's end; {MEND_STREAM}")
+    draw(run_input, recorded, show)
+    tracked = conclude(run_input, recorded, show)
+    if not tracked and run_input.source is not None:
+        where = describe_range(measured_depth(run_input.source))
         show.say(f"{where}; if that is wrong, correct --depth-scale N, the units per metre, or --intrinsics")
     return tracked
 
 
-def open_recorder(given: RecordedInput | LiveInput) -> AnyRecorder:
+def open_recorder(run_input: RecordedInput | LiveInput) -> AnyRecorder:
     """What keeps the results of a run."""
-    job = given.job
+    job = run_input.job
     if job.out is None:
         return Unstored()
-    if isinstance(given, LiveInput):
-        return LiveRecorder(job.out, given.configuration, describe_pool(job.pool))
-    return Recorder(job.out, given.configuration, resume=job.resume)
+    if isinstance(run_input, LiveInput):
+        return LiveRecorder(job.out, run_input.configuration, describe_pool(job.pool))
+    return Recorder(job.out, run_input.configuration, resume=job.resume)
 
 
 def describe_pool(pool: Pool) -> dict[str, object]:
@@ -89,16 +89,16 @@ def describe_pool(pool: Pool) -> dict[str, object]:
 
 
 def record(
-    given: RecordedInput | LiveInput, recorder: AnyRecorder, show: Show, connect: Connect
+    run_input: RecordedInput | LiveInput, recorder: AnyRecorder, show: Show, connect: Connect
 ) -> tuple[dict[int, Outcome], bool]:
     """Track the frames that are not recorded yet, and always write the files of the recorded frames.
 
     Returns the recorded frames of each person, and False if another connection must be tried.
     """
-    out, total, rate, finished = given.job.out, given.total, FrameRate(), False
-    show.say(given.announce(recorder.frames))
+    out, total, rate, finished = run_input.job.out, run_input.total, FrameRate(), False
+    show.say(run_input.announce(recorder.frames))
     try:
-        finished = recorder.frames == total or track_frames(given, recorder, rate, show, connect)
+        finished = recorder.frames == total or track_frames(run_input, recorder, rate, show, connect)
     except KeyboardInterrupt:
         if total is not None or not recorder.frames:
             raise
@@ -107,7 +107,7 @@ def record(
         complete = finished if total is None else recorder.frames == total
         if total is None and out is not None and recorder.frames:
             show.say(f"writing the results of {counted(recorder.frames, 'frame')}")
-        facts = {"complete": complete, "pool": describe_pool(given.job.pool), **given.facts()}
+        facts = {"complete": complete, "pool": describe_pool(run_input.job.pool), **run_input.facts()}
         recorded = recorder.finish(facts, rate.per_second or 0.0)
         if recorded and not complete:
             kept = max(each.tally.frames for each in recorded.values())  # as in the log
@@ -119,51 +119,53 @@ def record(
 
 
 def track_frames(
-    given: RecordedInput | LiveInput, recorder: AnyRecorder, rate: FrameRate, show: Show, connect: Connect
+    run_input: RecordedInput | LiveInput, recorder: AnyRecorder, rate: FrameRate, show: Show, connect: Connect
 ) -> bool:
-    """Track the frames; each is recorded while the workers refine the next one, live only if that waits.
+    """Track the frames; each is recorded while the workers refine the next, live only if one is waiting.
 
     Each stream of live input has a new tracker, and so have the frames that follow if no worker answers for
     long. Returns False if all workers stopped answering after some frames of a recording.
     """
-    job, before, goes_on = given.job, recorder.frames, False
+    job, before, goes_on = run_input.job, recorder.frames, False
     latest: TrackedFrame | None = None
     with (
         open_node(job, show) as node,
         connect(job.pool, show.say) as workers,
-        show.steps("frame", before, given.total, keep=True) as advance,
+        show.steps("frame", before, run_input.total, keep=True) as advance,
     ):
-        outlets, streams = open_outlets(given, workers, node), given.streams(workers, node, before)
+        outlets, streams = open_outlets(run_input, workers, node), run_input.streams(workers, node, before)
         make = partial(
             Tracker,
             workers,
             job.settings,
-            given.bodies,
+            run_input.bodies,
             people=job.people,
-            scope=given.scope,
-            start=given.start,
+            scope=run_input.scope,
+            start=run_input.start,
             motion=job.joint_states,
-            colour=given.finder,
+            colour=run_input.finder,
             state=recorder.state,
         )
-        if given.live is not None:
+        if run_input.live is not None:
             make().prepare()  # so that no frame waits for it, nor for the first worker
             workers.wait_for(1)
             gc.freeze()  # garbage collection of the loaded modules would take 0.1 s each time
         try:
-            for tracked in chain.from_iterable(follow(make, frames, given.live, show) for frames in streams):
+            for tracked in chain.from_iterable(
+                follow(make, frames, run_input.live, show) for frames in streams
+            ):
                 publish(tracked, outlets)
                 for line in changes(latest, tracked):
                     show.say(line)
-                latest, live = tracked, given.live
+                latest, live = tracked, run_input.live
                 number = tracked.people[0].estimate.frame
                 rate.count(None if live is None else live.received_at(number))
                 recorder.append(tracked, workers.statistics, rate.seconds)
-                advance(recorder.frames, given.total, given.describe(tracked, rate))
+                advance(recorder.frames, run_input.total, run_input.describe(tracked, rate))
                 if recorder.frames == before + 2:
                     gc.freeze()
         except SilentWorkers:
-            goes_on = given.total is not None and recorder.frames > before
+            goes_on = run_input.total is not None and recorder.frames > before
             if not goes_on:
                 raise
             show.say("workers are connected, but none answers; reconnecting: this run continues")
@@ -231,17 +233,17 @@ def open_node(job: Job, show: Show) -> Iterator[Node | None]:
 
 
 def open_outlets(
-    given: RecordedInput | LiveInput, workers: ZenohRefiner, node: Node | None
+    run_input: RecordedInput | LiveInput, workers: ZenohRefiner, node: Node | None
 ) -> list[LiveResults]:
     """The outlets that publish estimates, one per person; empty if not requested."""
-    job = given.job
+    job = run_input.job
     if job.results is None:
         return []
     names = [job.results]
     if job.people > 1:
         names = [f"{job.results}/{PERSON}{number}" for number in range(1, job.people + 1)]
     if node is not None and is_topic(job.results):
-        humans = HumanBodies(node) if given.bodies.family is PEOPLE else None
+        humans = HumanBodies(node) if run_input.bodies.family is PEOPLE else None
         return [LiveResults(RosOutlet(node, name, humans)) for name in names]
     return [
         LiveResults(PackedOutlet(workers.speak(name), as_json=job.results_json), run=workers.run)
@@ -249,37 +251,39 @@ def open_outlets(
     ]
 
 
-def draw(given: RecordedInput | LiveInput, recorded: Mapping[int, Outcome], show: Show) -> None:
+def draw(run_input: RecordedInput | LiveInput, recorded: Mapping[int, Outcome], show: Show) -> None:
     """Draw pictures of a finished run, and print where the results are."""
-    job = given.job
+    job = run_input.job
     max_live_frames = 108_000  # an hour: curves of more show nothing, and need memory
     for number, each in recorded.items():
         frames, status = counted(each.tally.frames, "frame"), describe_counts(each.tally.status)
-        if isinstance(given, LiveInput):
-            frames = f"{each.tally.frames} of {counted(given.live.counts['received'], 'frame')}"
+        if isinstance(run_input, LiveInput):
+            frames = f"{each.tally.frames} of {counted(run_input.live.counts['received'], 'frame')}"
         if job.out is None:
             show.say(f"{frames} were tracked, and not stored: {status}")
             continue
         out = folder_of(job.out, job.people, number)
-        drawn, later = "", f"; gepf pictures {out} draws them" if given.source else ""
+        drawn, later = "", f"; gepf pictures {out} draws them" if run_input.source else ""
         try:
-            if job.pictures and (given.source or each.tally.frames <= max_live_frames):
-                files = draw_pictures(read_track(out), given.source, out, show, given.truth, given.colours)
+            if job.pictures and (run_input.source or each.tally.frames <= max_live_frames):
+                files = draw_pictures(
+                    read_track(out), run_input.source, out, show, run_input.truth, run_input.colours
+                )
                 drawn, later = f" and {counted(len(files), 'picture')}", ""
         finally:
             show.say(f"{frames}{drawn} are in {out}: {status}{later}")
 
 
-def conclude(given: RecordedInput | LiveInput, recorded: Mapping[int, Outcome], show: Show) -> bool:
+def conclude(run_input: RecordedInput | LiveInput, recorded: Mapping[int, Outcome], show: Show) -> bool:
     """Warn of people who were not tracked in most frames; returns whether all were tracked.
 
     The first of several people has a run even if no one was found.
     """
-    job = given.job
+    job = run_input.job
     several = job.people > 1
-    there = sum(person.found for person in recorded.values())
-    if several and there < job.people:
-        show.say(f"{there} of up to {job.people} people were found")
+    detected = sum(person.found for person in recorded.values())
+    if several and detected < job.people:
+        show.say(f"{detected} of up to {job.people} people were found")
     tracked = True
     for number, each in recorded.items():
         # one of several people may be absent at times
@@ -289,11 +293,11 @@ def conclude(given: RecordedInput | LiveInput, recorded: Mapping[int, Outcome], 
             tracked = False
             why = tally.describe_failure()
             show.say(f"person {number}: {why}" if several else why, "bold red")
-    if not tracked and isinstance(given, LiveInput) and given.is_too_slow:
+    if not tracked and isinstance(run_input, LiveInput) and run_input.is_too_slow:
         show.say(TOO_SLOW)
         return tracked
     advice = advise_rotation(recorded[1], is_tracked=tracked)
-    if advice and given.bodies.family.axis and given.scope.up is None:
+    if advice and run_input.bodies.family.axis and run_input.scope.up is None:
         show.say(advice)
     return tracked
 
@@ -308,7 +312,10 @@ def advise_rotation(person: Outcome, *, is_tracked: bool) -> str:
     """What the user should do if the orientation of the camera was guessed wrong; empty if it was usual."""
     turn = round(np.degrees(person.start.roll))
     if is_tracked and turn:
-        return f"the person is upright if images are turned by {turn} degrees clockwise; else give --rotate"
+        return (
+            f"the person was taken to be upright in images turned clockwise by {turn} degrees; "
+            "if that is wrong, give --rotate"
+        )
     if not is_tracked and person.up is None:
         return "no floor was found; if the camera is rotated, give --rotate 90, 180 or 270"
     return ""

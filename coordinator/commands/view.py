@@ -125,7 +125,10 @@ def run_view(options: ViewOptions, security: SecurityOptions, show: Show) -> Non
     """Write a file for the rerun viewer if one is given, else serve a browser."""
     key = live_key(options.run)
     if is_topic(key):  # its images have no numbers, by which results are found
-        raise InputError("RViz shows topics of ROS 2, and the results of gepf track --publish ros2:/TOPIC")
+        raise InputError(
+            "gepf view does not show topics of ROS 2; "
+            "use RViz, also for results of gepf track --publish ros2:/TOPIC"
+        )
     live = {"--results": options.results, "--listen": options.listen, "--connect": options.connect}
     for option, value in ({"--sequence": options.sequence} if key else live).items():
         if value is not None:
@@ -171,8 +174,10 @@ def view_live(options: ViewOptions, key: str, security: SecurityOptions, show: S
     results = check_stream(options.results or results_key(key), holder)
     reached = Pool(0, options.listen, options.connect, secured)
     with reach_partner(reached, "publisher", key, show) as bus:
-        told = bus.subscribe_newest(f"{results}/**", WAITING_FRAMES)  # several people have keys below it
-        scene = LiveScene(bus.subscribe_newest(key, WAITING_FRAMES), told, show.say)
+        newest_results = bus.subscribe_newest(
+            f"{results}/**", WAITING_FRAMES
+        )  # several people have keys below it
+        scene = LiveScene(bus.subscribe_newest(key, WAITING_FRAMES), newest_results, show.say)
         recording, address = open_viewer(options, layout(live=True))
         show.say(f"showing {key}, and results on {results}")
         show.say(f"writing {options.save}; Ctrl-C ends" if address is None else f"see {address}; Ctrl-C ends")

@@ -26,11 +26,11 @@ class Belief:
     velocities: Array  # (M, D) relative motion per second
     reported: Array  # (D,)
     covariances: Array = field(default_factory=lambda: np.empty((0, 0, 0)), kw_only=True)
-    """(M, D, D) of relative motion, of the modes; empty for the methods without."""
+    """Covariances (M, D, D) of the modes, in relative motion; empty for methods that have none."""
     posterior: Array = field(default_factory=lambda: np.empty((0, 0)), kw_only=True)
     """Covariance (D, D) of the reported pose by its refinement, in relative motion; empty if unknown."""
     shape_precision: Array = field(default_factory=lambda: np.empty((0, 0)), kw_only=True)
-    """Of the shape coefficients (S, S), by all frames so far."""
+    """Precision (S, S) of the shape coefficients, from all frames so far."""
 
     @classmethod
     def at(cls, pose: Array, **fields: Array) -> Self:
@@ -46,7 +46,12 @@ class Belief:
     @property
     def velocity(self) -> Array:
         """Relative motion (D,) per second of the reported pose."""
-        return np.asarray(self.velocities[np.argmin(np.abs(self.poses - self.reported).sum(axis=1))])
+        return np.asarray(self.velocities[self.reported_index])
+
+    @property
+    def reported_index(self) -> int:
+        """The hypothesis that is reported; for methods that report a mean, the nearest one."""
+        return nearest_pose(self.poses, self.reported)
 
     def at_rest(self) -> Self:
         """The same poses with zero velocity."""
@@ -68,12 +73,17 @@ class Observation:
     unseen: Mask | None = None  # (D,) degrees of freedom that move only what is out of view; None: none
 
     def expect(self, motion: Array) -> Array:
-        """The motion (M, D) since the frame before: a predicted one, which known steps replace."""
+        """The predicted motion (M, D) since the previous frame, replaced by `step` where that is known."""
         return motion if self.step is None else np.where(np.isnan(self.step), motion, self.step)
 
 
-def alike(poses: Array) -> Array:
-    """The log prior (N,) of poses (N, D) without any."""
+def nearest_pose(poses: Array, pose: Array) -> int:
+    """The index of the pose among (M, D) that differs least from a pose (D,)."""
+    return int(np.argmin(np.abs(poses - pose).sum(axis=1)))
+
+
+def zero_log_prior(poses: Array) -> Array:
+    """The log prior (N,) of poses (N, D) if there is none: zero."""
     return np.zeros(len(poses))
 
 
@@ -88,7 +98,7 @@ class Proposal:
     expected: Array | None = field(default=None, kw_only=True)
     """Predictions (N, D) without noise, if the update needs the covariance of each pose."""
     unseen: Mask | None = field(default=None, kw_only=True)  # as in `Observation`
-    log_prior: Callable[[Array], Array] = field(default=alike, kw_only=True)
+    log_prior: Callable[[Array], Array] = field(default=zero_log_prior, kw_only=True)
     """The part (N,) of the log likelihood of refined poses (N, D) that is a prior of the family of bodies."""
 
     def asks_covariance(self, rules: RefineSettings) -> bool:
@@ -127,7 +137,7 @@ def mean_pose(model: BodyModel, poses: Array, weights: Array) -> Array:
 def choose_reported(
     model: BodyModel, last: Array, poses: Array, log_likelihood: Array, interval: float, usual_speed: float
 ) -> Array:
-    """The most likely pose (D,) of hypotheses (M, D), given a frame (M,) and the last reported pose (D,).
+    """The most likely of poses (M, D), given log likelihoods (M,) in a frame and the last reported pose.
 
     Hypotheses of nearly equal likelihood can change their order between frames. A penalty on motion breaks
     such ties and rarely affects other cases. The usual speed is in metres per second, root mean square over

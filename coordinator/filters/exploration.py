@@ -64,7 +64,7 @@ def choose_count(most: int, near: Mask, settings: ExplorationSettings, cameras: 
     """How many particles a frame needs, by the share of the points that the prediction leaves unexplained.
 
     `near` (G, P) is from `explain`. The number of images to draw, particles times cameras, is the same for
-    any number of cameras: several hide less.
+    any number of cameras, because less is hidden from several cameras.
     """
     unexplained = 1.0 - near.any(axis=0).mean() if near.size else 1.0
     needed = math.ceil(most * unexplained / settings.max_unexplained_share)
@@ -140,7 +140,7 @@ def fill_near(points: Array, vertices: Array, near_m: float, near: Mask) -> None
 
 @lru_cache(maxsize=16)
 def layout_of(model: BodyModel, vertices: int) -> Layout:
-    """About so many vertices of a body, and its limbs, that are compared.
+    """The limbs of a body, and about `vertices` of its vertices, to be compared with observed points.
 
     A group is a set of degrees of freedom that move independently of others: a branch of the tree, or the
     trunk. A limb is a rotating group below another group.

@@ -19,7 +19,14 @@ from gepf.common.arrays import Array, Indices, Mask
 from gepf.common.body import ROTATION, BodyModel
 from gepf.common.kinematics import difference, retract
 from gepf.common.refinement import Refined, lower_triangular
-from gepf.coordinator.filters.belief import Belief, Observation, Proposal, choose_reported, draw_ancestors
+from gepf.coordinator.filters.belief import (
+    Belief,
+    Observation,
+    Proposal,
+    choose_reported,
+    draw_ancestors,
+    nearest_pose,
+)
 from gepf.coordinator.filters.exploration import choose_count, choose_kinds, explain, propose_limbs
 from gepf.coordinator.filters.motion import motion_model
 from gepf.coordinator.filters.priors import draw_noise, fuse_with_prediction
@@ -88,7 +95,6 @@ def update(
     poses, log_weights, parents = poses[order], log_weights[order], parents[order]
     speed = settings.usual_speed_m_s
     reported = choose_reported(model, past.reported, poses, log_weights, proposal.interval, speed)
-    at = np.argmin(np.abs(poses - reported).sum(axis=1))
     motion = model.moves * difference(model, past.poses[parents], poses)
     return Belief(
         poses=poses,
@@ -97,7 +103,7 @@ def update(
         velocities=motion_model(settings).update(motion, proposal.interval),
         reported=reported,
         covariances=covariances[order],
-        posterior=posteriors[order[at]] if len(posteriors) else np.empty((0, 0)),
+        posterior=posteriors[order[nearest_pose(poses, reported)]] if len(posteriors) else np.empty((0, 0)),
     )
 
 
@@ -109,7 +115,7 @@ def explore(
     rng: np.random.Generator,
 ) -> Proposal:
     """Steps 2 and 3 of preset `default`: as many particles as needed, of several kinds, see `exploration`."""
-    reported = np.argmin(np.abs(past.poses - past.reported).sum(axis=1))
+    reported = past.reported_index
     motion = observation.expect(motion_model(settings).predict(past, observation.interval))
     predicted = retract(model, past.poses, motion)
     exploration = settings.exploration
@@ -138,7 +144,8 @@ def explore(
 def keep_unseen(covariances: Array, inherited: Array, unseen: Mask) -> Array:
     """Covariances (M, D, D) in which degrees of freedom (D,) that got no noise keep the inherited ones.
 
-    Those of the others do not depend on them: a mixture of both matrices might be indefinite.
+    Covariances between seen and unseen degrees of freedom are zero, because a mixture of both matrices might
+    be indefinite.
     """
     both, neither = unseen[:, None] & unseen, ~unseen[:, None] & ~unseen
     return np.where(both, inherited, np.where(neither, covariances, 0.0))

@@ -7,8 +7,8 @@ but errors of successive frames are not independent, because they follow from po
 within `error_time_s` together count as one. So the precision P of the earlier frames is divided by the share
 k of a frame, which makes the refinement the recursive estimate of a constant from frames with the share k of
 their information I. With the covariance S of the shape by the refinement, k I = k S^-1 - P. The precision
-after the frame is P + c k I. The factor c corrects that the Gauss-Newton matrix overstates the information:
-it holds correspondences fixed, which slide along the surface.
+after the frame is P + c k I. The factor c is needed because the Gauss-Newton matrix overstates the
+information: it treats correspondences as fixed, although they slide along the surface.
 
 The prior of motion between frames, velocity and Gaussian noise, is step 3 of the paper: `draw_noise` and
 `fuse_with_prediction`.
@@ -58,18 +58,18 @@ def has_joint_prior(settings: RefineSettings) -> bool:
 
 
 def population_precision(model: BodyModel) -> Array:
-    """Precision (S, S) of the shape around a detected one."""
+    """Precision (S, S) of a person's shape around the detected shape, from the population."""
     precision: Array = np.diag(model.rest_spreads[: model.shape_count] ** -2.0)
     return precision
 
 
 def frame_share(interval: float, error_time_s: float) -> float:
-    """The share of its information by which a frame after so many seconds counts."""
+    """The share of a frame's information that counts, `interval` seconds after the previous frame."""
     return min(1.0, interval / error_time_s)
 
 
 def updated_precision(precision: Array, covariance: Array, interval: float, settings: ShapeSettings) -> Array:
-    """Precision (S, S) of the shape after a frame, in whose refinement it had this covariance (S, S)."""
+    """Precision (S, S) of the shape after a frame, from its covariance (S, S) in the refinement."""
     gain = frame_share(interval, settings.error_time_s) * np.linalg.inv(covariance) - precision
     after: Array = precision + settings.curvature_share * gain
     return 0.5 * (after + after.T)

@@ -151,8 +151,8 @@ def cut_off_furniture(view: SceneView, part: Part) -> list[Part]:
 
     A flat patch is taken for furniture touching a person if what remains is as long as the whole component,
     or at least a metre long. Small parts are dropped. If no remaining part is that long, the patch may be a
-    seat that the person is sitting on. Otherwise the component is kept whole, or dropped if most of it is
-    flat.
+    seat that the person is sitting on. If that cannot be cut off either, the component is kept whole, or
+    dropped if most of it is flat.
     """
     depth, limits = view.depth[part.window], view.settings.segmentation
     candidate_limits = view.settings.candidates

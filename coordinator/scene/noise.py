@@ -105,11 +105,11 @@ def measure_noise(view: View, settings: NoiseSettings) -> SensorNoise:
     """
     depth_m = view.metres()
     distance = float(np.median(depth_m[depth_m > 0.0]))
-    metres_a_pixel = distance / view.intrinsics.fx
+    metres_per_pixel = distance / view.intrinsics.fx
     noise = fit_noise(depth_m, settings)
     deviation = float(noise.sigma(np.array(distance))) if noise.growth > settings.min_growth_m else 0.0
     lateral_px = outline_deviation(depth_m > 0.0, settings.outline_blur_px)
-    return SensorNoise(deviation, lateral_px * metres_a_pixel, distance)
+    return SensorNoise(deviation, lateral_px * metres_per_pixel, distance)
 
 
 def outline_deviation(mask: Mask, blur_px: float) -> float:

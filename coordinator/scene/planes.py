@@ -146,7 +146,7 @@ def choose_floor(
 
 
 def support(planes: Array, rays: Array) -> Indices:
-    """Number of rays (N, 4) within half the margin of each plane (M, 3), minus those in its outer half."""
+    """Number of rays (N, 4) in the inner half of each plane's margin, minus those in its outer half."""
     counts = count_points(planes, rays)
     return np.asarray(2 * counts[:, 0] - counts[:, 1])
 
@@ -157,7 +157,7 @@ def cosine_to(plane: Array, up: Array) -> float:
 
 
 def refine_best(planes: Array, scores: Indices, rays: Array, settings: PlaneSettings) -> Array:
-    """Those of the planes (M, 3) with the largest scores (M,), fitted to the rays (N, 4) on each."""
+    """The planes of (M, 3) with the largest scores (M,), each refitted to the rays (N, 4) on it."""
     best = planes[np.argsort(-scores, kind="stable")[: settings.refined_samples]]
     return refit(refit(best, rays, settings.min_points), rays, settings.min_points)
 
@@ -184,7 +184,7 @@ def draw_planes(rays: Array, count: int) -> Array:
 
 @numba.njit(cache=True, nogil=True)
 def count_points(planes: Array, rays: Array) -> Indices:
-    """Numbers of rays (N, 4): within half the margin of each plane (M, 3), within it, beyond twice it."""
+    """Numbers of rays (N, 4) within half of each plane's margin, within all of it, over twice it behind."""
     counts = np.empty((len(planes), 3), dtype=np.int64)
     x, y, inverse = rays[:, 0] / rays[:, 3], rays[:, 1] / rays[:, 3], rays[:, 2] / rays[:, 3]
     weight = 1.0 / rays[:, 3]

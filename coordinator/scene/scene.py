@@ -329,8 +329,8 @@ def learn_pixels(
     for v in range(depth.shape[0]):
         for u in range(depth.shape[1]):  # without branches, so that it is vectorised; few pixels change
             z = depth[v, u]
-            alike = (abs(z - background[v, u]) <= np.float32(margin_at(z, noise))) & (nearer[v, u] == 0)
-            changes[u] = (z > 0.0) & (not people[v, u]) & (not alike)
+            unchanged = (abs(z - background[v, u]) <= np.float32(margin_at(z, noise))) & (nearer[v, u] == 0)
+            changes[u] = (z > 0.0) & (not people[v, u]) & (not unchanged)
         for u in range(depth.shape[1]):
             if not changes[u]:
                 continue

@@ -192,8 +192,8 @@ class CandidateStages:
         groups = taken[::2], taken[1::2]  # two requests for two workers
         precision = None if shape is None else shape.precision
         refined = yield from self._refine(subject, model, groups, last, precision)
-        by_depth = refined.by_depth(model, subject)[0]
-        return refined, gate_pose(by_depth, refined.residual[0], settings, self._settings.gating)
+        depth_log_likelihood = refined.depth_log_likelihood(model, subject)[0]
+        return refined, gate_pose(depth_log_likelihood, refined.residual[0], settings, self._settings.gating)
 
     def _refine(
         self,

@@ -237,7 +237,7 @@ def unexplained_shares(
 def add_near(
     points: Array, explained: Mask, joints: Array, reach_m: float, weights: Array, missed: Array
 ) -> None:
-    """Add to weights (J,) those of points (P, 3) near joints (J, 3), and to missed those not explained."""
+    """Add each point's weight near a joint to weights (J,) and, if it is not explained, to missed (J,)."""
     scale = -0.5 / (reach_m * reach_m)
     for p in range(len(points)):
         for j in range(len(joints)):
@@ -275,14 +275,14 @@ def add_areas(
         if towards <= 0.0:
             continue
         towards /= np.sqrt(x * x + y * y + z * z)
-        shown = 1.0 if is_shown(x, y, z, depth, scale, lens, tolerance) else 0.0
+        shown = 1.0 if is_measured(x, y, z, depth, scale, lens, tolerance) else 0.0
         for joint in range(regions.shape[1]):
             areas[0, joint] += regions[t, joint] * towards
             areas[1, joint] += regions[t, joint] * towards * shown
 
 
 @numba.njit(cache=True, nogil=True)
-def is_shown(
+def is_measured(
     x: float, y: float, z: float, depth: NDArray[np.uint16], scale: float, lens: Pinhole, tolerance: Tolerance
 ) -> bool:
     """Whether the subject's depth (H, W) was measured at a point or next to it."""

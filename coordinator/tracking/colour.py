@@ -136,7 +136,7 @@ class ColouredFrame:
             with_sides_of(subject, body, settings) if subject and body else subject
             for subject, body in zip(before, facing, strict=True)
         ]
-        self._is_exchanged = [sided is not own for sided, own in zip(subjects, before, strict=True)]
+        self._is_swapped = [sided is not own for sided, own in zip(subjects, before, strict=True)]
         keypoints = {} if self._distrusted else sight.candidates
         people = [
             candidate.with_keypoints(keypoints.get(n, {})) for n, candidate in enumerate(segmented.candidates)
@@ -155,7 +155,7 @@ class ColouredFrame:
             view,
             step_m=self._sight.steps[person_index] if is_at_last_pose else None,
             is_looked_at=any(own.image.camera in looked_in for own in view.subject.views),
-            is_exchanged=self._is_exchanged[person_index],
+            is_swapped=self._is_swapped[person_index],
         )
 
 

@@ -17,7 +17,7 @@ import msgspec
 import numpy as np
 
 from gepf.common.arrays import Array
-from gepf.common.body import ROOT_DOFS, BodyModel, with_fixed_shape
+from gepf.common.body import ROOT_DOFS, SHAPE, BodyModel, with_fixed_shape
 from gepf.common.frame import SubjectFrame, SubjectView
 from gepf.common.refinement import Particles
 from gepf.common.settings import RefineSettings
@@ -41,7 +41,7 @@ from gepf.coordinator.tracking.state import Start, start_at
 class Detector:
     """Detects the tracked body: with any size at first, with its own size when it is redetected.
 
-    Of the settings of refinement it uses only the noise; the others are the values of preset `default`.
+    Of the refinement settings, only the noise is the user's; all others are those of preset `default`.
     """
 
     def __init__(self, bodies: Bodies, refiner: Refiner, settings: Settings) -> None:
@@ -118,12 +118,16 @@ class Detector:
             rolls = upright_rolls(planes, self._rolls, self._settings.search.min_upright_share)
             matched = self._match(query, rolls, fit.poses[0])
             fit = yield from self._stages.shortlist(query, matched)
-        values = dict(list(pose_by_name(model, fit.poses[0]).items())[model.shape_count :])
+        values = {
+            name: value
+            for name, value in pose_by_name(model, fit.poses[0]).items()
+            if model.kinds[model.dof(name)] != SHAPE
+        }
         size = self._family.size_of(shape) if len(shape) else self._bodies.usual_size
         start = start_at(values, self._bodies, size, noise, flexible=self._flexible)
         candidates, gate = yield from self._stages.as_tracked(subject, start, fit.poses, settings)
         if candidates.is_visible:
-            gate = gate.against(self._family.implausible(fitted(query, start, candidates, planes)))
+            gate = gate.rejected_for(self._family.implausible(fitted(query, start, candidates, planes)))
         return Detection(subject, start, candidates, gate)
 
     def redetect(
@@ -196,8 +200,8 @@ class Detector:
         candidates = ordered([candidates_of(model, pending.result(), current, settings)])
         if not candidates.is_visible:
             return detection
-        by_depth = candidates.by_depth(model, current)[0]
-        gate = gate_pose(by_depth, candidates.residual[0], settings, self._settings.gating)
+        depth_log_likelihood = candidates.depth_log_likelihood(model, current)[0]
+        gate = gate_pose(depth_log_likelihood, candidates.residual[0], settings, self._settings.gating)
         return replace(detection, subject=current, candidates=candidates, gate=gate)
 
     def _match(self, query: Query, rolls: Sequence[float], last_pose: Array | None = None) -> Iterator[Array]:
@@ -238,7 +242,7 @@ class Detector:
 
     def _gain(self, query: Query, candidates: PoseCandidates) -> float:
         """Log-likelihood of a subject's pixels with the best candidate, minus that at the gate's limit."""
-        allowed_m = self._settings.gating.max_residual_m + query.settings.noise_depth
+        allowed_m = self._settings.gating.max_distance_m(query.settings)
         log_likelihood_at_gate = -0.5 * (allowed_m / query.settings.likelihood_scale) ** 2
         log_likelihood = float(candidates.log_posterior[0] - candidates.log_prior[0])
         return query.subject.pixels * (log_likelihood - log_likelihood_at_gate)

@@ -23,7 +23,7 @@ class Gate:
         """Whether the pose is accepted."""
         return self.normalised_residual <= 1.0
 
-    def against(self, why: str) -> Self:
+    def rejected_for(self, why: str) -> Self:
         """The gate of a pose that is ruled out for another reason `why`; unchanged if it is empty."""
         return type(self)(np.inf, self.why or why) if why else self
 
@@ -36,7 +36,7 @@ def gate_pose(
     if settings.noise_depth <= SOFT_NOISE_RATIO * settings.noise_lateral:
         cost = np.sqrt(max(0.0, -2.0 * log_likelihood)) * settings.likelihood_scale
         misfit = float(cost / np.hypot(limits.max_misfit_m, settings.noise_lateral))
-    normalised = max(float(residual) / (limits.max_residual_m + settings.noise_depth), misfit)
+    normalised = max(float(residual) / limits.max_distance_m(settings), misfit)
     if not normalised <= 1.0:
         return Gate(normalised if normalised > 1.0 else np.inf, "the body does not fit the observed points")
     return Gate(normalised)

@@ -52,8 +52,8 @@ def outline(view: View) -> list[MaskedView]:
 def subject_of(frame: Frame, views: Sequence[MaskedView], points: int) -> SubjectFrame | None:
     """The crops of those images of a frame that show the subject; None if no image does.
 
-    At most `points` pixels are picked, in each image in proportion to the area that it shows of the subject,
-    and there evenly distributed, with a density proportional to their weights.
+    At most `points` pixels are picked. The number picked in an image is proportional to the area of the
+    subject that it shows. They are evenly distributed there, with a density proportional to their weights.
     """
     depths = [depth_in(view) for view in views]
     areas = [area_of(view.image, depth) for view, depth in zip(views, depths, strict=True)]

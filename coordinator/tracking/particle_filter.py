@@ -102,8 +102,8 @@ class ParticleFilter:
         observation = filter_observation(subject, time_s, step, unseen)
         settings = self._settings.filter
         if budget is not None and budget.is_late and self._method.descends:
-            late_particles = settings.exploration.min_particles // 2
-            settings = msgspec.structs.replace(settings, particles=min(settings.particles, late_particles))
+            late_particles = min(settings.particles, settings.exploration.late_particles)
+            settings = msgspec.structs.replace(settings, particles=late_particles)
         return self._method.propose(model, belief, observation, settings, self.rng)
 
     def scale_iterations(

@@ -40,7 +40,7 @@ class PoseCandidates:
         """The candidates with these indices, in this order."""
         return PoseCandidates(*(getattr(self, column.name)[indices] for column in fields(self)))
 
-    def by_depth(self, model: BodyModel, subject: SubjectFrame) -> Array:
+    def depth_log_likelihood(self, model: BodyModel, subject: SubjectFrame) -> Array:
         """The log likelihood (N,) from depth alone, without keypoints and the priors of the family."""
         costs = [keypoint_cost(ExpectedBody(model, pose), subject) for pose in self.poses]
         return np.asarray(self.log_posterior - self.log_prior + costs)
@@ -79,17 +79,17 @@ class Detection:
         start = self.start
         return start.family.faces_away(start.model.joint_names, self.candidates.joints, joints)
 
-    def looks_alike(self, joints: Array, log_likelihood: float, alike_nats: float) -> bool:
+    def facing_is_ambiguous(self, joints: Array, log_likelihood: float, alike_nats: float) -> bool:
         """Whether a candidate that faces opposite to joints (J, 3) explains the depth about equally well.
 
         `log_likelihood` is that of the pose with these joints, also from depth alone.
         """
-        return bool(np.any(self.by_depth[self.faces_away(joints)] > log_likelihood - alike_nats))
+        return bool(np.any(self.depth_log_likelihood[self.faces_away(joints)] > log_likelihood - alike_nats))
 
     @property
-    def by_depth(self) -> Array:
+    def depth_log_likelihood(self) -> Array:
         """The log likelihood (N,) of the candidates from depth alone."""
-        return self.candidates.by_depth(self.start.model, self.subject)
+        return self.candidates.depth_log_likelihood(self.start.model, self.subject)
 
 
 def log_pose_prior(model: BodyModel, settings: RefineSettings, poses: Array) -> Array:
@@ -118,7 +118,7 @@ def candidates_of(
     *,
     knows_shape: bool = True,
 ) -> PoseCandidates:
-    """Poses of a body that were refined in a frame as candidates, in their order, with the family's priors.
+    """The candidates made of the refined poses of a body, in the same order, with the family's priors.
 
     The prior of shapes only counts until the shape is known.
     """

@@ -23,9 +23,9 @@ from gepf.coordinator.tracking.track_state import (
     Absent,
     Found,
     Lost,
-    OnceTracked,
     Searching,
     Tracked,
+    TrackedBefore,
     TrackState,
 )
 
@@ -52,7 +52,7 @@ class TrackedPerson:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrackedFrame:
-    """All people in one frame, and the state after it that does not belong to a person."""
+    """All people in one frame, and the part of the state after it that belongs to no person."""
 
     people: Sequence[TrackedPerson]
     state: FrameState
@@ -70,7 +70,7 @@ def report(updated: Updated, cameras: CameraStates, settings: Settings) -> Track
     with updated.clock.stage("report"):
         start, track, judgement = updated.state.start, updated.state.track, updated.judgement
         limits, confirmed_s = settings.certainty, settings.track.camera_confirmed_s
-        model, followed = start.model, track if isinstance(track, OnceTracked) else None
+        model, followed = start.model, track if isinstance(track, TrackedBefore) else None
         pose, poses, weights = start.pose, np.empty((0, len(start.pose))), np.empty(0)
         if followed is not None:
             pose, poses = followed.belief.reported, followed.belief.poses[: limits.max_hypotheses]
@@ -105,7 +105,7 @@ def report(updated: Updated, cameras: CameraStates, settings: Settings) -> Track
 
 
 def doubt_of(
-    track: OnceTracked,
+    track: TrackedBefore,
     judgement: Judgement,
     cameras: CameraStates,
     joint_names: tuple[str, ...],

@@ -18,13 +18,13 @@ class BodySearch:
     """
 
     def __init__(self) -> None:
-        self.person: UntrackedPerson | None = None  # who is searched for
+        self.person: UntrackedPerson | None = None  # who is searched for, if their body is not known
         self._stages: Search[Detection] | None = None  # None also when done
         self._sent: Requests = ()  # to the workers
         self._detection: Detection | None = None
 
-    def begin(self, stages: Search[Detection], person: UntrackedPerson) -> None:
-        """Begin another search."""
+    def begin(self, stages: Search[Detection], person: UntrackedPerson | None = None) -> None:
+        """Begin another search; `person` is who is searched for, if their body is not known."""
         self.person, self._stages, self._sent, self._detection = person, stages, (), None
 
     @property

@@ -111,12 +111,12 @@ class SegmentedFrame:
 class BodyView:
     """What a frame shows of one body.
 
-    alternatives: see `UntrackedPerson`; only for a body that is not tracked yet. set_aside: the crops from
+    alternatives: see `UntrackedPerson`; used only for a body that is not known yet. set_aside: the crops from
     the cameras that are not used for this body. is_own: the subject was segmented around the body, and is
     not a candidate. is_elsewhere: not where the body was expected. after_gap: the gap since the last frame is
     long, so the next frame is not segmented until this one has been refined. is_looked_at: the keypoint
     network has looked for this person in a trusted colour image. step_m: the motion (3,) since the last pose
-    according to colour; None if unknown. is_exchanged: left and right in colour were swapped, to agree with
+    according to colour; None if unknown. is_swapped: left and right in colour were swapped, to agree with
     the body.
     """
 
@@ -130,7 +130,7 @@ class BodyView:
     after_gap: bool = False
     is_looked_at: bool = False
     step_m: Array | None = None
-    is_exchanged: bool = False
+    is_swapped: bool = False
 
 
 class Segmenter:

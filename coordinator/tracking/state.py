@@ -148,7 +148,7 @@ class PersonState:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameState:
-    """The state after a frame that does not belong to a person."""
+    """The part of the state after a frame that does not belong to any person."""
 
     scene_changes: SceneChanges = field(default_factory=dict)
     """What this frame changed in the scenes; in the state from which a run is resumed, all changes so far."""
@@ -161,8 +161,8 @@ class FrameState:
 class TrackerState:
     """The state of a tracker between two frames.
 
-    It determines what follows, bit for bit, together with the scenes. These are the sum of the scene changes
-    of all frames so far; `gepf.coordinator.results.log` adds them up for a resumed run.
+    Together with the scenes, it determines all later results, bit for bit. The scenes are the sum of the
+    scene changes of all frames so far; `gepf.coordinator.results.log` adds them up for a resumed run.
     """
 
     people: Sequence[PersonState]

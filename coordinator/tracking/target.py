@@ -1,8 +1,8 @@
 """Executes the state machine of one body (`track_state`): searches for it, refines it, and makes the events.
 
-A frame takes three steps. `take_search` takes over a body that a live search has detected, before the frame
-is segmented; a recorded search ends within `submit`, which takes it over there. `submit` sends the particles
-of the frame to the workers. `update` waits for the refined ones.
+A frame takes three steps. For live input, `take_search` takes over the body that a search has detected,
+before the frame is segmented; in a recording the search ends within `submit`, which then takes over the body.
+`submit` sends the particles of the frame to the workers. `update` waits for the refined ones.
 """
 
 from __future__ import annotations
@@ -44,7 +44,6 @@ from gepf.coordinator.tracking.track_state import (
     Event,
     Found,
     Instructions,
-    OnceTracked,
     Policy,
     Refined,
     SearchEnded,
@@ -52,6 +51,7 @@ from gepf.coordinator.tracking.track_state import (
     Searching,
     Segmented,
     Tracked,
+    TrackedBefore,
     step,
 )
 
@@ -66,14 +66,14 @@ class JustDetected(NamedTuple):
 class Choice(NamedTuple):
     """The hypotheses about a frame: the tracked ones, or those of a search.
 
-    `redetected`: the pose is that of a search, and not where the body was tracked. `looks_alike`: front and
-    back look alike in that search; None without a search.
+    `redetected`: the pose is that of a search, and not where the body was tracked. `ambiguous_facing`: front
+    and back look alike in that search; None without a search.
     """
 
     belief: Belief
     gate: Gate
     redetected: bool = False
-    looks_alike: bool | None = None
+    ambiguous_facing: bool | None = None
 
 
 class TargetTracker:
@@ -161,7 +161,7 @@ class TargetTracker:
 
     @property
     def _knows_facing(self) -> bool:
-        return isinstance(self.track, OnceTracked) and self.track.knows_facing(self._settings.colour)
+        return isinstance(self.track, TrackedBefore) and self.track.knows_facing(self._settings.colour)
 
     @property
     def is_just_detected(self) -> bool:
@@ -213,7 +213,7 @@ class TargetTracker:
         """Whether the next frame is segmented around the last pose, and not around an earlier one."""
         track = self.track
         return (
-            isinstance(track, OnceTracked)
+            isinstance(track, TrackedBefore)
             and track.segmentation_pose is not None
             and np.array_equal(track.segmentation_pose, track.belief.reported)
         )
@@ -256,7 +256,7 @@ class TargetTracker:
                 return Updated(view.frame, self.state, 0, None, clock)
             todo, distance_m = self._segmented(view, subject), distance_to(view.subject)
             settings = self._settings_at(distance_m)
-            detection = self._search_again(view, subject, settings, todo, wait=waits_for_search)
+            detection = self._search_again(subject, settings, todo, wait=waits_for_search)
         if subject is None or "refine" not in todo:
             return Updated(view.frame, self.state, 0, None, clock)
         return self._refine(view, subject, detection, settings, clock, budget)
@@ -358,17 +358,11 @@ class TargetTracker:
         return self._detected.person if wait else subject
 
     def _search_again(
-        self,
-        view: BodyView,
-        subject: SubjectFrame | None,
-        settings: RefineSettings,
-        todo: Instructions,
-        *,
-        wait: bool,
+        self, subject: SubjectFrame | None, settings: RefineSettings, todo: Instructions, *, wait: bool
     ) -> Detection | None:
-        """Search for a known body as instructed; the result of the last search, if one has ended.
+        """Search for a known body as instructed; return the result of the last search, if one has ended.
 
-        It is refined in this frame, and will be compared with the track.
+        The result is refined in this frame, to be compared with the track.
         """
         if "stop searching" in todo:
             self.search.drop()
@@ -380,7 +374,7 @@ class TargetTracker:
             stages = self._detector.redetect(
                 subject, self.start, settings, belief.reported, belief.shape_precision, lost=lost
             )
-            self.search.begin(stages, UntrackedPerson(subject, view.alternatives))
+            self.search.begin(stages)
         if wait:
             self.search.finish()
         detection = self.search.take()
@@ -390,7 +384,7 @@ class TargetTracker:
         return self._detector.transfer(detection, subject, settings)
 
     def _end_first_search(self) -> JustDetected | None:
-        """Take over the body that the search for an unknown one has detected; None if it has not."""
+        """Take over the body that the first search has detected; None if it has detected nothing."""
         searched, detection = self.search.person, self.search.take()
         if searched is None or detection is None:
             return None
@@ -418,25 +412,36 @@ class TargetTracker:
         assert isinstance(self.track, Body)  # it was refined
         settings, detection = self._settings, submitted.detection
         subject, refine = submitted.context.subject, submitted.settings
-        by_depth = depth_likelihood(belief.log_weights[0], self.model, belief.poses[0], subject, refine)
-        gate = gate_pose(by_depth, belief.residual[0], refine, settings.gating)
+        depth_log_likelihood = depth_likelihood(
+            belief.log_weights[0], self.model, belief.poses[0], subject, refine
+        )
+        gate = gate_pose(depth_log_likelihood, belief.residual[0], refine, settings.gating)
         if detection is None:
             return Choice(belief, gate)
         joints = joint_positions(self.model, belief.poses[:1])[0]
         before, after = belief.log_weights[0], detection.candidates.log_posterior[0]
         if detection.faces_away(joints)[0] and self._knows_facing:  # a frame's keypoints may be swapped
-            before, after = by_depth, detection.by_depth[0]
+            before, after = depth_log_likelihood, detection.depth_log_likelihood[0]
         if not after > before + settings.search.surer_nats:
             return Choice(
-                belief, gate, looks_alike=detection.looks_alike(joints, by_depth, settings.search.alike_nats)
+                belief,
+                gate,
+                ambiguous_facing=detection.facing_is_ambiguous(
+                    joints, depth_log_likelihood, settings.search.alike_nats
+                ),
             )
         redetected = self.track.is_lost or detection.is_elsewhere(joints, settings.certainty.wrong_m)
         chosen = replace(
             self._filter.belief_from(self.model, detection.candidates), shape_precision=belief.shape_precision
         )
-        joints, by_depth = joint_positions(self.model, chosen.poses[:1])[0], detection.by_depth[0]
-        looks_alike = detection.looks_alike(joints, by_depth, settings.search.alike_nats)
-        return Choice(chosen, detection.gate, redetected, looks_alike)
+        joints, depth_log_likelihood = (
+            joint_positions(self.model, chosen.poses[:1])[0],
+            detection.depth_log_likelihood[0],
+        )
+        ambiguous_facing = detection.facing_is_ambiguous(
+            joints, depth_log_likelihood, settings.search.alike_nats
+        )
+        return Choice(chosen, detection.gate, redetected, ambiguous_facing)
 
     def _assess(self, belief: Belief, submitted: Submitted, faulty: tuple[str, ...]) -> Refined:
         """The event of a refined frame."""
@@ -445,7 +450,7 @@ class TargetTracker:
         belief = chosen.belief
         view, body = submitted.view, ExpectedBody(self.model, belief.poses[0])
         match = match_sides(body, context.subject, settings.colour)
-        allowed_m = settings.gating.max_residual_m + submitted.settings.noise_depth
+        allowed_m = settings.gating.max_distance_m(submitted.settings)
         views = [*context.subject.views, *(view.set_aside.views if view.set_aside is not None else ())]
         return Refined(
             belief=belief,
@@ -453,7 +458,7 @@ class TargetTracker:
             pixels=context.subject.pixels,
             time_s=context.subject.time_s,
             redetected=chosen.redetected,
-            ambiguous_facing=chosen.looks_alike,
+            ambiguous_facing=chosen.ambiguous_facing,
             faulty=faulty,
             residuals=camera_residuals(self.model, belief.poses[0], view.frame, views, allowed_m),
             allowed_m=allowed_m,
@@ -461,7 +466,7 @@ class TargetTracker:
             interval_s=USUAL_INTERVAL if context.past_is_guess else submitted.proposal.interval,
             after_gap=view.after_gap,
             is_shown=match.is_shown or (False if view.is_looked_at else None),
-            sides=-1 if view.is_exchanged else match.sides,
+            sides=-1 if view.is_swapped else match.sides,
         )
 
 

@@ -22,11 +22,12 @@ from gepf.coordinator.tracking.cameras import Agreement
 from gepf.coordinator.tracking.gating import Gate
 
 ROUNDING_S = 1e-3  # of times in files
-FACING_DOUBT = "front and back look alike: it may face the other way"
+FACING_DOUBT = "front and back look alike: the body may face the other way"
 
 Instruction = Literal["search", "stop searching", "update the background", "refine"]
-"""search: begin a search in this frame; its end is an event. update the background: add what was searched,
-except the person. refine: the particles of this frame; the result is an event."""
+"""search: begin a search in this frame; its end is an event. stop searching: give up the running search.
+update the background: add to it everything that was searched, except the person. refine: refine the particles
+of this frame; the result is an event."""
 
 Instructions = tuple[Instruction, ...]
 
@@ -61,8 +62,9 @@ class Body(msgspec.Struct, frozen=True, kw_only=True):
     segmentation_pose: Array | None
     """The pose (D,) around which the next frame is segmented; None: the body may be anywhere.
 
-    It is set when a frame is segmented, to the pose of the frame before, because the next frame is segmented
-    while this one is refined. At low rates it is set again when this one is refined.
+    When a frame is segmented, this is set to the pose of the previous frame, because the next frame is
+    segmented while the current one is refined. At low frame rates it is set again once the current frame is
+    refined.
     """
     excluded: tuple[str, ...] = ()  # cameras that are not used for it when the next frame is segmented
     was_new: bool = False  # whether it is regarded as new when the next frame is segmented
@@ -96,7 +98,7 @@ class Found(Body, frozen=True, kw_only=True, tag="found"):
         return self.place is None
 
 
-class OnceTracked(Body, frozen=True, kw_only=True):
+class TrackedBefore(Body, frozen=True, kw_only=True):
     """The fields that tracked and lost bodies share."""
 
     check_clock_s: float = 0.0
@@ -132,13 +134,13 @@ class OnceTracked(Body, frozen=True, kw_only=True):
         return self.why or ("" if self.knows_facing(settings) else FACING_DOUBT)
 
 
-class Tracked(OnceTracked, frozen=True, kw_only=True, tag="tracked"):
+class Tracked(TrackedBefore, frozen=True, kw_only=True, tag="tracked"):
     """The body is at its pose, except that the last few frames may be unexplained."""
 
     is_lost: ClassVar[bool] = False
 
 
-class Lost(OnceTracked, frozen=True, kw_only=True, tag="lost"):
+class Lost(TrackedBefore, frozen=True, kw_only=True, tag="lost"):
     """The body may be anywhere."""
 
     is_lost: ClassVar[bool] = True
@@ -167,8 +169,8 @@ class Segmented:
 class SearchEnded:
     """A search has ended.
 
-    The first search for a body gives the `detected` one, or the reason `why` nothing was detected; the result
-    of a repeated one comes with `Refined`.
+    The first search for a body ends with the `detected` body, or the reason `why` nothing was detected; the
+    result of a repeated search comes with `Refined`.
     """
 
     detected: Found | None = None
@@ -239,7 +241,7 @@ def _segmented(state: TrackState, event: Segmented, policy: Policy) -> tuple[Tra
     if policy.recovers and (state.unshown_s or 0.0) > policy.colour.unshown_s - ROUNDING_S:
         return Absent(), ("stop searching",)
     state = replace(state, is_confirmed=state.unshown_s is None)
-    if event.is_elsewhere and isinstance(state, OnceTracked):
+    if event.is_elsewhere and isinstance(state, TrackedBefore):
         state = _lose(state, policy)
     if not event.pixels:
         return _handle_unseen(state, event, policy), ()
@@ -302,9 +304,9 @@ def _handle_seen(
 def _check_due(state: Tracked | Lost, time_s: float, policy: Policy) -> bool:
     """Whether to search for a body again: lost, new, or in doubt.
 
-    A check of a pose that explains the frame badly is due in the frame in which the clock of checks reaches
-    an interval, or a multiple of it. While a joint may be wrong, a check that changes nothing makes the next
-    one wait twice as long.
+    If the pose explains the frame badly, a check is due whenever the check clock reaches a multiple of the
+    check interval. While a joint may be wrong, a check that changes nothing makes the next one wait twice as
+    long.
     """
     settings, interval = policy.settings, _interval(state, time_s)
     before = state.check_clock_s + ROUNDING_S
@@ -363,7 +365,7 @@ def _refined(
 ) -> tuple[TrackState, Instructions]:
     """A body is tracked if it explains the frame, and lost if it has not for some frames."""
     settings, agreement = policy.settings, state.agreement
-    before, interval = _as_once_tracked(state, settings), _interval(state, event.time_s)
+    before, interval = _as_tracked_before(state, settings), _interval(state, event.time_s)
     if state.is_lost and not agreement.contradicting:
         agreement = Agreement()
     is_explained = event.gate.normalised_residual <= (1.0 if state.is_lost else settings.lost_residual)
@@ -415,12 +417,12 @@ def _unshown(
 
 
 def _sides(before_s: float, sides: int, interval_s: float, settings: ColourSettings) -> float:
-    """The balance of the time for which colour showed left and right correctly and swapped, after a frame."""
+    """Time for which colour showed left and right correctly minus time swapped, seconds, after a frame."""
     after_s = before_s + sides * min(interval_s, settings.max_step_s)
     return min(max(after_s, -settings.exchanged_s), max(settings.facing_s, settings.exchanged_s))
 
 
-def _as_once_tracked(state: Found | Tracked | Lost, settings: TrackSettings) -> Tracked | Lost:
+def _as_tracked_before(state: Found | Tracked | Lost, settings: TrackSettings) -> Tracked | Lost:
     """A found body as a tracked one; a given start is checked only while in doubt."""
     if not isinstance(state, Found):
         return state
@@ -430,7 +432,7 @@ def _as_once_tracked(state: Found | Tracked | Lost, settings: TrackSettings) -> 
 def _lose(state: Found | Tracked | Lost, policy: Policy) -> Tracked | Lost:
     """The body may be anywhere."""
     return _become(
-        Lost, _as_once_tracked(state, policy.settings), why="", ambiguous_facing=False, sides_s=0.0
+        Lost, _as_tracked_before(state, policy.settings), why="", ambiguous_facing=False, sides_s=0.0
     )
 
 

@@ -149,7 +149,7 @@ TO_ONE = "--connect tcp/127.0.0.1:1"
         ("track ros2:/camera/depth --out {}/out", "its router, unencrypted; add --connect"),
         ("view zenoh:camera/depth", "no publisher could connect; add --connect or --listen"),
         ("view run --results camera/depth", "--results is for the view of live input"),
-        (f"view ros2:/gepf {TO_ONE}", "RViz shows topics of ROS 2"),
+        (f"view ros2:/gepf {TO_ONE}", "use RViz"),
         (f"publish x --key a/* {TO_ONE}", "such as camera/depth"),
         (f"publish x --key camera/depth {TO_ONE} --rate 0", "--rate 0"),
         ("publish {}/wall --key camera/depth", "no subscriber could connect"),

@@ -69,7 +69,7 @@ def test_a_camera_upside_down_is_turned(
     out = tmp_path / "run"
     asked = ("--rotate", rotate, "--no-pictures")
     assert main(["track", str(sequence), "--out", str(out), *asked], Direct().connect) == 0
-    line = "the person is upright if images are turned by 180 degrees clockwise; else give --rotate"
+    line = "upright in images turned clockwise by 180 degrees; if that is wrong, give --rotate"
     assert (line in " ".join(capsys.readouterr().err.split())) == (rotate == "auto")
     summary, track = msgspec.json.decode((out / "summary.json").read_bytes()), read_track(out)
     assert summary["rotate_deg"] == 180

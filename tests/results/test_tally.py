@@ -31,7 +31,7 @@ def test_a_reason_without_a_list_is_counted_as_it_is() -> None:
     """Also with a colon, with names before it, or with a comma."""
     reasons = [
         "nobody",
-        "front and back look alike: it may face the other way",
+        "front and back look alike: the body may face the other way",
         "a, b disagree with c: one of them",
         "two planes fit the observed points better than a body: an object, not a person",
         "the body is upside down; if the camera is, use --rotate",

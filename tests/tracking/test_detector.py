@@ -205,7 +205,7 @@ def test_front_and_back_are_ambiguous_where_the_frame_does_not_tell_them_apart(
     found = candidates([-5.0, -5.0 - behind], FRONT, BACK, model=start.model)
     subject = subject_of(show(start.model, found.poses[:1]).frames[0], 300)
     detection = Detection(subject, start, found, Gate(0.5))
-    assert detection.looks_alike(found.joints[0], -5.0, 2.0) is ambiguous
+    assert detection.facing_is_ambiguous(found.joints[0], -5.0, 2.0) is ambiguous
 
 
 @pytest.mark.parametrize("turn", [FRONT, BACK])
@@ -276,7 +276,7 @@ def test_a_search_in_which_no_candidate_is_visible_finds_nobody() -> None:
     for found in (first, later, detector.transfer(later, replace(subject), SETTINGS.refine)):
         assert not found.gate.passes
         assert found.gate.why == "the body does not fit the observed points"
-        assert not found.looks_alike(found.candidates.joints[0], 0.0, 2.0)
+        assert not found.facing_is_ambiguous(found.candidates.joints[0], 0.0, 2.0)
 
 
 def test_a_person_in_whom_no_candidate_is_visible_is_searched_for() -> None:

@@ -18,7 +18,7 @@ def test_the_noise_of_the_depth_is_no_loss() -> None:
 def test_a_pose_that_something_else_rules_out_does_not_pass() -> None:
     """The first reason is kept; no reason changes nothing."""
     gate = Gate(0.8)
-    assert gate.against("") == gate
-    assert not gate.against("a board").passes
-    assert gate.against("a board").against("floats").why == "a board"
-    assert Gate(0.8, "bad").against("a board").why == "bad"
+    assert gate.rejected_for("") == gate
+    assert not gate.rejected_for("a board").passes
+    assert gate.rejected_for("a board").rejected_for("floats").why == "a board"
+    assert Gate(0.8, "bad").rejected_for("a board").why == "bad"

@@ -23,7 +23,6 @@ from gepf.coordinator.tracking.track_state import (
     Found,
     Instructions,
     Lost,
-    OnceTracked,
     Policy,
     Refined,
     SearchEnded,
@@ -31,6 +30,7 @@ from gepf.coordinator.tracking.track_state import (
     Searching,
     Segmented,
     Tracked,
+    TrackedBefore,
     TrackState,
     step,
 )
@@ -184,7 +184,7 @@ def check(state: TrackState, policy: Policy, *, searches: bool) -> None:
             assert state.awaits_search == searches
             assert policy.recovers or not searches
             assert state.segmentation_pose is None or not np.isnan(state.segmentation_pose).any()
-    if isinstance(state, OnceTracked):
+    if isinstance(state, TrackedBefore):
         assert isinstance(state, Lost) or (state.visibility == "body" and state.unexplained_s < 0.1)
         assert policy.recovers or state.segmentation_pose is not None
 

@@ -30,9 +30,9 @@ CONVERGED = 1e-4  # radians and metres; a smaller step ends the loop
 def minimise(pose: Array, mean: Array, solver: Solver, problem: Problem, workspace: Workspace) -> None:
     """Move pose (D,) in place towards the minimum of Eq. 3 within limits: damped Gauss-Newton (Eq. 4).
 
-    The equations of the workspace hold the terms of points, linearised at this pose, of which .of_rig is.
-    `mean` (D,) is that of the prior. Later steps take the matrices of points from the first: they hardly
-    change.
+    The workspace holds .of_rig at this pose, and the equations of the terms of points, linearised there.
+    `mean` (D,) is that of the prior. Later steps reuse the matrices of points of the first step, because
+    these hardly change.
     """
     skeleton, equations = problem.skeleton, workspace.equations
     before, linearised = pose.copy(), np.any(equations.links != 0.0)
@@ -149,8 +149,8 @@ def fill_covariance_root(problem: Problem, equations: Equations, triangle: NDArr
     place = 0
     for i in range(len(parents)):
         widest, row = prior_deviation(skeleton.kinds[i]), root[i, : i + 1]
-        known = np.float32(row[i]) > 0.0 and np.sum(row * row) <= (1.01 * widest) ** 2
-        if not known:  # rounding of extreme numbers may give invalid values
+        is_determined = np.float32(row[i]) > 0.0 and np.sum(row * row) <= (1.01 * widest) ** 2
+        if not is_determined:  # rounding of extreme numbers may give invalid values
             row[:] = 0.0
             row[i] = widest
         triangle[place : place + i + 1] = row
@@ -169,7 +169,8 @@ def prior_deviation(kind: int) -> float:
 def invert_lower(parents: Indices, lower: Array) -> None:
     """Invert a lower triangular matrix (D, D) in place; each row is nonzero only at its ancestors.
 
-    It proceeds from the diagonal to the left, where the row is not inverted yet; the rows above are inverted.
+    The inner loop runs from the diagonal to the left. The entries of row k that it reads are not inverted
+    yet; the rows above are.
     """
     for k in range(len(parents)):
         lower[k, k] = 1.0 / lower[k, k]

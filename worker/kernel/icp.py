@@ -91,8 +91,8 @@ def pack_batch(model: BodyModel, observation: Observation, particles: Particles)
 def pack_prior(model: BodyModel, prior: PosePrior | None) -> tuple[Array, Indices]:
     """Precision (D, D) of a prior, (0, 0) without any, and the elimination tree (D,) of equations with it.
 
-    A precision that connects degrees of freedom with their ancestors leaves them branch-sparse. Any other may
-    connect all of them.
+    A precision that connects degrees of freedom only with their ancestors keeps the equations branch-sparse.
+    Any other precision may connect all degrees of freedom.
     """
     if prior is None:
         return np.empty((0, 0)), model.parents.copy()

@@ -3,9 +3,10 @@
 Depth and free space have residuals with one metric G per camera: that of its noise, along and across. Each
 visible vertex has a weighted sum of targets. With X = [p; 1] a model point at rest, p~ a target of it, g its
 weight and T the link's T_rig_rest, the sums M_s = sum g X X^T and C_s = sum g X p~^T of each link s give the
-link's wrench and matrix (see `normal_equations`) at any transform. At the point x = T X they are of the
-forces g G (x - p~), and g G (w x x + v) for unit twists (w, v). A wrench is a sum over products of forces
-with x, which T M_s T^T and T C_s contain. So the cost of a step does not depend on the number of points.
+link's wrench and matrix (see `normal_equations`) at any transform. With x = T X, the wrench is that of the
+forces g G (x - p~), and the columns of the matrix are the wrenches of the forces g G (w x x + v) for unit
+twists (w, v). A wrench is a sum over products of forces with x, which T M_s T^T and T C_s contain. So the
+cost of a step does not depend on the number of points.
 
 A vertex that is skinned to several links contributes to each of them in proportion to its weights: at the
 position to which that link alone would move it, with the residual of the skinned vertex. So the gradient is
@@ -184,7 +185,7 @@ def add_wrench(forces: Array, column: int, out: Array) -> None:
 
 @numba.njit(cache=True, nogil=True)
 def metric_of(turn: Array, stretch: float) -> Array:
-    """The metric (3, 3), in the rig's frame, of a camera that the rotation `turn` leads to."""
+    """The metric (3, 3), in the rig's frame, of the camera into whose frame `turn` rotates."""
     metric = np.empty((3, 3))
     for a in range(3):
         for b in range(3):

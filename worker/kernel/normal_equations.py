@@ -1,10 +1,10 @@
 """The normal equations (Eq. 3-5) of all terms and cameras, from one wrench and one matrix per link.
 
-The terms of points leave to each link the gradient of their cost with respect to its twist, which is a
+The terms of points give each link the gradient of their cost with respect to its twist, which is a
 wrench, and the Gauss-Newton matrix (6, 6). Both are in the rig's frame: a twist is (w, v), with the velocity
 w x x + v of a point x; a wrench is the torque about the rig's origin, and the force. A degree of freedom j
-moves all links after it with a twist t_j. It is (w_j, q_j x w_j) of a rotation about the axis w_j through q_j
-(Eq. 2). So
+moves all links after it with a twist t_j. For a rotation about the axis w_j through q_j it is
+(w_j, q_j x w_j) (Eq. 2). So
 
     gradient_j = t_j . (sum of the wrenches of the links that j moves),
     gram_jk = t_j . (sum of the matrices of the links that both move) t_k,

@@ -33,7 +33,7 @@ class Weights(NamedTuple):
     """Weights of the terms of points, in nats; a term with the weight 0 is left out."""
 
     depth: float  # of half a squared metre, per observed point
-    free_space: float  # alike
+    free_space: float  # of half a squared metre, per observed point
     soft: float  # of the log density of a point
     keypoints: float  # of half a squared deviation of a keypoint
 

@@ -1,9 +1,9 @@
-"""Shape coefficients as degrees of freedom: the links after their change, and the derivatives by them.
+"""Shape coefficients as degrees of freedom: transforms of reshaped links, and derivatives.
 
 A coefficient moves each vertex of the rest pose along a direction of its own. The sums over the targets of a
 link (`link_sums`) do not hold these directions. So the derivatives take the affine map from the rest pose to
-the directions that fits the vertices of the link best, a *field*. For a change of stature it is exact, for
-one of girth nearly. The posed vertices themselves follow the true directions.
+the directions that fits the vertices of the link best, a *field*. The map is exact for a change of stature,
+and nearly exact for a change of girth. The posed vertices themselves follow the true directions.
 
 In a pose, a point that is at X at rest moves by the field of its link, turned with the link, and by the
 *drift*: the motion of the link's rest frame, because the joints before it move apart.

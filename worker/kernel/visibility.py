@@ -116,8 +116,8 @@ def visible_vertices(surface: Surface, workspace: Workspace) -> Numbers:
 
 
 @numba.njit(cache=True, nogil=True)
-def draw(triangles: Numbers, which: bool, workspace: Workspace) -> DepthImage:
-    """The depth image of workspace.posed, and, if `which`, the triangles; fills workspace.front."""
+def draw(triangles: Numbers, with_triangles: bool, workspace: Workspace) -> DepthImage:
+    """The depth image of workspace.posed, and, if `with_triangles`, the triangles; fills workspace.front."""
     focal = float(np.mean(workspace.posed[:, 2])) / PIXEL_M
     left, top, right, bottom = project_all(workspace.posed, focal, workspace.image)
     width = max(1, min(LARGEST_SIDE_PX, right - left + 1)) + SIDE - 1  # edges far off overflow
@@ -129,7 +129,7 @@ def draw(triangles: Numbers, which: bool, workspace: Workspace) -> DepthImage:
         top,
         focal,
     )
-    rasterise(triangles, which, workspace, seen)
+    rasterise(triangles, with_triangles, workspace, seen)
     return seen
 
 
@@ -148,7 +148,7 @@ def project_all(posed: Array, focal: float, image: Array) -> tuple[int, int, int
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def rasterise(triangles: Numbers, which: bool, workspace: Workspace, seen: DepthImage) -> None:
+def rasterise(triangles: Numbers, with_triangles: bool, workspace: Workspace, seen: DepthImage) -> None:
     """Mark the vertices of triangles that face the camera in workspace.front, and draw these triangles.
 
     At most MOST_PIXELS are drawn, so that the work is bounded for any surface; a body needs far fewer. It is
@@ -180,11 +180,11 @@ def rasterise(triangles: Numbers, which: bool, workspace: Workspace, seen: Depth
         z, zb, zc = posed[a, 2], posed[b, 2] - posed[a, 2], posed[c, 2] - posed[a, 2]
         for row in range(first_row, last_row + 1, SIDE):
             for column in range(first_column, last_column + 1, SIDE):
-                if which:
+                if with_triangles:
                     before[:] = depth[row : row + SIDE, column : column + SIDE]
                 x, y = column - ax, row - ay
                 draw_block(depth, row, column, x, y, bx, by, cx, cy, z, zb, zc)  # type: ignore[call-arg]
-                if which:
+                if with_triangles:
                     for n in range(SIDE * SIDE):
                         i, j = n // SIDE, n % SIDE
                         if depth[row + i, column + j] < before[i, j]:
@@ -193,6 +193,6 @@ def rasterise(triangles: Numbers, which: bool, workspace: Workspace, seen: Depth
 
 @numba.njit(cache=True, nogil=True)
 def ceiling(value: float) -> int:
-    """The smallest integer not below a value; numpy returns a float, which is slower."""
+    """The smallest integer not below a value; numpy returns a float, with_triangles is slower."""
     below = int(value)
     return below + (below < value)

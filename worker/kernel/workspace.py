@@ -54,7 +54,7 @@ class Search(NamedTuple):
     starts: Indices  # (K + 1,) starts of the leaves, and end of the last
     leaves: Points  # (6, K) bounding boxes, padded to whole tiles with infinitely distant ones
     groups: Points  # (6, K / TILE) bounding boxes of TILE successive leaves, padded alike
-    closest: Numbers  # (P,) their indices; the initial guess of the next search
+    closest: Numbers  # (P,) indices into `model` of the closest points; guess of the next search
     squared: Points  # (P,)
     largest: Points  # (P / TILE,) the largest of `squared` in each tile
     heights: Points  # (P,) of the observed points over the planes of their closest vertices' discs

@@ -3,7 +3,7 @@
 Each term is a module with two functions side by side: `cost`, and `linearise`, which adds its gradient and
 its Gauss-Newton matrix to the equations. Terms of points are computed from a `CameraView`, the body posed
 before a camera. They add to each link a wrench and a matrix (`equations.links`, see `normal_equations`) or,
-with the metric of the camera's noise, targets to visible vertices (`workspace.targets`, see `link_sums`), of
+with the metric of the camera's noise, targets to visible vertices (`workspace.targets`, see `link_sums`), for
 which all Gauss-Newton iterations are exact. Terms of the pose add to the degrees of freedom directly.
 
 A term of points with the weight 0 is left out (`parameters.Weights`).

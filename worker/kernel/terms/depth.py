@@ -5,8 +5,8 @@ is that from the disc of its closest vertex: from its plane or, beyond its rim, 
 the vertices themselves would make bodies too small: all points at an outline are on one side of its vertices.
 All lengths are in the metric of the noise. Like the correspondences, the normals stay fixed in a step.
 
-Clothes, hair and what people carry are outside of the skin, so the body need not go there: of a point outside
-of the surface, the squared distance from the plane has a smaller weight than that of a point inside.
+Clothes, hair and what people carry are outside of the skin, so the body need not extend to them: the squared
+distance from the plane has a smaller weight for a point outside the surface than for a point inside.
 
 The cost is half the sum of rho(d_i^2), with rho a robust kernel or the identity. If nothing of the body is
 visible, all points count as infinitely far.
@@ -40,7 +40,7 @@ def cost(view: CameraView) -> float:
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def linearise(view: CameraView) -> None:
-    """Add the target of each observed point to its closest vertex: there its disc touches the point.
+    """Add to the closest vertex of each observed point its target: where the vertex's disc touches the point.
 
     With h the height, n the normal, e the offset beyond the rim, and w the weight of h^2, the gradient of
     half d^2 is w h n + e. It is the offset from the target, times the weight d^2 / (h^2 + e^2).

@@ -85,8 +85,8 @@ def vertices_in_free_space(view: CameraView) -> Numbers:
 def vertices_in_empty_pixels(visible: Numbers, observed: PackedObservation, workspace: Workspace) -> int:
     """Fill workspace.free with the indices of the visible vertices in empty pixels; returns their number.
 
-    Also fills workspace.offsets with their pixel coordinates. Whether a pixel is empty is no branch, as it
-    would be hard to predict.
+    Also fills workspace.offsets with their pixel coordinates. The test for an empty pixel is not a branch,
+    because a branch would be hard to predict.
     """
     empty, posed, offsets, free = observed.empty, workspace.posed, workspace.offsets, workspace.free
     fx, fy, cx, cy = observed.lens[0], observed.lens[1], observed.lens[2], observed.lens[3]

@@ -1,8 +1,8 @@
 """Keypoints: points of the body that a network has seen in a camera's colour image.
 
 The cost is half the sum of rho(r_k), with r_k the distance in the image, in standard deviations of the
-keypoint, and rho a robust kernel: left and right may be exchanged, or the keypoint be another person's. One
-that lies behind the camera counts as infinitely far.
+keypoint, and rho a robust kernel: left and right may be swapped, or a keypoint may be another person's. A
+keypoint whose point on the body is behind the camera counts as infinitely far.
 """
 
 from __future__ import annotations
