@@ -24,12 +24,12 @@ from gepf.common.errors import InputError
 from gepf.common.frame import Frame
 from gepf.common.packages import MissingPackage
 from gepf.coordinator.bodies.choice import choose_bodies, choose_model
+from gepf.coordinator.bodies.families import family_of
 from gepf.coordinator.bodies.family import Bodies
 from gepf.coordinator.bodies.human.dofs import HUMAN
 from gepf.coordinator.bodies.human.measures import Measures
 from gepf.coordinator.bodies.human.people import PEOPLE
 from gepf.coordinator.bodies.human.shape_space import Size
-from gepf.coordinator.bodies.mechanisms import MECHANISMS
 from gepf.coordinator.colour.agreement import ColourStates, describe_changes
 from gepf.coordinator.colour.finder import KeypointFinder, without_colour
 from gepf.coordinator.files import with_parent
@@ -372,6 +372,6 @@ def bodies_to_track(model: Body, active: tuple[str, ...] | None, preset_name: st
         case Measures():
             return PEOPLE.measured(model, active, preset_name)
         case BodyModel():
-            return MECHANISMS.given(model, active)
+            return family_of(model).given(model, active, preset_name)
         case _:
             return choose_bodies(active, preset_name, choose_model(str(model)))

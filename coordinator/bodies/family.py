@@ -19,7 +19,7 @@ from gepf.common.arrays import Array, Mask
 from gepf.common.body import BodyModel
 from gepf.common.frame import SubjectFrame
 from gepf.coordinator.bodies.angles import Angles
-from gepf.coordinator.bodies.tracked import activate_at, name_pose
+from gepf.coordinator.bodies.tracked import activate_at, choose_active, name_pose
 
 SIZES = 64  # bodies that are kept
 
@@ -72,7 +72,8 @@ class BodyFamily(ABC):
     axis: ClassVar[tuple[str, str] | None] = None
     """Joints at the middle and at the upper end of an upright body; None: any orientation is as likely.
 
-    Only bodies with an axis are recognised by a part of them, if the image cuts them.
+    Only bodies with an axis are recognised by a part of them, if the image cuts them: from the upper end on.
+    A fixed joint of a URDF file is a joint, too.
     """
 
     sides: ClassVar[tuple[tuple[str, str], ...]] = ()
@@ -85,7 +86,10 @@ class BodyFamily(ABC):
     """Whether a large flat part that is observed may belong to a body."""
 
     is_exact: ClassVar[bool] = True
-    """Whether the surface of the model is that of the body, not a template's."""
+    """Whether the surface of the model is that of the body, not a template's, and its size is known.
+
+    Deviations of joints then follow from the refinement alone; otherwise from errors of people.
+    """
 
     outside_weight: ClassVar[float] = 1.0
     """Weight of squared distances of points outside of the surface; below 1 if bodies wear clothes."""
@@ -106,9 +110,18 @@ class BodyFamily(ABC):
     def bodies(self, model: str, active: tuple[str, ...] | None, preset: str) -> Bodies:
         """What is tracked of a file or the template, with these degrees of freedom; InputError if invalid."""
 
+    def given(self, model: BodyModel, active: tuple[str, ...] | None, preset: str) -> Bodies:
+        """What is tracked of a body in memory; with all its degrees of freedom. By default all move."""
+        del preset
+        return one_body(self, model, model.dof_names, choose_active(active, model.dof_names, model.dof_names))
+
     @abstractmethod
     def draw_poses(self, model: BodyModel, count: int, rng: np.random.Generator) -> Array:
-        """Poses (N, D) in which a body is searched for, with the root at the origin."""
+        """Poses (N, D) in which a body is searched for, with the root at the origin.
+
+        A pose includes the view: headings, and tilts of the camera, in its axes (x right, y down). The pose
+        of zeros is that at rest: the prior of joint angles, and limbs that are out of view, tend to it.
+        """
 
     @abstractmethod
     def angles(self, model: BodyModel, held: Mapping[str, float], up: Array | None) -> Angles:

@@ -11,8 +11,7 @@ from gepf.common.arrays import Array
 from gepf.common.body import MECHANISM, ROOT_DOFS, ROTATION, BodyModel
 from gepf.common.packages import needs
 from gepf.coordinator.bodies.angles import Angles, RevoluteJoint, level_turn, whole_body
-from gepf.coordinator.bodies.family import Bodies, BodyFamily, one_body
-from gepf.coordinator.bodies.tracked import choose_active
+from gepf.coordinator.bodies.family import Bodies, BodyFamily
 
 
 class Mechanisms(BodyFamily):
@@ -35,12 +34,7 @@ class Mechanisms(BodyFamily):
 
     def bodies(self, model: str, active: tuple[str, ...] | None, preset: str) -> Bodies:
         """The body of a URDF file; all its degrees of freedom move by default."""
-        del preset
-        return self.given(self.load(model), active)
-
-    def given(self, model: BodyModel, active: tuple[str, ...] | None) -> Bodies:
-        """A body with all its degrees of freedom; all of them move by default."""
-        return one_body(self, model, model.dof_names, choose_active(active, model.dof_names, model.dof_names))
+        return self.given(self.load(model), active, preset)
 
     def draw_poses(self, model: BodyModel, count: int, rng: np.random.Generator) -> Array:
         """Poses (N, D) in any orientation, with joints anywhere within their ranges."""

@@ -15,7 +15,7 @@ import pytest
 
 import gepf
 from gepf.coordinator.bodies.human.measures import Measures
-from gepf.coordinator.bodies.human.template import human_of
+from gepf.coordinator.bodies.human.template import human, human_of
 from tests.support.pairs import pair
 from tests.support.people import CAMERA, SETTINGS, STANDING, as_bytes, changed, shown
 from tests.support.refusals import refused
@@ -55,6 +55,14 @@ def replace_lens(**values: float) -> gepf.Intrinsics:
     return msgspec.structs.replace(CAMERA, **values)
 
 
+def test_a_persons_model_is_tracked_as_a_person() -> None:
+    """Given as a model or as measures: with the same degrees of freedom, and typical poses."""
+    model, measures = (gepf.Tracker(body, SETTINGS) for body in (human(1.82), PERSON))
+    ours, theirs = (tracker.track(FRAME) for tracker in (model, measures))
+    assert ours.flexible.family == theirs.flexible.family == "human"
+    np.testing.assert_array_equal(ours.joint_positions, theirs.joint_positions)
+
+
 def test_workers_give_the_same_bytes() -> None:
     """Two worker processes give the same estimates as this process alone."""
     frames = shown("standing").frames
@@ -85,7 +93,7 @@ def test_a_body_may_be_given_whole() -> None:
     tracker = gepf.Tracker(human_of(PERSON), SETTINGS, start=STANDING, active=moving)
     estimates = [tracker.track(frame) for frame in shown("standing").frames]
     assert tracker.model.dof_names == moving
-    assert tracker.size is None
+    assert tracker.size == pytest.approx((1.82, 1.0))
     joints = np.array([e.joint_positions for e in estimates])
     assert np.linalg.norm(joints - shown("standing").joints, axis=-1).max() < 0.05
 

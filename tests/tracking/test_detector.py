@@ -120,7 +120,7 @@ def test_the_front_of_a_seat_is_not_taken_for_a_part_of_the_person() -> None:
 def test_any_other_body_is_detected_however_it_is_turned() -> None:
     """A bracket of a URDF file: its whole surface lies where it is shown."""
     model = read_urdf(BRACKET)
-    body = MECHANISMS.given(model, None)
+    body = MECHANISMS.given(model, None, "default")
     poses = MECHANISMS.draw_poses(model, 3, np.random.default_rng(4))
     poses[:, 2] = 0.8
     for pose in poses:

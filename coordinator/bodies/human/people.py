@@ -78,6 +78,12 @@ class People(BodyFamily):
         chosen = choose_active(active, usual, HUMAN_DOFS)
         return Bodies(self, space.person, usual, chosen, HUMAN_DOFS, space=space)
 
+    def given(self, model: BodyModel, active: tuple[str, ...] | None, preset: str) -> Bodies:
+        """One person of the template, whose size is measured; by default the preset's angles move."""
+        usual = USUAL[preset]
+        chosen = choose_active(active, usual, model.dof_names)
+        return one_body(self, model, usual, chosen, size_of_surface(model.vertices))
+
     def measured(self, measures: Measures, active: tuple[str, ...] | None, preset: str) -> Bodies:
         """One person with known measures, with the surface of people of unknown size."""
         usual = USUAL[preset]
@@ -140,6 +146,14 @@ class People(BodyFamily):
         stature, girth, maturity = Size(*size)
         age = shape_space().age(stature, maturity)
         return {"stature": stature, DEVIATION: deviation_m, "girth": girth, "age": age}
+
+
+def size_of_surface(vertices: Array) -> Size:
+    """The size of a person of the template with a surface (V, 3) at rest, metres."""
+    stature, space = float(np.ptp(vertices[:, 1])), shape_space()
+    mean = space.person(stature, 1.0).vertices
+    wider = space.person(stature, 2.0).vertices - mean  # per unit of girth
+    return Size(stature, 1.0 + float(np.sum((vertices - mean) * wider) / np.sum(wider**2)))
 
 
 def read_person(path: Path) -> Measures:
