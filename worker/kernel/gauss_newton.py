@@ -1,7 +1,7 @@
 """Steps to the pose that minimises the terms at fixed correspondences (step 4d), and its covariance.
 
 Damped Gauss-Newton, Eq. 3-5. The covariance is the inverse of the Gauss-Newton matrix of the log posterior
-(Laplace) in the last iteration, with its closest points, weights and visible points. Damping and joint limits
+(Laplace) in the last step, with its closest points, weights and visible points. Damping and joint limits
 are not included. Undetermined degrees of freedom, like the twist of a forearm, have a weak prior; without any
 step this prior is the covariance.
 """
@@ -31,8 +31,7 @@ def minimise(pose: Array, mean: Array, solver: Solver, problem: Problem, workspa
     """Move pose (D,) in place towards the minimum of Eq. 3 within limits: damped Gauss-Newton (Eq. 4).
 
     The workspace holds .of_rig at this pose, and the equations of the terms of points, linearised there.
-    `mean` (D,) is that of the prior. Later steps reuse the matrices of points of the first step, because
-    these hardly change.
+    `mean` (D,) is that of the prior.
     """
     skeleton, equations = problem.skeleton, workspace.equations
     before, linearised = pose.copy(), np.any(equations.links != 0.0)
@@ -42,7 +41,7 @@ def minimise(pose: Array, mean: Array, solver: Solver, problem: Problem, workspa
                 move_wrenches(skeleton, step_between(skeleton.axes, skeleton.balls, before, pose), equations)
             move_links(pose, skeleton, workspace)
         before[:] = pose
-        fill_normal_equations(pose, mean, k == 0, problem, workspace)
+        fill_normal_equations(pose, mean, problem, workspace)
         step = solve(pose, solver.damping, problem, equations)
         size = np.max(np.abs(step))
         if size > solver.longest:

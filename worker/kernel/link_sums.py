@@ -67,10 +67,8 @@ def sum_by_link(view: CameraView) -> None:
 
 
 @numba.njit(cache=True, nogil=True)
-def add_link(
-    t: Array, sums: Array, metric: Array, fields: Array, renews: bool, scratch: Array, out: Array
-) -> None:
-    """Add the wrench of a link, and its matrix if `renews`, to out (6 + S, 7 + S).
+def add_link(t: Array, sums: Array, metric: Array, fields: Array, scratch: Array, out: Array) -> None:
+    """Add the matrix and the wrench of a link to out (6 + S, 7 + S).
 
     For the link's transform t (3, 4) of `Workspace.of_links`, its sums (4, 8), the metric G (3, 3) and the
     fields (S, 3, 4) of shape in the rig. scratch (4, 3, 4) holds intermediate results.
@@ -80,15 +78,14 @@ def add_link(
     for a in range(3):
         for b in range(4):
             residuals[a, b] = half[a, b] - sums[b, 4 + a]  # of (x - p~) X^T
+    multiply_transposed(half, t, moments)  # of x [x; 1]^T
+    add_matrix(moments, sums[3, 3], metric, forces, out)
     multiply(metric, residuals, forces)
     for s in range(len(fields)):
         out[6 + s, -1] += total_product(fields[s], forces)
     multiply_transposed(forces, t, moments)
     add_wrench(moments, out.shape[1] - 1, out)
-    if renews:
-        multiply_transposed(half, t, moments)  # of x [x; 1]^T
-        add_matrix(moments, sums[3, 3], metric, forces, out)
-        add_shape(t, sums, metric, fields, moments, forces, out)
+    add_shape(t, sums, metric, fields, moments, forces, out)
 
 
 @numba.njit(cache=True, nogil=True)

@@ -32,19 +32,16 @@ from gepf.worker.kernel.workspace import Equations, Problem, Workspace
 
 
 @numba.njit(cache=True, nogil=True)
-def fill_normal_equations(
-    pose: Array, mean: Array, renews: bool, problem: Problem, workspace: Workspace
-) -> None:
+def fill_normal_equations(pose: Array, mean: Array, problem: Problem, workspace: Workspace) -> None:
     """Fill the lower part of gram (D, D), and gradient (D,), with those of all terms at pose (D,).
 
     The workspace holds the links in this pose, and the terms of points in equations.links and .sums. mean
-    (D,) is that of the prior. The matrices of the links stay those of an earlier pose if it does not `renew`
-    them; the gradient is exact either way.
+    (D,) is that of the prior.
     """
     skeleton, equations = problem.skeleton, workspace.equations
     gram, gradient, parents = equations.gram, equations.gradient, skeleton.parents
     fill_twists(skeleton, workspace)
-    sum_subtrees(renews, problem, workspace)
+    sum_subtrees(problem, workspace)
     subtrees, twists, force = equations.subtrees, equations.twists, np.empty(equations.twists.shape[1])
     gram[:, :], gradient[:] = 0.0, 0.0
     for k in range(len(gradient)):
@@ -88,38 +85,34 @@ def fill_twists(skeleton: Skeleton, workspace: Workspace) -> None:
 
 
 @numba.njit(cache=True, nogil=True)
-def sum_subtrees(renews: bool, problem: Problem, workspace: Workspace) -> None:
-    """Fill equations.subtrees with matrices and wrenches, summed over the links that j moves, for each j.
-
-    Without `renews`, only with wrenches.
-    """
+def sum_subtrees(problem: Problem, workspace: Workspace) -> None:
+    """Fill equations.subtrees with matrices and wrenches, summed over the links that j moves, for each j."""
     skeleton, equations, of_rig = problem.skeleton, workspace.equations, workspace.of_rig
     parents, link_dofs, of_links = skeleton.parents, skeleton.link_dofs, workspace.of_links
     subtrees, links, drifts = equations.subtrees, equations.links, equations.drifts
     at_rest, fields, scratch = skeleton.shape_fields, equations.fields, equations.scratch
     fill_drifts(skeleton.kinds, parents, skeleton.shape_points, of_rig, drifts)
-    first = 0 if renews else subtrees.shape[2] - 1  # of the columns
-    subtrees[:, :, first:] = 0.0
+    subtrees[:] = 0.0
     for s in range(len(link_dofs)):
         if link_dofs[s] >= 0:
-            add_columns(links[s], first, subtrees[link_dofs[s]])
+            add_entries(links[s], subtrees[link_dofs[s]])
     for v in range(len(equations.sums)):
         of_camera, metric = equations.sums[v], metric_of(equations.turns[v], problem.parameters.stretch)
         for s in range(len(link_dofs)):
             j = link_dofs[s]
             if j >= 0 and of_camera[s, 3, 3] > 0.0:
                 place_fields(of_rig[j], at_rest[s], drifts[j], fields)
-                add_link(of_links[s], of_camera[s], metric, fields, renews, scratch, subtrees[j])
+                add_link(of_links[s], of_camera[s], metric, fields, scratch, subtrees[j])
     for j in range(len(parents) - 1, 0, -1):
         if parents[j] >= 0:
-            add_columns(subtrees[j], first, subtrees[parents[j]])
+            add_entries(subtrees[j], subtrees[parents[j]])
 
 
 @numba.njit(cache=True, nogil=True)
-def add_columns(matrix: Array, first: int, out: Array) -> None:
-    """Add the columns of a matrix from the first on to out; numpy's += on a part of an array takes longer."""
+def add_entries(matrix: Array, out: Array) -> None:
+    """Add a matrix to out; numpy's += on a part of an array takes longer."""
     for a in range(matrix.shape[0]):
-        for b in range(first, matrix.shape[1]):
+        for b in range(matrix.shape[1]):
             out[a, b] += matrix[a, b]
 
 

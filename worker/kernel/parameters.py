@@ -25,7 +25,7 @@ class Steps(NamedTuple):
 
 STEPS: dict[Descent, Steps] = {
     "plain": Steps(5, False, 1, 0.0, 0.0),
-    "accelerated": Steps(2, True, 4, 0.0003, 0.005),
+    "accelerated": Steps(2, True, 3, 0.0003, 0.005),
 }
 
 

@@ -193,6 +193,6 @@ def rasterise(triangles: Numbers, with_triangles: bool, workspace: Workspace, se
 
 @numba.njit(cache=True, nogil=True)
 def ceiling(value: float) -> int:
-    """The smallest integer not below a value; numpy returns a float, with_triangles is slower."""
+    """The smallest integer not below a value; numpy returns a float, which is slower."""
     below = int(value)
     return below + (below < value)

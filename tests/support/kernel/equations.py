@@ -76,7 +76,7 @@ class KernelAt:
         """Those of the linearised terms."""
         workspace, problem = self.view.workspace, self.view.problem
         equations = workspace.equations
-        fill_normal_equations(self.pose, self.mean, True, problem, workspace)
+        fill_normal_equations(self.pose, self.mean, problem, workspace)
         lower = np.tril(equations.gram)
         return lower + np.tril(lower, -1).T, equations.gradient.copy()
 

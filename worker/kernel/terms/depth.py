@@ -102,14 +102,12 @@ def squared_residual(height: float, beyond: float, outside: float) -> float:
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def sum_distances(view: CameraView) -> float:
     """Sum of the distances (m) of the observed points from the surface, without stretched depth."""
-    search, points, total = view.workspace.search, view.observed.points, 0.0
-    model, discs, shrink = search.model, search.discs, 1.0 / view.problem.parameters.stretch
+    search, points, stretch = view.workspace.search, view.observed.points, view.problem.parameters.stretch
+    change, total = 1.0 / (stretch * stretch) - 1.0, 0.0
     for i in range(view.observed.count):
-        m, beyond = np.uint64(search.closest[i]), search.beyond[i]
-        along = beyond / (beyond + discs[m, 3] + TINY)
-        up = (1.0 - along) * search.heights[i]
-        x = along * (points[0, i] - model[m, 0]) + up * discs[m, 0]
-        y = along * (points[1, i] - model[m, 1]) + up * discs[m, 1]
-        z = shrink * (along * (points[2, i] - model[m, 2]) + up * discs[m, 2])
-        total += np.sqrt(x * x + y * y + z * z)
+        m, height, beyond = np.uint64(search.closest[i]), np.float64(search.heights[i]), search.beyond[i]
+        part = beyond / (beyond + search.discs[m, 3] + TINY)
+        ahead = points[2, i] - search.model[m, 2]
+        z = part * ahead + (1.0 - part) * height * search.discs[m, 2]
+        total += np.sqrt(max(0.0, height * height + np.float64(beyond) * beyond + change * z * z))
     return total
