@@ -263,8 +263,8 @@ class ExplorationSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=Tru
     """Proposals for single limbs."""
 
     min_particles: Count = 8
-    """Particles in a frame that the prediction explains; with 6 or 7, a hidden arm is lost in one or two of ten
-    runs, with 8 and 20 in none."""
+    """Particles in a frame that the prediction explains; with 6 or 7, a hidden arm is lost in one or two of
+    ten runs, with 8 and 20 in none."""
     late_particles: Count = 4  #: particles in a live frame that is late, at most
     data_driven_share: Share = 0.4  #: share of the particles that are moved to observed points
     vertices: Count = 400  #: vertices of the body that are compared with observed points
