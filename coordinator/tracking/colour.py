@@ -7,7 +7,7 @@ the cameras after the previous frame, in `ColouredFrame`.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
 
@@ -26,7 +26,7 @@ from gepf.coordinator.colour.matching import (
 )
 from gepf.coordinator.colour.motion import trunk_step
 from gepf.coordinator.settings import ColourSettings
-from gepf.coordinator.tracking.segmenter import BodyView, SegmentedFrame, possible_people
+from gepf.coordinator.tracking.segmenter import BodyView, SegmentedFrame, UntrackedPerson
 from gepf.coordinator.tracking.track_state import ROUNDING_S
 
 
@@ -157,6 +157,20 @@ class ColouredFrame:
             is_looked_at=any(own.image.camera in looked_in for own in view.subject.views),
             is_swapped=self._is_swapped[person_index],
         )
+
+
+def possible_people(candidates: Sequence[UntrackedPerson], trusted: Collection[str]) -> list[UntrackedPerson]:
+    """Candidates confirmed by colour (those with keypoints), followed by the others.
+
+    The others are left out if they are in the image of a `trusted` camera.
+    """
+    confirmed, others = list[UntrackedPerson](), list[UntrackedPerson]()
+    for candidate in candidates:
+        if candidate.is_shown:
+            confirmed.append(candidate)
+        elif all(view.image.camera not in trusted for view in candidate.subject.views):
+            others.append(candidate)
+    return confirmed + others
 
 
 def take_turns(number: int, count: int, turns: int) -> list[int]:

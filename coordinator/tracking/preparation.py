@@ -38,23 +38,21 @@ class PreparedFrame:
 
 
 class FramePreparation:
-    """Prepares frames in their order; `state` is that after the last one.
-
-    Attributes:
-        is_late: Whether the last live frame was late.
-    """
+    """Prepares frames in their order; `state` is that after the last one."""
 
     def __init__(
         self, segmenter: Segmenter, colour: ColourWatch, settings: TrackSettings, state: FrameState
     ) -> None:
         self._segmenter, self._colour, self._settings = segmenter, colour, settings
         self._cameras, self._time_s = state.cameras, state.time_s
-        self.is_late = False
 
-    def prepare(self, frame: Frame, targets: Sequence[TargetTracker], colours: ColourStates) -> PreparedFrame:
+    def prepare(
+        self, frame: Frame, targets: Sequence[TargetTracker], colours: ColourStates, *, is_late: bool
+    ) -> PreparedFrame:
         """The next frame, segmented around the people; `colours` are the states after the last updated one.
 
-        First the people take over the results of searches that have ended in the meantime.
+        First the people take over the results of searches that have ended in the meantime. While frames are
+        late, colour is looked at less often.
         """
         clocks = [Stopwatch() for _ in targets]
         for target in targets:
@@ -66,9 +64,7 @@ class FramePreparation:
             last_s, self._time_s = self._time_s, frame.time_s
             interval_s = 0.0 if last_s is None else frame.time_s - last_s
             after_gap = interval_s > self._settings.max_lookahead_s + ROUNDING_S
-            look = self._colour.begin(
-                frame, [target.expected_body for target in targets], is_late=self.is_late
-            )
+            look = self._colour.begin(frame, [target.expected_body for target in targets], is_late=is_late)
             sight = Sight.of_nobody(len(targets))
             if look is not None and after_gap:  # people may have moved far since the last frame
                 is_trusted = not unused(colours, last_s)

@@ -306,20 +306,6 @@ class Segmenter:
         return UntrackedPerson(subject, tuple(filter(None, wider))) if subject else None
 
 
-def possible_people(candidates: Sequence[UntrackedPerson], trusted: Collection[str]) -> list[UntrackedPerson]:
-    """Candidates confirmed by colour (those with keypoints), followed by the others.
-
-    The others are left out if they are in the image of a `trusted` camera.
-    """
-    confirmed, others = list[UntrackedPerson](), list[UntrackedPerson]()
-    for candidate in candidates:
-        if candidate.is_shown:
-            confirmed.append(candidate)
-        elif all(view.image.camera not in trusted for view in candidate.subject.views):
-            others.append(candidate)
-    return confirmed + others
-
-
 def mask_candidate(image: View, view: SceneView, person: Candidate, near_bodies: Mask) -> MaskHypotheses:
     """The masks of a candidate in an image; `near_bodies` are the pixels (H, W) of those who are tracked."""
     masked = segment_masks(view, (person.mask, *person.wider), near_bodies)

@@ -43,13 +43,13 @@ from gepf.coordinator.tracking.track_state import (
     Body,
     Event,
     Found,
+    FrameRefined,
+    FrameSegmented,
     Instructions,
     Policy,
-    Refined,
     SearchEnded,
     SearchGivenUp,
     Searching,
-    Segmented,
     Tracked,
     TrackedBefore,
     step,
@@ -318,7 +318,7 @@ class TargetTracker:
         """The event of a segmented frame; measures the noise where a given start is first seen."""
         has_depth = any(image.depth.any() for image in view.frame.views)
         if subject is None:
-            return self._step(Segmented(view.frame.time_s, has_depth=has_depth))
+            return self._step(FrameSegmented(view.frame.time_s, has_depth=has_depth))
         moved = None
         if isinstance(self.track, Found):
             if self.track.place is None:  # the start is given
@@ -326,7 +326,9 @@ class TargetTracker:
             else:
                 moved = self._move(self.track.belief, middle_of(subject) - self.track.place)
         pixels, points = subject.pixels, len(subject.largest.picked)
-        return self._step(Segmented(view.frame.time_s, pixels, points, has_depth, view.is_elsewhere, moved))
+        return self._step(
+            FrameSegmented(view.frame.time_s, pixels, points, has_depth, view.is_elsewhere, moved)
+        )
 
     def _move(self, belief: Belief, step_m: Array) -> Belief:
         """The belief about a body that has moved by `step_m` (3,) since its detection."""
@@ -443,7 +445,7 @@ class TargetTracker:
         )
         return Choice(chosen, detection.gate, redetected, ambiguous_facing)
 
-    def _assess(self, belief: Belief, submitted: Submitted, faulty: tuple[str, ...]) -> Refined:
+    def _assess(self, belief: Belief, submitted: Submitted, faulty: tuple[str, ...]) -> FrameRefined:
         """The event of a refined frame."""
         settings, context = self._settings, submitted.context
         chosen = self._choose(belief, submitted)
@@ -452,7 +454,7 @@ class TargetTracker:
         match = match_sides(body, context.subject, settings.colour)
         allowed_m = settings.gating.max_distance_m(submitted.settings)
         views = [*context.subject.views, *(view.set_aside.views if view.set_aside is not None else ())]
-        return Refined(
+        return FrameRefined(
             belief=belief,
             gate=chosen.gate,
             pixels=context.subject.pixels,

@@ -150,7 +150,7 @@ TrackState: TypeAlias = Absent | Searching | Found | Tracked | Lost
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Segmented:
+class FrameSegmented:
     """A frame is segmented: the number of pixels that show the body, and of the points picked from them.
 
     Both are 0 if nothing shows it. `has_depth`: the frame shows anything. `is_elsewhere`: these pixels are
@@ -170,7 +170,7 @@ class SearchEnded:
     """A search has ended.
 
     The first search for a body ends with the `detected` body, or the reason `why` nothing was detected; the
-    result of a repeated search comes with `Refined`.
+    result of a repeated search comes with `FrameRefined`.
     """
 
     detected: Found | None = None
@@ -183,7 +183,7 @@ class SearchGivenUp:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Refined:
+class FrameRefined:
     """The particles of a frame are refined, and the pose is gated.
 
     `redetected`: the pose is that of a search, and not where the body was tracked. `ambiguous_facing`: front
@@ -209,7 +209,7 @@ class Refined:
     after_gap: bool = False
 
 
-Event: TypeAlias = Segmented | SearchEnded | SearchGivenUp | Refined
+Event: TypeAlias = FrameSegmented | SearchEnded | SearchGivenUp | FrameRefined
 
 
 class Policy(NamedTuple):
@@ -224,18 +224,18 @@ class Policy(NamedTuple):
 def step(state: TrackState, event: Event, policy: Policy) -> tuple[TrackState, Instructions]:
     """The state after an event, and what to do now."""
     match event:
-        case Segmented():
+        case FrameSegmented():
             return _segmented(state, event, policy)
         case SearchEnded():
             return _search_ended(state, event)
         case SearchGivenUp():
             return _search_given_up(state), ()
-        case Refined():
+        case FrameRefined():
             assert isinstance(state, Found | Tracked | Lost)  # only a body is refined
             return _refined(state, event, policy)
 
 
-def _segmented(state: TrackState, event: Segmented, policy: Policy) -> tuple[TrackState, Instructions]:
+def _segmented(state: TrackState, event: FrameSegmented, policy: Policy) -> tuple[TrackState, Instructions]:
     if not isinstance(state, Body):
         return _look_for_anybody(state, event, policy)
     if policy.recovers and (state.unshown_s or 0.0) > policy.colour.unshown_s - ROUNDING_S:
@@ -249,7 +249,7 @@ def _segmented(state: TrackState, event: Segmented, policy: Policy) -> tuple[Tra
 
 
 def _look_for_anybody(
-    state: Absent | Searching, event: Segmented, policy: Policy
+    state: Absent | Searching, event: FrameSegmented, policy: Policy
 ) -> tuple[TrackState, Instructions]:
     """An unknown body: search for it at intervals while there is something to search in."""
     if isinstance(state, Searching) and state.awaits_search:
@@ -267,7 +267,7 @@ def _look_for_anybody(
     return state, ("search",)
 
 
-def _handle_unseen(state: Found | Tracked | Lost, event: Segmented, policy: Policy) -> TrackState:
+def _handle_unseen(state: Found | Tracked | Lost, event: FrameSegmented, policy: Policy) -> TrackState:
     """A body that is not seen: its hypotheses stay where they are, without velocity.
 
     The next frame is still segmented around its pose; if it is not seen there, it may be anywhere.
@@ -288,7 +288,7 @@ def _handle_unseen(state: Found | Tracked | Lost, event: Segmented, policy: Poli
 
 
 def _handle_seen(
-    state: Found | Tracked | Lost, event: Segmented, policy: Policy
+    state: Found | Tracked | Lost, event: FrameSegmented, policy: Policy
 ) -> tuple[TrackState, Instructions]:
     """A body that is seen: refine it, and search for it as well if it is new, lost or in doubt."""
     state = replace(state, belief=event.moved or state.belief, excluded=state.agreement.contradicting)
@@ -361,7 +361,7 @@ def _search_given_up(state: TrackState) -> TrackState:
 
 
 def _refined(
-    state: Found | Tracked | Lost, event: Refined, policy: Policy
+    state: Found | Tracked | Lost, event: FrameRefined, policy: Policy
 ) -> tuple[TrackState, Instructions]:
     """A body is tracked if it explains the frame, and lost if it has not for some frames."""
     settings, agreement = policy.settings, state.agreement
@@ -408,7 +408,7 @@ def _refined(
 
 
 def _unshown(
-    before_s: float | None, event: Refined, interval_s: float, settings: ColourSettings
+    before_s: float | None, event: FrameRefined, interval_s: float, settings: ColourSettings
 ) -> float | None:
     """How long colour has not confirmed a body since its detection, seconds; None once it has."""
     if event.is_shown or before_s is None:

@@ -78,6 +78,7 @@ class Tracker:
         watch = ColourWatch(colour, settings.colour)
         self._preparation = FramePreparation(self._segmenter, watch, settings.track, state.frame)
         self._frame = state.frame  # of the last updated frame
+        self._is_late = False  # whether the last submitted live frame was late
         self._targets = [TargetTracker(refiner, settings, bodies, person, motion) for person in state.people]
 
     @property
@@ -113,7 +114,7 @@ class Tracker:
         try:
             for prepared in upcoming:
                 budget = pacing.begin_frame(self._targets)
-                self._preparation.is_late = budget is not None and budget.is_late
+                self._is_late = budget is not None and budget.is_late
                 submitted = self._submit(prepared, budget)  # predict, refine
                 # the workers are busy from here until the update
                 yield from reported(updated, self._settings)
@@ -133,7 +134,7 @@ class Tracker:
         yield from reported(updated, self._settings)
 
     def _prepare(self, frame: Frame) -> PreparedFrame:
-        return self._preparation.prepare(frame, self._targets, self._frame.colours)
+        return self._preparation.prepare(frame, self._targets, self._frame.colours, is_late=self._is_late)
 
     def _submit(self, prepared: PreparedFrame, budget: FrameBudget | None) -> SubmittedFrame:
         """Predict the particles of each person, and send them to the workers."""

@@ -21,14 +21,14 @@ from gepf.coordinator.tracking.track_state import (
     Absent,
     Event,
     Found,
+    FrameRefined,
+    FrameSegmented,
     Instructions,
     Lost,
     Policy,
-    Refined,
     SearchEnded,
     SearchGivenUp,
     Searching,
-    Segmented,
     Tracked,
     TrackState,
     step,
@@ -57,9 +57,9 @@ LOST = Lost(belief=BELIEF, time_s=1.0, segmentation_pose=None, check_clock_s=0.5
 
 INTERVAL_S = 1 / 32
 NEXT_S, LATER_S = 1.0 + INTERVAL_S, 2.0
-CANDIDATE = Segmented(NEXT_S, pixels=900, points=500)
-NOTHING, DARK = Segmented(NEXT_S), Segmented(NEXT_S, has_depth=False)
-FITS = Refined(AFTER, Gate(0.8), pixels=800, time_s=NEXT_S)
+CANDIDATE = FrameSegmented(NEXT_S, pixels=900, points=500)
+NOTHING, DARK = FrameSegmented(NEXT_S), FrameSegmented(NEXT_S, has_depth=False)
+FITS = FrameRefined(AFTER, Gate(0.8), pixels=800, time_s=NEXT_S)
 AS_REFINED = {
     "belief": AFTER,
     "time_s": NEXT_S,
@@ -92,7 +92,7 @@ class Transition(NamedTuple):
 
 TRANSITIONS = [
     Transition(Absent(), "", NOTHING, "nothing is seen", Absent, {}, ()),
-    Transition(Absent(), "", Segmented(NEXT_S, 50, 50), "too few points are seen", Absent, {}, ()),
+    Transition(Absent(), "", FrameSegmented(NEXT_S, 50, 50), "too few points are seen", Absent, {}, ()),
     Transition(
         Absent(), "", CANDIDATE, "a candidate is seen",
         Searching, {"searched_s": NEXT_S, "awaits_search": True}, ("search",)

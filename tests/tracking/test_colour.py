@@ -36,9 +36,9 @@ from gepf.coordinator.results.log import Entry, Opening, append_records, assembl
 from gepf.coordinator.settings import ColourSettings
 from gepf.coordinator.sources.live import LiveFrames
 from gepf.coordinator.sources.live_stream import LiveCamera
-from gepf.coordinator.tracking.colour import take_turns
+from gepf.coordinator.tracking.colour import possible_people, take_turns
 from gepf.coordinator.tracking.observation import isolate
-from gepf.coordinator.tracking.segmenter import UntrackedPerson, possible_people
+from gepf.coordinator.tracking.segmenter import UntrackedPerson
 from gepf.coordinator.tracking.track_state import Tracked
 from gepf.coordinator.tracking.tracker import Tracker
 from gepf.refiners import DirectRefiner

@@ -21,14 +21,14 @@ from gepf.coordinator.tracking.track_state import (
     Body,
     Event,
     Found,
+    FrameRefined,
+    FrameSegmented,
     Instructions,
     Lost,
     Policy,
-    Refined,
     SearchEnded,
     SearchGivenUp,
     Searching,
-    Segmented,
     Tracked,
     TrackedBefore,
     TrackState,
@@ -69,7 +69,9 @@ def test_a_transition_is_as_the_table_says(row: Transition) -> None:
             assert np.isnan(value.residual).all()
             assert not value.velocities.any()
         elif (
-            name == "was_new" and isinstance(row.before, Tracked | Lost) and isinstance(row.event, Segmented)
+            name == "was_new"
+            and isinstance(row.before, Tracked | Lost)
+            and isinstance(row.event, FrameSegmented)
         ):
             assert value == row.before.is_new(row.policy.settings)
         elif hasattr(row.before, name):
@@ -80,8 +82,8 @@ def test_the_table_has_every_event_of_every_state() -> None:
     """Each kind of event in each state, if the state allows it, and all ways from a state to another."""
     rows = {(type(row.before), type(row.event)) for row in TRANSITIONS}
     kinds = get_args(TrackState)
-    assert rows >= {(kind, event) for kind in kinds for event in (Segmented,)}
-    assert rows >= {(kind, Refined) for kind in (Found, Tracked, Lost)}
+    assert rows >= {(kind, event) for kind in kinds for event in (FrameSegmented,)}
+    assert rows >= {(kind, FrameRefined) for kind in (Found, Tracked, Lost)}
     assert rows >= {(kind, SearchEnded) for kind in (Searching, Tracked, Lost)}
     assert rows >= {(kind, SearchGivenUp) for kind in (Absent, Searching, Tracked, Lost)}
 
@@ -94,15 +96,15 @@ def test_the_page_has_the_tested_table() -> None:
 
 EVENTS = [  # what a frame shows
     *(
-        Segmented(0.0, 900, points, is_elsewhere=elsewhere, moved=moved)
+        FrameSegmented(0.0, 900, points, is_elsewhere=elsewhere, moved=moved)
         for points in (50, 500)
         for elsewhere in (False, True)
         for moved in (None, Belief.at(np.array([0.7])))
     ),
-    *(Segmented(0.0, has_depth=depth) for depth in (False, True)),
+    *(FrameSegmented(0.0, has_depth=depth) for depth in (False, True)),
 ]
 RESULTS = st.builds(
-    Refined,
+    FrameRefined,
     belief=st.just(Belief.at(np.array([0.6]))),
     gate=st.sampled_from([Gate(0.5), Gate(1.1, "why"), Gate(2.0, "why")]),
     pixels=st.just(900),
@@ -151,7 +153,7 @@ class Executor:
         else:
             assert self.send(SearchEnded(why="no")) == ()
 
-    def track(self, segmented: Segmented, refined: Refined, how: str, *, waits: bool) -> None:
+    def track(self, segmented: FrameSegmented, refined: FrameRefined, how: str, *, waits: bool) -> None:
         """A frame; a search ends in it, if the frame waits for it, or before the next one."""
         todo = self.send(segmented)
         if waits:
@@ -192,7 +194,10 @@ def check(state: TrackState, policy: Policy, *, searches: bool) -> None:
 @settings(derandomize=False, suppress_health_check=[HealthCheck.too_slow])
 @given(st.sampled_from([Absent(), GIVEN, DETECTED, TRACKED, LOST]), st.booleans(), st.booleans(), HISTORY)
 def test_any_history_ends_in_a_valid_state(
-    first: TrackState, recovers: bool, waits: bool, history: list[tuple[float, Segmented, Refined, str]]
+    first: TrackState,
+    recovers: bool,
+    waits: bool,
+    history: list[tuple[float, FrameSegmented, FrameRefined, str]],
 ) -> None:
     """For recorded input, which waits for searches, and for live input, which does not."""
     executor, now = Executor(first, POLICY._replace(recovers=recovers)), 1.0
