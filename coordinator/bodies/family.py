@@ -111,7 +111,7 @@ class BodyFamily(ABC):
         """What is tracked of a file or the template, with these degrees of freedom; InputError if invalid."""
 
     def given(self, model: BodyModel, active: tuple[str, ...] | None, preset: str) -> Bodies:
-        """What is tracked of a body in memory; with all its degrees of freedom. By default all move."""
+        """What is tracked of a model in memory, which has all degrees of freedom; by default all of them."""
         del preset
         return one_body(self, model, model.dof_names, choose_active(active, model.dof_names, model.dof_names))
 

@@ -61,6 +61,8 @@ def test_a_persons_model_is_tracked_as_a_person() -> None:
     ours, theirs = (tracker.track(FRAME) for tracker in (model, measures))
     assert ours.flexible.family == theirs.flexible.family == "human"
     np.testing.assert_array_equal(ours.joint_positions, theirs.joint_positions)
+    with refused("give their Measures"):
+        gepf.Tracker(replace(human(1.82), vertices=human(1.82).vertices[:9]), SETTINGS)
 
 
 def test_workers_give_the_same_bytes() -> None:

@@ -149,9 +149,13 @@ class People(BodyFamily):
 
 
 def size_of_surface(vertices: Array) -> Size:
-    """The size of a person of the template with a surface (V, 3) at rest, metres."""
+    """The size of a person with the template's surface (V, 3) at rest, metres; InputError for another one."""
     stature, space = float(np.ptp(vertices[:, 1])), shape_space()
     mean = space.person(stature, 1.0).vertices
+    if vertices.shape != mean.shape:
+        raise InputError(
+            f"the person's model has {len(vertices)} vertices, the template {len(mean)}; give their Measures"
+        )
     wider = space.person(stature, 2.0).vertices - mean  # per unit of girth
     return Size(stature, 1.0 + float(np.sum((vertices - mean) * wider) / np.sum(wider**2)))
 
