@@ -24,7 +24,7 @@ from gepf.coordinator.synthesis.sequence import PERSON, synthesise
 from gepf.coordinator.tracking.certainty import Features, measure_features, seen_shares
 from gepf.coordinator.tracking.estimate import POSE_UNKNOWN
 from gepf.coordinator.tracking.reporting import Updated, report
-from gepf.coordinator.tracking.segmenter import BodyView, Segmenter
+from gepf.coordinator.tracking.segmenter import BodyView, ExpectedSurface, Segmenter
 from gepf.coordinator.tracking.state import first_state
 from gepf.coordinator.tracking.target import TargetTracker
 from gepf.coordinator.tracking.track_state import TrackedBefore
@@ -90,7 +90,7 @@ def gather(
     rows: list[tuple[Array, Array, Mask, str]] = []
     for frame in frames[::every]:
         tracker.take_search()
-        segmented = segmenter.segment(frame, [tracker.segmentation_surface()])
+        segmented = segmenter.segment(frame, [ExpectedSurface(tracker.segmentation_surface())])
         (subject,) = segmented.subjects
         if segmented.candidates:
             subject = segmented.candidates[0].subject

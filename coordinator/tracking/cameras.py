@@ -6,9 +6,10 @@ wrong or changed pose fails this, whatever the reason. A repeated image is no ne
 camera is always kept.
 
 After a frame, `Agreement.after` says which cameras contradict the pose of a body. When the next frame is
-segmented, the body excludes these (`Body.excluded`): what they show of it is set aside, and compared again.
-`watch` marks a camera as faulty for all bodies if any body excludes it or if its image is at fault.
-`faults_of` returns the faults that last: estimates name them, and a track is checked when one of them ends.
+segmented, the body excludes these (`NextSegmentation.excluded`): what they show of it is set aside, and
+compared again. `watch` marks a camera as faulty for all bodies if any body excludes it or if its image is at
+fault. `faults_of` returns the faults that last: estimates name them, and a track is checked when one of them
+ends.
 """
 
 from __future__ import annotations

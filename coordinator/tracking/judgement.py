@@ -35,15 +35,26 @@ class Judgement:
     subject: SubjectFrame  # the crop in which the pose is judged
     certainty: Certainty
     seen_by: dict[str, Array]  # by camera: the share (J,) of the surface around each joint that it sees
-    in_sight: Mask  # (J,) joints that are in view and not hidden by something else
+    doubted: Mask  # (J,) joints in sight that are too likely to be wrong
     has_rival: bool  # whether a comparably likely hypothesis places a joint in view elsewhere
-    is_doubtful: bool  # whether a joint in view may be wrong
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether a joint in view may be wrong."""
+        return self.has_rival or bool(self.doubted.any())
 
 
 def judge_pose(
-    start: Start, belief: Belief, normalised_residual: float, context: FrameContext, all_settings: Settings
+    start: Start,
+    belief: Belief,
+    normalised_residual: float,
+    context: FrameContext,
+    all_settings: Settings,
+    *,
+    is_new: bool,
+    has_fault: bool,
 ) -> Judgement:
-    """Judge a belief in a frame."""
+    """Judge a belief in a frame; `is_new` and `has_fault` are those of `doubted_joints`."""
     model, pose, settings = start.model, belief.reported, all_settings.certainty
     poses, weights = belief.poses[: settings.max_hypotheses], belief.weights[: settings.max_hypotheses]
     joints = joint_positions(model, np.concatenate([pose[None], poses]))
@@ -54,9 +65,23 @@ def judge_pose(
     shown = shown_in_colour(ExpectedBody(model, pose), context.subject, farthest)
     certainty = certainty_of(start, belief, features, in_sight, shown, settings)
     rivals = has_rival(weights, joints[1:, in_sight], joints[0, in_sight], settings)
-    likely = bool(np.any(certainty.off_probability[in_sight] > settings.ambiguous_probability))
+    doubted = in_sight & doubted_joints(certainty, settings, is_new=is_new, has_fault=has_fault)
     shares = {view.image.camera: seen for view, seen in zip(context.subject.views, seen_by, strict=True)}
-    return Judgement(context.subject, certainty, shares, in_sight, rivals, rivals or likely)
+    return Judgement(context.subject, certainty, shares, doubted, rivals)
+
+
+def doubted_joints(
+    certainty: Certainty, settings: CertaintySettings, *, is_new: bool, has_fault: bool
+) -> Mask:
+    """The joints (J,) that are too likely to be wrong.
+
+    A body is doubted sooner while it is new: detected a few frames earlier, or a camera has come back. While
+    a camera has a fault, hidden joints are also doubted sooner, because the remaining cameras may not see
+    them.
+    """
+    sooner = is_new | (has_fault & (certainty.seen < settings.hidden_share))
+    threshold = np.where(sooner, settings.flagged_probability, settings.ambiguous_probability)
+    return np.asarray(certainty.off_probability > threshold)
 
 
 def has_rival(weights: Array, joints: Array, reported: Array, settings: CertaintySettings) -> bool:

@@ -15,7 +15,7 @@ from gepf.coordinator.settings import TrackSettings
 from gepf.coordinator.stopwatch import Stopwatch
 from gepf.coordinator.tracking.cameras import CameraStates, watch
 from gepf.coordinator.tracking.colour import ColourWatch, Look, Sight, with_own_keypoints
-from gepf.coordinator.tracking.segmenter import SegmentedFrame, Segmenter
+from gepf.coordinator.tracking.segmenter import ExpectedSurface, SegmentedFrame, Segmenter
 from gepf.coordinator.tracking.state import FrameState
 from gepf.coordinator.tracking.target import TargetTracker
 from gepf.coordinator.tracking.track_state import ROUNDING_S, Body, Searching
@@ -58,9 +58,9 @@ class FramePreparation:
         for target in targets:
             target.take_search()
         with clocks[0].stage("segment"):
-            tracks = [target.track for target in targets]
-            excluded = [track.excluded if isinstance(track, Body) else () for track in tracks]
-            self._cameras, frame = watch(self._cameras, frame, set().union(*excluded))
+            expected = [target.next_segmentation for target in targets]
+            excluded_by_any = set[str]().union(*(body.excluded for body in expected))
+            self._cameras, frame = watch(self._cameras, frame, excluded_by_any)
             last_s, self._time_s = self._time_s, frame.time_s
             interval_s = 0.0 if last_s is None else frame.time_s - last_s
             after_gap = interval_s > self._settings.max_lookahead_s + ROUNDING_S
@@ -68,19 +68,18 @@ class FramePreparation:
             sight = Sight.of_nobody(len(targets))
             if look is not None and after_gap:  # people may have moved far since the last frame
                 is_trusted = not unused(colours, last_s)
-                usable = [is_trusted and target.is_confirmed for target in targets]
+                usable = [is_trusted and body.is_confirmed for body in expected]
                 sight = replace(sight, steps=look.steps(usable, self._settings.max_motion_m))
             segmented = self._segmenter.segment(
                 frame,
                 [
-                    target.segmentation_surface(step)
-                    for target, step in zip(targets, sight.steps, strict=True)
+                    ExpectedSurface(target.segmentation_surface(step), body.excluded, body.is_new)
+                    for target, step, body in zip(targets, sight.steps, expected, strict=True)
                 ],
-                excluded=excluded,
-                new=[isinstance(track, Body) and track.was_new for track in tracks],
                 rejected=any(
-                    isinstance(track, Searching) and track.searches > self._settings.max_searches
-                    for track in tracks
+                    isinstance(target.track, Searching)
+                    and target.track.searches > self._settings.max_searches
+                    for target in targets
                 ),
                 find=any(target.needs_candidates for target in targets),
             )

@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gepf.common.arrays import Array
+from gepf.common.arrays import Mask
 from gepf.common.frame import Frame, SubjectFrame
 from gepf.common.kinematics import joint_positions
 from gepf.coordinator.colour.matching import in_image
-from gepf.coordinator.settings import CertaintySettings, Settings
+from gepf.coordinator.settings import Settings
 from gepf.coordinator.stopwatch import Stopwatch
 from gepf.coordinator.tracking.cameras import CameraStates, faults_of
 from gepf.coordinator.tracking.certainty import unknown_certainty
@@ -80,7 +80,7 @@ def report(updated: Updated, cameras: CameraStates, settings: Settings) -> Track
         certainty, doubt = unknown_certainty(len(joints)), Doubt()
         if judgement is not None and followed is not None:
             certainty = judgement.certainty
-            doubt = doubt_of(followed, judgement, cameras, model.joint_names, settings)
+            doubt = doubt_of(followed, judgement, model.joint_names, settings)
         elif isinstance(track, Searching):
             doubt = Doubt(track.why)
         status = status_of(track, is_ambiguous=doubt.is_ambiguous)
@@ -105,24 +105,12 @@ def report(updated: Updated, cameras: CameraStates, settings: Settings) -> Track
 
 
 def doubt_of(
-    track: TrackedBefore,
-    judgement: Judgement,
-    cameras: CameraStates,
-    joint_names: tuple[str, ...],
-    settings: Settings,
+    track: TrackedBefore, judgement: Judgement, joint_names: tuple[str, ...], settings: Settings
 ) -> Doubt:
     """Doubt in a pose: cameras disagree, front and back look alike, or joints in sight may be wrong."""
-    limits, certainty = settings.certainty, judgement.certainty
     disputed = track.agreement.dispute(list(judgement.seen_by), settings.track.camera_confirmed_s)
-    thresholds = doubt_thresholds(
-        certainty,
-        limits,
-        faulty=any(state.fault for state in cameras.values()),
-        new=track.is_new(settings.track),
-    )
-    in_sight = np.where(judgement.in_sight, thresholds, 1.0)
-    joints = explain_doubt(joint_names, certainty, in_sight, limits.wrong_m)
-    is_ambiguous = disputed or joints or judgement.has_rival or not track.knows_facing(settings.colour)
+    joints = explain_doubt(joint_names, judgement.certainty, judgement.doubted, settings.certainty.wrong_m)
+    is_ambiguous = disputed or judgement.is_doubtful or not track.knows_facing(settings.colour)
     return Doubt(disputed or track.doubt(settings.colour) or joints, bool(is_ambiguous))
 
 
@@ -142,23 +130,8 @@ def status_of(track: TrackState, *, is_ambiguous: bool) -> Status:
     return "lost"
 
 
-def doubt_thresholds(certainty: Certainty, settings: CertaintySettings, *, faulty: bool, new: bool) -> Array:
-    """Probabilities (J,) of being wrong above which joints are in doubt.
-
-    A body is doubted sooner while it is `new`: detected a few frames earlier, or a camera has come back.
-    While a camera is `faulty`, hidden joints are also doubted sooner, because the remaining cameras may not
-    see them.
-    """
-    sooner = new | (faulty & (certainty.seen < settings.hidden_share))
-    return np.where(sooner, settings.flagged_probability, settings.ambiguous_probability)
-
-
-def explain_doubt(names: tuple[str, ...], certainty: Certainty, thresholds: Array, wrong_m: float) -> str:
-    """Text that names the joints whose probability of being wrong exceeds their threshold.
-
-    `thresholds` are (J,). The most probable joint comes first.
-    """
-    probability = certainty.off_probability
-    doubted = [j for j in np.argsort(-probability, kind="stable") if probability[j] > thresholds[j]]
-    listed = ", ".join(names[j].replace("_", " ") for j in doubted)
-    return doubtful_joints_text(wrong_m, listed) if doubted else ""
+def explain_doubt(names: tuple[str, ...], certainty: Certainty, doubted: Mask, wrong_m: float) -> str:
+    """Text that names the doubted joints (J,), those most likely to be wrong first; empty without any."""
+    order = np.argsort(-certainty.off_probability, kind="stable")
+    listed = ", ".join(names[j].replace("_", " ") for j in order if doubted[j])
+    return doubtful_joints_text(wrong_m, listed) if listed else ""

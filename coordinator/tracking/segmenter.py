@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import reduce
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,6 +31,30 @@ from gepf.coordinator.tracking.observation import MaskedView, depth_in, depth_of
 
 MaskHypotheses = tuple[MaskedView, ...]
 """The masks of an untracked person in one image, from the narrowest to the widest."""
+
+
+class ExpectedSurface(NamedTuple):
+    """Where a body is expected in a frame.
+
+    vertices: (V, 3) of its surface, rig's frame, metres; None if it may be anywhere. excluded: cameras that
+    are not used for it, unless no other camera shows it. is_new: whether it was detected a short time ago.
+    """
+
+    vertices: Array | None = None
+    excluded: Collection[str] = ()
+    is_new: bool = False
+
+
+class PosedSurface(NamedTuple):
+    """An expected body in the image of one camera.
+
+    vertices: (V, 3), camera frame, metres. distances: (H, W) of the pixels' points from it. is_new: see
+    `ExpectedSurface`.
+    """
+
+    vertices: Array
+    distances: Depth
+    is_new: bool
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -162,37 +187,29 @@ class Segmenter:
         return self._scenes[camera]
 
     def segment(
-        self,
-        frame: Frame,
-        bodies: Sequence[Array | None],
-        *,
-        excluded: Sequence[Collection[str]] = (),
-        new: Sequence[bool] = (),
-        rejected: bool = False,
-        find: bool = True,
+        self, frame: Frame, bodies: Sequence[ExpectedSurface], *, rejected: bool = False, find: bool = True
     ) -> SegmentedFrame:
-        """Segment the next frame: near the vertices (V, 3) of bodies, and people if a body may be anywhere.
-
-        The `excluded` cameras of a body are not used for it, unless no other camera shows it. A body is `new`
-        if it was detected a short time ago.
+        """Segment the next frame: around bodies, and into other people if a body may be anywhere.
 
         Other people are not added to the background, unless they have been `rejected` for a while and do not
         move. Without `find`, they are not searched for, and nothing is learned while a body may be anywhere.
         """
-        new = new or [False] * len(bodies)
-        views = tuple(
-            self._segment_view(view, bodies, new, rejected=rejected, find=find) for view in frame.views
-        )
+        views = tuple(self._segment_view(view, bodies, rejected=rejected, find=find) for view in frame.views)
         subjects, set_aside = list[SubjectFrame | None](), list[SubjectFrame | None]()
-        for n, unused in enumerate(excluded or [()] * len(bodies)):
-            own = [(view.image.camera, body) for view in views if (body := view.bodies[n]) is not None]
-            agreed = subject_of(frame, [body for name, body in own if name not in unused], self._points)
-            disagreed = subject_of(frame, [body for name, body in own if name in unused], self._points)
-            subjects.append(agreed or disagreed)
-            set_aside.append(None if agreed is None else disagreed)
-        excluded_by_any = set().union(*excluded)
-        seen = [view.people for view in views if view.image.camera not in excluded_by_any]
-        people = self._join_people(frame, seen if any(seen) else [view.people for view in views])
+        for n, body in enumerate(bodies):
+            shown = [masked for view in views if (masked := view.bodies[n]) is not None]
+            used, unused = (
+                subject_of(
+                    frame, [m for m in shown if (m.image.camera in body.excluded) == excluded], self._points
+                )
+                for excluded in (False, True)
+            )
+            subjects.append(used or unused)
+            set_aside.append(None if used is None else unused)
+        excluded_by_any = set[str]().union(*(body.excluded for body in bodies))
+        used_views = [view for view in views if view.image.camera not in excluded_by_any]
+        shows_people = any(view.people for view in used_views)
+        people = self._join_people(frame, [view.people for view in (used_views if shows_people else views)])
         return SegmentedFrame(frame, tuple(subjects), tuple(set_aside), people, views)
 
     def find_candidates(
@@ -202,7 +219,7 @@ class Segmenter:
         seen = list[Sequence[MaskHypotheses]]()
         for segmented_view in segmented.views:
             image, view = segmented_view.image, segmented_view.scene
-            if not view.shows_room and len(segmented.subjects) == 1:
+            if shows_one_body(view, len(segmented.subjects)):
                 seen.append([(everything,) for everything in outline(image)])
                 continue
             distances = [measure_distances(view, image.to_camera(body)) for body in tracked]
@@ -239,43 +256,49 @@ class Segmenter:
         return after
 
     def _segment_view(
-        self, image: View, bodies: Sequence[Array | None], new: Sequence[bool], *, rejected: bool, find: bool
+        self, image: View, bodies: Sequence[ExpectedSurface], *, rejected: bool, find: bool
     ) -> SegmentedView:
-        """Segment one image of a frame, with the surfaces (V, 3) of bodies."""
+        """Segment one image of a frame, and learn its scene."""
         scope = self._scope.of(image.camera)
         scene = self._scene_of(image.camera, image.T_rig_camera, image.gravity)
         image, out_of_scope = scope.limit(image)
         view = scene.see(image, out_of_scope)
-        if not view.shows_room and len(bodies) == 1:
+        if shows_one_body(view, len(bodies)):
             scene.foreign = NOBODY
-            everything, change = next(iter(outline(image)), None), scene.learn(view)
-            if bodies[0] is not None:
-                return SegmentedView(image, view, change, (everything,), ())
-            return SegmentedView(image, view, change, (None,), ((everything,),) if everything else ())
-        surfaces = [image.to_camera(body) for body in bodies if body is not None]
-        distances = [measure_distances(view, surface) for surface in surfaces]
-        nearest = nearest_of(view, distances)
+            everything, is_known = tuple(outline(image)), bodies[0].vertices is not None
+            body = everything[0] if everything and is_known else None
+            candidate = (everything,) if everything and not is_known else ()
+            return SegmentedView(image, view, scene.learn(view), (body,), candidate)
+        posed = [posed_surface(view, image, body) for body in bodies]
+        known = [body for body in posed if body is not None]
+        nearest = nearest_of(view, [body.distances for body in known])
         near_bodies = nearest <= self._settings.segmentation.near_m
-        are_new = [is_new for body, is_new in zip(bodies, new, strict=True) if body is not None]
-        beside = mark_and_remember(scene, view, surfaces, distances, are_new)
-        foreign = [(distance > nearest) | beside for distance in distances]
-        segmented = [segment_body(view, *body) for body in zip(surfaces, distances, foreign, strict=True)]
-        complete = len(surfaces) == len(bodies)
-        possible = candidates(view, near_bodies) if find and not complete else []
+        beside = mark_and_remember(scene, view, known, nearest)
+        segmented = [
+            None
+            if body is None
+            else segment_body(view, body.vertices, body.distances, (body.distances > nearest) | beside)
+            for body in posed
+        ]
+        is_sought = find and len(known) < len(bodies)
+        possible = candidates(view, near_bodies) if is_sought else []
         # colour tells which of several candidates is a person
         count = 1 if len(bodies) == 1 and image.colours is None else None
         chosen = scope.choose(view, possible)[:count]
-        strangers = tuple(mask_candidate(image, view, person, near_bodies) for person in chosen)
-        missing = any(is_missing(view, *body) for body in zip(surfaces, segmented, strict=True))
-        if missing or not (find or complete):  # a body may be anywhere
+        people = tuple(mask_candidate(image, view, person, near_bodies) for person in chosen)
+        is_complete = is_sought or len(known) == len(bodies)
+        if is_complete and not any(
+            is_missing(view, body.vertices, segmentation)
+            for body, segmentation in zip(posed, segmented, strict=True)
+            if body is not None and segmentation is not None
+        ):
+            moving = [person.widest for person in possible if not rejected or has_moved(view, person)]
+            not_learned = reduce(np.logical_or, moving, near_bodies)
+        else:  # a body may be anywhere
             not_learned = np.ones_like(near_bodies)
-        else:
-            people = [person.widest for person in possible if not rejected or has_moved(view, person)]
-            not_learned = reduce(np.logical_or, people, near_bodies)
         change = scene.learn(view, not_learned)
-        masked = iter([masked_view(image, view, body) for body in segmented])
-        own = tuple(None if body is None else next(masked) for body in bodies)
-        return SegmentedView(image, view, change, own, strangers)
+        own = tuple(None if body is None else masked_view(image, view, body) for body in segmented)
+        return SegmentedView(image, view, change, own, people)
 
     def _join_people(
         self, frame: Frame, seen: Sequence[Sequence[MaskHypotheses]]
@@ -312,17 +335,29 @@ def mask_candidate(image: View, view: SceneView, person: Candidate, near_bodies:
     return tuple(masked_view(image, view, mask) for mask in masked)
 
 
-def mark_and_remember(
-    scene: Scene, view: SceneView, surfaces: Sequence[Array], distances: Sequence[Depth], new: Sequence[bool]
-) -> Mask:
+def shows_one_body(view: SceneView, body_count: int) -> bool:
+    """Whether everything that an image shows is the only body."""
+    return not view.shows_room and body_count == 1
+
+
+def posed_surface(view: SceneView, image: View, body: ExpectedSurface) -> PosedSurface | None:
+    """The body in an image; None if it may be anywhere."""
+    if body.vertices is None:
+        return None
+    vertices = image.to_camera(body.vertices)
+    return PosedSurface(vertices, measure_distances(view, vertices), body.is_new)
+
+
+def mark_and_remember(scene: Scene, view: SceneView, bodies: Sequence[PosedSurface], nearest: Depth) -> Mask:
     """The pixels (H, W) of other people and things, which the scene remembers until the next frame.
 
-    surfaces: (V, 3) of the bodies. distances: (H, W) from each. new: which were detected a short time ago.
+    `nearest` (H, W) is the distance from the nearest of the bodies.
     """
-    nearest_new = nearest_of(view, [d for d, is_new in zip(distances, new, strict=True) if is_new])
-    foreign = mark_foreign(view, nearest_of(view, distances), nearest_new, scene.foreign)
-    is_beside = len(surfaces) > 0 and foreign.any()
-    scene.foreign = points_beside(view, foreign, np.concatenate(surfaces)) if is_beside else NOBODY
+    nearest_new = nearest_of(view, [body.distances for body in bodies if body.is_new])
+    foreign = mark_foreign(view, nearest, nearest_new, scene.foreign)
+    is_beside = len(bodies) > 0 and foreign.any()
+    vertices = [body.vertices for body in bodies]
+    scene.foreign = points_beside(view, foreign, np.concatenate(vertices)) if is_beside else NOBODY
     return foreign
 
 

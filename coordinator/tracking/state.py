@@ -22,7 +22,7 @@ from gepf.coordinator.scene.noise import NO_NOISE, SensorNoise
 from gepf.coordinator.scene.scene import SceneChanges
 from gepf.coordinator.settings import Settings
 from gepf.coordinator.tracking.cameras import CameraStates
-from gepf.coordinator.tracking.track_state import Absent, Body, Found, TrackState
+from gepf.coordinator.tracking.track_state import Absent, Body, Found, NextSegmentation, TrackState
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -175,7 +175,7 @@ def first_state(bodies: Bodies, values: Mapping[str, float] | None, settings: Se
     if values is not None:
         start = start_at(values, bodies)
         belief = initial_belief(start.model, start.pose, settings)
-        track = Found(belief=belief, segmentation_pose=start.pose)
+        track = Found(belief=belief, next_segmentation=NextSegmentation(start.pose))
         return PersonState(start, Checkpoint(track, generator))
     model, pose = bodies.tracked(bodies.usual_size, {})
     start = Start(model, np.full_like(pose, np.nan), (), found=False)

@@ -46,6 +46,7 @@ from gepf.coordinator.tracking.track_state import (
     FrameRefined,
     FrameSegmented,
     Instructions,
+    NextSegmentation,
     Policy,
     SearchEnded,
     SearchGivenUp,
@@ -122,21 +123,27 @@ class TargetTracker:
             recovers=self._settings.recover and self.start.is_free,
         )
 
+    @property
+    def next_segmentation(self) -> NextSegmentation:
+        """What is known about the body when the next frame is segmented."""
+        return self.track.next_segmentation if isinstance(self.track, Body) else NextSegmentation()
+
     def segmentation_surface(self, step_m: Array | None = None) -> Array | None:
         """The vertices (V, 3) around which the next frame is segmented; None if the body may be anywhere.
 
         The current frame may still be in refinement, so the vertices are those of the previous frame's pose,
         unless frames are slow. `step_m` (3,) is the motion since then, if it is known.
         """
-        if not isinstance(self.track, Body) or self.track.segmentation_pose is None:
+        pose = self.next_segmentation.pose
+        if pose is None:
             return None
-        vertices = np.asarray(pose_vertices(self.model, self.track.segmentation_pose[None])[0])
+        vertices = np.asarray(pose_vertices(self.model, pose[None])[0])
         return vertices if step_m is None else vertices + step_m
 
     @property
     def expected_body(self) -> ExpectedBody | None:
         """The person around whom the next frame is segmented; None if unknown, or no person."""
-        pose = self.track.segmentation_pose if isinstance(self.track, Body) else None
+        pose = self.next_segmentation.pose
         return None if pose is None or not len(self.model.keypoint_links) else ExpectedBody(self.model, pose)
 
     @property
@@ -158,6 +165,14 @@ class TargetTracker:
             and track.knows_facing(self._settings.colour)
         )
         return body if is_sure else None
+
+    @property
+    def _is_new(self) -> bool:
+        """Whether the body was detected, or a camera came back, a short time before the last frame."""
+        track = self.track
+        return (
+            track.is_new(self._settings.track) if isinstance(track, TrackedBefore) else self.is_just_detected
+        )
 
     @property
     def _knows_facing(self) -> bool:
@@ -204,18 +219,13 @@ class TargetTracker:
         return isinstance(self.track, Body) and self.track.may_be_anywhere
 
     @property
-    def is_confirmed(self) -> bool:
-        """Whether colour had confirmed the body before the last frame."""
-        return isinstance(self.track, Body) and self.track.is_confirmed
-
-    @property
     def is_segmented_at_last_pose(self) -> bool:
         """Whether the next frame is segmented around the last pose, and not around an earlier one."""
-        track = self.track
+        track, pose = self.track, self.next_segmentation.pose
         return (
             isinstance(track, TrackedBefore)
-            and track.segmentation_pose is not None
-            and np.array_equal(track.segmentation_pose, track.belief.reported)
+            and pose is not None
+            and np.array_equal(pose, track.belief.reported)
         )
 
     def prepare(self) -> None:
@@ -269,7 +279,13 @@ class TargetTracker:
             faulty = tuple(faults_of(cameras, submitted.view.frame.time_s, confirmed_s))
             event, context = self._assess(belief, submitted, faulty), submitted.context
             judgement = judge_pose(
-                self.start, event.belief, event.gate.normalised_residual, context, self._settings
+                self.start,
+                event.belief,
+                event.gate.normalised_residual,
+                context,
+                self._settings,
+                is_new=self._is_new,
+                has_fault=any(state.fault for state in cameras.values()),
             )
             todo = self._step(replace(event, is_doubtful=judgement.is_doubtful))
             if "stop searching" in todo:
@@ -400,11 +416,10 @@ class TargetTracker:
         detected = Found(
             belief=belief,
             time_s=person.time_s,
-            segmentation_pose=belief.reported,
+            next_segmentation=NextSegmentation(belief.reported, is_confirmed=is_shown),
             place=middle_of(person),
             detected_pixels=person.pixels,
             unshown_s=None if is_shown else 0.0,
-            is_confirmed=is_shown,
         )
         todo = self._step(SearchEnded(detected))
         return JustDetected(searched, person) if "update the background" in todo else None

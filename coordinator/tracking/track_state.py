@@ -54,30 +54,35 @@ class Searching(msgspec.Struct, frozen=True, tag="searching"):
         return not self.awaits_search and time_s >= due_s
 
 
+class NextSegmentation(msgspec.Struct, frozen=True):
+    """What is known about a body when the next frame is segmented.
+
+    It is fixed when a frame is segmented, from the state after the frame before, because the next frame is
+    segmented while the current one is refined. At low frame rates it is fixed again once the current frame is
+    refined.
+    """
+
+    pose: Array | None = None  # (D,), around which the frame is segmented; None: the body may be anywhere
+    excluded: tuple[str, ...] = ()  # cameras that are not used for the body
+    is_new: bool = True  # whether the body was detected, or a camera came back, a short time ago
+    is_confirmed: bool = False  # whether colour has confirmed the body
+
+
 class Body(msgspec.Struct, frozen=True, kw_only=True):
     """A body with a pose: the fields that found, tracked and lost bodies share."""
 
     belief: Belief
+    next_segmentation: NextSegmentation
     time_s: float | None = None  # of the last frame that showed the body
-    segmentation_pose: Array | None
-    """The pose (D,) around which the next frame is segmented; None: the body may be anywhere.
-
-    When a frame is segmented, this is set to the pose of the previous frame, because the next frame is
-    segmented while the current one is refined. At low frame rates it is set again once the current frame is
-    refined.
-    """
-    excluded: tuple[str, ...] = ()  # cameras that are not used for it when the next frame is segmented
-    was_new: bool = False  # whether it is regarded as new when the next frame is segmented
     agreement: Agreement = msgspec.field(default_factory=Agreement)  # of the cameras, on the last pose
     awaits_search: bool = False  # whether a search for it has begun whose result is not taken yet
     unshown_s: float | None = 0.0
     """Time without confirmation by colour since the detection; None once confirmed."""
-    is_confirmed: bool = False  # whether colour had confirmed it before the last frame
 
     @property
     def may_be_anywhere(self) -> bool:
         """Whether the next frame is not segmented around a pose."""
-        return self.segmentation_pose is None
+        return self.next_segmentation.pose is None
 
 
 class Found(Body, frozen=True, kw_only=True, tag="found"):
@@ -90,7 +95,6 @@ class Found(Body, frozen=True, kw_only=True, tag="found"):
     place: Array | None = None
     detected_pixels: int = 0
     is_lost: bool = False  # whether a frame showed nothing at a given start pose
-    was_new: bool = True
 
     @property
     def is_given(self) -> bool:
@@ -240,7 +244,6 @@ def _segmented(state: TrackState, event: FrameSegmented, policy: Policy) -> tupl
         return _look_for_anybody(state, event, policy)
     if policy.recovers and (state.unshown_s or 0.0) > policy.colour.unshown_s - ROUNDING_S:
         return Absent(), ("stop searching",)
-    state = replace(state, is_confirmed=state.unshown_s is None)
     if event.is_elsewhere and isinstance(state, TrackedBefore):
         state = _lose(state, policy)
     if not event.pixels:
@@ -272,17 +275,15 @@ def _handle_unseen(state: Found | Tracked | Lost, event: FrameSegmented, policy:
 
     The next frame is still segmented around its pose; if it is not seen there, it may be anywhere.
     """
-    shows_something = state.segmentation_pose is not None and event.has_depth
-    excluded = state.agreement.contradicting
+    shows_something = not state.may_be_anywhere and event.has_depth
+    upcoming = _next_segmentation(state, policy)  # before `_lose`: a lost body may be anywhere
     if isinstance(state, Found) and state.is_given:
         is_lost = state.is_lost or not shows_something
-        return replace(state, segmentation_pose=None, excluded=excluded, is_lost=is_lost)
-    here_once_more = _segmentation_pose(state, policy)  # before `_lose`: a lost body may be anywhere
+        return replace(state, next_segmentation=replace(upcoming, pose=None), is_lost=is_lost)
     return replace(
         _lose(state, policy),
         belief=state.belief.unseen(),
-        segmentation_pose=here_once_more,
-        excluded=excluded,
+        next_segmentation=upcoming,
         visibility="something" if shows_something else "nothing",
     )
 
@@ -291,11 +292,10 @@ def _handle_seen(
     state: Found | Tracked | Lost, event: FrameSegmented, policy: Policy
 ) -> tuple[TrackState, Instructions]:
     """A body that is seen: refine it, and search for it as well if it is new, lost or in doubt."""
-    state = replace(state, belief=event.moved or state.belief, excluded=state.agreement.contradicting)
-    state = replace(state, segmentation_pose=_segmentation_pose(state, policy))
+    state = replace(state, belief=event.moved or state.belief)
+    state = replace(state, next_segmentation=_next_segmentation(state, policy))
     if isinstance(state, Found):
         return state, ("refine",)
-    state = replace(state, was_new=state.is_new(policy.settings))
     if state.awaits_search or not (policy.recovers and _check_due(state, event.time_s, policy)):
         return replace(state, visibility="body"), ("refine",)
     return replace(state, visibility="body", awaits_search=True), ("search", "refine")
@@ -333,9 +333,11 @@ def _interval(state: Found | Tracked | Lost, time_s: float) -> float:
     return since if since > 0.0 else USUAL_INTERVAL
 
 
-def _segmentation_pose(state: Found | Tracked | Lost, policy: Policy) -> Array | None:
-    """The pose (D,) around which the next frame is segmented; None if the body may be anywhere."""
-    return None if state.is_lost and policy.recovers else state.belief.reported
+def _next_segmentation(state: Found | Tracked | Lost, policy: Policy) -> NextSegmentation:
+    """What the next frame is segmented with if nothing more is known by then."""
+    pose = None if state.is_lost and policy.recovers else state.belief.reported
+    is_new = isinstance(state, Found) or state.is_new(policy.settings)
+    return NextSegmentation(pose, state.agreement.contradicting, is_new, is_confirmed=state.unshown_s is None)
 
 
 def _search_ended(state: TrackState, event: SearchEnded) -> tuple[TrackState, Instructions]:
@@ -393,13 +395,7 @@ def _refined(
         sides_s=0.0 if event.redetected else _sides(before.sides_s, event.sides, interval, policy.colour),
     )
     if event.after_gap:
-        pose = _segmentation_pose(after, policy)
-        after = replace(
-            after,
-            segmentation_pose=pose,
-            excluded=after.agreement.contradicting,
-            was_new=after.is_new(settings),
-        )
+        after = replace(after, next_segmentation=_next_segmentation(after, policy))
     if set(before.faulty) - set(event.faulty) and policy.recovers:  # a camera is back
         # a running search began without it; check the body in the next frame
         after = replace(after, check_clock_s=settings.search_interval_s - USUAL_INTERVAL, awaits_search=False)

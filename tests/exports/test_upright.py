@@ -14,16 +14,16 @@ from scipy.spatial.transform import Rotation
 from gepf.common.arrays import Array
 from gepf.common.body import BodyModel
 from gepf.common.camera import Intrinsics
-from gepf.common.frame import Frame
+from gepf.common.frame import Frame, View
 from gepf.common.kinematics.rotations import euler_angles, euler_matrix
 from gepf.coordinator.exports import export_run
 from gepf.coordinator.exports.axes import CAMERA_TO_Y_UP
 from gepf.coordinator.exports.recorded import read_run
 from gepf.coordinator.results.log import floor_up
-from gepf.coordinator.scene.scene import Scene
+from gepf.coordinator.scene.scene import Scene, SceneChanges
 from gepf.coordinator.settings import SceneSettings
 from gepf.coordinator.tracking.pose_library import upright_rolls
-from gepf.coordinator.tracking.segmenter import Segmenter
+from gepf.coordinator.tracking.segmenter import ExpectedSurface, Segmenter
 from gepf.coordinator.viewing import layout
 from tests.support.bodies import person, puppet, random_body
 from tests.support.export_readers import bvh_joints, c3d_points, read_gltf, world_matrices
@@ -159,17 +159,20 @@ def test_the_viewer_s_eye_stands_upright() -> None:
         np.testing.assert_allclose(eye.eye_up.as_arrow_array().to_pylist()[0], expected, atol=1e-6)
 
 
+def first_changes(view: View) -> SceneChanges:
+    """What the first frame changes in the known scene."""
+    return Segmenter(1000, SceneSettings()).segment(Frame.of(view), [ExpectedSurface()]).changes
+
+
 def test_up_comes_from_the_floor_that_a_pitched_camera_sees() -> None:
     """Within half a degree, with a person, noise and 30 degrees of pitch."""
     room = Room(pitch=PITCH, noise=0.0015)
-    up = floor_up(
-        Segmenter(1000, SceneSettings()).segment(Frame.of(room.see((0.0, 2.4)).view), [None]).changes
-    )
+    up = floor_up(first_changes(room.see((0.0, 2.4)).view))
     assert up is not None
     assert up @ (room.tilt.T @ np.array([0.0, -1.0, 0.0])) > np.cos(np.radians(0.5))
     frame = room.see(None).view
     nothing = dataclasses.replace(frame, depth=np.zeros_like(frame.depth))
-    assert floor_up(Segmenter(1000, SceneSettings()).segment(Frame.of(nothing), [None]).changes) is None
+    assert floor_up(first_changes(nothing)) is None
 
 
 def test_a_camera_on_its_side_finds_its_floor_where_gravity_is_known() -> None:

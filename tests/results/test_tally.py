@@ -21,7 +21,7 @@ def test_reasons_do_not_grow_with_the_run() -> None:
     for number in range(2000):
         certainty = replace(unknown_certainty(len(JOINTS)), off_probability=rng.random(len(JOINTS)))
         doubted.update(name for name, p in zip(JOINTS, certainty.off_probability, strict=True) if p > 0.5)
-        why = explain_doubt(JOINTS, certainty, np.full(len(JOINTS), 0.5), 0.15)
+        why = explain_doubt(JOINTS, certainty, certainty.off_probability > 0.5, 0.15)
         tally.add(replace(estimate(number, status="ambiguous"), why=why))
     assert {reason[-1]: count for reason, count in tally.doubts.items() if count > 100} == doubted
     assert len(tally.doubts) <= len(JOINTS) + 1  # no joint is in doubt in a few frames

@@ -18,7 +18,7 @@ from gepf.common.refinement import Particles, lower_triangular
 from gepf.coordinator.bodies.human.template import human
 from gepf.coordinator.bodies.tracked import coarsen, name_pose
 from gepf.coordinator.settings import SceneSettings, preset
-from gepf.coordinator.tracking.segmenter import Segmenter
+from gepf.coordinator.tracking.segmenter import ExpectedSurface, Segmenter
 from gepf.coordinator.tracking.tracker import Tracker
 from gepf.refiners import DirectRefiner
 from gepf.worker.kernel.icp import refine
@@ -131,12 +131,13 @@ def test_a_camera_with_another_time_sees_the_body_where_it_is_then(delay_s: floa
 
 def test_people_in_several_images_are_as_many_as_there_are() -> None:
     """One person in two images is one candidate; somebody whom only one camera shows is another."""
-    lone = Segmenter(POINTS, SceneSettings()).segment(seen_from(body(), [pose()] * 2, ASIDE), [None])
+    anywhere = [ExpectedSurface()]
+    lone = Segmenter(POINTS, SceneSettings()).segment(seen_from(body(), [pose()] * 2, ASIDE), anywhere)
     (candidate,) = lone.candidates
     assert {view.image.camera for view in candidate.subject.views} == set(ASIDE)
     far = pose().copy()
     far[0] += 0.9
-    seen = Segmenter(POINTS, SceneSettings()).segment(seen_from(body(), [pose(), far], ASIDE), [None])
+    seen = Segmenter(POINTS, SceneSettings()).segment(seen_from(body(), [pose(), far], ASIDE), anywhere)
     assert sorted(len(each.subject.views) for each in seen.candidates) == [1, 1]
 
 

@@ -25,7 +25,7 @@ from gepf.coordinator.scene.scope import Scope
 from gepf.coordinator.settings import SceneSettings
 from gepf.coordinator.sources import open_source
 from gepf.coordinator.sources.background import read_background
-from gepf.coordinator.tracking.segmenter import Segmenter
+from gepf.coordinator.tracking.segmenter import ExpectedSurface, Segmenter
 from tests.support.people import STANDING, shown
 from tests.support.recordings import write_open3d
 from tests.support.rooms import CABINET, CAMERA, HEIGHT, PERSON, Room, in_a_room
@@ -154,7 +154,9 @@ def test_a_chair_in_the_empty_room_is_none_of_the_body() -> None:
     counts = []
     surface = pose_vertices(model, pose[None])[0]
     for scope in (None, Scope(background=empty)):
-        subject = Segmenter(2000, SceneSettings(), scope).segment(seen, [surface]).subjects[0]
+        subject = (
+            Segmenter(2000, SceneSettings(), scope).segment(seen, [ExpectedSurface(surface)]).subjects[0]
+        )
         assert subject is not None
         counts.append(np.count_nonzero(subject.largest.image.depth))
     assert counts[0] > counts[1] + 0.3 * box.sum()

@@ -8,7 +8,7 @@ import pytest
 from gepf.common.arrays import Mask
 from gepf.common.frame import SUBJECT, Frame
 from gepf.coordinator.settings import SceneSettings
-from gepf.coordinator.tracking.segmenter import SegmentedFrame, Segmenter
+from gepf.coordinator.tracking.segmenter import ExpectedSurface, SegmentedFrame, Segmenter
 from tests.support.rooms import PERSON, Room
 
 STEP_M = 0.04  # a frame; until the box touches the legs and the trunk
@@ -43,7 +43,7 @@ def follow(segmenter: Segmenter, first: int, *, new: bool = False) -> SegmentedF
     surface = Room().surface(PERSON)
     for number in range(first, FRAMES):
         frame = Frame.of(room_of(number).see(PERSON, number).view)
-        segmented = segmenter.segment(frame, [surface], new=[new])
+        segmented = segmenter.segment(frame, [ExpectedSurface(surface, is_new=new)])
     return segmented
 
 
@@ -69,11 +69,11 @@ def test_changes_alone_restore_what_is_foreign(first: int) -> None:
     segmenter, resumed = Segmenter(300, SceneSettings()), Segmenter(300, SceneSettings())
     for number in range(FRAMES):
         frame = Frame.of(room_of(number).see(PERSON, number).view)
-        segmented = segmenter.segment(frame, [surface])
+        segmented = segmenter.segment(frame, [ExpectedSurface(surface)])
         if number < first:
             resumed.recall(segmented.changes)
             continue
-        mine, again = segmented.subjects[0], resumed.segment(frame, [surface]).subjects[0]
+        mine, again = segmented.subjects[0], resumed.segment(frame, [ExpectedSurface(surface)]).subjects[0]
         assert mine is not None
         assert again is not None
         np.testing.assert_array_equal(mine.largest.kinds, again.largest.kinds)

@@ -28,7 +28,7 @@ from gepf.coordinator.sources.devices.device import (
     Shot,
     explain_absence,
 )
-from gepf.coordinator.tracking.segmenter import Segmenter
+from gepf.coordinator.tracking.segmenter import ExpectedSurface, Segmenter
 from tests.support.live import KEY, listening
 from tests.support.processes.programs import wait_until
 from tests.support.stand_ins import CAMERA, StillWorkers, standing
@@ -128,7 +128,7 @@ def test_the_measured_gravity_gives_the_vertical() -> None:
     """Without a floor in the image, up is against it."""
     gravity = np.array([0.0, np.cos(0.2), -np.sin(0.2)])
     frame = Frame.of(View(0, 0.0, DEPTH[0], 1000.0, CAMERA, gravity=gravity))
-    (segmented,) = Segmenter(1000, SceneSettings()).segment(frame, [None]).views
+    (segmented,) = Segmenter(1000, SceneSettings()).segment(frame, [ExpectedSurface()]).views
     np.testing.assert_allclose(segmented.scene.planes.up, -gravity, atol=1e-6)
 
 

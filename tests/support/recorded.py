@@ -17,7 +17,7 @@ from gepf.coordinator.tracking.certainty import unknown_certainty
 from gepf.coordinator.tracking.estimate import Certainty, Estimate, Status
 from gepf.coordinator.tracking.reporting import TrackedFrame, TrackedPerson
 from gepf.coordinator.tracking.state import Checkpoint, FrameState, PersonState, Start
-from gepf.coordinator.tracking.track_state import Tracked
+from gepf.coordinator.tracking.track_state import NextSegmentation, Tracked
 from gepf.worker.warm_up import tiny_model
 
 MODEL = replace(
@@ -62,7 +62,7 @@ def state(number: int) -> PersonState:
     """A person's state after a frame; its arrays hold values that are hard to encode."""
     poses = np.array([[0.1, np.nan, -np.inf, 5e-324]])
     belief = replace(Belief.at(poses[0]), poses=poses, reported=np.array([number / 3.0]))
-    track = Tracked(belief=belief, segmentation_pose=np.array([0.5]), time_s=number / 3.0)
+    track = Tracked(belief=belief, next_segmentation=NextSegmentation(np.array([0.5])), time_s=number / 3.0)
     return PersonState(START, Checkpoint(track, f'{{"state": {2**127 + number}}}'))
 
 

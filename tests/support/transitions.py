@@ -25,6 +25,7 @@ from gepf.coordinator.tracking.track_state import (
     FrameSegmented,
     Instructions,
     Lost,
+    NextSegmentation,
     Policy,
     SearchEnded,
     SearchGivenUp,
@@ -45,15 +46,16 @@ BELIEF = with_fields(Belief.at(np.array([0.5])), residual=np.array([0.01]), velo
 AFTER = with_fields(Belief.at(np.array([0.6])), residual=np.array([0.01]))
 MOVED = Belief.at(np.array([0.7]))
 
-GIVEN = Found(belief=BELIEF, segmentation_pose=BELIEF.reported)
-DETECTED = Found(
-    belief=BELIEF, time_s=1.0, segmentation_pose=BELIEF.reported, place=np.zeros(3), detected_pixels=900
-)
+NEW, AT_POSE = (NextSegmentation(BELIEF.reported, is_new=is_new) for is_new in (True, False))
+ANYWHERE = NextSegmentation(None, is_new=False)
+
+GIVEN = Found(belief=BELIEF, next_segmentation=NEW)
+DETECTED = Found(belief=BELIEF, time_s=1.0, next_segmentation=NEW, place=np.zeros(3), detected_pixels=900)
 RUNNING = Searching(searched_s=1.0, awaits_search=True)
-TRACKED = Tracked(belief=BELIEF, time_s=1.0, segmentation_pose=BELIEF.reported, check_clock_s=0.5, pixels=900)
+TRACKED = Tracked(belief=BELIEF, time_s=1.0, next_segmentation=AT_POSE, check_clock_s=0.5, pixels=900)
 DUE = replace(TRACKED, check_clock_s=LIMITS.check_interval_s - 0.01)
 UNSURE = replace(TRACKED, doubtful_s=LIMITS.check_interval_s)  # since this frame
-LOST = Lost(belief=BELIEF, time_s=1.0, segmentation_pose=None, check_clock_s=0.5, pixels=900)
+LOST = Lost(belief=BELIEF, time_s=1.0, next_segmentation=ANYWHERE, check_clock_s=0.5, pixels=900)
 
 INTERVAL_S = 1 / 32
 NEXT_S, LATER_S = 1.0 + INTERVAL_S, 2.0
@@ -170,7 +172,7 @@ TRANSITIONS = [
         NOTHING,
         "the body is not seen, but something is",
         Found,
-        {"segmentation_pose": None},
+        {"next_segmentation": None},
         (),
     ),
     Transition(
@@ -179,7 +181,7 @@ TRANSITIONS = [
         DARK,
         "nothing is seen",
         Found,
-        {"segmentation_pose": None, "is_lost": True},
+        {"next_segmentation": None, "is_lost": True},
         (),
     ),
     Transition(
@@ -188,7 +190,7 @@ TRANSITIONS = [
         with_fields(CANDIDATE, moved=MOVED),
         "the body is seen, moved since the detection",
         Found,
-        {"belief": MOVED, "segmentation_pose": MOVED.reported},
+        {"belief": MOVED, "next_segmentation": MOVED.reported},
         ("refine",),
     ),
     Transition(
@@ -232,7 +234,7 @@ TRANSITIONS = [
         (),
     ),
     Transition(
-        replace(GIVEN, is_lost=True, segmentation_pose=None),
+        replace(GIVEN, is_lost=True, next_segmentation=ANYWHERE),
         "nothing was seen at the start pose",
         DOUBTFUL,
         "its pose is refined and doubtful",
@@ -372,7 +374,7 @@ TRANSITIONS = [
         with_fields(CANDIDATE, is_elsewhere=True),
         "a candidate elsewhere is assumed to be the body",
         Lost,
-        {"segmentation_pose": None, "awaits_search": True},
+        {"next_segmentation": None, "awaits_search": True},
         ("search", "refine"),
     ),
     Transition(
@@ -421,7 +423,7 @@ TRANSITIONS = [
         {
             "belief": AFTER,
             "time_s": NEXT_S,
-            "segmentation_pose": BELIEF.reported,
+            "next_segmentation": BELIEF.reported,
             "check_clock_s": 0.5 + INTERVAL_S,
             "normalised_residual": 0.8,
             "pixels": 800,
@@ -438,7 +440,7 @@ TRANSITIONS = [
         {
             "belief": AFTER,
             "time_s": NEXT_S,
-            "segmentation_pose": BELIEF.reported,
+            "next_segmentation": BELIEF.reported,
             "check_clock_s": 0.0,
             "normalised_residual": 0.8,
             "pixels": 800,
@@ -461,7 +463,7 @@ TRANSITIONS = [
         with_fields(FITS, after_gap=True),
         "its pose is refined and explains the frame, after a long gap between frames",
         Tracked,
-        {**AS_REFINED, "segmentation_pose": AFTER.reported},
+        {**AS_REFINED, "next_segmentation": AFTER.reported},
         (),
     ),
     Transition(
@@ -548,12 +550,12 @@ TRANSITIONS = [
         (),
     ),
     Transition(
-        replace(LOST, segmentation_pose=BELIEF.reported),
+        replace(LOST, next_segmentation=AT_POSE),
         "",
         CANDIDATE,
         "a candidate is seen",
         Lost,
-        {"segmentation_pose": None, "awaits_search": True},
+        {"next_segmentation": None, "awaits_search": True},
         ("search", "refine"),
     ),
     Transition(
@@ -571,7 +573,7 @@ TRANSITIONS = [
         CANDIDATE,
         "the body is seen",
         Lost,
-        {"segmentation_pose": BELIEF.reported},
+        {"next_segmentation": BELIEF.reported},
         ("refine",),
         NEVER_RECOVERS,
     ),

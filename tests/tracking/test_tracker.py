@@ -213,8 +213,8 @@ def test_at_low_rates_a_frame_is_segmented_around_the_pose_of_the_frame_before()
         assert [as_bytes(each) for each in estimates] == [as_bytes(alone.track(frame)) for frame in timed]
         for track in (ahead.person.track, alone.person.track):
             assert isinstance(track, Body)
-            assert track.segmentation_pose is not None
-            is_newest = np.array_equal(track.segmentation_pose, track.belief.reported)
+            assert track.next_segmentation.pose is not None
+            is_newest = np.array_equal(track.next_segmentation.pose, track.belief.reported)
             assert is_newest == (interval_s > 0.1)
 
 

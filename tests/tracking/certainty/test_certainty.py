@@ -19,7 +19,8 @@ from gepf.coordinator.colour.matching import ExpectedBody
 from gepf.coordinator.settings import CertaintySettings
 from gepf.coordinator.tracking.certainty import Features, judge, regions_of, shown_in_colour
 from gepf.coordinator.tracking.estimate import Certainty
-from gepf.coordinator.tracking.reporting import doubt_thresholds, explain_doubt
+from gepf.coordinator.tracking.judgement import doubted_joints
+from gepf.coordinator.tracking.reporting import explain_doubt
 from tests.support.bodies import person
 from tests.support.features import features_in
 from tests.support.people import SETTINGS, STANDING, alone, frame_of, rendered, subject_of
@@ -207,6 +208,6 @@ def test_a_frame_without_the_body_in_it_still_says_something() -> None:
 def test_doubtful_joints_are_named(off: list[float], faulty: bool, new: bool, why: str) -> None:
     """Joints in doubt are listed, the most likely to be wrong first."""
     certainty = Certainty(np.array([1.0, 1.0, 0.2]), np.array(off), np.full(3, 0.05))
-    least = doubt_thresholds(certainty, CertaintySettings(), faulty=faulty, new=new)
-    doubt = explain_doubt(("head", "left_knee", "left_hip"), certainty, least, 0.15)
+    doubted = doubted_joints(certainty, CertaintySettings(), is_new=new, has_fault=faulty)
+    doubt = explain_doubt(("head", "left_knee", "left_hip"), certainty, doubted, 0.15)
     assert doubt == (f"may be more than 15 cm off: {why}" if why else "")
