@@ -77,7 +77,7 @@ class SegmentationSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=Tr
 
 
 class CandidateSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What may be a person in the foreground."""
+    """What may be a person in the foreground; lengths and areas are scaled for bodies of other sizes."""
 
     max_person_m2: Quantity = 1.6  #: largest visible area of a person
     max_joined_m2: Quantity = 6.0  #: largest visible area of a person together with flat furniture
@@ -107,6 +107,24 @@ class SceneSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     planes: PlaneSettings = PlaneSettings()
     segmentation: SegmentationSettings = SegmentationSettings()
     candidates: CandidateSettings = CandidateSettings()
+
+    def scaled(self, smallest: float, largest: float) -> SceneSettings:
+        """The settings for bodies from the `smallest` to the `largest` size, relative to people."""
+        segmentation, candidates = self.segmentation, self.candidates
+        return msgspec.structs.replace(
+            self,
+            segmentation=msgspec.structs.replace(
+                segmentation, min_person_m2=smallest**2 * segmentation.min_person_m2
+            ),
+            candidates=msgspec.structs.replace(
+                candidates,
+                max_person_m2=largest**2 * candidates.max_person_m2,
+                max_joined_m2=largest**2 * candidates.max_joined_m2,
+                min_length_m=smallest * candidates.min_length_m,
+                max_length_m=largest * candidates.max_length_m,
+                min_part_m2=smallest**2 * candidates.min_part_m2,
+            ),
+        )
 
 
 class GatingSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -22,6 +22,7 @@ from gepf.coordinator.bodies.angles import Angles
 from gepf.coordinator.bodies.tracked import activate_at, choose_active, name_pose
 
 SIZES = 64  # bodies that are kept
+PERSON_M = 1.7  # length of a person of usual size
 
 BodySize = tuple[float, ...]
 """Measures by which the bodies of a family differ; empty if their shape is known."""
@@ -50,6 +51,9 @@ class BodyFamily(ABC):
     name: ClassVar[str]
     template: ClassVar[str | None] = None
     """The name by which `--model` selects a body without a file."""
+
+    noun: ClassVar[str] = "body"
+    """What one of its bodies is called in messages."""
 
     usual_size: ClassVar[BodySize] = ()
     """At a start pose that is given, if the size is not known."""
@@ -135,6 +139,18 @@ class BodyFamily(ABC):
         """A length that is proportional to a body of this size."""
         del size
         return 1.0
+
+    def relative_sizes(self, bodies: Bodies) -> tuple[float, float]:
+        """The sizes of the smallest and the largest body that is searched for, relative to people.
+
+        By default from the extent of the body at rest. Sizes within those of people count as 1.
+        """
+        from gepf.common.kinematics import pose_vertices  # loads the compiler
+
+        models = [bodies.tracked(size, {})[0] for size in bodies.sizes]
+        vertices = [pose_vertices(model, np.zeros((1, len(model.dof_names))))[0] for model in models]
+        extents = [float(np.ptp(each, axis=0).max()) for each in vertices]
+        return min(1.0, min(extents) / PERSON_M), max(1.0, max(extents) / PERSON_M)
 
     def alternatives(self, size: BodySize) -> Sequence[BodySize]:
         """Other sizes that look much like this one, but that refinement does not reach from it."""

@@ -116,7 +116,7 @@ class Input:
         first, *rest = (person.estimate for person in tracked.people)
         others = "".join(f"; person {n} {estimate.status}" for n, estimate in enumerate(rest, 2))
         per_second = rate.per_second if self.live is None else rate.latest_per_second
-        said = describe_frame(first, per_second, rate.latency_s) + others
+        said = describe_frame(first, per_second, rate.latency_s, self.bodies.family.noun) + others
         counts = {} if self.live is None else self.live.counts
         left_out = ", ".join(f"{counts[kind]} {why}" for kind, why in LEFT_OUT.items() if counts.get(kind))
         said += f"; left out: {left_out}" if left_out else ""

@@ -117,15 +117,20 @@ class FrameRate:
         return median(late for _, late in self._latest) if self._latest else None
 
 
-def describe_frame(estimate: Estimate, rate: float | None, latency_s: float | None = None) -> str:
-    """The state of a frame in a short line: rate, hypotheses, residual of the most likely, status."""
+def describe_frame(
+    estimate: Estimate, rate: float | None, latency_s: float | None = None, noun: str = "person"
+) -> str:
+    """The state of a frame in a short line: rate, hypotheses, residual of the most likely, status.
+
+    `noun` is what the body is called.
+    """
     how_fast = "" if rate is None else f"{rate:.1f} frames/s, "
     how_fast += "" if latency_s is None else f"latency {1000 * latency_s:.0f} ms, "
     why = f" ({estimate.why})" if estimate.why and estimate.status != "tracked" else ""
     count = len(estimate.hypothesis_weight)
     if not count:
-        waiting = "waiting for a person to enter the image" if estimate.status == "absent" else None
-        return how_fast + (waiting or f"looking for the person{why}")
+        waiting = f"waiting for a {noun} to enter the image" if estimate.status == "absent" else None
+        return how_fast + (waiting or f"looking for the {noun}{why}")
     faulty = "".join(f"; camera {name} {kind}" for name, (kind, _) in estimate.faults.items())
     residual = "nothing seen" if math.isnan(estimate.residual) else f"{1000 * estimate.residual:.1f} mm"
     hypotheses = counted(count, "hypothesis", "hypotheses")

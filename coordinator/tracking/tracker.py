@@ -73,7 +73,8 @@ class Tracker:
         state = state or TrackerState([first_state(bodies, start, settings)] * people)
         self._refiner, self._settings, self._bodies = refiner, settings, bodies
         self._colour = colour
-        self._segmenter = Segmenter(settings.points, settings.scene, scope)
+        scene_settings = settings.scene.scaled(*bodies.family.relative_sizes(bodies))
+        self._segmenter = Segmenter(settings.points, scene_settings, scope)
         self._segmenter.recall(state.frame.scene_changes)
         watch = ColourWatch(colour, settings.colour)
         self._preparation = FramePreparation(self._segmenter, watch, settings.track, state.frame)

@@ -9,11 +9,25 @@ import numpy as np
 import pytest
 import trimesh
 
+import gepf
 from gepf.coordinator.cli import main
 from gepf.coordinator.results.track import read_track
 from tests.support.stand_ins import Direct
 
 FRAMES = "4"
+SMALL = """
+<robot name="lamp">
+  <link name="foot"><visual><geometry><box size="0.12 0.08 0.03"/></geometry></visual></link>
+  <link name="arm"><visual><origin xyz="0 0 0.1"/><geometry><cylinder radius="0.02" length="0.2"/></geometry>
+  </visual></link>
+  <link name="shade"><visual><origin xyz="0.05 0 0"/><geometry><sphere radius="0.06"/></geometry></visual>
+  </link>
+  <joint name="lean" type="revolute"><parent link="foot"/><child link="arm"/>
+    <axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+  <joint name="nod" type="revolute"><parent link="arm"/><child link="shade"/>
+    <origin xyz="0 0 0.2"/><axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+</robot>
+"""
 GIMBAL = """
 <robot name="gimbal">
   <link name="stand"><visual><geometry><mesh filename="stand.stl"/></geometry></visual></link>
@@ -58,3 +72,29 @@ def test_a_robot_of_meshes_is_tracked(robot: Path, capsys: pytest.CaptureFixture
     base = [track.joint_names.index(name) for name in ("stand", "lift")]
     assert (track.joint_off_probability[:, base] == 0.0).all()
     assert np.ptp(track.joint_positions[:, track.joint_names.index("lift")], axis=0).max() < 1e-12
+
+
+def test_a_robot_much_smaller_than_a_person_is_detected_in_a_room(tmp_path: Path) -> None:
+    """A lamp on the floor: what may be the body is as large as the body, not as a person."""
+    path, seq = tmp_path / "lamp.urdf", tmp_path / "seq"
+    path.write_text(SMALL)
+    synth = [
+        "synth",
+        "roam",
+        "--model",
+        str(path),
+        "--room",
+        "--kinect",
+        "--frames",
+        FRAMES,
+        "--out",
+        str(seq),
+        "-q",
+    ]
+    assert main(synth) == 0
+    source, truth = gepf.open_source(seq), np.load(seq / "truth.npz")
+    with gepf.Tracker(model=path) as tracker:
+        for number, joints in enumerate(truth["joint_positions"]):
+            estimate = tracker.track(source.frame(number))
+            assert estimate.status in {"tracked", "ambiguous"}
+            assert np.linalg.norm(estimate.joint_positions - joints, axis=1).max() < 0.05

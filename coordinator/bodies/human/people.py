@@ -49,6 +49,7 @@ class People(BodyFamily):
     """People: detected in typical poses and any size, upright if nothing contradicts, and never flat."""
 
     name = template = HUMAN
+    noun = "person"
     usual_size = Size(REFERENCE_STATURE, 1.0)
     library_size = Size(REFERENCE_STATURE, USUAL_GIRTH)
     sizes: ClassVar[Sequence[BodySize]] = [Size(stature, USUAL_GIRTH) for stature in STATURES_M]
@@ -102,6 +103,11 @@ class People(BodyFamily):
     def length(self, size: BodySize) -> float:
         """The stature, metres."""
         return Size(*size).stature
+
+    def relative_sizes(self, bodies: Bodies) -> tuple[float, float]:
+        """As by default; the settings are those of all people."""
+        del bodies
+        return 1.0, 1.0
 
     def alternatives(self, size: BodySize) -> Sequence[BodySize]:
         """A small person with the proportions of an adult, or halfway between these and the mean child's."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -27,6 +28,9 @@ def test_a_frame_is_described_in_one_line() -> None:
     assert "residual nothing seen" in describe_frame(estimate(float("nan")), 1.0)
     assert describe_frame(estimate(), 7.25, 0.034).startswith("7.2 frames/s, latency 34 ms, 3 hypotheses")
     assert describe_frame(estimate(), None) == "3 hypotheses, residual 12.3 mm, tracked"
+    unknown = replace(estimate(), status="absent", hypothesis_weight=np.empty(0))
+    assert describe_frame(unknown, None) == "waiting for a person to enter the image"
+    assert describe_frame(replace(unknown, status="searching"), None, noun="body") == "looking for the body"
     assert [counted(count, "frame") for count in (0, 1, 2)] == ["0 frames", "1 frame", "2 frames"]
 
 
