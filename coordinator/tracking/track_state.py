@@ -57,9 +57,10 @@ class Searching(msgspec.Struct, frozen=True, tag="searching"):
 class NextSegmentation(msgspec.Struct, frozen=True):
     """What is known about a body when the next frame is segmented.
 
-    It is fixed when a frame is segmented, from the state after the frame before, because the next frame is
-    segmented while the current one is refined. At low frame rates it is fixed again once the current frame is
-    refined.
+    It is that of the frame being prepared until this frame is segmented (`FrameSegmented`), and then that of
+    the frame after it. It is fixed when a frame is segmented, from the state after the frame before, because
+    the next frame is segmented while the current one is refined. At low frame rates it is fixed again once
+    the current frame is refined.
     """
 
     pose: Array | None = None  # (D,), around which the frame is segmented; None: the body may be anywhere
@@ -191,10 +192,11 @@ class FrameRefined:
     """The particles of a frame are refined, and the pose is gated.
 
     `redetected`: the pose is that of a search, and not where the body was tracked. `ambiguous_facing`: front
-    and back look alike in that search; None without a search. `faulty` cameras are left out; the other
-    cameras have `residuals` in metres (see `Agreement.after`) and count as agreeing up to `allowed_m`.
-    `after_gap`: the next frame is not segmented yet. `is_shown`: whether colour confirms the person; None if
-    unknown. `sides`: 1 if colour shows left and right correctly, -1 if swapped, 0 if unknown.
+    and back look alike in that search; None without a search. `is_doubtful`: a joint in view may be wrong.
+    `is_shown`: whether colour confirms the person; None if unknown. `sides`: 1 if colour shows left and right
+    correctly, -1 if swapped, 0 if unknown. `faulty` cameras are left out; the other cameras have `residuals`
+    in metres (see `Agreement.after`), measured over `interval_s` seconds, and count as agreeing up to
+    `allowed_m`. `after_gap`: the next frame is not segmented yet.
     """
 
     belief: Belief
@@ -319,12 +321,13 @@ def _check_due(state: Tracked | Lost, time_s: float, policy: Policy) -> bool:
 
 
 def _doubt_is_due(doubtful_s: float, interval_s: float, settings: TrackSettings) -> bool:
-    """Whether the time in doubt has just reached an interval, or twice, four times, ... as much."""
-    before_s = doubtful_s - interval_s
-    current, previous = (
-        (time_s + ROUNDING_S) / settings.check_interval_s for time_s in (doubtful_s, before_s)
+    """Whether the time in doubt reaches an interval in this frame, or twice, four times, ... as much."""
+    if not doubtful_s:
+        return False
+    before, after = (
+        (time_s + ROUNDING_S) / settings.check_interval_s for time_s in (doubtful_s, doubtful_s + interval_s)
     )
-    return current >= 1.0 and (previous < 1.0 or math.frexp(current)[1] > math.frexp(previous)[1])
+    return after >= 1.0 and (before < 1.0 or math.frexp(after)[1] > math.frexp(before)[1])
 
 
 def _interval(state: Found | Tracked | Lost, time_s: float) -> float:

@@ -54,7 +54,7 @@ DETECTED = Found(belief=BELIEF, time_s=1.0, next_segmentation=NEW, place=np.zero
 RUNNING = Searching(searched_s=1.0, awaits_search=True)
 TRACKED = Tracked(belief=BELIEF, time_s=1.0, next_segmentation=AT_POSE, check_clock_s=0.5, pixels=900)
 DUE = replace(TRACKED, check_clock_s=LIMITS.check_interval_s - 0.01)
-UNSURE = replace(TRACKED, doubtful_s=LIMITS.check_interval_s)  # since this frame
+UNSURE = replace(TRACKED, doubtful_s=LIMITS.check_interval_s - 0.01)
 LOST = Lost(belief=BELIEF, time_s=1.0, next_segmentation=ANYWHERE, check_clock_s=0.5, pixels=900)
 
 INTERVAL_S = 1 / 32
@@ -323,6 +323,15 @@ TRANSITIONS = [
         ("search", "refine"),
     ),
     Transition(
+        replace(UNSURE, doubtful_s=0.5 * LIMITS.check_interval_s),
+        "a joint has been in doubt for half a check interval, and a frame comes late",
+        with_fields(CANDIDATE, time_s=LATER_S),
+        "the body is seen",
+        Tracked,
+        {"awaits_search": True},
+        ("search", "refine"),
+    ),
+    Transition(
         replace(UNSURE, doubtful_s=3 * LIMITS.check_interval_s),
         "a joint has been in doubt for three check intervals",
         CANDIDATE,
@@ -332,7 +341,7 @@ TRANSITIONS = [
         ("refine",),
     ),
     Transition(
-        replace(UNSURE, doubtful_s=4 * LIMITS.check_interval_s),
+        replace(UNSURE, doubtful_s=4 * LIMITS.check_interval_s - 0.01),
         "a joint has been in doubt for four check intervals",
         CANDIDATE,
         "the body is seen",
@@ -427,7 +436,7 @@ TRANSITIONS = [
             "check_clock_s": 0.5 + INTERVAL_S,
             "normalised_residual": 0.8,
             "pixels": 800,
-            "doubtful_s": LIMITS.check_interval_s + INTERVAL_S,
+            "doubtful_s": LIMITS.check_interval_s - 0.01 + INTERVAL_S,
         },
         (),
     ),
