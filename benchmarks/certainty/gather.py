@@ -23,7 +23,7 @@ from gepf.coordinator.stopwatch import Stopwatch
 from gepf.coordinator.synthesis.sequence import PERSON, synthesise
 from gepf.coordinator.tracking.certainty import Features, measure_features, seen_shares
 from gepf.coordinator.tracking.estimate import POSE_UNKNOWN
-from gepf.coordinator.tracking.reporting import Updated, report
+from gepf.coordinator.tracking.reporting import UpdatedPerson, report
 from gepf.coordinator.tracking.segmenter import BodyView, ExpectedSurface, Segmenter
 from gepf.coordinator.tracking.state import first_state
 from gepf.coordinator.tracking.target import TargetTracker
@@ -91,11 +91,12 @@ def gather(
     for frame in frames[::every]:
         tracker.take_search()
         segmented = segmenter.segment(frame, [ExpectedSurface(tracker.segmentation_surface())])
+        segmenter.learn(segmented)
         (subject,) = segmented.subjects
         if segmented.candidates:
             subject = segmented.candidates[0].subject
         submitted = tracker.submit(BodyView(frame, subject, segmented.planes(subject)), Stopwatch())
-        if isinstance(submitted, Updated):  # nothing was refined
+        if isinstance(submitted, UpdatedPerson):  # nothing was refined
             continue
         updated, track = tracker.update(submitted, {}), tracker.track
         estimate, context = report(updated, {}, settings).estimate, submitted.context

@@ -95,14 +95,19 @@ def are_elsewhere(pixels: Array, keypoints: NDArray[np.float32], settings: Colou
     return shift > settings.shifted_deviations or distance_of(pixels, keypoints) > farthest
 
 
-def unused(states: ColourStates, before_s: float | None = None) -> frozenset[str]:
-    """The cameras whose colour is not used; with `before_s`, as before the frame at that time."""
+def unused(states: ColourStates) -> frozenset[str]:
+    """The cameras whose colour is not used."""
+    return frozenset(name for name, state in states.items() if not state.used)
 
-    def is_used(state: ColourState) -> bool:
-        just_changed = before_s is not None and state.since_s is not None and state.since_s >= before_s
-        return state.used != just_changed
 
-    return frozenset(name for name, state in states.items() if not is_used(state))
+def unused_before(states: ColourStates, time_s: float | None) -> frozenset[str]:
+    """The cameras whose colour was not used before the frame at this time: changes since then are undone."""
+
+    def was_used(state: ColourState) -> bool:
+        has_changed = time_s is not None and state.since_s is not None and state.since_s >= time_s
+        return state.used != has_changed
+
+    return frozenset(name for name, state in states.items() if not was_used(state))
 
 
 def trusted(states: ColourStates, time_s: float, settings: ColourSettings) -> frozenset[str]:

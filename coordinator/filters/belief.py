@@ -68,7 +68,7 @@ class Observation:
 
     points: Array  # (P, 3) camera frame, metres
     interval: float  # seconds since the frame before
-    step: Array | None  # (D,) relative motion since then, from encoders; NaN if unknown
+    step: Array | None  # (D,) relative motion since then, from encoders or colour; NaN if unknown
     cameras: int  # that show the body
     unseen: Mask | None = None  # (D,) degrees of freedom that move only what is out of view; None: none
 

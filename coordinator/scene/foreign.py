@@ -7,6 +7,8 @@ surface still counts as theirs.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,28 +16,31 @@ from gepf.common.arrays import Array, Mask
 from gepf.common.camera import points_of
 from gepf.common.compiling import numba
 from gepf.coordinator.scene.noise import DepthNoise, margin_at
-from gepf.coordinator.scene.scene import FOREGROUND, Depth, SceneView
+from gepf.coordinator.scene.scene import FOREGROUND, NOBODY, Depth, SceneView
 from gepf.coordinator.scene.segmentation import measure_distances
 
 Points = NDArray[np.float32]  # (N, 3), camera frame, metres
 
 
-def mark_foreign(view: SceneView, nearest: Depth, nearest_new: Depth, last: Points) -> Mask:
-    """Pixels (H, W) of other people and things, given their points `last` (N, 3) in the last frame.
+def mark_foreign(view: SceneView, nearest: Depth, nearest_new: Depth) -> Mask:
+    """Pixels (H, W) of other people and things, given their points in the frame before, `view.foreign`.
 
     nearest: distances (H, W) from the nearest body. nearest_new: the same of the bodies that were detected a
-    short time ago, whose limbs may not be where they should. Points are in the camera frame, metres.
+    short time ago, whose limbs may not be where they should.
     """
     foreign = mark_apart(view, nearest)
-    if len(last):
-        distances = measure_distances(view, last.astype(np.float64)) + view.settings.segmentation.cell_m
+    if len(view.foreign):
+        points = view.foreign.astype(np.float64)
+        distances = measure_distances(view, points) + view.settings.segmentation.cell_m
         foreign |= (view.marks == FOREGROUND) & (distances < nearest) & np.isinf(nearest_new)
     return foreign
 
 
-def points_beside(view: SceneView, foreign: Mask, surface: Array) -> Points:
+def points_beside(view: SceneView, foreign: Mask, surfaces: Sequence[Array]) -> Points:
     """Some of the foreign points (N, 3) around the surfaces (V, 3) of bodies, camera frame, metres."""
-    limits = view.settings.segmentation
+    if not surfaces or not foreign.any():
+        return NOBODY
+    limits, surface = view.settings.segmentation, np.concatenate(surfaces)
     points = points_of(view.depth, view.camera, foreign)
     low, high = surface.min(axis=0) - limits.beside_m, surface.max(axis=0) + limits.beside_m
     points = points[np.all((points > low) & (points < high), axis=1)]

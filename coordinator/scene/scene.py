@@ -23,6 +23,10 @@ from gepf.coordinator.settings import SceneSettings
 
 Depth = NDArray[np.float32]
 Marks = NDArray[np.uint8]
+Pixels = NDArray[np.uint32]  # flat indices (N,)
+
+NO_PIXELS = np.empty(0, np.uint32)
+NOBODY = np.empty((0, 3), np.float32)  # no points of other people and things
 
 NOT_MEASURED, FOREGROUND, BACKGROUND, ON_PLANE = 0, 1, 2, 3  # marks of a pixel
 SETTLED_STEPS = 30  # steps in `settled_s`; a byte can count to 255; at 30 frames/s, a step is one frame
@@ -34,7 +38,7 @@ class SceneView:
 
     depth: (H, W) metres, 0 for pixels without depth or outside the user's scope.
     noise: of the depth.
-    background: (H, W) metres, depth without people; 0 if unknown.
+    background: (H, W) metres, depth without people; 0 if unknown. `Scene.learn` changes it in place.
     marks: (H, W) NOT_MEASURED, FOREGROUND, BACKGROUND or ON_PLANE.
     shows_room: whether the frame shows a room, not only a person; if not, pixels without depth are empty.
     settings: of the segmentation of the frame.
@@ -42,6 +46,8 @@ class SceneView:
     steps: time since the last frame with depth, in steps; SETTLED_STEPS of them make `settled_s`.
     is_first: whether no earlier frame had depth.
     occupancy: what pixels have shown, until the next frame; None if the frame shows no room.
+    occupied: flat indices (N,) of the pixels whose occupancy the frame changed.
+    foreign: points (N, 3) of other people and things in the frame before, camera frame, metres.
     """
 
     number: int
@@ -57,6 +63,8 @@ class SceneView:
     steps: int = 1
     is_first: bool = False
     occupancy: Occupancy | None = None
+    occupied: Pixels = field(default_factory=lambda: NO_PIXELS)
+    foreign: NDArray[np.float32] = field(default_factory=lambda: NOBODY)
 
     def permanence(self, window: Window) -> Depth | None:
         """The permanence, from 0 to 1, of what a window (h, w) shows; None if the frame shows no room.
@@ -97,16 +105,12 @@ def mark_pixels(depth: Depth, background: Depth, lens: Pinhole, planes: Array, n
 class Learned(NamedTuple):
     """The change of the background by one frame: flat indices (N,) of pixels, and their new values."""
 
-    pixels: NDArray[np.uint32]
+    pixels: Pixels
     depth: Depth  # (N,) metres
     nearer: Marks  # (N,) for how long something nearer was there, in steps
 
 
-NO_PIXELS = np.empty(0, np.uint32)
 NOTHING = Learned(NO_PIXELS, np.empty(0, np.float32), np.empty(0, np.uint8))
-
-
-NOBODY = np.empty((0, 3), np.float32)  # no points of other people and things
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -142,9 +146,6 @@ class Scene:
     bit for bit; `recall` restores it from the changes alone. If the size of a frame differs from that of
     earlier frames, or of the background, it is from another camera, and the scene starts again.
 
-    Attributes:
-        foreign: Points (N, 3) of other people and things in the last frame, camera frame, metres.
-
     Args:
         settings: Settings of the scene and its segmentation.
         background: Depth (H, W) in metres without people, 0 if unknown; None to learn all of it.
@@ -169,14 +170,14 @@ class Scene:
         depth, self._T_rig_camera = image.metres(), image.T_rig_camera
         if self._background.shape != depth.shape:
             self._begin(np.zeros_like(depth))
-        steps = 0
+        steps, occupied = 0, NO_PIXELS
         if depth.any():
             steps = self._pass_time(image.time_s)
             self._look(depth, image.intrinsics, steps)
         camera, planes, limits = image.intrinsics, self._planes, self._settings.noise
         noise = noise_of(self._growth or limits.usual_growth_m, limits)
         if self._shows_room:
-            self._accumulate(depth, noise, steps)
+            occupied = self._accumulate(depth, noise, steps)
         return SceneView(
             number=image.number,
             depth=depth,
@@ -191,17 +192,25 @@ class Scene:
             steps=steps,
             is_first=self._frames_with_depth <= 1,
             occupancy=self._occupancy if self._shows_room else None,
+            occupied=occupied,
+            foreign=self._foreign,
         )
 
     def learn(
-        self, view: SceneView, not_learned: Mask | None = None, learned: Learned = NOTHING
+        self,
+        view: SceneView,
+        not_learned: Mask | None = None,
+        foreign: NDArray[np.float32] = NOBODY,
+        learned: Learned = NOTHING,
     ) -> SceneChange:
         """Learn from the last frame, the `view` that `see` returned, and return the change.
 
-        Pixels (H, W) of people and possible people are `not_learned`. A frame may be learned a second time,
-        for pixels that were excluded as people the first time; pass what the first call `learned`, so that
-        the returned change includes it.
+        Pixels (H, W) of people and possible people are `not_learned`. The points `foreign` (N, 3), camera
+        frame, metres, of other people and things are remembered until the next frame. A frame may be learned
+        a second time, for pixels that were excluded as people the first time; pass what the first call
+        `learned`, so that the returned change includes it.
         """
+        self._foreign = foreign
         if not self._shows_room:
             return self._change(NO_PIXELS, NO_PIXELS)
         left_out = np.zeros(view.depth.shape, np.bool_) if not_learned is None else not_learned
@@ -210,12 +219,12 @@ class Scene:
         moved = np.count_nonzero(learned_before.ravel()[pixels]) > 0.5 * np.count_nonzero(view.marks)
         if moved:  # most of the image changed: the camera was moved
             self._background[:], self._nearer[:] = 0.0, 0
-            self._occupancy, self.foreign = Occupancy.unknown(view.depth.shape), NOBODY
+            self._occupancy, self._foreign = Occupancy.unknown(view.depth.shape), NOBODY
             learn_pixels(view.depth, view.noise, left_out, self._background, self._nearer, view.steps)
         if moved or view.is_first:
             return self.all()
         pixels = np.union1d(learned.pixels, pixels) if len(learned.pixels) else pixels
-        return self._change(pixels, self._occupied)
+        return self._change(pixels, view.occupied)
 
     def recall(self, change: SceneChange) -> None:
         """Restore the scene after a frame by applying its change.
@@ -233,7 +242,7 @@ class Scene:
         self._background.ravel()[change.learned.pixels] = change.learned.depth
         self._nearer.ravel()[change.learned.pixels] = change.learned.nearer
         change.occupancy.apply(self._occupancy)
-        self.foreign = change.foreign
+        self._foreign = change.foreign
 
     def all(self) -> SceneChange:
         """The change from an empty scene to the present one."""
@@ -249,8 +258,7 @@ class Scene:
         self._background = background
         self._nearer = np.zeros(background.shape, np.uint8)
         self._occupancy = Occupancy.unknown(background.shape)
-        self._occupied = NO_PIXELS  # whose occupancy the last image changed
-        self.foreign = NOBODY
+        self._foreign = NOBODY  # points of other people and things in the last frame
 
     def _pass_time(self, time_s: float) -> int:
         """Count the time since the last frame with depth, and return it in steps.
@@ -261,7 +269,7 @@ class Scene:
         if self._frames_with_depth:
             self._elapsed_s += min(max(time_s - self._time_s, 0.0), longest_s)
             if time_s - self._time_s > longest_s:  # other people may be anywhere
-                self.foreign = NOBODY
+                self._foreign = NOBODY
         self._time_s = time_s
         return self._step_count - before if self._frames_with_depth else 1
 
@@ -284,19 +292,20 @@ class Scene:
                 self._planes, self._shows_room = find_planes(rays, self._possible_ups, limits), True
         self._frames_with_depth += 1
 
-    def _accumulate(self, depth: Depth, noise: DepthNoise, steps: int) -> None:
-        """Add a depth image (H, W) to the occupancy, if it is due."""
-        settings, now, self._occupied = self._settings, self._step_count, NO_PIXELS
+    def _accumulate(self, depth: Depth, noise: DepthNoise, steps: int) -> Pixels:
+        """Add a depth image (H, W) to the occupancy, if it is due; returns the changed pixels."""
+        settings, now = self._settings, self._step_count
         interval, memory = (
             max(1, round(SETTLED_STEPS * time_s / settings.settled_s))
             for time_s in (settings.remember_interval_s, settings.remembered_s)
         )
-        if now // interval != (now - steps) // interval:
-            is_first = not self._occupancy.farthest.any()
-            weight = 1.0 if is_first else min(1.0, max(steps, interval) / min(now + 1, memory))
-            self._occupied = accumulate(depth, noise, self._occupancy, weight)
+        if now // interval == (now - steps) // interval:
+            return NO_PIXELS
+        is_first = not self._occupancy.farthest.any()
+        weight = 1.0 if is_first else min(1.0, max(steps, interval) / min(now + 1, memory))
+        return accumulate(depth, noise, self._occupancy, weight)
 
-    def _change(self, pixels: NDArray[np.uint32], occupied: NDArray[np.uint32]) -> SceneChange:
+    def _change(self, pixels: Pixels, occupied: Pixels) -> SceneChange:
         """The change of the background and of the occupancy at these pixels (N,), flat indices."""
         return SceneChange(
             frames_with_depth=self._frames_with_depth,
@@ -312,7 +321,7 @@ class Scene:
             learned=Learned(pixels, self._background.ravel()[pixels], self._nearer.ravel()[pixels]),
             occupancy=OccupancyChange.of(self._occupancy, occupied),
             T_rig_camera=self._T_rig_camera,
-            foreign=self.foreign,
+            foreign=self._foreign,
         )
 
 

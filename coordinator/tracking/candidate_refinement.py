@@ -88,11 +88,11 @@ class CandidateStages:
 
     def __init__(self, bodies: Bodies, refiner: Refiner, cell_m: float, settings: Settings) -> None:
         self._bodies, self._refiner, self._cell_m = bodies, refiner, cell_m
-        self._settings, self._search = settings, settings.search
+        self._settings, self._search_settings = settings, settings.search
         self._vertices = settings.filter.exploration.vertices
-        self.rough = Effort(self._search.rough_iterations, self._search.rough_kept)
-        self.fine = Effort(self._search.iterations, self._search.kept)
-        self._mixed = Effort(self._search.rough_iterations, self._search.kept)
+        self.rough = Effort(self._search_settings.rough_iterations, self._search_settings.rough_kept)
+        self.fine = Effort(self._search_settings.iterations, self._search_settings.kept)
+        self._mixed = Effort(self._search_settings.rough_iterations, self._search_settings.kept)
 
     @cached_property
     def coarse(self) -> BodyModel:
@@ -115,11 +115,11 @@ class CandidateStages:
         model, closest = self.coarse, iterations(with_closest_points(query.settings), effort.iterations)
         refined = yield from self._refine(query.thinned_subject, model, groups, closest, query.precision)
         if not query.truncated.any() or not len(refined.poses):
-            return refined.distinct(model, effort.kept, self._search.distinct_m)
+            return refined.distinct(model, effort.kept, self._search_settings.distinct_m)
         seen = in_view(query.subject, refined.joints)
         if not query.truncated[TOP] and (tops := seen[:, top_joint(query.family, model)]).any():
             refined, seen = refined.take(np.flatnonzero(tops)), seen[tops]
-        return refined.distinct(model, effort.kept, self._search.distinct_m, seen)
+        return refined.distinct(model, effort.kept, self._search_settings.distinct_m, seen)
 
     def _recombined(self, best: PoseCandidates) -> Array:
         """The best candidates (N, D), each with one limb of another candidate.
@@ -129,7 +129,7 @@ class CandidateStages:
         """
         limbs = [limb.dofs for limb in layout_of(self.coarse, self._vertices).limbs]
         poses = list[Array]()
-        for pose in best.poses[: self._search.recombined]:
+        for pose in best.poses[: self._search_settings.recombined]:
             for other in best.poses:
                 for limb in limbs:
                     mixed = pose.copy()
@@ -165,7 +165,7 @@ class CandidateStages:
             sizes = query.family.alternatives(query.family.size_of(best[:count]))
             others = [with_shape_of(best, self._bodies.shape_of(size)) for size in sizes]
             tried = np.concatenate([tried, *(pose[None] for pose in others)])
-        settings = iterations(query.settings, self._search.iterations)
+        settings = iterations(query.settings, self._search_settings.iterations)
         return (yield from self._refine(query.subject, self._bodies.searched, [tried], settings))
 
     def as_tracked(
@@ -188,7 +188,7 @@ class CandidateStages:
                 taken[:, j] = poses[:, searched.dof(name)]
         if shape is not None:
             taken[:, : model.shape_count] = shape.coefficients
-        last = iterations(settings, self._search.iterations // 2)
+        last = iterations(settings, self._search_settings.iterations // 2)
         groups = taken[::2], taken[1::2]  # two requests for two workers
         precision = None if shape is None else shape.precision
         refined = yield from self._refine(subject, model, groups, last, precision)
@@ -208,7 +208,7 @@ class CandidateStages:
         Each group (N, D) is sent as soon as it is known. `precision` (S, S) is that of the shape, if it is
         known.
         """
-        poses_per_request = max(1, self._search.request_iterations // (settings.icp_iterations + 1))
+        poses_per_request = max(1, self._search_settings.request_iterations // (settings.icp_iterations + 1))
         sent = list[Pending]()
         for poses in groups:
             for first in range(0, len(poses), poses_per_request):

@@ -47,7 +47,7 @@ class Detector:
     def __init__(self, bodies: Bodies, refiner: Refiner, settings: Settings) -> None:
         self._bodies, self._family = bodies, bodies.family
         self._refiner, self._settings = refiner, settings
-        self._refine = msgspec.structs.replace(
+        self._refine_settings = msgspec.structs.replace(
             preset("default").refine,
             noise_depth=settings.refine.noise_depth,
             noise_lateral=settings.refine.noise_lateral,
@@ -84,7 +84,7 @@ class Detector:
         """
         limits = self._settings.search
         rolls = upright_rolls(planes, self._rolls, limits.min_upright_share)
-        settings = assume_noise(self._refine, noise)
+        settings = assume_noise(self._refine_settings, noise)
         shapes = np.array([self._bodies.shape_of(size) for size in self._bodies.sizes])
         query = Query(subject, settings, self._family, shapes, limits, self._upright(rolls))
         best = yield from self._stages.shortlist(query, self._match(query, rolls))
@@ -151,8 +151,8 @@ class Detector:
         rolls = (first, *(roll for roll in self._rolls if roll != first))
         if not lost and upright is not None and self._family.roll(start.model, last_pose, turn) == first:
             rolls = rolls[:1]
-        search_settings = msgspec.structs.replace(
-            self._refine, noise_depth=settings.noise_depth, noise_lateral=settings.noise_lateral
+        refine = msgspec.structs.replace(
+            self._refine_settings, noise_depth=settings.noise_depth, noise_lateral=settings.noise_lateral
         )
         shape = Shape(last_pose[: start.model.shape_count], precision)
         values = {**start.values, **pose_by_name(start.model, last_pose)}
@@ -162,7 +162,7 @@ class Detector:
             present[: model.shape_count] = self._bodies.shape_of(start.size)
         query = Query(
             subject,
-            search_settings,
+            refine,
             self._family,
             present[None, : model.shape_count],
             self._settings.search,

@@ -33,6 +33,7 @@ def gate_pose(
 ) -> Gate:
     """The gate of a pose with this log likelihood and mean residual (metres), at the camera's noise."""
     misfit = 0.0
+    # with far more noise in depth than across, the cost does not tell surface in empty space from noise
     if settings.noise_depth <= SOFT_NOISE_RATIO * settings.noise_lateral:
         cost = np.sqrt(max(0.0, -2.0 * log_likelihood)) * settings.likelihood_scale
         misfit = float(cost / np.hypot(limits.max_misfit_m, settings.noise_lateral))

@@ -1,4 +1,4 @@
-"""How certain the joints of the most likely pose in a frame are, and whether one of them is in doubt."""
+"""How certain the joints of the reported pose in a frame are, and whether one of them is in doubt."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from gepf.coordinator.tracking.state import Start
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Judgement:
-    """How certain the joints (J,) of the most likely pose in a frame are."""
+    """How certain the joints (J,) of the reported pose in a frame are."""
 
     subject: SubjectFrame  # the crop in which the pose is judged
     certainty: Certainty

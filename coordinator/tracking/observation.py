@@ -111,7 +111,7 @@ def filter_observation(
 ) -> Observation:
     """The observation of a frame; with the usual interval if its time is not after the last one.
 
-    `step` (D,) is the motion since the last frame as measured by encoders; `unseen` (D,) are degrees of
+    `step` (D,) is the motion since the last frame, from encoders or colour; `unseen` (D,) are degrees of
     freedom that move only joints out of view. Intervals are rounded to 0.1 ms, so that rounded times in files
     give the same results.
     """

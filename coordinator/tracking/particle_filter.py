@@ -45,8 +45,8 @@ class FrameBudget:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Submitted:
-    """A frame whose particles are with the workers."""
+class SubmittedPerson:
+    """A person in a frame, whose particles are with the workers."""
 
     view: BodyView
     settings: RefineSettings  # of their refinement
@@ -95,7 +95,8 @@ class ParticleFilter:
         """
         step = None if step_m is None else root_step(model, step_m)
         if self._motion is not None:
-            step = encoder_step(self._motion, model, belief.reported, time_s, subject.time_s)
+            measured = encoder_step(self._motion, model, belief.reported, time_s, subject.time_s)
+            step = step if measured is None else measured
         seen, unseen = in_view(subject, joint_positions(model, belief.reported[None])[0]), None
         if not seen.all():
             unseen = out_of_reach(model, seen)
@@ -124,7 +125,7 @@ class ParticleFilter:
         particles = Particles(proposal.poses, settings, covariance, velocity=velocity, prior=prior)
         return self._refiner.submit(subject, model, particles)
 
-    def update(self, model: BodyModel, submitted: Submitted) -> tuple[Belief, int]:
+    def update(self, model: BodyModel, submitted: SubmittedPerson) -> tuple[Belief, int]:
         """The belief after refinement, and its number of particles; `annealed` sends several layers."""
         proposal, clock = submitted.proposal, submitted.clock
         after = self._merge(model, proposal, submitted.pending, submitted.settings, clock)

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from gepf.common.frame import Frame
-from gepf.coordinator.colour.agreement import ColourStates, unused
+from gepf.coordinator.colour.agreement import ColourStates, unused_before
 from gepf.coordinator.settings import TrackSettings
 from gepf.coordinator.stopwatch import Stopwatch
 from gepf.coordinator.tracking.cameras import CameraStates, watch
@@ -67,7 +67,8 @@ class FramePreparation:
             look = self._colour.begin(frame, [target.expected_body for target in targets], is_late=is_late)
             sight = Sight.of_nobody(len(targets))
             if look is not None and after_gap:  # people may have moved far since the last frame
-                is_trusted = not unused(colours, last_s)
+                # the last frame may be updated or not: either way, what was known before it counts
+                is_trusted = not unused_before(colours, last_s)
                 usable = [is_trusted and body.is_confirmed for body in expected]
                 sight = replace(sight, steps=look.steps(usable, self._settings.max_motion_m))
             segmented = self._segmenter.segment(

@@ -31,7 +31,7 @@ from gepf.coordinator.tracking.track_state import (
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Updated:
+class UpdatedPerson:
     """One person in a frame, before it is reported."""
 
     frame: Frame
@@ -65,7 +65,7 @@ class Doubt(NamedTuple):
     is_ambiguous: bool = False
 
 
-def report(updated: Updated, cameras: CameraStates, settings: Settings) -> TrackedPerson:
+def report(updated: UpdatedPerson, cameras: CameraStates, settings: Settings) -> TrackedPerson:
     """The estimate of an updated frame, with the certainty of each joint and a status."""
     with updated.clock.stage("report"):
         start, track, judgement = updated.state.start, updated.state.track, updated.judgement

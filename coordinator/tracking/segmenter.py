@@ -1,9 +1,9 @@
-"""Segments each frame into tracked bodies and other people, and learns the scene."""
+"""Segments each frame into tracked bodies and other people, and then learns the scene from it."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import reduce
 from typing import NamedTuple
 
@@ -14,7 +14,7 @@ from gepf.common.camera import points_of
 from gepf.common.frame import Frame, SubjectFrame, View
 from gepf.coordinator.colour.matching import Keypoints, with_keypoints
 from gepf.coordinator.scene.candidates import Candidate, candidates, has_moved
-from gepf.coordinator.scene.foreign import mark_foreign, points_beside
+from gepf.coordinator.scene.foreign import Points, mark_foreign, points_beside
 from gepf.coordinator.scene.planes import Planes
 from gepf.coordinator.scene.scene import NOBODY, Depth, Scene, SceneChange, SceneChanges, SceneView
 from gepf.coordinator.scene.scope import Scope
@@ -62,14 +62,16 @@ class SegmentedView:
     """The segmented image of one camera.
 
     image: within the user's scope. bodies: the mask of each body, None if invisible. people: the masks of
-    each untracked person.
+    each untracked person. not_learned: the pixels (H, W) of people and possible people; None if there are
+    none. foreign: points (N, 3) of other people and things beside the bodies, camera frame, metres.
     """
 
     image: View
     scene: SceneView
-    change: SceneChange
     bodies: tuple[MaskedView | None, ...]
     people: tuple[MaskHypotheses, ...]
+    not_learned: Mask | None = None
+    foreign: Points = field(default_factory=lambda: NOBODY)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -120,16 +122,23 @@ class SegmentedFrame:
         subject = self.subjects[person_index]
         return 0 if subject is None else subject.pixels
 
-    @property
-    def changes(self) -> SceneChanges:
-        """What the frame changed in the known scene of each camera."""
-        return {view.image.camera: view.change for view in self.views}
-
     def planes(self, subject: SubjectFrame | None) -> Planes:
         """The planes that the camera with the largest part of a subject sees."""
         camera = None if subject is None else subject.largest.image.camera
         seen = (view.scene.planes for view in self.views if view.image.camera == camera)
         return next(seen, Planes())
+
+
+class DetectedBody(NamedTuple):
+    """A body that a search has just detected.
+
+    searched: the candidate that was searched, in the last segmented frame or an earlier one. subject: the
+    crop of the detected body in the same frame. others: the other people in the last frame.
+    """
+
+    searched: UntrackedPerson
+    subject: SubjectFrame
+    others: Sequence[SubjectFrame] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -161,7 +170,7 @@ class BodyView:
 class Segmenter:
     """Segments frames in their order, within a `scope`, with at most `points` points of a body.
 
-    Each camera has its own scene.
+    Each camera has its own scene. A frame is learned after it has been segmented, before the next one.
     """
 
     def __init__(self, points: int, settings: SceneSettings, scope: Scope | None = None) -> None:
@@ -229,76 +238,68 @@ class Segmenter:
             seen.append([mask_candidate(image, view, person, near_bodies) for person in people])
         return self._join_people(segmented.frame, seen)
 
-    def learn_things(
-        self,
-        segmented: SegmentedFrame,
-        changes: SceneChanges,
-        searched: UntrackedPerson,
-        person: SubjectFrame,
-        others: Sequence[SubjectFrame],
-    ) -> SceneChanges:
-        """Add to the background what a search attributed to the person but the detected body does not cover.
+    def learn(self, segmented: SegmentedFrame, detected: Sequence[DetectedBody] = ()) -> SceneChanges:
+        """Learn the scenes from the last segmented frame, and return what it changed in them.
 
-        The search was for `searched`, in the last segmented frame or an earlier one, and detected `person`.
-        `others` are the other people in the last frame. Returns all that the last frame changed, given the
-        `changes` so far.
+        What was searched for the bodies that have just been `detected`, but is not covered by them, is added
+        to the background as well.
         """
-        after = dict(changes)
-        for view in segmented.views:
-            name, depth = view.image.camera, view.scene.depth
-            searched_depth = depth_of(searched.widest, name, depth.shape)
-            things = (searched_depth > 0.0) & (
-                abs(depth - searched_depth) < self._settings.segmentation.step_m
-            )
-            for subject in (person, *others):
+        return {view.image.camera: self._learn_view(view, detected) for view in segmented.views}
+
+    def _learn_view(self, view: SegmentedView, detected: Sequence[DetectedBody]) -> SceneChange:
+        scene, name, depth = self._scenes[view.image.camera], view.image.camera, view.scene.depth
+        change = scene.learn(view.scene, view.not_learned, view.foreign)
+        for body in detected:
+            searched_depth = depth_of(body.searched.widest, name, depth.shape)
+            step_m = self._settings.segmentation.step_m
+            things = (searched_depth > 0.0) & (abs(depth - searched_depth) < step_m)
+            for subject in (body.subject, *body.others):
                 things &= depth_of(subject, name, depth.shape) == 0.0
-            after[name] = self._scenes[name].learn(view.scene, ~things, changes[name].learned)
-        return after
+            change = scene.learn(view.scene, ~things, change.foreign, change.learned)
+        return change
 
     def _segment_view(
         self, image: View, bodies: Sequence[ExpectedSurface], *, rejected: bool, find: bool
     ) -> SegmentedView:
-        """Segment one image of a frame, and learn its scene."""
+        """Segment one image of a frame."""
         scope = self._scope.of(image.camera)
         scene = self._scene_of(image.camera, image.T_rig_camera, image.gravity)
         image, out_of_scope = scope.limit(image)
         view = scene.see(image, out_of_scope)
         if shows_one_body(view, len(bodies)):
-            scene.foreign = NOBODY
-            everything, is_known = tuple(outline(image)), bodies[0].vertices is not None
-            body = everything[0] if everything and is_known else None
-            candidate = (everything,) if everything and not is_known else ()
-            return SegmentedView(image, view, scene.learn(view), (body,), candidate)
+            everything = tuple(outline(image))
+            if bodies[0].vertices is None:
+                return SegmentedView(image, view, (None,), (everything,) if everything else ())
+            return SegmentedView(image, view, everything or (None,), ())
         posed = [posed_surface(view, image, body) for body in bodies]
         known = [body for body in posed if body is not None]
         nearest = nearest_of(view, [body.distances for body in known])
         near_bodies = nearest <= self._settings.segmentation.near_m
-        beside = mark_and_remember(scene, view, known, nearest)
-        segmented = [
-            None
-            if body is None
-            else segment_body(view, body.vertices, body.distances, (body.distances > nearest) | beside)
-            for body in posed
-        ]
-        is_sought = find and len(known) < len(bodies)
-        possible = candidates(view, near_bodies) if is_sought else []
+        nearest_new = nearest_of(view, [body.distances for body in known if body.is_new])
+        beside = mark_foreign(view, nearest, nearest_new)
+        foreign = points_beside(view, beside, [body.vertices for body in known])
+        own, may_be_anywhere = list[MaskedView | None](), False  # a body, whose pixels must not be learned
+        for body in posed:
+            if body is None:
+                own.append(None)
+                continue
+            of_others = (body.distances > nearest) | beside
+            segmentation = segment_body(view, body.vertices, body.distances, of_others)
+            own.append(masked_view(image, view, segmentation))
+            may_be_anywhere |= is_missing(view, body.vertices, segmentation)
+        possible = list[Candidate]()
+        if len(known) < len(bodies):
+            possible = candidates(view, near_bodies) if find else []
+            may_be_anywhere |= not find
         # colour tells which of several candidates is a person
         count = 1 if len(bodies) == 1 and image.colours is None else None
         chosen = scope.choose(view, possible)[:count]
         people = tuple(mask_candidate(image, view, person, near_bodies) for person in chosen)
-        is_complete = is_sought or len(known) == len(bodies)
-        if is_complete and not any(
-            is_missing(view, body.vertices, segmentation)
-            for body, segmentation in zip(posed, segmented, strict=True)
-            if body is not None and segmentation is not None
-        ):
-            moving = [person.widest for person in possible if not rejected or has_moved(view, person)]
-            not_learned = reduce(np.logical_or, moving, near_bodies)
-        else:  # a body may be anywhere
+        moving = [person.widest for person in possible if not rejected or has_moved(view, person)]
+        not_learned = reduce(np.logical_or, moving, near_bodies)
+        if may_be_anywhere:
             not_learned = np.ones_like(near_bodies)
-        change = scene.learn(view, not_learned)
-        own = tuple(None if body is None else masked_view(image, view, body) for body in segmented)
-        return SegmentedView(image, view, change, own, people)
+        return SegmentedView(image, view, tuple(own), people, not_learned, foreign)
 
     def _join_people(
         self, frame: Frame, seen: Sequence[Sequence[MaskHypotheses]]
@@ -346,19 +347,6 @@ def posed_surface(view: SceneView, image: View, body: ExpectedSurface) -> PosedS
         return None
     vertices = image.to_camera(body.vertices)
     return PosedSurface(vertices, measure_distances(view, vertices), body.is_new)
-
-
-def mark_and_remember(scene: Scene, view: SceneView, bodies: Sequence[PosedSurface], nearest: Depth) -> Mask:
-    """The pixels (H, W) of other people and things, which the scene remembers until the next frame.
-
-    `nearest` (H, W) is the distance from the nearest of the bodies.
-    """
-    nearest_new = nearest_of(view, [body.distances for body in bodies if body.is_new])
-    foreign = mark_foreign(view, nearest, nearest_new, scene.foreign)
-    is_beside = len(bodies) > 0 and foreign.any()
-    vertices = [body.vertices for body in bodies]
-    scene.foreign = points_beside(view, foreign, np.concatenate(vertices)) if is_beside else NOBODY
-    return foreign
 
 
 def masked_view(image: View, view: SceneView, segmentation: Segmentation) -> MaskedView:

@@ -32,12 +32,12 @@ from gepf.coordinator.tracking.detector import Detector, move_root
 from gepf.coordinator.tracking.gating import Gate, gate_pose
 from gepf.coordinator.tracking.judgement import judge_pose
 from gepf.coordinator.tracking.observation import POINTS, camera_points, middle_of
-from gepf.coordinator.tracking.particle_filter import Encoders, FrameBudget, ParticleFilter, Submitted
+from gepf.coordinator.tracking.particle_filter import Encoders, FrameBudget, ParticleFilter, SubmittedPerson
 from gepf.coordinator.tracking.pose_candidates import Detection, depth_likelihood
 from gepf.coordinator.tracking.refiner import Refiner
-from gepf.coordinator.tracking.reporting import Updated
+from gepf.coordinator.tracking.reporting import UpdatedPerson
 from gepf.coordinator.tracking.search import BodySearch
-from gepf.coordinator.tracking.segmenter import BodyView, UntrackedPerson
+from gepf.coordinator.tracking.segmenter import BodyView, DetectedBody, UntrackedPerson
 from gepf.coordinator.tracking.state import Checkpoint, PersonState
 from gepf.coordinator.tracking.track_state import (
     Body,
@@ -55,13 +55,6 @@ from gepf.coordinator.tracking.track_state import (
     TrackedBefore,
     step,
 )
-
-
-class JustDetected(NamedTuple):
-    """The candidate that was searched, and the crop of the detected body in the same frame."""
-
-    searched: UntrackedPerson
-    person: SubjectFrame
 
 
 class Choice(NamedTuple):
@@ -99,7 +92,7 @@ class TargetTracker:
         self._detector = Detector(bodies, refiner, settings)
         self.search = BodySearch()
         self.start, self.track = state.start, state.track
-        self._detected: JustDetected | None = None
+        self._detected: DetectedBody | None = None
 
     @property
     def model(self) -> BodyModel:
@@ -131,8 +124,8 @@ class TargetTracker:
     def segmentation_surface(self, step_m: Array | None = None) -> Array | None:
         """The vertices (V, 3) around which the next frame is segmented; None if the body may be anywhere.
 
-        The current frame may still be in refinement, so the vertices are those of the previous frame's pose,
-        unless frames are slow. `step_m` (3,) is the motion since then, if it is known.
+        The current frame may still be in refinement, so the pose is that of the frame before it, unless
+        frames are slow. `step_m` (3,) is the motion since then, if it is known.
         """
         pose = self.next_segmentation.pose
         if pose is None:
@@ -168,7 +161,7 @@ class TargetTracker:
 
     @property
     def _is_new(self) -> bool:
-        """Whether the body was detected, or a camera came back, a short time before the last frame."""
+        """Whether the body was detected, or a camera came back, a short time before the last update."""
         track = self.track
         return (
             track.is_new(self._settings.track) if isinstance(track, TrackedBefore) else self.is_just_detected
@@ -243,14 +236,14 @@ class TargetTracker:
         self.search.drop()
         self._step(SearchGivenUp())
 
-    def take_detected(self) -> JustDetected | None:
+    def take_detected(self) -> DetectedBody | None:
         """The body that has just been detected, returned only once; for an update of the background."""
         detected, self._detected = self._detected, None
         return detected
 
     def submit(
         self, view: BodyView, clock: Stopwatch, budget: FrameBudget | None = None
-    ) -> Submitted | Updated:
+    ) -> SubmittedPerson | UpdatedPerson:
         """Predict particles for the next frame and send them to the workers.
 
         `take_search` must come first, and `update` must follow. If there is nothing to refine, the frame is
@@ -263,15 +256,15 @@ class TargetTracker:
             if not isinstance(self.track, Body):
                 subject = self._search_first(view, wait=waits_for_search)
             if not isinstance(self.track, Body):
-                return Updated(view.frame, self.state, 0, None, clock)
-            todo, distance_m = self._segmented(view, subject), distance_to(view.subject)
+                return UpdatedPerson(view.frame, self.state, 0, None, clock)
+            todo, distance_m = self._step_segmented(view, subject), distance_to(view.subject)
             settings = self._settings_at(distance_m)
             detection = self._search_again(subject, settings, todo, wait=waits_for_search)
         if subject is None or "refine" not in todo:
-            return Updated(view.frame, self.state, 0, None, clock)
+            return UpdatedPerson(view.frame, self.state, 0, None, clock)
         return self._refine(view, subject, detection, settings, clock, budget)
 
-    def update(self, submitted: Submitted, cameras: CameraStates) -> Updated:
+    def update(self, submitted: SubmittedPerson, cameras: CameraStates) -> UpdatedPerson:
         """Wait for the refined particles of the last submitted frame, and update the state."""
         belief, particles = self._filter.update(self.model, submitted)
         with submitted.clock.stage("measure"):
@@ -290,7 +283,7 @@ class TargetTracker:
             todo = self._step(replace(event, is_doubtful=judgement.is_doubtful))
             if "stop searching" in todo:
                 self.search.drop()
-        return Updated(submitted.view.frame, self.state, particles, judgement, submitted.clock)
+        return UpdatedPerson(submitted.view.frame, self.state, particles, judgement, submitted.clock)
 
     def _refine(
         self,
@@ -300,7 +293,7 @@ class TargetTracker:
         settings: RefineSettings,
         clock: Stopwatch,
         budget: FrameBudget | None,
-    ) -> Submitted:
+    ) -> SubmittedPerson:
         """Predict the particles of a frame and send them to the workers."""
         assert isinstance(self.track, Body)  # it has a belief
         past_is_guess, belief = isinstance(self.track, Found), self.track.belief
@@ -319,7 +312,7 @@ class TargetTracker:
                 subject, belief.reported, proposal.interval, settings.stretch, past_is_guess
             )
             pending = self._filter.send(self.model, subject, proposal, settings)
-        return Submitted(view, settings, proposal, pending, context, detection, clock)
+        return SubmittedPerson(view, settings, proposal, pending, context, detection, clock)
 
     def _settings_at(self, distance_m: float) -> RefineSettings:
         """The settings of refinement for the camera's noise at a distance."""
@@ -330,7 +323,7 @@ class TargetTracker:
         self.track, todo = step(self.track, event, self.policy)
         return todo
 
-    def _segmented(self, view: BodyView, subject: SubjectFrame | None) -> Instructions:
+    def _step_segmented(self, view: BodyView, subject: SubjectFrame | None) -> Instructions:
         """The event of a segmented frame; measures the noise where a given start is first seen."""
         has_depth = any(image.depth.any() for image in view.frame.views)
         if subject is None:
@@ -361,7 +354,7 @@ class TargetTracker:
 
         That is the detected person after a search in this frame, or else what this frame shows of them.
         """
-        subject, todo = view.subject, self._segmented(view, view.subject)
+        subject, todo = view.subject, self._step_segmented(view, view.subject)
         if subject is None:
             return None
         if "search" in todo:
@@ -373,7 +366,7 @@ class TargetTracker:
         self.take_search()
         if self._detected is None:
             return None
-        return self._detected.person if wait else subject
+        return self._detected.subject if wait else subject
 
     def _search_again(
         self, subject: SubjectFrame | None, settings: RefineSettings, todo: Instructions, *, wait: bool
@@ -401,9 +394,10 @@ class TargetTracker:
         self._step(SearchEnded())
         return self._detector.transfer(detection, subject, settings)
 
-    def _end_first_search(self) -> JustDetected | None:
+    def _end_first_search(self) -> DetectedBody | None:
         """Take over the body that the first search has detected; None if it has detected nothing."""
-        searched, detection = self.search.person, self.search.take()
+        searched = self.search.person  # before `take`, which forgets the person
+        detection = self.search.take()
         if searched is None or detection is None:
             return None
         if not detection.gate.passes:
@@ -422,9 +416,9 @@ class TargetTracker:
             unshown_s=None if is_shown else 0.0,
         )
         todo = self._step(SearchEnded(detected))
-        return JustDetected(searched, person) if "update the background" in todo else None
+        return DetectedBody(searched, person) if "update the background" in todo else None
 
-    def _choose(self, belief: Belief, submitted: Submitted) -> Choice:
+    def _choose(self, belief: Belief, submitted: SubmittedPerson) -> Choice:
         """The tracked hypotheses, or those of a detection that explains the frame better."""
         assert isinstance(self.track, Body)  # it was refined
         settings, detection = self._settings, submitted.detection
@@ -460,7 +454,7 @@ class TargetTracker:
         )
         return Choice(chosen, detection.gate, redetected, ambiguous_facing)
 
-    def _assess(self, belief: Belief, submitted: Submitted, faulty: tuple[str, ...]) -> FrameRefined:
+    def _assess(self, belief: Belief, submitted: SubmittedPerson, faulty: tuple[str, ...]) -> FrameRefined:
         """The event of a refined frame."""
         settings, context = self._settings, submitted.context
         chosen = self._choose(belief, submitted)

@@ -17,11 +17,11 @@ from gepf.coordinator.sources.live import LiveFrames
 from gepf.coordinator.tracking.assignment import Assignment
 from gepf.coordinator.tracking.colour import ColouredFrame, ColourWatch
 from gepf.coordinator.tracking.pacing import Live, Lookahead, Recorded, advance_search
-from gepf.coordinator.tracking.particle_filter import Encoders, FrameBudget, Submitted
+from gepf.coordinator.tracking.particle_filter import Encoders, FrameBudget, SubmittedPerson
 from gepf.coordinator.tracking.preparation import FramePreparation, PreparedFrame
 from gepf.coordinator.tracking.refiner import Refiner
-from gepf.coordinator.tracking.reporting import TrackedFrame, Updated, report
-from gepf.coordinator.tracking.segmenter import Segmenter
+from gepf.coordinator.tracking.reporting import TrackedFrame, UpdatedPerson, report
+from gepf.coordinator.tracking.segmenter import DetectedBody, Segmenter
 from gepf.coordinator.tracking.state import FrameState, TrackerState, first_state
 from gepf.coordinator.tracking.target import TargetTracker
 from gepf.coordinator.tracking.warm_up import warm_up
@@ -30,7 +30,7 @@ from gepf.coordinator.tracking.warm_up import warm_up
 class SubmittedFrame(NamedTuple):
     """A frame whose particles are with the workers; people without any are updated already."""
 
-    people: list[Submitted | Updated]
+    people: list[SubmittedPerson | UpdatedPerson]
     scene_changes: SceneChanges
     prepared: PreparedFrame
 
@@ -38,7 +38,7 @@ class SubmittedFrame(NamedTuple):
 class UpdatedFrame(NamedTuple):
     """A frame that is not reported yet."""
 
-    people: list[Updated]
+    people: list[UpdatedPerson]
     state: FrameState
 
 
@@ -138,22 +138,22 @@ class Tracker:
         return self._preparation.prepare(frame, self._targets, self._frame.colours, is_late=self._is_late)
 
     def _submit(self, prepared: PreparedFrame, budget: FrameBudget | None) -> SubmittedFrame:
-        """Predict the particles of each person, and send them to the workers."""
-        scene_changes = prepared.segmented.changes
+        """Predict the particles of each person, send them to the workers, and learn the scene."""
         facing = [target.body_with_known_orientation for target in self._targets]
         coloured = ColouredFrame(
             prepared.segmented, prepared.sight, self._frame.colours, facing, self._settings.colour
         )
         segmented = coloured.segmented
         assignment = Assignment(self._targets, self._segmenter, segmented, coloured.free)
-        submitted = list[Submitted | Updated]()
+        submitted, detected = list[SubmittedPerson | UpdatedPerson](), list[DetectedBody]()
         for person_index, (target, clock) in enumerate(zip(self._targets, prepared.clocks, strict=True)):
             view = replace(assignment.view_of(person_index), after_gap=prepared.after_gap)
             view = coloured.complete(view, person_index, is_at_last_pose=target.is_segmented_at_last_pose)
             submitted.append(target.submit(view, clock, budget))
-            if (detected := target.take_detected()) is not None:
-                others = assignment.other_people(person_index, detected.searched)
-                scene_changes = self._segmenter.learn_things(segmented, scene_changes, *detected, others)
+            if (body := target.take_detected()) is not None:
+                detected.append(body._replace(others=assignment.other_people(person_index, body.searched)))
+        with prepared.clocks[0].stage("segment"):
+            scene_changes = self._segmenter.learn(segmented, detected)
         return SubmittedFrame(submitted, scene_changes, prepared)
 
     def _send_ahead(self, prepared: PreparedFrame | None) -> None:
@@ -169,7 +169,7 @@ class Tracker:
         """Wait for the refined particles of each person, and update the states."""
         prepared, settings = frame.prepared, self._settings.colour
         people = [
-            target.update(person, prepared.cameras) if isinstance(person, Submitted) else person
+            target.update(person, prepared.cameras) if isinstance(person, SubmittedPerson) else person
             for target, person in zip(self._targets, frame.people, strict=True)
         ]
         bodies = [target.explained_body for target in self._targets]

@@ -16,7 +16,7 @@ from gepf.coordinator.settings import Settings
 from gepf.coordinator.stopwatch import Stopwatch
 from gepf.coordinator.tracking.observation import isolate
 from gepf.coordinator.tracking.refiner import LocalRefiner
-from gepf.coordinator.tracking.reporting import Updated, report
+from gepf.coordinator.tracking.reporting import UpdatedPerson, report
 from gepf.coordinator.tracking.segmenter import BodyView, ExpectedSurface, Segmenter
 from gepf.coordinator.tracking.state import first_state
 from gepf.coordinator.tracking.target import TargetTracker
@@ -57,11 +57,13 @@ def warm_up(settings: Settings, bodies: Bodies) -> None:
     segmenter = Segmenter(1, settings.scene)
     for number, surface in enumerate((None, tracked.segmentation_surface())):
         room = View(number, number / 30.0, depth, 1000.0, CAMERA)
-        segmenter.segment(Frame.of(room), [ExpectedSurface(surface)])
+        segmenter.learn(segmenter.segment(Frame.of(room), [ExpectedSurface(surface)]))
         whole = replace(room, depth=np.where(depth < 4000, depth, 0))
         short = replace(whole, depth=whole.depth[:30], intrinsics=CAMERA.crop(0, 0, CAMERA.width, 30))
         for target in (tracked, unknown, truncated):
             frame = Frame.of(short if target is truncated else whole)
             target.take_search()
             updated = target.submit(BodyView(frame, isolate(frame, 400), Planes()), Stopwatch())
-            report(updated if isinstance(updated, Updated) else target.update(updated, {}), {}, settings)
+            report(
+                updated if isinstance(updated, UpdatedPerson) else target.update(updated, {}), {}, settings
+            )

@@ -161,7 +161,8 @@ def test_the_viewer_s_eye_stands_upright() -> None:
 
 def first_changes(view: View) -> SceneChanges:
     """What the first frame changes in the known scene."""
-    return Segmenter(1000, SceneSettings()).segment(Frame.of(view), [ExpectedSurface()]).changes
+    segmenter = Segmenter(1000, SceneSettings())
+    return segmenter.learn(segmenter.segment(Frame.of(view), [ExpectedSurface()]))
 
 
 def test_up_comes_from_the_floor_that_a_pitched_camera_sees() -> None:

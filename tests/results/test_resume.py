@@ -22,7 +22,7 @@ from gepf.coordinator.settings import preset
 from gepf.coordinator.stopwatch import Stopwatch
 from gepf.coordinator.tracking.estimate import Estimate
 from gepf.coordinator.tracking.observation import isolate
-from gepf.coordinator.tracking.particle_filter import Submitted
+from gepf.coordinator.tracking.particle_filter import SubmittedPerson
 from gepf.coordinator.tracking.segmenter import BodyView
 from gepf.coordinator.tracking.state import TrackerState, first_state
 from gepf.coordinator.tracking.target import TargetTracker
@@ -91,7 +91,7 @@ def test_all_that_a_target_tracker_changes_is_in_its_state() -> None:
     before, state = dict(vars(target)), target.state
     frame = shown("standing").frames[0]
     submitted = target.submit(BodyView(frame, isolate(frame, 1000), Planes()), Stopwatch())
-    assert isinstance(submitted, Submitted)
+    assert isinstance(submitted, SubmittedPerson)
     target.update(submitted, {})
     changed = {name for name, value in vars(target).items() if value is not before[name]}
     assert changed - {"_distance"} == {"start", "track"}  # the distance is measured in each frame anew

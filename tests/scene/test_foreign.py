@@ -44,6 +44,7 @@ def follow(segmenter: Segmenter, first: int, *, new: bool = False) -> SegmentedF
     for number in range(first, FRAMES):
         frame = Frame.of(room_of(number).see(PERSON, number).view)
         segmented = segmenter.segment(frame, [ExpectedSurface(surface, is_new=new)])
+        segmenter.learn(segmented)
     return segmented
 
 
@@ -71,9 +72,12 @@ def test_changes_alone_restore_what_is_foreign(first: int) -> None:
         frame = Frame.of(room_of(number).see(PERSON, number).view)
         segmented = segmenter.segment(frame, [ExpectedSurface(surface)])
         if number < first:
-            resumed.recall(segmented.changes)
+            resumed.recall(segmenter.learn(segmented))
             continue
-        mine, again = segmented.subjects[0], resumed.segment(frame, [ExpectedSurface(surface)]).subjects[0]
+        segmented_again = resumed.segment(frame, [ExpectedSurface(surface)])
+        segmenter.learn(segmented)
+        resumed.learn(segmented_again)
+        mine, again = segmented.subjects[0], segmented_again.subjects[0]
         assert mine is not None
         assert again is not None
         np.testing.assert_array_equal(mine.largest.kinds, again.largest.kinds)

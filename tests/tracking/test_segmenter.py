@@ -12,7 +12,7 @@ from gepf.coordinator.bodies.tracked import name_pose
 from gepf.coordinator.scene.scene import BACKGROUND
 from gepf.coordinator.settings import SceneSettings
 from gepf.coordinator.tracking.observation import pick
-from gepf.coordinator.tracking.segmenter import ExpectedSurface, Segmenter
+from gepf.coordinator.tracking.segmenter import DetectedBody, ExpectedSurface, Segmenter
 from tests.support.people import CAMERA, STANDING, frame_of, rendered
 from tests.support.rooms import HEIGHT, PERSON, TABLE, Room, along
 
@@ -21,7 +21,8 @@ def test_a_person_is_found_whose_body_is_not_known() -> None:
     """In a room it is the best candidate, with what hides it; the points are the subject's."""
     room = Room((TABLE,), noise=0.001)
     image, truth = room.see(PERSON)
-    segmented = Segmenter(300, SceneSettings()).segment(Frame.of(image), [ExpectedSurface()])
+    segmenter = Segmenter(300, SceneSettings())
+    segmented = segmenter.segment(Frame.of(image), [ExpectedSurface()])
     (person,) = segmented.candidates
     (view,) = person.subject.views
     assert view.kinds is not None
@@ -29,7 +30,7 @@ def test_a_person_is_found_whose_body_is_not_known() -> None:
     assert np.all(view.kinds.ravel()[view.picked] == SUBJECT)
     assert np.any(view.kinds == HIDDEN)
     assert np.sum(view.kinds == SUBJECT) / truth.sum() > 0.9
-    assert segmented.changes[""].shows_room
+    assert segmenter.learn(segmented)[""].shows_room
 
 
 def test_what_is_no_person_is_learned_as_room_at_once() -> None:
@@ -39,7 +40,7 @@ def test_what_is_no_person_is_learned_as_room_at_once() -> None:
     segmenter, again = Segmenter(300, SceneSettings()), Segmenter(300, SceneSettings())
     segmented = segmenter.segment(Frame.of(seen.view), [ExpectedSurface()])
     (person,) = segmented.candidates
-    again.recall(segmenter.learn_things(segmented, segmented.changes, person, person.subject, ()))
+    again.recall(segmenter.learn(segmented, [DetectedBody(person, person.subject)]))
     following = Frame.of(room.see((-0.15, 2.6), 1).view)
     views = [each.segment(following, [ExpectedSurface()]).views[0].scene for each in (segmenter, again)]
     box = (Room().see(None).view.depth > room.see(None).view.depth + 60) & ~seen.mask
@@ -61,10 +62,11 @@ def test_a_body_of_which_little_is_measured_is_not_learned_as_room(measured: str
     poor = np.where((person > 0.0) & holes, 0.0, whole)
     frames = [poor] * 8 if measured == "head alone" else [*[whole] * 5, poor, *[whole] * 3]
     segmenter, body = Segmenter(1_500, SceneSettings()), pose_vertices(model, pose[None])[0]
-    segmented = [
-        segmenter.segment(frame_of(n, depth), [ExpectedSurface(body)]) for n, depth in enumerate(frames)
-    ]
-    subjects = [each.subjects[0] for each in segmented]
+    subjects = []
+    for number, depth in enumerate(frames):
+        segmented = segmenter.segment(frame_of(number, depth), [ExpectedSurface(body)])
+        segmenter.learn(segmented)
+        subjects.append(segmented.subjects[0])
     assert subjects[-1] is not None
     assert subjects[-1].pixels > 0.95 * np.count_nonzero((person > 0.0) & (frames[-1] > 0.0))
 
@@ -77,6 +79,7 @@ def test_points_that_have_moved_are_picked_more_densely() -> None:
     for number in range(20):
         room = Room((held,) if number == 19 else (), noise=0.001)
         segmented = segmenter.segment(Frame.of(room.see(place, number).view), [ExpectedSurface(surface)])
+        segmenter.learn(segmented)
     (subject,) = segmented.subjects
     assert subject is not None
     view, picked = subject.largest, np.zeros(subject.largest.image.depth.size, np.bool_)

@@ -30,7 +30,7 @@ from gepf.coordinator.stopwatch import Stopwatch
 from gepf.coordinator.tracking.detector import Detector
 from gepf.coordinator.tracking.estimate import POSE_UNKNOWN, Estimate
 from gepf.coordinator.tracking.judgement import has_rival
-from gepf.coordinator.tracking.particle_filter import FrameBudget, Submitted
+from gepf.coordinator.tracking.particle_filter import FrameBudget, SubmittedPerson
 from gepf.coordinator.tracking.refiner import Pending
 from gepf.coordinator.tracking.reporting import report
 from gepf.coordinator.tracking.segmenter import BodyView
@@ -277,7 +277,7 @@ def test_a_person_who_moves_during_a_live_search_is_tracked_soon_after(rates: di
         target.take_search()
         submitted = target.submit(BodyView(frame, subject_of(frame, 2000), Planes()), Stopwatch(), budget)
         target.search.finish()
-        if isinstance(submitted, Submitted):
+        if isinstance(submitted, SubmittedPerson):
             estimates.append(report(target.update(submitted, {}), {}, SETTINGS).estimate)
     off = [apart(each, joints[-1]).max() for each in estimates]
     assert off[-1] < 0.05
