@@ -12,18 +12,26 @@ from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_typestore
 
 from gepf.common.arrays import Array
+from gepf.common.camera import Intrinsics
 from gepf.common.errors import InputError
+from gepf.common.frame import Frame, View
 from gepf.common.kinematics import retract
+from gepf.coordinator.bodies.human.people import PEOPLE
 from gepf.coordinator.bodies.human.template import human
 from gepf.coordinator.bodies.urdf import read_urdf
 from gepf.coordinator.cli import main
+from gepf.coordinator.filters.methods import initial_belief
 from gepf.coordinator.results.evaluation import read_truth
 from gepf.coordinator.scene.noise import NO_NOISE
+from gepf.coordinator.settings import Settings
 from gepf.coordinator.sources.camera import write_camera
 from gepf.coordinator.sources.joint_states import JointStates, read_joint_states
 from gepf.coordinator.synthesis.scenes import Scene, roam
 from gepf.coordinator.synthesis.sequence import DEPTH_SCALE, write_depth, write_start, write_truth
-from gepf.coordinator.tracking.particle_filter import encoder_step
+from gepf.coordinator.tracking.observation import isolate
+from gepf.coordinator.tracking.particle_filter import ParticleFilter, encoder_step
+from gepf.coordinator.tracking.target import resolve
+from gepf.refiners import DirectRefiner
 from tests.support.stand_ins import Direct
 
 ARM = Path(__file__).parents[2] / "examples" / "arm7.urdf"
@@ -170,3 +178,21 @@ def test_states_that_the_body_does_not_have_are_named(caplog: pytest.LogCaptureF
     assert "'qqq'; gepf model dofs lists all; its states are left out" in caplog.text
     with pytest.raises(InputError, match="--joint-states: unknown degree of freedom 'axis1'"):
         states(("axis1", "elbw"), [[0.0, 0.0]]).check_names(known)
+
+
+def test_where_encoders_say_nothing_colour_moves_the_body() -> None:
+    """Encoders of other joints, or before their first value: the step that colour shows is not lost."""
+    model, start, step = human(), np.zeros(len(human().dof_names)), np.array([0.3, 0.0, 0.0])
+    silent = JointStates(("wheel",), np.array([0.0, 1.0]), np.zeros((2, 1)))
+    depth = np.full((24, 32), 2500, np.uint16)
+    frame = Frame.of(View(1, 1 / 30, depth, 1000.0, Intrinsics(32, 24, 30.0, 30.0, 15.5, 11.5)))
+    subject = isolate(frame, 100)
+    assert subject is not None
+    settings = resolve(Settings(), PEOPLE)
+    moved = []
+    for encoders in (None, silent):
+        particles = ParticleFilter(DirectRefiner(), settings, encoders)
+        belief = initial_belief(model, start, settings)
+        moved.append(particles.propose(model, belief, subject, 0.0, None, step).poses)
+    np.testing.assert_array_equal(moved[0], moved[1])
+    assert abs(np.median(moved[0][:, model.dof("root_tx")]) - step[0]) < 0.1
