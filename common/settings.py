@@ -24,12 +24,12 @@ the same number of additional iterations. `gepf.worker.kernel.parameters` has th
 class RefineSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Settings of a particle's refinement. Lengths in metres, angles in radians."""
 
-    icp_iterations: int = 3  #: 0 only assesses the likelihood
+    icp_iterations: int = 3  #: iterations of ICP; with 0, only the likelihood is computed
     descent: Descent = "plain"
     damping: float = 0.1  #: lambda of Eq. 4
     sensor: Sensor = "distance"
     noise_depth: float = 0.01  #: standard deviation of an observed point along the viewing direction
-    noise_lateral: float = 0.01  #: across it; closest points are searched in units of both
+    noise_lateral: float = 0.01  #: across it; distances to closest points are in units of both
     likelihood_scale: float = 0.01  #: metres, root mean square residual that reduces the likelihood by e^-1/2
     outside_weight: float = 1.0  #: of squared distances of points outside the surface; the family sets it
     pose_deviation: float = 0.0  #: prior of joint angles around rest; the unit of rest_spreads; 0: none

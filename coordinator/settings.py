@@ -29,7 +29,7 @@ class NoiseSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     floor_m: Quantity = 0.001  #: standard deviation at any distance
     min_growth_m: Quantity = 0.0003  #: standard deviation added at 1 m: smallest value that is trusted
     max_growth_m: Quantity = 0.03  #: largest value that is trusted
-    usual_growth_m: Quantity = 0.0015  #: value of usual depth cameras, used where none can be measured
+    usual_growth_m: Quantity = 0.0015  #: value of typical depth cameras, used where none can be measured
     margin_deviations: Quantity = 4.0  #: differences below this are noise; 1 in 16 000 is larger
     outline_blur_px: Quantity = 4.0  #: radius over which a silhouette is blurred to remove its noise
 
@@ -42,8 +42,8 @@ class PlaneSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     refined_samples: Count = 40  #: number of the best planes that are refined
     min_points: Count = 30  #: minimum number of points on a plane
     max_beyond_share: Share = 0.01  #: largest share of points behind a wall or below a floor
-    max_camera_tilt_deg: Degrees = 50.0  #: largest tilt of the camera against the floor
-    max_wall_tilt_deg: Degrees = 20.0  #: largest tilt of a wall against the vertical
+    max_camera_tilt_deg: Degrees = 50.0  #: largest tilt of the camera relative to the floor
+    max_wall_tilt_deg: Degrees = 20.0  #: largest tilt of a wall from the vertical
     min_floor_width_m: Quantity = 0.2  #: smallest visible width of a floor
     min_floor_area_m2: Quantity = 0.3  #: smallest visible area of a floor
     min_wall_width_m: Quantity = 0.7  #: smallest visible width of a wall
@@ -54,7 +54,7 @@ class PlaneSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     min_resting_share: Share = 0.1
     """Mean weight that another up direction must exceed if the usual one has no floor; points spread evenly
     up to 3 m have this weight."""
-    outlier_percent: Quantity = 1.0  #: points at each end that do not count for an extent, per cent
+    outlier_percent: Quantity = 1.0  #: percentage of points at each end that an extent leaves out
 
 
 class SegmentationSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -66,9 +66,9 @@ class SegmentationSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=Tr
     step_m: Quantity = 0.03  #: largest step in depth between neighbours on one surface, without noise
     min_person_m2: Quantity = 0.1  #: minimum visible area of a person; larger than that of any limb
     beside_m: Quantity = 0.5  #: distance from a body within which other people and things are remembered
-    beside_points: Count = 2_000  #: number of their points, about
+    beside_points: Count = 2_000  #: approximate number of their points that are remembered
     permanent_weight: Quantity = 0.1
-    """Weight of an observed point on a surface that was there all the time, and so may be furniture."""
+    """Weight of an observed point on a surface that has been there all the time, and so may be furniture."""
 
     @property
     def reach_m(self) -> float:
@@ -88,11 +88,11 @@ class CandidateSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True)
     same_person_m: Quantity = 0.5  #: distance between the centres of one person as seen by two cameras
     min_part_m2: Quantity = 0.008  #: visible area of the smallest part of a person or of furniture
     max_flat_share: Share = 0.5  #: share of points in one plane above which an object is furniture
-    flat_points: Count = 800  #: number of points of an object that are searched for planes
+    flat_points: Count = 800  #: number of points of an object among which planes are searched for
     flat_samples: Count = 400  #: planes drawn by RANSAC, through three points each
     moved_permanence: Share = 0.9  #: permanence of a pixel below which something has moved there
-    min_moved_m2: Quantity = 0.002  #: area of such pixels, without its outline, that shows a motion
-    min_moved_share: Share = 0.2  #: share of pixels with a known background above which a person moved
+    min_moved_m2: Quantity = 0.002  #: smallest area of such pixels, off the outline, that shows motion
+    min_moved_share: Share = 0.2  #: share of a person's pixels with known background that shows motion
 
 
 class SceneSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -101,7 +101,7 @@ class SceneSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     settled_s: Quantity = 1.0
     """Time after which a stationary nearer object becomes background; also the interval between searches for
     planes."""
-    remembered_s: Quantity = 4.0  #: time for which it is remembered what a pixel showed
+    remembered_s: Quantity = 4.0  #: time for which what a pixel showed is remembered
     remember_interval_s: Quantity = 0.1  #: time between the images that are remembered
     noise: NoiseSettings = NoiseSettings()
     planes: PlaneSettings = PlaneSettings()
@@ -186,7 +186,7 @@ class ColourSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     persistent_s: Quantity = 4.0
     """Time by which disagreement must exceed agreement before colour is no longer used."""
     shifted_deviations: Quantity = 1.5
-    """Largest median offset of all keypoints; of real people 0.8, rarely above."""
+    """Largest median offset of all keypoints; for real people it is 0.8, and rarely more."""
 
 
 class SearchSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -204,13 +204,13 @@ class SearchSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     rough_iterations: Count = 3  #: iterations of the first candidates
     rough_kept: Count = 16  #: distinct candidates that remain
     iterations: Count = 12  #: iterations until they converge; the last stage has half of these
-    kept: Count = 4  #: distinct candidates that remain then
+    kept: Count = 4  #: distinct candidates that remain after these iterations
     recombined: Count = 2  #: number of candidates into which limbs of other candidates are swapped
     request_iterations: Count = 150  #: iterations in one request: about 10 ms on one lane
     distinct_m: Quantity = 0.05  #: mean distance of the joints below which candidates are the same
     surer_nats: Quantity = 1.0  #: margin by which a detection must explain a frame better than the track
     alike_nats: Quantity = 2.0  #: minimum difference that distinguishes two poses
-    end_m: Quantity = 0.06  #: width of the outermost strip of a person at a side: a cell of a descriptor
+    end_m: Quantity = 0.06  #: width of a person's outermost strip on each side: one cell of a descriptor
     cut_gap_m: Quantity = 0.03  #: largest distance in the image between a person and what truncates them
     cut_share: Share = 0.5  #: share of that strip that must be truncated for the side to count as truncated
 
@@ -258,21 +258,21 @@ class CertaintySettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True)
     hips."""
     shown_nats: Quantity = 2.0
     """Log odds subtracted for a joint that colour confirms; 4 fits rendered people."""
-    max_nats: Quantity = 10.0  #: largest log odds; nothing was measured beyond
+    max_nats: Quantity = 10.0  #: largest log odds; there are no measurements beyond
     spread_floor_m: Quantity = 0.005  #: added to the spread of hypotheses before the logarithm
     speed_floor_m_s: Quantity = 0.1  #: added to the speed before the logarithm; metres per second
     crowded_m: Quantity = 0.2  #: standard deviation of the weight of neighbouring joints by distance
     region_m: Quantity = 0.12  #: standard deviation of the weight of the surface around a joint by distance
     agrees_m: Quantity = 0.08  #: largest difference between the surface and the depth measured there
-    aside_m: Quantity = 0.03  #: radius across the line of sight in which measured depth is searched
+    aside_m: Quantity = 0.03  #: radius across the line of sight in which measured depth is searched for
     reach_m: Quantity = 0.25  #: standard deviation of the weight of unexplained points around a joint
     unexplained_m: Quantity = 0.05  #: distance from the surface beyond which a point is unexplained
     share_floor: Quantity = 0.003  #: added to the share of unexplained points before the logarithm
     hidden_share: Share = 0.5  #: visible share below which a joint is hidden
     rival_share: Share = 0.5  #: minimum weight of a rival, relative to the most likely hypothesis
     information: Quantity = 44.0
-    """Factor on the information of the points if the shape is known; fitted to rendered robots, a Kinect's
-    noise."""
+    """Factor on the information of the points if the shape is known; fitted to rendered robots with a
+    Kinect's noise."""
     max_hypotheses: Count = 100  #: largest number of hypotheses in an estimate, the most likely ones
     fit: CertaintyFit = CertaintyFit()
 

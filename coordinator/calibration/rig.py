@@ -29,7 +29,7 @@ from gepf.coordinator.scene.noise import assume_noise
 from gepf.coordinator.settings import Settings
 from gepf.coordinator.sources.source import Source
 from gepf.coordinator.tracking.estimate import POSE_UNKNOWN
-from gepf.coordinator.tracking.refiner import Refiner, iterations
+from gepf.coordinator.tracking.refiner import Refiner, with_iterations
 from gepf.coordinator.tracking.reporting import TrackedPerson
 from gepf.coordinator.tracking.tracker import Tracker
 
@@ -158,7 +158,7 @@ def measure_jacobian(
 ) -> Array:
     """Derivatives (J, 3) of the joints with respect to the girth, by fits of a thinner and a thicker body."""
     start, rules = tracked.state.start, assume_noise(settings.refine, tracked.state.start.noise)
-    pose, settled = tracked.estimate.pose[None], iterations(rules, settings.search.iterations)
+    pose, settled = tracked.estimate.pose[None], with_iterations(rules, settings.search.iterations)
     size = Size(*tracked.state.size)
     girths = size.girth * GIRTHS
     models = [bodies.tracked(size._replace(girth=girth), start.values)[0] for girth in girths.tolist()]

@@ -172,7 +172,9 @@ def read_log(path: Path) -> Recorded | None:
         seconds=last.seconds,
         resumes=len(openings) - 1,
         people=people,
-        frame=replace(last.frame, scene_changes={camera: scene.all() for camera, scene in scenes.items()}),
+        frame=replace(
+            last.frame, scene_changes={camera: scene.whole_change() for camera, scene in scenes.items()}
+        ),
         end=end,
     )
 

@@ -65,7 +65,7 @@ class Candidate:
     """A candidate for a person.
 
     mask: (H, W) its pixels. points: (P, 3) their points in the camera frame, metres. score: from 0 to 1.
-    description: its measures as text. part: the component with the trunk, without furniture. wider: wider
+    description: its dimensions as text. part: the component with the trunk, without furniture. wider: wider
     masks (H, W) of the person: with the parts that touch the outline, then also with the flat parts.
     """
 
@@ -134,8 +134,8 @@ def part_of(view: SceneView, mask: Mask, window: tuple[slice, slice], uncut: Mas
     points = points_of(view.depth[window], camera_of(view, window), mask)
     level = points @ view.planes.level.T
     heights = float(level[:, 1].min()), float(level[:, 1].max())
-    some = level[:: 1 + len(level) // view.settings.candidates.flat_points]
-    length = float(extents(some, view.settings.planes.outlier_percent).max())
+    sampled_points = level[:: 1 + len(level) // view.settings.candidates.flat_points]
+    length = float(extents(sampled_points, view.settings.planes.outlier_percent).max())
     return Part(window, mask, uncut, points, np.median(level, axis=0), heights, length)
 
 
@@ -147,7 +147,7 @@ def camera_of(view: SceneView, window: tuple[slice, slice]) -> Intrinsics:
 
 
 def cut_off_furniture(view: SceneView, part: Part) -> list[Part]:
-    """The parts of a component that are not flat, without flat furniture.
+    """What remains of a component, in parts, once flat furniture is cut off.
 
     A flat patch is taken for furniture touching a person if what remains is as long as the whole component,
     or at least a metre long. Small parts are dropped. If no remaining part is that long, the patch may be a
@@ -212,7 +212,7 @@ def join_parts(view: SceneView, person: Candidate, parts: Sequence[Part]) -> Can
         shared = min(lower, bottom) - max(upper, top)
         adjoins = -view.settings.segmentation.near_m < shared < 0.5 * smaller
         adjoins = adjoins and (smaller < limits.min_length_m or larger < half)
-        if adjoins or is_behind(view, joined, part):
+        if adjoins or has_occluder_between(view, joined, part):
             part.mark(mask)
             joined, (upper, lower) = [*joined, part], ends
     return replace(person, mask=mask, points=np.concatenate([part.points for part in joined]))
@@ -263,7 +263,7 @@ def dilated(mask: Mask) -> Mask:
     return wide
 
 
-def is_behind(view: SceneView, joined: Sequence[Part], part: Part) -> bool:
+def has_occluder_between(view: SceneView, joined: Sequence[Part], part: Part) -> bool:
     """Whether something nearer is between the joined parts of a person and another part."""
     weights = [len(own.points) for own in joined]
     start = np.average([own.pixel for own in joined], axis=0, weights=weights)

@@ -41,7 +41,7 @@ def find_flat(
 ) -> Flat:
     """The flat part of an object with these pixels (H, W) in a depth image (H, W) in metres.
 
-    Each ray is the mean over a square. This reduces the noise, and rays of a plane stay on the plane. So a
+    Each ray is averaged over a square, which reduces the noise but keeps the rays of a plane on it. So a
     plane can be distinguished from a chest or a back.
     """
     limits = settings.candidates

@@ -50,8 +50,8 @@ def points_beside(view: SceneView, foreign: Mask, surfaces: Sequence[Array]) -> 
 def mark_apart(view: SceneView, nearest: Depth) -> Mask:
     """Pixels (H, W) of other people and things beside bodies, from the distances to the nearest body.
 
-    They are connected components of the foreground farther than `near_m` from every body that come within
-    `reach_m` of one, extend beyond it, and are too large to be a limb.
+    They are connected components of the foreground that are farther than `near_m` from every body, come
+    within `reach_m` of a body, extend beyond that distance, and are too large to be a limb.
     """
     limits = view.settings.segmentation
     min_area = limits.min_person_m2 * view.camera.fx * view.camera.fy

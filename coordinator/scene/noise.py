@@ -83,9 +83,9 @@ class SensorNoise:
     distance: float = 0.0  # metres; 0 if the noise does not depend on the distance
 
     def at(self, distance: float, floor_m: float) -> SensorNoise:
-        """The noise at another distance, metres, rounded to steps of 10 %: most frames get the same settings.
+        """The noise at another distance, metres; one part of it, the floor, is the same at all distances.
 
-        A part of it, the floor, is the same at all distances.
+        The distance is rounded to steps of 10 %, so that most frames get the same settings.
         """
         if not (self.distance > 0.0 and distance > 0.0):
             return self

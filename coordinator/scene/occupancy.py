@@ -39,7 +39,7 @@ class Occupancy(NamedTuple):
 
     @classmethod
     def unknown(cls, shape: tuple[int, ...]) -> Occupancy:
-        """Before the first image of this shape (H, W)."""
+        """The occupancy before the first image, for images of this shape (H, W)."""
         return cls(np.zeros(shape, np.float32), np.zeros(shape, np.uint16))
 
 

@@ -184,7 +184,11 @@ def draw_planes(rays: Array, count: int) -> Array:
 
 @numba.njit(cache=True, nogil=True)
 def count_points(planes: Array, rays: Array) -> Indices:
-    """Numbers of rays (N, 4) within half of each plane's margin, within all of it, over twice it behind."""
+    """Numbers (M, 3) of rays (N, 4) near each plane.
+
+    They are those within half a margin of the plane, those within one margin, and those more than two margins
+    behind it.
+    """
     counts = np.empty((len(planes), 3), dtype=np.int64)
     x, y, inverse = rays[:, 0] / rays[:, 3], rays[:, 1] / rays[:, 3], rays[:, 2] / rays[:, 3]
     weight = 1.0 / rays[:, 3]
@@ -218,9 +222,10 @@ def refit(planes: Array, rays: Array, min_points: int) -> Array:
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def sum_moments(planes: Array, rays: Array, within: float) -> tuple[Array, Indices]:
-    """Sums (M, 3, 4) of x x^T and x / z of x = (x/z, y/z, 1) over the rays (N, 4) on each plane (M, 3).
+    """Sums (M, 3, 4) of v v^T and v / z, with v = (x/z, y/z, 1), over the rays (N, 4) on each plane (M, 3).
 
-    A ray is on a plane within the given multiple of its margin. Also returns the numbers (M,) of these rays.
+    A ray is on a plane if it is `within` this multiple of its margin, and has the weight 1 / margin^2. Also
+    returns the numbers (M,) of these rays.
     """
     moments, counts = np.zeros((len(planes), 3, 4)), np.zeros(len(planes), dtype=np.int64)
     x = np.ones(3)

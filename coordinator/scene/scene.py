@@ -1,4 +1,4 @@
-"""The scene of a camera: noise, planes, background and occupancy, which are learned pixel by pixel.
+"""The scene of a camera: its noise and planes, and the background and occupancy of each pixel.
 
 The background of a pixel is the farthest depth measured there while no person was near. Something nearer that
 stays for `settled_s` replaces it, such as a chair that was moved.
@@ -34,7 +34,7 @@ SETTLED_STEPS = 30  # steps in `settled_s`; a byte can count to 255; at 30 frame
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SceneView:
-    """One frame and the known scene.
+    """One frame, compared with the known scene.
 
     depth: (H, W) metres, 0 for pixels without depth or outside the user's scope.
     noise: of the depth.
@@ -140,11 +140,11 @@ SceneChanges = dict[str, SceneChange]
 
 
 class Scene:
-    """The known scene.
+    """What is known about the scene of one camera.
 
     Each frame is given to `see` and then to `learn`. The same frames and people's pixels give the same scene,
     bit for bit; `recall` restores it from the changes alone. If the size of a frame differs from that of
-    earlier frames, or of the background, it is from another camera, and the scene starts again.
+    earlier frames, or of the background, it counts as from another camera, and the scene starts again.
 
     Args:
         settings: Settings of the scene and its segmentation.
@@ -173,7 +173,7 @@ class Scene:
         steps, occupied = 0, NO_PIXELS
         if depth.any():
             steps = self._pass_time(image.time_s)
-            self._look(depth, image.intrinsics, steps)
+            self._update_noise_and_planes(depth, image.intrinsics, steps)
         camera, planes, limits = image.intrinsics, self._planes, self._settings.noise
         noise = noise_of(self._growth or limits.usual_growth_m, limits)
         if self._shows_room:
@@ -222,7 +222,7 @@ class Scene:
             self._occupancy, self._foreign = Occupancy.unknown(view.depth.shape), NOBODY
             learn_pixels(view.depth, view.noise, left_out, self._background, self._nearer, view.steps)
         if moved or view.is_first:
-            return self.all()
+            return self.whole_change()
         pixels = np.union1d(learned.pixels, pixels) if len(learned.pixels) else pixels
         return self._change(pixels, view.occupied)
 
@@ -244,7 +244,7 @@ class Scene:
         change.occupancy.apply(self._occupancy)
         self._foreign = change.foreign
 
-    def all(self) -> SceneChange:
+    def whole_change(self) -> SceneChange:
         """The change from an empty scene to the present one."""
         pixels = np.arange(self._background.size, dtype=np.uint32)
         return self._change(pixels, pixels)
@@ -278,7 +278,7 @@ class Scene:
         """Time so far in steps, of which SETTLED_STEPS make `settled_s`."""
         return round(SETTLED_STEPS * self._elapsed_s / self._settings.settled_s)
 
-    def _look(self, depth: Depth, camera: Intrinsics, steps: int) -> None:
+    def _update_noise_and_planes(self, depth: Depth, camera: Intrinsics, steps: int) -> None:
         settings, limits = self._settings, self._settings.planes
         self._growth = self._growth or fit_growth(depth, settings.noise)
         rays = sample_rays(depth, camera, noise_of(self._growth, settings.noise), limits.points_across)
@@ -327,7 +327,7 @@ class Scene:
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def learn_pixels(
-    depth: Depth, noise: DepthNoise, people: Mask, background: Depth, nearer: Marks, steps: int
+    depth: Depth, noise: DepthNoise, left_out: Mask, background: Depth, nearer: Marks, steps: int
 ) -> NDArray[np.uint32]:
     """Learn a depth image (H, W) in place; returns the flat indices (N,) of the changed pixels.
 
@@ -339,7 +339,7 @@ def learn_pixels(
         for u in range(depth.shape[1]):  # without branches, so that it is vectorised; few pixels change
             z = depth[v, u]
             unchanged = (abs(z - background[v, u]) <= np.float32(margin_at(z, noise))) & (nearer[v, u] == 0)
-            changes[u] = (z > 0.0) & (not people[v, u]) & (not unchanged)
+            changes[u] = (z > 0.0) & (not left_out[v, u]) & (not unchanged)
         for u in range(depth.shape[1]):
             if not changes[u]:
                 continue

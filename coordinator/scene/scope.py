@@ -25,8 +25,8 @@ class Scope:
     region: left, top, right and bottom in pixels, half-open; None for the whole image.
     person: One of PERSON_CRITERIA, or a pixel of the person, column and row.
     background: depth (H, W) in metres, 0 if unknown; None to learn all of it.
-    up: Unit vector (3,) away from the ground, rig's frame, if the recording or the user gives it.
-    camera: The camera of a rig in which region, pixel and background are given.
+    up: Unit vector (3,) away from the ground, rig frame, if the recording or the user gives it.
+    camera: The camera of a rig to which region, pixel and background apply.
     """
 
     near: float | None = None

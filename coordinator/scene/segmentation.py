@@ -77,7 +77,10 @@ def look_up(
     squares: NDArray[np.uint8],
     metres: Depth,
 ) -> Depth:
-    """Distances (H, W) in a window, infinite outside, from a grid of squares with origin `low` (3,)."""
+    """Distances (H, W) in a window, infinite outside; looked up in a grid with origin `low` (3,).
+
+    squares: squared distances of the grid's cells, in cells. metres: the distance for each of these values.
+    """
     distances = np.full(depth.shape, np.inf, dtype=np.float32)
     fx, fy, cx, cy = lens
     left, top, right, bottom = window
@@ -131,7 +134,7 @@ def label_pixels(  # noqa: PLR0913 a kernel
     farthest: float,
     missing: int,
 ) -> Labels:
-    """Labels (h, w) of a window with this left, top corner; depth, marks, distances are (H, W).
+    """Labels (h, w) of a window with this corner (left, top); depth, marks and distances are (H, W).
 
     The subject consists of those components in `parts` (h, w) that come within `near_m` of the body. No point
     of the body is beyond `farthest`. Pixels without depth get the label `missing`.
@@ -162,8 +165,8 @@ def segment_masks(
 ) -> tuple[Segmentation, ...]:
     """Label the pixels for a person without a posed body, once for each mask (H, W) of the person's pixels.
 
-    Each mask contains the previous one. The surroundings of all are labelled relative to the last, widest
-    one; its pixels outside a given mask are unknown.
+    Each mask contains the previous one. The surroundings of all masks are labelled relative to the last,
+    widest one; for a narrower mask, the remaining pixels of the widest one are unknown.
     """
     points = points_of(view.depth, view.camera, masks[-1])
     reach_m = view.settings.segmentation.reach_m
@@ -209,8 +212,8 @@ def label_parts(
 ) -> NDArray[np.int32]:
     """Label connected components in depth (H, W) among the pixels inside: 1, 2, ... from the top; 0 outside.
 
-    Neighbouring pixels are connected if their depths differ by less than `step_m` plus the noise margin.
-    Pixels without depth separate them only if they are wider than `gap_m`; `focal` is in pixels.
+    Neighbouring pixels are connected if their depths differ by less than `step_m` plus the noise margin. A
+    gap without depth separates pixels only if it is wider than `gap_m`; `focal` is in pixels.
     """
     labels = np.zeros(depth.shape, dtype=np.int32)
     rows, columns = depth.shape

@@ -39,11 +39,13 @@ class Assignment:
         segmented, target, is_elsewhere = self._segmented, self._targets[person_index], False
         subject, alternatives = segmented.subjects[person_index], tuple[SubjectFrame, ...]()
         if not isinstance(target.track, Body):
-            subject, candidate = None, self._for_search(person_index)
+            subject, candidate = None, self._candidate_to_search(person_index)
         elif target.needs_candidates:
             subject, candidate = None, self._take(nearest(self._free, target.last_seen))
         else:
-            candidate = self._elsewhere(person_index) if self._misses(person_index) else None
+            candidate = (
+                self._candidate_elsewhere(person_index) if self._is_mostly_missing(person_index) else None
+            )
             is_elsewhere = candidate is not None and not isinstance(target.track, Found)
         if candidate is not None:
             subject, alternatives = candidate.subject, candidate.alternatives
@@ -57,16 +59,17 @@ class Assignment:
             self._free.remove(candidate)
         return candidate
 
-    def _for_search(self, person_index: int) -> UntrackedPerson | None:
+    def _candidate_to_search(self, person_index: int) -> UntrackedPerson | None:
         """The candidate to search: that of the search under way, otherwise each candidate in turn.
 
         If colour confirms some candidates as people, only those are searched.
 
-        People are detected in their order. In the first round all cameras of a candidate are used, in each
-        further round one of them: the views of cameras with wrong poses do not combine into a person.
+        People are detected one after another, in the order of their numbers. In the first round all cameras
+        of a candidate are used, in each further round only one of them: the views of cameras with wrong poses
+        do not combine into a person.
         """
         target = self._targets[person_index]
-        confirmed = [candidate for candidate in self._free if candidate.is_shown]
+        confirmed = [candidate for candidate in self._free if candidate.is_confirmed]
         possible = (confirmed or self._free)[: 1 if len(self._targets) == 1 else None]
         count = len(possible)
         if not count or not all(isinstance(earlier.track, Body) for earlier in self._targets[:person_index]):
@@ -85,7 +88,7 @@ class Assignment:
         options = [chosen, *by_camera] if len(views) > 1 else [chosen]
         return options[rounds % len(options)]
 
-    def _misses(self, person_index: int) -> bool:
+    def _is_mostly_missing(self, person_index: int) -> bool:
         """Whether so few pixels of the body are visible that it is looked for elsewhere."""
         target, pixels = self._targets[person_index], self._segmented.pixels(person_index)
         if isinstance(target.track, Found):
@@ -95,10 +98,11 @@ class Assignment:
             whole = max(target.policy.min_points, target.policy.settings.gone_share * target.track.pixels)
         return pixels < whole and target.policy.recovers
 
-    def _elsewhere(self, person_index: int) -> UntrackedPerson | None:
-        """A candidate nearby with more pixels than the present subject, who is probably the same person.
+    def _candidate_elsewhere(self, person_index: int) -> UntrackedPerson | None:
+        """A candidate with more pixels than the present subject, which is probably the same person.
 
-        The frame has no candidates of its own unless a body may be anywhere, so they are found now.
+        It must be near, unless the subject has too few pixels to show a body. Candidates are found here,
+        because a frame comes with candidates only if a body may be anywhere.
         """
         target, pixels = self._targets[person_index], self._segmented.pixels(person_index)
         surfaces = [
@@ -120,10 +124,10 @@ class Assignment:
         return candidate if near or pixels < target.policy.min_points else None
 
     def other_people(self, person_index: int, searched: UntrackedPerson) -> list[SubjectFrame]:
-        """All people in the frame except the person with this index, who was searched for as `searched`."""
+        """All people in the frame except the person with this index, who was detected in `searched`."""
         candidates = [candidate.subject for candidate in self._segmented.candidates]
-        others = [subject for subject in candidates if subject is not searched.subject]
-        return others + [
+        other_candidates = [subject for subject in candidates if subject is not searched.subject]
+        return other_candidates + [
             subject for n, subject in enumerate(self._segmented.subjects) if subject and n != person_index
         ]
 

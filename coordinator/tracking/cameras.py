@@ -1,9 +1,9 @@
-"""Faults of the cameras of a rig: one that gives no depth, repeats an image, or contradicts the others.
+"""Faults of the cameras of a rig: a camera gives no depth, repeats an image, or contradicts the others.
 
 One principle decides: the pose that the other cameras support must explain both the body points in a camera's
 image and the depth that this camera measures behind the body, to within the allowed residual. A camera with a
-wrong or changed pose fails this, whatever the reason. A repeated image is no new evidence. At least one
-camera is always kept.
+wrong or changed pose fails this test, whatever the reason. A repeated image is not new evidence. At least
+one camera is always kept.
 
 After a frame, `Agreement.after` says which cameras contradict the pose of a body. When the next frame is
 segmented, the body excludes these (`NextSegmentation.excluded`): what they show of it is set aside, and
@@ -33,7 +33,7 @@ from gepf.coordinator.tracking.observation import camera_points
 NO_DEPTH: Fault = "gives no depth"
 REPEATS: Fault = "repeats an image"
 CONTRADICTS: Fault = "contradicts the others"
-REMEDY = "this camera or another one was moved; run gepf calibrate on recordings to recompute the poses"
+REMEDY = "this camera or another one may have moved; run gepf calibrate on recordings to find their poses"
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +64,7 @@ class Agreement:
     def after(
         self, residuals: Mapping[str, float], allowed_m: float, interval_s: float, confirmed_s: float
     ) -> Self:
-        """The agreement after a frame, from the residuals of cameras that can be compared now, metres.
+        """The agreement after a frame, from the residuals (metres) of the cameras that can be compared now.
 
         A camera contradicts the others if the pose does not explain its image. The camera that the pose
         explains best never counts as contradicting. A camera that cannot be compared now keeps its last
@@ -90,17 +90,18 @@ class Agreement:
         supporting = [name for name in cameras if name not in self.contradicting]
         if not self.contradicting or len(supporting) > 1 or (supporting and self.agreed_s >= confirmed_s):
             return ""
-        names, others = ", ".join(self.contradicting), ", ".join(supporting) or "the others"
+        names, supporting_names = ", ".join(self.contradicting), ", ".join(supporting) or "the others"
         verb = "disagrees" if len(self.contradicting) == 1 else "disagree"
-        return f"{names} {verb} with {others}: one of them may have a wrong T_rig_camera"
+        return f"{names} {verb} with {supporting_names}: one of them may have a wrong T_rig_camera"
 
 
 def watch(
     states: Mapping[str, CameraState], frame: Frame, contradicting: Collection[str]
 ) -> tuple[CameraStates, Frame]:
-    """The states of all cameras after a frame, and the frame with repeated images set to 0.
+    """The states of all cameras after a frame, and the frame with the depth of repeated images set to 0.
 
-    `contradicting` are the cameras that are left out now. A camera without an image keeps its fault.
+    `contradicting` are the cameras that are left out now. A camera without an image keeps its fault; if it
+    had none, its fault is that it gives no depth.
     """
     by_image = [state_by_image(view, states.get(view.camera), frame.time_s) for view in frame.views]
     if all(state.fault for state in by_image):  # no camera is good: use those with depth, or else all
@@ -121,7 +122,7 @@ def watch(
 
 
 def state_by_image(view: View, before: CameraState | None, time_s: float) -> CameraState:
-    """The state of a camera by its image alone, at the time of a frame."""
+    """The state of a camera at the time of a frame, judged by its image alone."""
     image = zlib.crc32(view.depth[::8].tobytes())  # every eighth row
     if view.depth.any() and (before is None or before.image != image):
         return CameraState(image, time_s)
@@ -133,7 +134,7 @@ def state_by_image(view: View, before: CameraState | None, time_s: float) -> Cam
 def camera_residuals(
     model: BodyModel, pose: Array, frame: Frame, views: Sequence[SubjectView], allowed_m: float
 ) -> dict[str, float]:
-    """How badly a pose (D,) explains the image of each camera, judged by its crop of the body; metres.
+    """How far (metres) the image of each camera, judged by its crop of the body, is from a pose (D,).
 
     A camera whose image has no crop of the body is included only if it contradicts the pose by more than
     `allowed_m`.
@@ -179,7 +180,7 @@ def mean_distance(view: SubjectView, surface: Array) -> float:
 def faults_of(
     states: Mapping[str, CameraState], time_s: float, confirmed_s: float
 ) -> dict[str, tuple[Fault, float]]:
-    """The faults of cameras that have lasted for `confirmed_s` at the time of a frame, with their starts."""
+    """The camera faults that have lasted for `confirmed_s` by the time of a frame, each with its start."""
     return {
         name: (state.fault, state.last_good_s)
         for name, state in states.items()
@@ -192,7 +193,7 @@ def describe_changes(
 ) -> list[str]:
     """Messages about faults that started between two frames, and about those that ended."""
     started = [
-        f"camera {name} has had a fault since t = {since:.2f} s: {kind}"
+        f"camera {name} has had a fault since t = {since:.2f} s: it {kind}"
         + (f", and is left out; {REMEDY}" if kind == CONTRADICTS else "")
         for name, (kind, since) in after.items()
         if name not in before or before[name][0] != kind

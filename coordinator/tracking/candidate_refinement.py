@@ -24,17 +24,17 @@ from gepf.coordinator.bodies.tracked import coarsen
 from gepf.coordinator.filters.exploration import layout_of
 from gepf.coordinator.filters.priors import pose_prior
 from gepf.coordinator.settings import SearchSettings, Settings
-from gepf.coordinator.tracking.field_of_view import TOP, in_view, out_of_reach, truncated_sides
+from gepf.coordinator.tracking.field_of_view import TOP, in_view, truncated_sides, unseen_dofs
 from gepf.coordinator.tracking.gating import Gate, gate_pose
 from gepf.coordinator.tracking.observation import camera_points, thin
 from gepf.coordinator.tracking.pose_candidates import PoseCandidates, candidates_of, ordered
 from gepf.coordinator.tracking.pose_library import look_straight
-from gepf.coordinator.tracking.refiner import Pending, Refiner, Requests, iterations, with_closest_points
+from gepf.coordinator.tracking.refiner import Pending, Refiner, Requests, with_closest_points, with_iterations
 from gepf.coordinator.tracking.state import Start
 
 
 class Effort(NamedTuple):
-    """What a stage on few points does."""
+    """How much a stage on few points refines, and how much it keeps."""
 
     iterations: int
     kept: int  # number of distinct candidates that it leaves
@@ -54,7 +54,7 @@ class Shape(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Query:
-    """The frame in which a body is searched for, how it is refined there, and what it may be."""
+    """The frame in which a body is searched for, how it is refined there, and which shapes it may have."""
 
     subject: SubjectFrame
     settings: RefineSettings
@@ -112,7 +112,7 @@ class CandidateStages:
 
     def on_few_points(self, query: Query, groups: Iterable[Array], effort: Effort) -> Search[PoseCandidates]:
         """The best distinct candidates after one stage on few points, with a coarse surface."""
-        model, closest = self.coarse, iterations(with_closest_points(query.settings), effort.iterations)
+        model, closest = self.coarse, with_iterations(with_closest_points(query.settings), effort.iterations)
         refined = yield from self._refine(query.thinned_subject, model, groups, closest, query.precision)
         if not query.truncated.any() or not len(refined.poses):
             return refined.distinct(model, effort.kept, self._search_settings.distinct_m)
@@ -124,7 +124,7 @@ class CandidateStages:
     def _recombined(self, best: PoseCandidates) -> Array:
         """The best candidates (N, D), each with one limb of another candidate.
 
-        Limbs fit or fail independently of each other, so the right limbs may be spread over
+        Limbs fit or fail independently of each other, so the correct limbs may be spread over several
         candidates.
         """
         limbs = [limb.dofs for limb in layout_of(self.coarse, self._vertices).limbs]
@@ -139,14 +139,14 @@ class CandidateStages:
         return np.array(poses).reshape(-1, best.poses.shape[1])
 
     def _completed(self, query: Query, best: PoseCandidates) -> Array:
-        """Candidates (N, D) with every shape, as they are and with unseen limbs at rest.
+        """The candidates (N, D) with every shape, once as they are and once with the unseen limbs at rest.
 
         The upper end of each body stays in place. A visible part fits a range of sizes
         and gives no information about the other limbs.
         """
         model, poses = self.coarse, list[Array]()
         for pose, joints in zip(best.poses, best.joints, strict=True):
-            unseen = out_of_reach(model, in_view(query.subject, joints)) & model.moves
+            unseen = unseen_dofs(model, in_view(query.subject, joints)) & model.moves
             unseen[model.root] = False
             at_rest = np.where(unseen, 0.0, pose)
             for shape in query.shapes:
@@ -157,15 +157,15 @@ class CandidateStages:
     def fit_shape(self, query: Query, candidates: PoseCandidates) -> Search[PoseCandidates]:
         """Refine the candidates on all points and the whole surface, which shows proportions and girth.
 
-        The shape of the best is also tried with other proportions.
+        The best candidate is also tried with other proportions.
         """
         best, count = candidates.poses[0], query.shapes.shape[1]
         tried = candidates.poses
         if count:
             sizes = query.family.alternatives(query.family.size_of(best[:count]))
-            others = [with_shape_of(best, self._bodies.shape_of(size)) for size in sizes]
-            tried = np.concatenate([tried, *(pose[None] for pose in others)])
-        settings = iterations(query.settings, self._search_settings.iterations)
+            variants = [with_shape_of(best, self._bodies.shape_of(size)) for size in sizes]
+            tried = np.concatenate([tried, *(pose[None] for pose in variants)])
+        settings = with_iterations(query.settings, self._search_settings.iterations)
         return (yield from self._refine(query.subject, self._bodies.searched, [tried], settings))
 
     def as_tracked(
@@ -178,8 +178,8 @@ class CandidateStages:
     ) -> Search[tuple[PoseCandidates, Gate]]:
         """Convert poses (N, D) of the detected body to the tracked body and refine them.
 
-        Degrees of freedom that are held keep the values of the start. The shape is that of the start, unless
-        it is known. Also returns the gate of the best.
+        Degrees of freedom that are held keep the values of the start. The shape, too, is that of the start
+        unless `shape` is given. Also returns the gate of the best candidate.
         """
         searched, model = self._bodies.searched, start.model
         taken = np.tile(start.pose, (len(poses), 1))
@@ -188,7 +188,7 @@ class CandidateStages:
                 taken[:, j] = poses[:, searched.dof(name)]
         if shape is not None:
             taken[:, : model.shape_count] = shape.coefficients
-        last = iterations(settings, self._search_settings.iterations // 2)
+        last = with_iterations(settings, self._search_settings.iterations // 2)
         groups = taken[::2], taken[1::2]  # two requests for two workers
         precision = None if shape is None else shape.precision
         refined = yield from self._refine(subject, model, groups, last, precision)
@@ -233,7 +233,7 @@ def with_shape_of(pose: Array, shape: Array) -> Array:
 
 
 def top_joint(family: BodyFamily, model: BodyModel) -> int:
-    """The index of the joint at the upper end of an upright body, of a family with an axis."""
+    """The index of the joint at the upper end of an upright body; its family must have an axis."""
     assert family.axis is not None
     return model.joint_names.index(family.axis[1])
 

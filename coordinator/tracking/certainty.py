@@ -28,7 +28,7 @@ from gepf.coordinator.colour.matching import ExpectedBody, deviations_of
 from gepf.coordinator.filters.exploration import mark_near
 from gepf.coordinator.settings import CertaintySettings
 from gepf.coordinator.tracking.estimate import Certainty
-from gepf.coordinator.tracking.observation import POINTS, camera_points
+from gepf.coordinator.tracking.observation import SAMPLED_POINTS, camera_points
 
 NEGLIGIBLE = -30.0  # logarithm of a weight that changes no result
 STILL_M = 1e-9  # joints that move less than this are fixed (rounding error)
@@ -48,14 +48,14 @@ class FrameContext:
 class Features(NamedTuple):
     """Features of each joint (J,). Features of the whole body are the same for all joints."""
 
-    seen: Array  # visible share of the surface around it that faces the camera that sees it best
+    seen: Array  # visible share of the camera-facing surface around it, in the camera that sees it best
     residual: Array  # normalised residual of the body
     unexplained: Array  # log of the share of the points within reach that are not near the surface
     spread: Array  # log of the weighted RMS distance of the hypotheses from the reported joint, metres
     speed: Array  # logarithm, metres per second
     bend: Array  # sum of the squared angles from the root to the joint, rad^2
-    folding: Array  # of the body: mean change of the distances between joints since the pose at rest, metres
-    crowding: Array  # number of nearby joints minus that in the pose at rest
+    folding: Array  # of the body: mean difference of the distances between joints from those at rest, metres
+    crowding: Array  # number of nearby joints minus that in the rest pose
     protrusion: Array  # metres in front of or behind the mean joint
 
 
@@ -71,7 +71,7 @@ def judge(
 ) -> Certainty:
     """The certainty of joints (J,); those that are not `in_sight` are outside the image, or hidden.
 
-    `shown` is how well colour confirms them there, from 0 to 1.
+    `shown` is how well colour confirms the position of each joint, from 0 to 1.
     """
     fit, odds = settings.fit, log_odds(features, settings)
     hidden = fit.log_deviation_hidden * (1.0 - features.seen)
@@ -103,18 +103,18 @@ def measure_features(
     `seen_by` is (C, J). `joints` (1 + M, J, 3) are the joints of the pose and of the hypotheses, which have
     `weights` (M,).
     """
-    (at_rest, upstream), past = rest_of(model), joint_positions(model, context.past[None])[0]
+    (at_rest, upstream), past = rest_geometry(model), joint_positions(model, context.past[None])[0]
     joints, hypotheses = joints[0], joints[1:]
     squares = np.sum((hypotheses - joints) ** 2, axis=-1)
     spread = np.sqrt(weights @ squares / weights.sum())
     speed = np.linalg.norm(joints - past, axis=1) / context.interval
-    distances = between(joints)
+    distances = joint_distances(joints)
     ahead = context.subject.largest.image.to_camera(joints)[:, 2]
     folding = np.sqrt(np.mean((distances - at_rest) ** 2, axis=1)).mean()
     return Features(
         seen=seen_by.max(axis=0),
         residual=np.full(len(joints), residual),
-        unexplained=unexplained_shares(model, pose, joints, context.subject, context.stretch, settings),
+        unexplained=log_unexplained_shares(model, pose, joints, context.subject, context.stretch, settings),
         spread=np.log(spread + settings.spread_floor_m),
         speed=np.log(speed + settings.speed_floor_m_s),
         bend=upstream @ pose**2,
@@ -144,7 +144,7 @@ def shown_in_colour(body: ExpectedBody, subject: SubjectFrame, farthest_deviatio
     return shown
 
 
-def between(joints: Array) -> Array:
+def joint_distances(joints: Array) -> Array:
     """Distances (J, J) between joints (J, 3)."""
     return np.asarray(np.linalg.norm(joints[:, None] - joints, axis=-1))
 
@@ -156,23 +156,26 @@ def count_near(distances: Array, near_m: float) -> Array:
 
 @lru_cache(maxsize=16)
 def movable_joints(model: BodyModel) -> Mask:
-    """Which joints (J,) a degree of freedom moves: not those of a held base, nor the first joint on it."""
+    """Which joints (J,) some degree of freedom moves: not those of a held base, nor the first one on it."""
     poses = np.stack([np.zeros(len(model.kinds)), np.linspace(0.3, 0.7, len(model.kinds))])
     rest, pose = joint_positions(model, poses)
     return np.asarray(np.linalg.norm(pose - rest, axis=1) > STILL_M)
 
 
 @lru_cache(maxsize=16)
-def rest_of(model: BodyModel) -> tuple[Array, Mask]:
-    """Distances (J, J) of a body's joints at rest, metres, and which angles (J, D) are above each joint."""
+def rest_geometry(model: BodyModel) -> tuple[Array, Mask]:
+    """Distances (J, J) between a body's joints at rest, metres, and which angles (J, D) precede each joint.
+
+    An angle precedes the joints that it moves.
+    """
     count = len(model.kinds)
     turns = (model.kinds == ROTATION) & ~np.isin(model.dof_names, ROOT_DOFS)
-    upstream = np.zeros((count + 1, count), dtype=np.bool_)  # the last is for fixed joints
+    upstream = np.zeros((count + 1, count), dtype=np.bool_)  # the last row is for fixed joints
     for dof, parent in enumerate(model.parents):
         upstream[dof] = upstream[parent]
         upstream[dof, dof] = turns[dof]
     at_rest = joint_positions(model, np.zeros((1, count)))[0]
-    return between(at_rest), upstream[model.link_dofs[model.joint_links]]
+    return joint_distances(at_rest), upstream[model.link_dofs[model.joint_links]]
 
 
 class Tolerance(NamedTuple):
@@ -209,7 +212,7 @@ def seen_shares(
     return np.asarray(areas[:, 1] / np.maximum(areas[:, 0], np.finfo(float).tiny))
 
 
-def unexplained_shares(
+def log_unexplained_shares(
     model: BodyModel,
     pose: Array,
     joints: Array,
@@ -225,7 +228,7 @@ def unexplained_shares(
     """
     vertices, scale = pose_vertices(model, pose[None]), np.array([1.0, 1.0, stretch])
     weights, missed = np.ones(len(joints)), np.zeros(len(joints))
-    stride = max(1, sum(len(view.picked) for view in subject.views) // POINTS)
+    stride = max(1, sum(len(view.picked) for view in subject.views) // SAMPLED_POINTS)
     for view in subject.views:
         points = camera_points(view, stride) * scale
         explained = mark_near(points, view.image.to_camera(vertices) * scale, settings.unexplained_m)[0]
@@ -260,7 +263,7 @@ def add_areas(
     tolerance: Tolerance,
     areas: Array,
 ) -> None:
-    """Add the area that faces the camera and its visible part to areas (2, J), with weights (T, J)."""
+    """Add the area that faces the camera, and its visible part, to areas (2, J); regions (T, J) weight it."""
     middle, normal = np.empty(3), np.empty(3)
     for t in range(len(triangles)):
         a, b, c = vertices[triangles[t, 0]], vertices[triangles[t, 1]], vertices[triangles[t, 2]]
@@ -303,14 +306,14 @@ def is_measured(
 
 @lru_cache(maxsize=16)
 def regions_of(model: BodyModel, region_m: float) -> Array:
-    """The weight (T, J) of each triangle for each joint: high if it is near, and on a link that meets there.
+    """The weight (T, J) of each triangle for each joint: high if it is near, on a link that meets the joint.
 
     `region_m` is the standard deviation of the weight by distance, metres.
     """
     joints = joint_positions(model, np.zeros((1, len(model.kinds))))[0]
     middles, links = model.vertices[model.triangles].mean(axis=1), model.skin_links[model.triangles[:, 0], 0]
     carried = np.unique(links)
-    # the first link with triangles that each degree of freedom moves
+    # for each degree of freedom, the first link with triangles that it moves
     first = {int(model.link_dofs[link]): int(link) for link in carried[::-1]}
     dofs = model.link_dofs.tolist()
     # for each link, the nearest ancestor degree of freedom that moves a link with triangles

@@ -1,7 +1,7 @@
-"""What colour reveals about people in each frame: where they are, who is a person, and which side is left.
+"""What colour reveals in each frame: where people are, which candidates are people, and which side is left.
 
-Keypoints are found while depth is segmented, a frame ahead. Whether they are used follows from the states of
-the cameras after the previous frame, in `ColouredFrame`.
+Keypoints are found while depth is segmented, a frame ahead. `ColouredFrame` decides whether they are used,
+from the states of the cameras after the previous frame.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class ColourWatch:
         self._looked_s = -math.inf
 
     def begin(self, frame: Frame, bodies: Sequence[ExpectedBody | None], *, is_late: bool) -> Look | None:
-        """Begin to look for people around the expected bodies; None if nothing will be seen."""
+        """Begin to look for people around the expected bodies; None if the frame is not looked at."""
         finder, settings = self._finder, self._settings
         if finder is None or all(view.colours is None for view in frame.views):
             return None
@@ -55,7 +55,7 @@ class ColourWatch:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Look:
-    """A look at a frame that is under way."""
+    """The search for people in the colour of a frame, under way on another thread."""
 
     frame: Frame
     bodies: Sequence[ExpectedBody | None]
@@ -64,7 +64,7 @@ class Look:
     settings: ColourSettings
 
     def steps(self, is_usable: Sequence[bool], max_motion_m: float) -> list[Array | None]:
-        """The motion (3,) since the last pose of each body whose keypoints are usable, metres."""
+        """The motion (3,) of each body since its last pose, metres; None if its keypoints are not usable."""
         bodies, keypoints = self.bodies, self.people.result().keypoints
         return [
             trunk_step(body, own, self.frame, max_motion_m, self.settings)
@@ -74,9 +74,10 @@ class Look:
         ]
 
     def candidates(self, segmented: SegmentedFrame, interval_s: float) -> dict[int, Keypoints]:
-        """The keypoints of some candidates, by their index.
+        """The keypoints of some candidates, by the candidate's index.
 
-        Random ones, as many as the `interval_s` since the previous frame allows; in the first frame all.
+        The candidates are drawn at random, as many as the time `interval_s` since the previous frame allows.
+        In the first frame, all candidates are looked at.
         """
         candidates, count = segmented.candidates, len(segmented.candidates)
         if interval_s > 0.0:
@@ -110,7 +111,7 @@ class ColouredFrame:
 
     A camera whose keypoints contradict depth contributes none.
 
-    `facing` are the bodies whose left and right side are known: swapped keypoints are swapped back.
+    `oriented_bodies` are the bodies whose left and right side are known: swapped keypoints are swapped back.
 
     Attributes:
         segmented: The frame; its subjects and candidates have their keypoints.
@@ -122,7 +123,7 @@ class ColouredFrame:
         segmented: SegmentedFrame,
         sight: Sight,
         states: ColourStates,
-        facing: Sequence[ExpectedBody | None],
+        oriented_bodies: Sequence[ExpectedBody | None],
         settings: ColourSettings,
     ) -> None:
         self._sight, self._distrusted = sight, unused(states)
@@ -134,7 +135,7 @@ class ColouredFrame:
         ]
         subjects = [
             with_sides_of(subject, body, settings) if subject and body else subject
-            for subject, body in zip(before, facing, strict=True)
+            for subject, body in zip(before, oriented_bodies, strict=True)
         ]
         self._is_swapped = [sided is not own for sided, own in zip(subjects, before, strict=True)]
         keypoints = {} if self._distrusted else sight.candidates
@@ -164,25 +165,25 @@ def possible_people(candidates: Sequence[UntrackedPerson], trusted: Collection[s
 
     The others are left out if they are in the image of a `trusted` camera.
     """
-    confirmed, others = list[UntrackedPerson](), list[UntrackedPerson]()
+    confirmed, unconfirmed = list[UntrackedPerson](), list[UntrackedPerson]()
     for candidate in candidates:
-        if candidate.is_shown:
+        if candidate.is_confirmed:
             confirmed.append(candidate)
         elif all(view.image.camera not in trusted for view in candidate.subject.views):
-            others.append(candidate)
-    return confirmed + others
+            unconfirmed.append(candidate)
+    return confirmed + unconfirmed
 
 
 def take_turns(number: int, count: int, turns: int) -> list[int]:
-    """Whose turn it is in the frame with this number: at most `turns` of `count` candidates, at random.
+    """Whose turn it is in the frame with this number: at most `turns` of `count` candidates.
 
-    So nobody waits for ever, whatever the numbers of the frames.
+    They are drawn at random, so that no candidate waits for ever, however the frames are numbered.
     """
     return [int(n) for n in np.random.default_rng(number).permutation(count)[:turns]]
 
 
 def with_own_keypoints(segmented: SegmentedFrame, keypoints: Sequence[Keypoints]) -> SegmentedFrame:
-    """The frame whose subjects have their keypoints."""
+    """The frame with each subject's keypoints added."""
     subjects: list[SubjectFrame | None] = [
         with_keypoints(subject, own) if subject else None
         for subject, own in zip(segmented.subjects, keypoints, strict=True)

@@ -1,7 +1,7 @@
 """The descriptor of a body: a coarse orthographic depth image around its centre.
 
-The cells are so large that a few hundred points fill them. So it can be computed from vertices of a model and
-from observed points, at any distance. Depth is relative to the centre, too.
+The cells are so large that a few hundred points fill them. So a descriptor can be computed from the vertices
+of a model as well as from observed points, at any distance. Depth is also relative to the centre.
 """
 
 from __future__ import annotations
@@ -77,9 +77,9 @@ def centre(cell: float, image: Image, middle: Array) -> None:
 
 @numba.njit(cache=True, nogil=True, fastmath={"nnan", "nsz"})
 def fill_differences(cells: Image, occupied: Image, image: Image, bound: float, out: Image) -> None:
-    """Fill out (N,) with the differences of descriptors from an image: the sum of min(|dz|, bound)^2.
+    """Write to `out` (N,) the differences of descriptors from an image: the sum of min(|dz|, bound)^2.
 
-    cells: Descriptors (ROWS * COLUMNS, N); occupied: number of cells of each that are not empty.
+    cells: Descriptors (ROWS * COLUMNS, N). occupied: (N,) number of non-empty cells of each descriptor.
     """
     worst, depths, zero = np.float32(bound * bound), image.ravel(), np.float32(0.0)
     for n in range(len(out)):
@@ -97,7 +97,8 @@ def fill_differences(cells: Image, occupied: Image, image: Image, bound: float, 
 def move_middle(points: Any, cell: float, ends: Any, middle: Array) -> None:
     """Move middle (3,) of points (P, 3) so that the visible end is at `FIRST_CELL` of the image.
 
-    ends: for columns and rows, 0 to keep the middle, -1 if the lower end is in view, 1 if the upper end is.
+    ends: for columns and rows, 0 to keep the middle, -1 if the end with the smallest coordinate is in view, 1
+    if that with the largest is (in rows: the bottom).
     """
     for a in range(2):
         if ends[a] != 0:
@@ -169,7 +170,7 @@ def compare_part(cells: Cells, image: Image, in_view: Mask, ends: Any, bound: fl
 
 @numba.njit(cache=True, nogil=True)
 def align_part(cells: Cells, n: int, shown: Indices, centre: Array, ends: Any) -> tuple[int, int]:
-    """The steps, columns and rows, from the image of the n-th whole body to that of a part.
+    """The step, in columns and rows, from the image of the n-th whole body to that of a part.
 
     shown: first and last column, first and last row of the part. centre: its mean column and row.
     """

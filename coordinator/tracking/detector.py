@@ -2,7 +2,7 @@
 
 Poses of a library that resemble the observed points are refined in stages, together with their shape: all of
 them for a few iterations, the best distinct ones until they converge, then with all points and the whole
-surface, because a coarse surface does not show a person's girth, and at last as the tracked body.
+surface, because a coarse surface does not show a person's girth, and finally as the tracked body.
 
 `CandidateStages` implements the stages.
 """
@@ -34,7 +34,7 @@ from gepf.coordinator.tracking.gating import gate_pose
 from gepf.coordinator.tracking.observation import camera_points, middle_of, observed_points, without_flat
 from gepf.coordinator.tracking.pose_candidates import Detection, PoseCandidates, candidates_of, ordered
 from gepf.coordinator.tracking.pose_library import PoseLibrary, displaced, library_of, upright_rolls
-from gepf.coordinator.tracking.refiner import Refiner, iterations
+from gepf.coordinator.tracking.refiner import Refiner, with_iterations
 from gepf.coordinator.tracking.state import Start, start_at
 
 
@@ -65,7 +65,7 @@ class Detector:
         return CandidateStages(self._bodies, self._refiner, self._library.cell_m, self._settings)
 
     def prepare(self) -> None:
-        """Build the pose library and the body of candidates."""
+        """Build the pose library and the coarse body of the candidates."""
         _ = self._stages.coarse
 
     def detect(
@@ -108,7 +108,7 @@ class Detector:
     def _detect(
         self, query: Query, best: PoseCandidates, noise: SensorNoise, planes: Planes
     ) -> Search[Detection]:
-        """Detect an unknown body that explains all points of a frame, from its shortlist."""
+        """Detect an unknown body: fit the candidates of the shortlist `best` to all points of a frame."""
         subject, settings = query.subject, query.settings
         fit = yield from self._stages.fit_shape(query, best)
         model = self._bodies.searched
@@ -184,9 +184,9 @@ class Detector:
         return Detection(subject, start, candidates, gate)
 
     def transfer(self, detection: Detection, current: SubjectFrame, settings: RefineSettings) -> Detection:
-        """Refine the best of a detection, and the best that faces the other way, in the current frame.
+        """Refine the best candidate of a detection, and the best that faces the other way, in another frame.
 
-        They are moved with the body, refined and gated there.
+        They are moved as the body has moved, and are refined and gated in the frame `current`.
         """
         if detection.subject is current:
             return detection
@@ -195,7 +195,7 @@ class Detector:
         best = detection.candidates.distinct(model, 1, search.distinct_m)
         poses = move_root(model, best.poses, middle_of(current) - middle_of(detection.subject))
         prior = pose_prior(model, settings, poses[:, : model.shape_count])
-        particles = Particles(poses, iterations(settings, search.iterations), prior=prior)
+        particles = Particles(poses, with_iterations(settings, search.iterations), prior=prior)
         pending = self._refiner.submit(current, model, particles)
         candidates = ordered([candidates_of(model, pending.result(), current, settings)])
         if not candidates.is_visible:
@@ -207,8 +207,8 @@ class Detector:
     def _match(self, query: Query, rolls: Sequence[float], last_pose: Array | None = None) -> Iterator[Array]:
         """Candidates (N, D): those of the first orientation, then all others.
 
-        They are poses of the library that are similar to the observed points, and the last pose `last_pose`
-        (D,), moved and rotated.
+        They are poses of the library that are similar to the observed points, and `last_pose` (D,), moved and
+        rotated.
         """
         search = self._settings.search
         yield self._similar(query, rolls[0], search.candidates)
@@ -237,7 +237,7 @@ class Detector:
         return np.column_stack([query.shapes[::stride][scale_of], poses])
 
     def _length(self, shape: Array) -> float:
-        """A length that is proportional to the body of a shape (S,)."""
+        """A length that is proportional to the size of a body with this shape (S,)."""
         return self._family.length(self._family.size_of(shape) if len(shape) else self._bodies.usual_size)
 
     def _gain(self, query: Query, candidates: PoseCandidates) -> float:
@@ -248,7 +248,7 @@ class Detector:
         return query.subject.pixels * (log_likelihood - log_likelihood_at_gate)
 
     def _upright(self, rolls: Sequence[float]) -> float | None:
-        """The first orientation, for a body with an axis."""
+        """The first orientation; None for a body without an axis."""
         return None if self._family.axis is None else rolls[0]
 
     def _truncating_view(self, subject: SubjectFrame) -> SubjectView | None:
@@ -275,7 +275,7 @@ def fitted(query: Query, start: Start, candidates: PoseCandidates, planes: Plane
 
 
 def move_root(model: BodyModel, poses: Array, step_m: Array) -> Array:
-    """Poses (N, D) with the root moved by (3,) metres."""
+    """Poses (N, D) with the root moved by `step_m` (3,)."""
     after = poses.copy()
     for name, step in zip(ROOT_DOFS[:3], step_m, strict=True):
         if name in model.dof_names:

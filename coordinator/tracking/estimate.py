@@ -18,8 +18,8 @@ Fault = Literal["gives no depth", "repeats an image", "contradicts the others"]
 """Fault of a camera of a rig."""
 
 POSE_UNKNOWN = ("lost", "searching", "absent")
-"""Status of frames without a valid pose. The pose is the last known one, a guess while the body is searched
-for, or NaN before the first detection."""
+"""The statuses of frames without a valid pose. The pose is then the last known one, a guess while the body is
+searched for, or NaN before the first detection."""
 
 
 _JOINTS_OFF = re.compile(r"may be more than \d+ cm off: ")
@@ -40,7 +40,7 @@ def single_reasons(why: str) -> list[str]:
 class Certainty:
     """The certainty of each joint (J,) in a frame; NaN if the pose is unknown."""
 
-    seen: Array  # visible share of the surface around the joint that faces the camera that sees it best
+    seen: Array  # visible share of the camera-facing surface around it, in the camera that sees it best
     off_probability: Array  # probability of an error above `wrong_m` of the settings, by default 15 cm
     deviation: Array  # expected distance from the true joint, one standard deviation, metres
 

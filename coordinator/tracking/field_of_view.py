@@ -1,7 +1,7 @@
-"""What a frame can show of a body: nothing outside of the image, and nothing behind something nearer.
+"""What a frame can show of a body: nothing outside the image, and nothing behind something nearer.
 
 A person may be truncated by the border of the image, or by a table in front of them. What is not in view is
-no evidence, neither for a pose nor against it.
+not evidence, either for a pose or against it.
 """
 
 from __future__ import annotations
@@ -114,6 +114,6 @@ def moved_joints(model: BodyModel) -> Mask:
     return np.asarray(moves)
 
 
-def out_of_reach(model: BodyModel, seen: Mask) -> Mask:
+def unseen_dofs(model: BodyModel, seen: Mask) -> Mask:
     """Which degrees of freedom (D,) move only joints that are out of view; `seen` (J,) are in view."""
     return np.asarray(~(moved_joints(model) & seen).any(axis=1))

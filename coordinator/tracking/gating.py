@@ -24,7 +24,7 @@ class Gate:
         return self.normalised_residual <= 1.0
 
     def rejected_for(self, why: str) -> Self:
-        """The gate of a pose that is ruled out for another reason `why`; unchanged if it is empty."""
+        """The gate of a pose that is ruled out for another reason; unchanged if `why` is empty."""
         return type(self)(np.inf, self.why or why) if why else self
 
 

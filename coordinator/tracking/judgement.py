@@ -75,9 +75,9 @@ def doubted_joints(
 ) -> Mask:
     """The joints (J,) that are too likely to be wrong.
 
-    A body is doubted sooner while it is new: detected a few frames earlier, or a camera has come back. While
-    a camera has a fault, hidden joints are also doubted sooner, because the remaining cameras may not see
-    them.
+    Joints are doubted sooner while the body is new, that is, shortly after its detection, or after a camera
+    has come back. While a camera has a fault, hidden joints are also doubted sooner, because the remaining
+    cameras may not see them.
     """
     sooner = is_new | (has_fault & (certainty.seen < settings.hidden_share))
     threshold = np.where(sooner, settings.flagged_probability, settings.ambiguous_probability)
@@ -108,15 +108,17 @@ def certainty_of(
     """
     certainty = judge(features, settings, in_sight, shown)
     if belief.posterior.size and start.family.is_exact:
-        deviation = known_deviations(start.model, belief.reported, belief.posterior, settings.information)
+        deviation = deviations_of_exact_body(
+            start.model, belief.reported, belief.posterior, settings.information
+        )
         certainty = replace(certainty, deviation=deviation)
     return replace(certainty, off_probability=certainty.off_probability * movable_joints(start.model))
 
 
-def known_deviations(model: BodyModel, pose: Array, covariance: Array, information: float) -> Array:
+def deviations_of_exact_body(model: BodyModel, pose: Array, covariance: Array, information: float) -> Array:
     """Expected distance (J,) from a robot's or object's true joints, one standard deviation, metres.
 
-    `covariance` (D, D) of its pose (D,) is that of the refinement, which treats all points together as one
+    The `covariance` (D, D) of the pose (D,) is from the refinement, which treats all points together as one
     observation with an error of 1 cm, because people's shape is not known exactly. For a known body the
     points carry more information, so their part of the precision is multiplied by `information`; the weak
     prior is not.

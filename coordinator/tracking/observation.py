@@ -18,8 +18,8 @@ from gepf.coordinator.scene.occupancy import Window
 from gepf.coordinator.scene.segmentation import Labels, slices
 from gepf.coordinator.settings import SceneSettings
 
-POINTS = 300  # observed points that are enough for the filter, and for a median
-FEW_POINTS = 1_000  # low weights never reduce the number of a body's points below this
+SAMPLED_POINTS = 300  # observed points that are enough for the filter, and for a median
+MIN_WEIGHTED_POINTS = 1_000  # low weights never reduce the number of a body's points below this
 
 
 class MaskedView(NamedTuple):
@@ -37,11 +37,11 @@ class MaskedView(NamedTuple):
 
 def isolate(frame: Frame, points: int) -> SubjectFrame | None:
     """Crop a frame that shows only the subject to the pixels with depth; None if there are none."""
-    return subject_of(frame, [masked for view in frame.views for masked in outline(view)], points)
+    return subject_of(frame, [masked for view in frame.views for masked in whole_view(view)], points)
 
 
-def outline(view: View) -> list[MaskedView]:
-    """The window of all pixels with depth of an image, if there are any."""
+def whole_view(view: View) -> list[MaskedView]:
+    """One view of all pixels of an image that have depth; no view if there are none."""
     rows, columns = (np.flatnonzero(view.depth.any(axis=axis)) for axis in (1, 0))
     if not len(rows):
         return []
@@ -75,32 +75,34 @@ def area_of(view: View, depth: NDArray[np.uint16]) -> float:
     return squares / (view.intrinsics.fx * view.intrinsics.fy)
 
 
-def crop(frame: Frame, masked: MaskedView, depth: NDArray[np.uint16], most: int) -> SubjectView:
-    """The crop of one image of a frame, with depth and labels (H, W); `most` pixels are picked."""
+def crop(frame: Frame, masked: MaskedView, depth: NDArray[np.uint16], max_points: int) -> SubjectView:
+    """The crop of one image of a frame, with depth and labels (H, W); up to `max_points` pixels are picked."""
     image, (left, top, right, bottom), labels, weights = masked
     camera = image.intrinsics
     window = camera.crop(left, top, right - left, bottom - top)
     return SubjectView(
         image=replace(image, depth=depth, intrinsics=window, colours=None),
-        picked=pick(np.flatnonzero(depth).astype(np.uint32), most, weights),
+        picked=pick(np.flatnonzero(depth).astype(np.uint32), max_points, weights),
         extent=(-left, -top, camera.width - left, camera.height - top),
         kinds=labels,
         delay_s=image.time_s - frame.time_s,
     )
 
 
-def pick(measured: NDArray[np.uint32], most: int, weights: NDArray[np.float32] | None) -> NDArray[np.uint32]:
-    """At most `most` of the measured pixels (N,), flat indices.
+def pick(
+    measured: NDArray[np.uint32], max_points: int, weights: NDArray[np.float32] | None
+) -> NDArray[np.uint32]:
+    """At most `max_points` of the measured pixels (N,), flat indices.
 
     They are evenly distributed, with a density proportional to their weights (H, W). A pixel is picked at
-    most once, so fewer are picked if few have large weights. If there are at most FEW_POINTS pixels, weights
-    do not matter.
+    most once, so fewer are picked if few have large weights. If there are at most MIN_WEIGHTED_POINTS pixels,
+    weights do not matter.
     """
-    count = min(len(measured), most)
-    if weights is None or len(measured) <= FEW_POINTS:
+    count = min(len(measured), max_points)
+    if weights is None or len(measured) <= MIN_WEIGHTED_POINTS:
         return measured[np.arange(count) * len(measured) // max(1, count)]
     total = np.cumsum(weights.ravel()[measured], dtype=np.float64)
-    count = min(count, max(int(total[-1] / weights.ravel()[measured].max()), FEW_POINTS))
+    count = min(count, max(int(total[-1] / weights.ravel()[measured].max()), MIN_WEIGHTED_POINTS))
     ranks = np.floor(total / total[-1] * count + 1e-9)
     chosen: NDArray[np.uint32] = measured[np.diff(ranks, prepend=0.0) > 0.0]
     return chosen
@@ -109,7 +111,7 @@ def pick(measured: NDArray[np.uint32], most: int, weights: NDArray[np.float32] |
 def filter_observation(
     subject: SubjectFrame, last_time_s: float | None, step: Array | None = None, unseen: Mask | None = None
 ) -> Observation:
-    """The observation of a frame; with the usual interval if its time is not after the last one.
+    """The observation of a frame; with the usual interval if it is not later than the last frame.
 
     `step` (D,) is the motion since the last frame, from encoders or colour; `unseen` (D,) are degrees of
     freedom that move only joints out of view. Intervals are rounded to 0.1 ms, so that rounded times in files
@@ -117,11 +119,11 @@ def filter_observation(
     """
     since = 0.0 if last_time_s is None else round(subject.time_s - last_time_s, 4)
     interval = since if since > 0.0 else USUAL_INTERVAL
-    return Observation(observed_points(subject, POINTS), interval, step, len(subject.views), unseen)
+    return Observation(observed_points(subject, SAMPLED_POINTS), interval, step, len(subject.views), unseen)
 
 
 def camera_points(view: SubjectView, stride: int = 1) -> Array:
-    """The observed points (P, 3) of one camera, in its own frame, metres, at a stride."""
+    """Every `stride`-th observed point (P, 3) of one camera, in its own frame, metres."""
     image, camera = view.image, view.image.intrinsics
     picked = view.picked[::stride]
     rows, columns = np.divmod(picked, np.uint32(image.depth.shape[1]))
@@ -129,15 +131,16 @@ def camera_points(view: SubjectView, stride: int = 1) -> Array:
     return np.stack([(columns - camera.cx) / camera.fx * z, (rows - camera.cy) / camera.fy * z, z], axis=1)
 
 
-def observed_points(subject: SubjectFrame, most: int | None = None) -> Array:
-    """The observed points (P, 3) of all cameras, metres; if `most` is given, about that many of them."""
-    stride = 1 if most is None else max(1, sum(len(view.picked) for view in subject.views) // most)
+def observed_points(subject: SubjectFrame, max_points: int | None = None) -> Array:
+    """The observed points (P, 3) of all cameras, metres; about `max_points` of them, if that is given."""
+    count = sum(len(view.picked) for view in subject.views)
+    stride = 1 if max_points is None else max(1, count // max_points)
     return np.concatenate([view.image.to_rig(camera_points(view, stride)) for view in subject.views])
 
 
 def middle_of(subject: SubjectFrame) -> Array:
     """Median (3,) of a part of the observed points, metres."""
-    return np.asarray(np.median(observed_points(subject, POINTS), axis=0))
+    return np.asarray(np.median(observed_points(subject, SAMPLED_POINTS), axis=0))
 
 
 def thin(subject: SubjectFrame, points: int) -> SubjectFrame:
@@ -148,7 +151,7 @@ def thin(subject: SubjectFrame, points: int) -> SubjectFrame:
 
 
 def without_flat(subject: SubjectFrame, settings: SceneSettings) -> SubjectFrame:
-    """The frame without the largest flat part of its largest view; its pixels are unknown.
+    """The frame without the largest flat part of its largest view; the pixels of this part become unknown.
 
     Returns the same frame if no flat part is large enough, or if it is most of the frame.
     """

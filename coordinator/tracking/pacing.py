@@ -59,7 +59,7 @@ class Recorded:
         self.looks_ahead, self.reports_at_once = look_ahead, not look_ahead
 
     def begin_frame(self, targets: Sequence[TargetTracker]) -> FrameBudget | None:  # noqa: ARG002
-        """No limit."""
+        """No budget: a recorded frame has as much time as it needs."""
         return None
 
     def end_frame(self, targets: Sequence[TargetTracker]) -> None:
@@ -109,6 +109,6 @@ class Live:
 
 
 def advance_search(targets: Sequence[TargetTracker], *, wait: bool) -> bool:
-    """Advance one search by a stage, preferably of a person who is not tracked; False if none could."""
+    """Advance one search by a stage, preferably for a person who is not tracked; False if none advanced."""
     by_need = sorted(targets, key=lambda target: target.is_tracked)
     return any(target.search.advance(wait=wait) for target in by_need)

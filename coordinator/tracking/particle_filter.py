@@ -23,7 +23,7 @@ from gepf.coordinator.settings import Settings
 from gepf.coordinator.sources.joint_states import JointStates
 from gepf.coordinator.stopwatch import Stopwatch
 from gepf.coordinator.tracking.certainty import FrameContext
-from gepf.coordinator.tracking.field_of_view import in_view, out_of_reach
+from gepf.coordinator.tracking.field_of_view import in_view, unseen_dofs
 from gepf.coordinator.tracking.observation import filter_observation
 from gepf.coordinator.tracking.pose_candidates import Detection, PoseCandidates, log_pose_prior
 from gepf.coordinator.tracking.refiner import Pending, Refiner
@@ -58,7 +58,7 @@ class SubmittedPerson:
 
 
 class ParticleFilter:
-    """Steps 2 to 7 of Grest and Krueger (2007) for one body, by the method of the settings."""
+    """Steps 2 to 7 of Grest and Krueger (2007) for one body, with the method that the settings select."""
 
     def __init__(self, refiner: Refiner, settings: Settings, motion: Encoders | None) -> None:
         self._refiner, self._settings, self._motion = refiner, settings, motion
@@ -99,7 +99,7 @@ class ParticleFilter:
             step = step if measured is None else measured
         seen, unseen = in_view(subject, joint_positions(model, belief.reported[None])[0]), None
         if not seen.all():
-            unseen = out_of_reach(model, seen)
+            unseen = unseen_dofs(model, seen)
         observation = filter_observation(subject, time_s, step, unseen)
         settings = self._settings.filter
         if budget is not None and budget.is_late and self._method.descends:
@@ -126,7 +126,7 @@ class ParticleFilter:
         return self._refiner.submit(subject, model, particles)
 
     def update(self, model: BodyModel, submitted: SubmittedPerson) -> tuple[Belief, int]:
-        """The belief after refinement, and its number of particles; `annealed` sends several layers."""
+        """The belief after refinement, and the number of particles; `annealed` refines several layers."""
         proposal, clock = submitted.proposal, submitted.clock
         after = self._merge(model, proposal, submitted.pending, submitted.settings, clock)
         while isinstance(after, Proposal):  # the next layer
@@ -150,7 +150,7 @@ class ParticleFilter:
         settings: RefineSettings,
         clock: Stopwatch,
     ) -> Belief | Proposal:
-        """Wait for refined particles: the belief after them, or the next layer to refine."""
+        """Wait for the refined particles; return the belief after them, or the next layer to refine."""
         with clock.stage("refine"):
             refined = pending.result()
         with clock.stage("merge"):

@@ -1,4 +1,4 @@
-"""Candidates of a detection: refined poses and shapes, their differences, front and back."""
+"""Candidates of a detection: refined poses and shapes, which are distinct, and which face the other way."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class Detection:
     gate: Gate
 
     def is_elsewhere(self, joints: Array, wrong_m: float) -> bool:
-        """Whether a joint in view is so far from its position in joints (J, 3) that one of them is wrong."""
+        """Whether a joint in view is so far from its place in joints (J, 3) that one of the two is wrong."""
         detected = self.candidates.joints[0]
         seen = in_view(self.subject, np.stack([detected, joints])).any(axis=0)
         return bool(np.any(np.linalg.norm(detected - joints, axis=-1)[seen] > wrong_m))
@@ -102,7 +102,7 @@ def log_pose_prior(model: BodyModel, settings: RefineSettings, poses: Array) -> 
     )
 
 
-def depth_likelihood(
+def depth_log_likelihood_of(
     log_posterior: float, model: BodyModel, pose: Array, subject: SubjectFrame, settings: RefineSettings
 ) -> float:
     """The log likelihood of a tracked pose (D,) from depth alone, without keypoints and family prior."""
@@ -118,9 +118,9 @@ def candidates_of(
     *,
     knows_shape: bool = True,
 ) -> PoseCandidates:
-    """The candidates made of the refined poses of a body, in the same order, with the family's priors.
+    """The candidates made from the refined poses of a body, in the same order, with the family's priors.
 
-    The prior of shapes only counts until the shape is known.
+    The prior of shapes counts only until the shape is known.
     """
     after = natural_angles(model, refined.poses)
     joints, prior = joint_positions(model, after), log_pose_prior(model, settings, after)
@@ -131,7 +131,7 @@ def candidates_of(
 
 
 def ordered(parts: Sequence[PoseCandidates]) -> PoseCandidates:
-    """All visible candidates, the most likely first; if none is, a single one with log likelihood -inf."""
+    """All visible candidates, the most likely first; if none is visible, one with log posterior -inf."""
     columns = ([getattr(part, column.name) for part in parts] for column in fields(PoseCandidates))
     whole = PoseCandidates(*map(np.concatenate, columns))
     order = np.argsort(-whole.log_posterior, kind="stable")
@@ -140,10 +140,10 @@ def ordered(parts: Sequence[PoseCandidates]) -> PoseCandidates:
 
 
 def keep_distinct(joints: Array, count: int, distinct_m: float, seen: Mask | None = None) -> Indices:
-    """Up to `count` indices of joints (N, J, 3) more than `distinct_m` (mean) from each other.
+    """Indices of up to `count` bodies with joints (N, J, 3) whose mean distance exceeds `distinct_m`.
 
-    The mean is over the joints that are in view (`seen`, (N, J)) for at least one of the two; None: all
-    joints.
+    The mean is over the joints that are in view (`seen`, (N, J)) for at least one of the two bodies; over all
+    joints if `seen` is None.
     """
     kept = list[int]()
     for n, body in enumerate(joints):

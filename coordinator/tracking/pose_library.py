@@ -69,7 +69,8 @@ class PoseLibrary:
 
         Points are in the camera's frame, metres, and are rotated by `roll`, radians, before the comparison;
         poses are in the rig's frame, the most similar first; `T_rig_camera` is (4, 4). `scales` are
-        relative to the library. If the `view` that shows the points truncates the body, parts are compared.
+        relative to the library. If the `view` that shows the points truncates the body, only the part of each
+        pose that would be in view is compared.
         """
         turn = look_straight(points.mean(axis=0), roll)
         if view is not None and (truncated := truncated_sides(view, turn, self.settings)).any():
@@ -98,7 +99,7 @@ class PoseLibrary:
 
     @cached_property
     def _cells(self) -> Cells:
-        """The descriptors as they are compared with a part of a body."""
+        """The descriptors, in the form in which they are compared with a part of a body."""
         return cells_of(self.cells.T.reshape(-1, ROWS, COLUMNS))
 
     def _compare_part(
@@ -106,7 +107,7 @@ class PoseLibrary:
     ) -> tuple[Array, NDArray[np.float32]]:
         """Positions of the roots (S, N, 3) per scale, in library units, and differences (S, N) from a part.
 
-        `points` (P, 3) are its points, rotated by `turn` (3, 3); see `truncated_sides`.
+        `points` (P, 3) are those of the part, rotated by `turn` (3, 3). `truncated`: see `truncated_sides`.
         """
         left, right, top, bottom = truncated.astype(np.int64)
         ends = np.array([left - right, top - bottom])  # an end is visible if only the other is truncated
@@ -165,7 +166,10 @@ def look_straight(at: Array, roll: float) -> Array:
 
 
 def turned_to(root: Indices, poses: Array, places: Array, turn: Array) -> Array:
-    """Poses (N, D), rotated by (3, 3) and with the root (6,) at positions (N, 3)."""
+    """Poses (N, D), rotated by `turn` (3, 3), with the root at `places` (N, 3).
+
+    `root` (6,) are the indices of the degrees of freedom of the root.
+    """
     after, angles = poses.copy(), root[3:]
     after[:, root[:3]] = places
     for pose in after:
@@ -234,7 +238,8 @@ def describe_each(
 ) -> tuple[Image, Array, NDArray[np.float32]]:
     """Images (N, ROWS, COLUMNS), centres (N, 3) and numbers of occupied cells (N,) of a body in each pose.
 
-    Each vertex of (V, 3) moves with one link of (V,), whose transforms are (N, L, 3, 4).
+    Each of the `vertices` (V, 3) moves with its link in `links` (V,); `transforms` (N, L, 3, 4) are those of
+    all links in each pose.
     """
     count, points = len(transforms), np.empty((len(vertices), 3))
     images, centres = np.empty((count, ROWS, COLUMNS), dtype=np.float32), np.empty((count, 3))

@@ -25,8 +25,8 @@ from gepf.coordinator.tracking.track_state import ROUNDING_S, Body, Searching
 class PreparedFrame:
     """A segmented frame, the state of its cameras, what colour shows, and a stopwatch for each person.
 
-    interval_s: time since the previous frame, seconds; 0 for the first. after_gap: it exceeds
-    `max_lookahead_s`; the frame after this one is then prepared only after the update, around newer poses.
+    interval_s: time since the previous frame, seconds; 0 for the first. after_gap: whether that time exceeds
+    `max_lookahead_s`; the next frame is then prepared only after the update, around newer poses.
     """
 
     segmented: SegmentedFrame
@@ -38,7 +38,7 @@ class PreparedFrame:
 
 
 class FramePreparation:
-    """Prepares frames in their order; `state` is that after the last one."""
+    """Prepares frames in order; `state` is the state after the last frame."""
 
     def __init__(
         self, segmenter: Segmenter, colour: ColourWatch, settings: TrackSettings, state: FrameState
@@ -49,10 +49,10 @@ class FramePreparation:
     def prepare(
         self, frame: Frame, targets: Sequence[TargetTracker], colours: ColourStates, *, is_late: bool
     ) -> PreparedFrame:
-        """The next frame, segmented around the people; `colours` are the states after the last updated one.
+        """The next frame, segmented around the people; `colours` are as of the last updated frame.
 
-        First the people take over the results of searches that have ended in the meantime. While frames are
-        late, colour is looked at less often.
+        First, the results of searches that have ended in the meantime are taken over. While frames are late,
+        colour is looked at less often.
         """
         clocks = [Stopwatch() for _ in targets]
         for target in targets:
@@ -86,18 +86,19 @@ class FramePreparation:
             )
         if look is not None:
             with clocks[0].stage("keypoints"):
-                sight = see(look, segmented, sight, targets, interval_s)
+                sight = finish_look(look, segmented, sight, targets, interval_s)
                 segmented = with_own_keypoints(segmented, sight.people.keypoints)
         return PreparedFrame(segmented, self._cameras, after_gap, clocks, sight, interval_s)
 
 
-def see(
+def finish_look(
     look: Look, segmented: SegmentedFrame, sight: Sight, targets: Sequence[TargetTracker], interval_s: float
 ) -> Sight:
     """What a look at a segmented frame shows: people, and candidates if somebody is searched for."""
     people, time_s = look.people.result(), segmented.frame.time_s
     unknown = [target for target in targets if not isinstance(target.track, Body)]
     is_lost = any(target.may_be_anywhere for target in targets)
-    if is_lost or any(target.is_search_due(time_s) for target in unknown[:1]):  # one after another
+    # unknown people are searched for one after another
+    if is_lost or any(target.is_search_due(time_s) for target in unknown[:1]):
         return replace(sight, people=people, candidates=look.candidates(segmented, interval_s))
     return replace(sight, people=people)

@@ -45,12 +45,12 @@ class LocalRequest:
         return was_ready
 
     def result(self) -> Refined:
-        """Refine the particles, unless that is done."""
+        """Refine the particles, unless they have been refined already."""
         self._refined = self._refined or self._refine()
         return self._refined
 
     def cancel(self) -> None:
-        """Nothing is under way."""
+        """Do nothing: no work is under way."""
 
 
 class Refiner(ABC):
@@ -76,7 +76,7 @@ class LocalRefiner(Refiner):
         """Do nothing: there are no workers."""
 
     def submit(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Pending:
-        """Keep particles, to be refined on a frame."""
+        """Keep the particles until their result is needed."""
         return LocalRequest(partial(self.refine, subject, model, particles))
 
 
@@ -84,7 +84,7 @@ Requests = tuple[Pending, ...]
 """The requests of one stage of a search that were sent to the workers."""
 
 
-def iterations(settings: RefineSettings, count: int) -> RefineSettings:
+def with_iterations(settings: RefineSettings, count: int) -> RefineSettings:
     """Settings with this number of ICP iterations."""
     return msgspec.structs.replace(settings, icp_iterations=count)
 

@@ -32,11 +32,11 @@ from gepf.coordinator.tracking.track_state import (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UpdatedPerson:
-    """One person in a frame, before it is reported."""
+    """One person in a frame that is not reported yet."""
 
     frame: Frame
     state: PersonState  # after the frame
-    particles: int  # refined ones
+    particles: int  # number of refined particles
     judgement: Judgement | None  # of the pose; None if nothing was refined
     clock: Stopwatch
 
@@ -131,7 +131,7 @@ def status_of(track: TrackState, *, is_ambiguous: bool) -> Status:
 
 
 def explain_doubt(names: tuple[str, ...], certainty: Certainty, doubted: Mask, wrong_m: float) -> str:
-    """Text that names the doubted joints (J,), those most likely to be wrong first; empty without any."""
+    """Text that names the doubted joints (J,), the most likely to be wrong first; empty if there are none."""
     order = np.argsort(-certainty.off_probability, kind="stable")
     listed = ", ".join(names[j].replace("_", " ") for j in order if doubted[j])
     return doubtful_joints_text(wrong_m, listed) if listed else ""

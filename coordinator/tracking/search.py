@@ -11,16 +11,17 @@ from gepf.coordinator.tracking.segmenter import UntrackedPerson
 class BodySearch:
     """At most one search for a body: running, or ended with a result that is not yet taken.
 
-    A recorded frame that begins a search finishes and takes it (`TargetTracker.submit`). The search of a live
-    frame advances while the workers refine (`Tracker.follow`), and at the end of a frame (`Live.end_frame`).
+    If a recorded frame begins a search, the same frame waits for it and takes its result
+    (`TargetTracker.submit`). The search of a live frame advances while the workers refine
+    (`Tracker.follow`), and at the end of a frame (`Live.end_frame`).
     Its result is taken before a later frame is segmented if the body was unknown
     (`TargetTracker.take_search`), or else when a later frame is submitted.
     """
 
     def __init__(self) -> None:
         self.person: UntrackedPerson | None = None  # who is searched for, if their body is not known
-        self._stages: Search[Detection] | None = None  # None also when done
-        self._sent: Requests = ()  # to the workers
+        self._stages: Search[Detection] | None = None  # None if no search is running
+        self._sent: Requests = ()  # the requests of the present stage
         self._detection: Detection | None = None
 
     def begin(self, stages: Search[Detection], person: UntrackedPerson | None = None) -> None:

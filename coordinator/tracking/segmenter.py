@@ -27,7 +27,7 @@ from gepf.coordinator.scene.segmentation import (
     segment_masks,
 )
 from gepf.coordinator.settings import SceneSettings
-from gepf.coordinator.tracking.observation import MaskedView, depth_in, depth_of, outline, subject_of
+from gepf.coordinator.tracking.observation import MaskedView, depth_in, depth_of, subject_of, whole_view
 
 MaskHypotheses = tuple[MaskedView, ...]
 """The masks of an untracked person in one image, from the narrowest to the widest."""
@@ -36,8 +36,8 @@ MaskHypotheses = tuple[MaskedView, ...]
 class ExpectedSurface(NamedTuple):
     """Where a body is expected in a frame.
 
-    vertices: (V, 3) of its surface, rig's frame, metres; None if it may be anywhere. excluded: cameras that
-    are not used for it, unless no other camera shows it. is_new: whether it was detected a short time ago.
+    vertices: (V, 3) of its surface, rig frame, metres; None if it may be anywhere. excluded: cameras that are
+    not used for it, unless no other camera shows it. is_new: whether it was detected a short time ago.
     """
 
     vertices: Array | None = None
@@ -90,7 +90,7 @@ class UntrackedPerson:
         return self.alternatives[-1] if self.alternatives else self.subject
 
     @property
-    def is_shown(self) -> bool:
+    def is_confirmed(self) -> bool:
         """Whether colour confirms the person."""
         return any(view.keypoints is not None for view in self.subject.views)
 
@@ -168,7 +168,7 @@ class BodyView:
 
 
 class Segmenter:
-    """Segments frames in their order, within a `scope`, with at most `points` points of a body.
+    """Segments frames in order, within a `scope`, with at most `points` points per body.
 
     Each camera has its own scene. A frame is learned after it has been segmented, before the next one.
     """
@@ -187,7 +187,7 @@ class Segmenter:
             self._scene_of(camera, change.T_rig_camera, None).recall(change)
 
     def _scene_of(self, camera: str, T_rig_camera: Array, gravity: Array | None) -> Scene:
-        """The scene of a camera, from its first frame on; `gravity` (3,) as the camera measures it."""
+        """The scene of a camera, created in its first frame; `gravity` (3,) is as the camera measures it."""
         if camera not in self._scenes:
             scope, up = self._scope.of(camera), None if gravity is None else -gravity
             if scope.up is not None:
@@ -224,12 +224,12 @@ class Segmenter:
     def find_candidates(
         self, segmented: SegmentedFrame, tracked: Sequence[Array]
     ) -> tuple[UntrackedPerson, ...]:
-        """People in a segmented frame, most likely first, without those with vertices `tracked` (V, 3)."""
+        """People in a segmented frame, most likely first, without those at the vertices `tracked` (V, 3)."""
         seen = list[Sequence[MaskHypotheses]]()
         for segmented_view in segmented.views:
             image, view = segmented_view.image, segmented_view.scene
             if shows_one_body(view, len(segmented.subjects)):
-                seen.append([(everything,) for everything in outline(image)])
+                seen.append([(everything,) for everything in whole_view(image)])
                 continue
             distances = [measure_distances(view, image.to_camera(body)) for body in tracked]
             near_bodies = nearest_of(view, distances) <= self._settings.segmentation.near_m
@@ -267,7 +267,7 @@ class Segmenter:
         image, out_of_scope = scope.limit(image)
         view = scene.see(image, out_of_scope)
         if shows_one_body(view, len(bodies)):
-            everything = tuple(outline(image))
+            everything = tuple(whole_view(image))
             if bodies[0].vertices is None:
                 return SegmentedView(image, view, (None,), (everything,) if everything else ())
             return SegmentedView(image, view, everything or (None,), ())
@@ -304,7 +304,7 @@ class Segmenter:
     def _join_people(
         self, frame: Frame, seen: Sequence[Sequence[MaskHypotheses]]
     ) -> tuple[UntrackedPerson, ...]:
-        """People by their masks in each image; those at the same place are one person."""
+        """The people that the masks in all images show; masks at the same place are one person."""
         people, farthest = list[list[MaskHypotheses]](), self._settings.candidates.same_person_m
         for in_image in seen:
             for masks in in_image:
@@ -323,7 +323,7 @@ class Segmenter:
         return tuple(person for person in joined if person is not None)
 
     def _person_of(self, frame: Frame, images: Sequence[MaskHypotheses]) -> UntrackedPerson | None:
-        """The person whom these images show; None if there are no masks."""
+        """The person whom these masks, one group per image, show; None if they contain no depth."""
         levels = range(max(map(len, images)))
         masked = [[masks[min(level, len(masks) - 1)] for masks in images] for level in levels]
         subject, *wider = [subject_of(frame, views, self._points) for views in masked]
@@ -331,7 +331,7 @@ class Segmenter:
 
 
 def mask_candidate(image: View, view: SceneView, person: Candidate, near_bodies: Mask) -> MaskHypotheses:
-    """The masks of a candidate in an image; `near_bodies` are the pixels (H, W) of those who are tracked."""
+    """The masks of a candidate in an image; `near_bodies` (H, W) are the pixels near tracked bodies."""
     masked = segment_masks(view, (person.mask, *person.wider), near_bodies)
     return tuple(masked_view(image, view, mask) for mask in masked)
 

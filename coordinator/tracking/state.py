@@ -29,9 +29,9 @@ from gepf.coordinator.tracking.track_state import Absent, Body, Found, NextSegme
 class Start:
     """A body and its pose (D,) in the first frame that shows it.
 
-    `values` are by name, including degrees of freedom that are held. Until the body is detected (`found`),
-    only the names of its degrees of freedom and joints are valid; the pose is NaN, the size empty. `noise` is
-    the camera's noise in that frame; zero if it was not measured.
+    `values` are by name, including degrees of freedom that are held. Until the body is detected (`found` is
+    false), only the names of its degrees of freedom and joints are valid; the pose is NaN, the size empty.
+    `noise` is the camera's noise in that frame; zero if it was not measured.
     """
 
     model: BodyModel
@@ -52,7 +52,7 @@ class Start:
         return {name: v for name, v in self.values.items() if v and name not in self.model.dof_names}
 
     def body_of(self, shape: Array) -> BodyModel:
-        """The body of the shape with these coefficients (S,), without degrees of freedom of shape."""
+        """The body with these shape coefficients (S,), which are then no longer degrees of freedom."""
         return with_fixed_shape(self.model, shape)
 
     def size_of(self, shape: Array) -> BodySize:
@@ -91,7 +91,10 @@ def start_at(
 
 
 def read_start(path: Path, dof_names: Collection[str], remedy: str = "") -> dict[str, float]:
-    """Values by name; missing values are zero. InputError for an unknown name, or a value above LARGEST."""
+    """The values of a start, by name; a name that is missing counts as zero.
+
+    InputError for an unknown name, or for a value above LARGEST.
+    """
     fix_hint, missing_hint = "write {degree of freedom: number}", "give --init a file, or auto"
     values = read_json(path, dict[str, float], fix_hint, missing_hint)
     for name, value in values.items():
@@ -170,7 +173,7 @@ class TrackerState:
 
 
 def first_state(bodies: Bodies, values: Mapping[str, float] | None, settings: Settings) -> PersonState:
-    """The state before the first frame: a start at values by name, or None to detect the body."""
+    """The state before the first frame; `values` are those of the start by name, None to detect the body."""
     generator = json.dumps(np.random.default_rng(settings.seed).bit_generator.state)
     if values is not None:
         start = start_at(values, bodies)

@@ -31,9 +31,9 @@ from gepf.coordinator.tracking.certainty import FrameContext
 from gepf.coordinator.tracking.detector import Detector, move_root
 from gepf.coordinator.tracking.gating import Gate, gate_pose
 from gepf.coordinator.tracking.judgement import judge_pose
-from gepf.coordinator.tracking.observation import POINTS, camera_points, middle_of
+from gepf.coordinator.tracking.observation import SAMPLED_POINTS, camera_points, middle_of
 from gepf.coordinator.tracking.particle_filter import Encoders, FrameBudget, ParticleFilter, SubmittedPerson
-from gepf.coordinator.tracking.pose_candidates import Detection, depth_likelihood
+from gepf.coordinator.tracking.pose_candidates import Detection, depth_log_likelihood_of
 from gepf.coordinator.tracking.refiner import Refiner
 from gepf.coordinator.tracking.reporting import UpdatedPerson
 from gepf.coordinator.tracking.search import BodySearch
@@ -108,7 +108,7 @@ class TargetTracker:
 
     @property
     def policy(self) -> Policy:
-        """What the state machine needs to know of settings and body."""
+        """What the state machine needs to know about the settings and the body."""
         return Policy(
             min_points=min(self._settings.gating.min_points, self._settings.points),
             settings=self._settings.track,
@@ -135,13 +135,13 @@ class TargetTracker:
 
     @property
     def expected_body(self) -> ExpectedBody | None:
-        """The person around whom the next frame is segmented; None if unknown, or no person."""
+        """The person around whom the next frame is segmented; None if unknown, or if it is not a person."""
         pose = self.next_segmentation.pose
         return None if pose is None or not len(self.model.keypoint_links) else ExpectedBody(self.model, pose)
 
     @property
     def explained_body(self) -> ExpectedBody | None:
-        """The person in the pose of the last frame; None if it does not explain depth, or is no person."""
+        """The person in the last frame's pose; None if that does not explain depth, or for other bodies."""
         track = self.track
         if not isinstance(track, Tracked) or track.unexplained_s or track.normalised_residual > 1.0:
             return None
@@ -173,7 +173,7 @@ class TargetTracker:
 
     @property
     def is_just_detected(self) -> bool:
-        """Whether the body was detected, and is not tracked in a first frame yet."""
+        """Whether the body has been detected, but not yet tracked in any frame."""
         return isinstance(self.track, Found) and not self.track.is_given
 
     @property
@@ -237,7 +237,7 @@ class TargetTracker:
         self._step(SearchGivenUp())
 
     def take_detected(self) -> DetectedBody | None:
-        """The body that has just been detected, returned only once; for an update of the background."""
+        """The body that has just been detected; returned only once, to update the background."""
         detected, self._detected = self._detected, None
         return detected
 
@@ -324,7 +324,7 @@ class TargetTracker:
         return todo
 
     def _step_segmented(self, view: BodyView, subject: SubjectFrame | None) -> Instructions:
-        """The event of a segmented frame; measures the noise where a given start is first seen."""
+        """Execute the event of a segmented frame; measures the noise when a given start is first seen."""
         has_depth = any(image.depth.any() for image in view.frame.views)
         if subject is None:
             return self._step(FrameSegmented(view.frame.time_s, has_depth=has_depth))
@@ -423,7 +423,7 @@ class TargetTracker:
         assert isinstance(self.track, Body)  # it was refined
         settings, detection = self._settings, submitted.detection
         subject, refine = submitted.context.subject, submitted.settings
-        depth_log_likelihood = depth_likelihood(
+        depth_log_likelihood = depth_log_likelihood_of(
             belief.log_weights[0], self.model, belief.poses[0], subject, refine
         )
         gate = gate_pose(depth_log_likelihood, belief.residual[0], refine, settings.gating)
@@ -484,7 +484,7 @@ class TargetTracker:
 def resolve(settings: Settings, family: BodyFamily) -> Settings:
     """The settings after applying the values fixed by the method and those of the body family.
 
-    These are used, and stored with runs. Raises InputError as `apply_method`.
+    These are used, and stored with runs. Raises InputError as `apply_method` does.
     """
     settings = apply_method(settings)
     refine = msgspec.structs.replace(settings.refine, outside_weight=family.outside_weight)
@@ -496,4 +496,4 @@ def distance_to(subject: SubjectFrame | None) -> float:
     if subject is None or not len(subject.largest.picked):
         return 0.0
     view = subject.largest
-    return float(np.median(camera_points(view, max(1, len(view.picked) // POINTS))[:, 2]))
+    return float(np.median(camera_points(view, max(1, len(view.picked) // SAMPLED_POINTS))[:, 2]))

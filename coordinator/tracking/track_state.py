@@ -1,6 +1,6 @@
 """The state of a track, and how events change it: a state machine without a clock, images or workers.
 
-`step` returns the state after an event, and instructions; without any, nothing is left to do in the frame.
+`step` returns the state after an event, and instructions; if there are none, the frame is done.
 `coordinator/tracking/target.py` executes them, and makes the events. The table of transitions is in
 docs/states.md.
 """
@@ -45,7 +45,7 @@ class Searching(msgspec.Struct, frozen=True, tag="searching"):
     searches: int = 1  # number of searches that have begun
     searched_s: float = 0.0  # time of the frame in which the last one began
     why: str = ""  # reason why the last one detected nothing
-    awaits_search: bool = False  # whether a search has begun whose result is not taken yet
+    awaits_search: bool = False  # whether a search has begun whose result has not been taken yet
     visibility: Visibility = "something"
 
     def is_due(self, time_s: float, settings: TrackSettings) -> bool:
@@ -76,7 +76,7 @@ class Body(msgspec.Struct, frozen=True, kw_only=True):
     next_segmentation: NextSegmentation
     time_s: float | None = None  # of the last frame that showed the body
     agreement: Agreement = msgspec.field(default_factory=Agreement)  # of the cameras, on the last pose
-    awaits_search: bool = False  # whether a search for it has begun whose result is not taken yet
+    awaits_search: bool = False  # whether a search for it has begun whose result has not been taken yet
     unshown_s: float | None = 0.0
     """Time without confirmation by colour since the detection; None once confirmed."""
 
@@ -140,7 +140,7 @@ class TrackedBefore(Body, frozen=True, kw_only=True):
 
 
 class Tracked(TrackedBefore, frozen=True, kw_only=True, tag="tracked"):
-    """The body is at its pose, except that the last few frames may be unexplained."""
+    """The pose explains the frames, except that the last few may be unexplained."""
 
     is_lost: ClassVar[bool] = False
 
@@ -158,8 +158,9 @@ TrackState: TypeAlias = Absent | Searching | Found | Tracked | Lost
 class FrameSegmented:
     """A frame is segmented: the number of pixels that show the body, and of the points picked from them.
 
-    Both are 0 if nothing shows it. `has_depth`: the frame shows anything. `is_elsewhere`: these pixels are
-    not where the body was expected. `moved`: the belief about a detected body, moved to where it is now.
+    Both are 0 if nothing shows it. `has_depth`: whether the frame shows anything at all. `is_elsewhere`:
+    whether these pixels are not where the body was expected. `moved`: the belief about a detected body, moved
+    to where the body is now.
     """
 
     time_s: float
@@ -409,7 +410,7 @@ def _refined(
 def _unshown(
     before_s: float | None, event: FrameRefined, interval_s: float, settings: ColourSettings
 ) -> float | None:
-    """How long colour has not confirmed a body since its detection, seconds; None once it has."""
+    """Seconds since a body's detection without confirmation by colour; None once colour has confirmed it."""
     if event.is_shown or before_s is None:
         return None
     return before_s if event.is_shown is None else before_s + min(interval_s, settings.max_step_s)

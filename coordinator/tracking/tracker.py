@@ -28,7 +28,7 @@ from gepf.coordinator.tracking.warm_up import warm_up
 
 
 class SubmittedFrame(NamedTuple):
-    """A frame whose particles are with the workers; people without any are updated already."""
+    """A frame whose particles are with the workers; people without particles are updated already."""
 
     people: list[SubmittedPerson | UpdatedPerson]
     scene_changes: SceneChanges
@@ -139,9 +139,9 @@ class Tracker:
 
     def _submit(self, prepared: PreparedFrame, budget: FrameBudget | None) -> SubmittedFrame:
         """Predict the particles of each person, send them to the workers, and learn the scene."""
-        facing = [target.body_with_known_orientation for target in self._targets]
+        oriented_bodies = [target.body_with_known_orientation for target in self._targets]
         coloured = ColouredFrame(
-            prepared.segmented, prepared.sight, self._frame.colours, facing, self._settings.colour
+            prepared.segmented, prepared.sight, self._frame.colours, oriented_bodies, self._settings.colour
         )
         segmented = coloured.segmented
         assignment = Assignment(self._targets, self._segmenter, segmented, coloured.free)
@@ -157,7 +157,7 @@ class Tracker:
         return SubmittedFrame(submitted, scene_changes, prepared)
 
     def _send_ahead(self, prepared: PreparedFrame | None) -> None:
-        """Send the workers the people's pixels of the next frame before their turn."""
+        """Send the workers the people's pixels in the next frame before that frame is submitted."""
         if prepared is None:
             return
         for subject, clock in zip(prepared.segmented.subjects, prepared.clocks, strict=True):

@@ -28,7 +28,7 @@ class NoRefiner(LocalRefiner):
     """A refiner that leaves particles as they are."""
 
     def refine(self, _subject: SubjectFrame, _model: BodyModel, particles: Particles) -> Refined:
-        """The same poses (N, D), with a covariance of 1 cm and 0.01 rad."""
+        """The same poses (N, D), with standard deviations of 1 cm and 0.01 rad."""
         return unmoved(particles)
 
 

@@ -11,7 +11,7 @@ from gepf.coordinator.bodies.human.typical_poses import people_poses
 from gepf.coordinator.bodies.mechanisms import MECHANISMS
 from gepf.coordinator.settings import preset
 from gepf.coordinator.tracking.observation import isolate
-from gepf.coordinator.tracking.pose_candidates import depth_likelihood, log_pose_prior
+from gepf.coordinator.tracking.pose_candidates import depth_log_likelihood_of, log_pose_prior
 from tests.support.bodies import person, puppet
 from tests.support.people import STANDING, known, shown
 
@@ -77,4 +77,4 @@ def test_gates_do_not_see_it() -> None:
     assert subject is not None
     prior = log_pose_prior(model, REFINE, pose[None])[0]
     assert prior < 0.0
-    assert depth_likelihood(-3.0 + prior, model, pose, subject, REFINE) == pytest.approx(-3.0)
+    assert depth_log_likelihood_of(-3.0 + prior, model, pose, subject, REFINE) == pytest.approx(-3.0)

@@ -84,7 +84,7 @@ def test_changes_alone_lead_to_the_same_knowledge(up: tuple[float, ...] | None) 
         person = (PERSON[0] + 0.05 * number, PERSON[1])
         view = first.see(room.see(person, number).view)
         second.recall(first.learn(view, people(view, room, person)))
-    third.recall(second.all())
+    third.recall(second.whole_change())
     frame = room.see(PERSON, 9).view
     views = [scene.see(frame) for scene in (first, second, third)]
     for view in views[1:]:
@@ -180,7 +180,7 @@ def test_a_frame_of_another_size_begins_a_new_scene(*, background: bool) -> None
         np.testing.assert_array_equal(seen.planes.coefficients, scene.see(small).planes.coefficients)
         assert seen.background.shape == (90, 120)
     resumed = Scene(SceneSettings(), room.see(None).view.metres() if background else None)
-    resumed.recall(scene.all())
+    resumed.recall(scene.whole_change())
     np.testing.assert_array_equal(resumed.see(small).background, scene.see(small).background)
 
 
@@ -196,7 +196,7 @@ def test_a_log_knows_the_background_that_was_given(pitch: float) -> None:
         Scene(SceneSettings(), given),
     )
     recorded.recall(watching.learn(watching.see(replace(frame, depth=dark))))
-    resumed.recall(recorded.all())
+    resumed.recall(recorded.whole_change())
     assert known(watching)[:, :20].any() == (pitch == 0.0)
     np.testing.assert_array_equal(known(resumed), known(watching))
 

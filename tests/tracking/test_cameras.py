@@ -113,7 +113,7 @@ def test_a_camera_that_comes_back_is_used_again() -> None:
     for frame in frames:
         states, _ = watch(states, frame, ())
         lines += describe_changes(before, before := faults_of(states, frame.time_s, 0.5))  # type: ignore[arg-type, assignment]
-    assert lines == ["camera b has had a fault since t = 0.33 s: gives no depth", "camera b is used again"]
+    assert lines == ["camera b has had a fault since t = 0.33 s: it gives no depth", "camera b is used again"]
 
 
 def test_only_new_images_reach_the_tracker() -> None:
