@@ -76,7 +76,7 @@ def area_of(view: View, depth: NDArray[np.uint16]) -> float:
 
 
 def crop(frame: Frame, masked: MaskedView, depth: NDArray[np.uint16], max_points: int) -> SubjectView:
-    """The crop of one image of a frame, with depth and labels (H, W); up to `max_points` pixels are picked."""
+    """The crop of one image, with depth and labels (H, W); up to `max_points` pixels are picked."""
     image, (left, top, right, bottom), labels, weights = masked
     camera = image.intrinsics
     window = camera.crop(left, top, right - left, bottom - top)
