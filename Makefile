@@ -1,6 +1,6 @@
-# `make demo` and `make test` are all that a fresh machine needs; each sets up first what is missing.
+# `make demo` and `make test` are all that a fresh machine needs; each first sets up what is missing.
 SHELL := /bin/bash
-# Bytecode is kept, also where the environment says otherwise: each process that starts would compile all anew.
+# Bytecode is kept even if the environment says otherwise; without it, every new process would compile everything.
 export PYTHONDONTWRITEBYTECODE :=
 BIN := .venv/bin
 STAMP := .venv/.installed
@@ -11,7 +11,7 @@ KERNELS := $(BIN)/python -m tests.support.kernel.warm_tracker & tracker=$$!; \
 .DEFAULT_GOAL := help
 .PHONY: help setup demo test test-slow chaos hosts fuzz check docs format bench paper ablation real-people images images-test lock clean clean-kernels
 
-help: ## show what there is to make
+help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
 
 setup: $(STAMP) ## virtual environment in .venv with gepf, gepf-worker and the tools
@@ -27,23 +27,23 @@ $(STAMP): pyproject.toml constraints.txt .ci/setup
 demo: setup ## people who move fast, tracked with one particle and with many; table and pictures in demo/
 	$(BIN)/gepf demo --out demo
 
-test: setup ## the tests, on two cores, four at once as many only wait; kernels are compiled before
+test: setup ## the tests, four at once even on two cores, because many only wait; kernels are compiled first
 	$(KERNELS)
 	$(BIN)/python -m pytest -q -n 4 --dist worksteal --max-worker-restart 0
 
 test-slow: setup ## the tests that take long
 	$(BIN)/python -m pytest -q -m slow --timeout 3600
 
-chaos: setup ## workers disturbed all the time, coordinators killed: the same bytes?
+chaos: setup ## whether results keep the same bytes when workers are disturbed and coordinators are killed
 	$(BIN)/python -m pytest -q -m slow --timeout 3600 tests/disturbance/test_chaos.py
 
 fuzz: setup ## hostile messages against the decoders, a live worker and a live coordinator
 	$(BIN)/python -m pytest -q -m slow --timeout 3600 tests/disturbance/test_fuzz.py
 
-hosts: setup ## coordinator, router and workers on network hosts that fail: the same bytes? (as root)
+hosts: setup ## whether results keep the same bytes when hosts of coordinator, router and workers fail (as root)
 	$(BIN)/python -m pytest -q -m slow --timeout 3600 tests/disturbance/test_hosts.py
 
-check: setup docs ## lint, format, types, walls, dependencies, images' recipes, documents
+check: setup docs ## lint, format, types, import rules, dependencies, Dockerfiles, documents
 	$(BIN)/ruff check $(PACKAGES)
 	$(BIN)/ruff format --check $(PACKAGES)
 	$(BIN)/mypy
@@ -58,11 +58,11 @@ docs: setup ## documents and API reference as a site in site/; a broken link or 
 	$(BIN)/python -m sphinx --quiet --fail-on-warning --fresh-env -c docs . site
 	@cp site/README.html site/index.html
 
-format: setup ## rewrite the code in the house's format
+format: setup ## rewrite the code in the house style
 	$(BIN)/ruff check --fix $(PACKAGES)
 	$(BIN)/ruff format $(PACKAGES)
 
-bench: setup ## costs of a particle beside other ICPs, of the service beside a process pool and Ray; frames a second
+bench: setup ## cost of a particle against other ICPs, of the service against a process pool and Ray; frame rates
 	$(BIN)/python -m benchmarks.costs.kernel
 	$(BIN)/python -m benchmarks.costs.service
 	$(BIN)/python -m benchmarks.costs.video_rate
@@ -79,7 +79,7 @@ real-people: setup ## real and skinned people, scored (needs ../shared/data)
 images: ## container images of worker and coordinator, with docker, podman or buildah
 	docker/build.sh worker coordinator
 
-images-test: ## track with these images: router, two workers and coordinator apart, with certificates
+images-test: ## track with these images: router, two workers and coordinator in separate containers, with certificates
 	docker/test.sh
 
 lock: ## new pinned versions in constraints.txt: the newest that pyproject.toml allows

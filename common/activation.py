@@ -70,7 +70,7 @@ def activate(model: BodyModel, active: Iterable[str], held: Array) -> BodyModel:
 
 
 def rest_geometry(model: BodyModel, rest: Array, wanted: list[int]) -> tuple[Array, Array, Array]:
-    """In a held pose (D,): points (W, 3) of the wanted DOFs, vertices (V, 3) and joints (J, 3)."""
+    """Points (W, 3) of the wanted DOFs, vertices (V, 3) and joints (J, 3), all in a held pose (D,)."""
     t_rest = dof_transforms(model, rest[None])[0][wanted]
     own = shaped(model.points, model.shape_points, rest[None])[0, wanted]
     points = np.einsum("dij,dj->di", t_rest[:, :, :3], own) + t_rest[:, :, 3]

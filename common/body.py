@@ -38,13 +38,13 @@ KEYPOINTS = (
     "left_shoulder", "right_shoulder", "left_elbow", "right_elbow", "left_wrist", "right_wrist",
     "left_hip", "right_hip", "left_knee", "right_knee", "left_ankle", "right_ankle",
 )  # fmt: skip
-"""What networks find of a person in an image, in the order of the data set COCO."""
+"""Points of a person that networks detect in an image, in the order of the COCO data set."""
 
 NO_KEYPOINTS = np.empty((0, 1), np.int64)
-"""Of a body that is no person."""
+"""Indices of keypoints, for a body that is not a person."""
 
 NO_DIRECTIONS = np.empty((0, 0, 3))
-"""Of a body whose shape cannot change."""
+"""Shape directions, for a body whose shape cannot change."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +62,7 @@ class BodyModel:
     shares that add up to 1.
 
     Shape coefficients (S) are the first degrees of freedom. The rest pose of a body with coefficients b is
-    `vertices` + b . `shape_vertices`; `points` and `joint_points` change alike.
+    `vertices` + b . `shape_vertices`; `points` and `joint_points` change likewise.
 
     `family` names what else is known of such bodies, see `gepf.coordinator.bodies.family`; workers ignore it.
     """
@@ -148,7 +148,7 @@ class BodyModel:
 
     @cached_property
     def related(self) -> Mask:
-        """Pairs (D, D) of degrees of freedom that move a common link: the same, or with its ancestor."""
+        """Which pairs (D, D) of degrees of freedom move a common link: each with itself and its ancestors."""
         related = np.eye(len(self.parents), dtype=np.bool_)
         for j, parent in enumerate(self.parents):
             related[j] |= related[parent] & (parent >= 0)
@@ -182,9 +182,9 @@ def with_shape(
     points: Array,
     joint_points: Array,
 ) -> BodyModel:
-    """A body of fixed shape with shape coefficients of these names (S) as additional degrees of freedom.
+    """Add shape coefficients with these names (S) to the degrees of freedom of a body of fixed shape.
 
-    Coefficients of zero are the fixed shape; `deviations` (S,) are their standard deviations. The arrays
+    Coefficients of zero give the fixed shape; `deviations` (S,) are their standard deviations. The arrays
     (S, V, 3), (S, D, 3) and (S, J, 3) are the change of the rest pose per unit of each coefficient.
     """
     count = len(names)
@@ -208,12 +208,12 @@ def with_shape(
 
 @lru_cache(maxsize=16)
 def at_zero_shape(model: BodyModel) -> BodyModel:
-    """A body without shape coefficients, of the shape where all are zero: for names, and as an example."""
+    """The body fixed in the shape where all shape coefficients are zero: for its names, and as an example."""
     return with_fixed_shape(model, np.zeros(model.shape_count))
 
 
 def with_fixed_shape(model: BodyModel, shape: Array) -> BodyModel:
-    """A body without shape coefficients, of the shape with these values (S,) of them; itself without any."""
+    """The body with its shape coefficients fixed at values (S,); the body itself if it has none."""
     count = model.shape_count
     if not count:
         return model
@@ -282,14 +282,14 @@ def check_shape(model: BodyModel) -> None:
     """Raise ValueError if the shape coefficients of a model are inconsistent."""
     count = model.shape_count
     if np.any((model.kinds == SHAPE) != (np.arange(len(model.kinds)) < count)):
-        raise ValueError("the first degrees of freedom must be those with shape directions, and no others")
+        raise ValueError(f"the first {count} degrees of freedom, and no others, must be shape coefficients")
     for name in ("vertices", "points", "joint_points"):
         if getattr(model, f"shape_{name}").shape != (count, *getattr(model, name).shape):
             raise ValueError(f"shape_{name} must hold {name} for each shape coefficient")
 
 
 def surface_carriers(link_dofs: Indices, skin_links: Indices, skin_weights: Array) -> Indices:
-    """Degrees of freedom whose links have surface."""
+    """The degrees of freedom whose links carry a part of the surface."""
     return np.unique(link_dofs[skin_links[skin_weights > 0.0]])
 
 
@@ -315,7 +315,7 @@ def find_balls(kinds: Indices, parents: Indices, axes: Array, points: Array, car
 
 
 def vertex_normals(vertices: Array, triangles: Indices) -> NDArray[np.float32]:
-    """Unit normals (V, 3), the mean of the neighbouring triangles' by area."""
+    """Unit normals (V, 3): area-weighted means of the normals of the neighbouring triangles."""
     corners = vertices[triangles]
     faces = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     ends, count = triangles.T.ravel(), len(vertices)

@@ -44,7 +44,7 @@ def moved(points: Array, transform: Array) -> Array:
 
 
 def is_rigid(matrix: Array) -> bool:
-    """Whether a matrix (4, 4) is a rotation and a translation, up to the error of a few written digits."""
+    """Whether a matrix (4, 4) is a rotation and a translation, up to rounding to a few digits."""
     turn = matrix[:3, :3]
     off = np.abs(turn @ turn.T - np.eye(3)).max() + np.abs(matrix[3] - [0.0, 0.0, 0.0, 1.0]).max()
     return bool(off < ROUNDED and np.linalg.det(turn) > 0.0 and np.isfinite(matrix).all())

@@ -18,7 +18,7 @@ def check_work(settings: RefineSettings, poses: int, points: int, vertices: int)
     each = 2.0 * (points * vertices + MOST_PIXELS)  # with soft correspondences
     work = poses * (1 + settings.icp_iterations) * each
     if work > MOST_WORK:
-        raise ProtocolError(f"the request asks for up to {work:.0e} steps of work, expected {MOST_WORK:.0e}")
+        raise ProtocolError(f"the request takes up to {work:.0e} steps of work, more than {MOST_WORK:.0e}")
 
 
 def check_camera(camera: Intrinsics, depth_scale: float) -> None:

@@ -64,9 +64,9 @@ def sources(file: Path) -> bytes:
 
 
 class BySources:
-    """Cache locator by which the state of a kernel is that of all its sources.
+    """Cache locator that stamps a kernel with the state of all its sources.
 
-    This state is part of the file names. Numba writes the index before the kernel; if the process ended in
+    The stamp is part of the file names: Numba writes the index before the kernel, so if the process ended in
     between, an earlier kernel of the same name would be used. `make clean-kernels` removes earlier ones.
     """
 

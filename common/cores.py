@@ -18,7 +18,7 @@ def usable_cores(cgroups: Path = Path("/sys/fs/cgroup"), membership: Path = Path
         membership: File with the group of this process.
     """
     allowed = len(os.sched_getaffinity(0))
-    groups = [cgroups]  # in a container the own group is the root
+    groups = [cgroups]  # in a container, the root is the group of this process
     with suppress(OSError, IndexError):
         own = cgroups / membership.read_text(encoding="utf-8").split("::/")[1].strip()
         groups += [own, *own.parents]

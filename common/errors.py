@@ -1,12 +1,12 @@
 """All errors that gepf raises intentionally.
 
 GepfError
-├── InputError       wrong input of the user; the message says what is wrong and how to fix it (exit code 2)
+├── InputError       wrong input from the user; the message says what is wrong and how to fix it (exit code 2)
 │   └── MissingPackage  a package of an extra is not installed (common/packages.py)
 ├── ProtocolError    a message is invalid or cannot be served
 │   └── VersionError it has another version of the protocol
 └── BusError         the transport failed
-    ├── NoWorkers    there is no worker within the timeout
+    ├── NoWorkers    no worker joined within the timeout
     └── SilentWorkers  workers are connected, but none answers
 """
 
@@ -20,7 +20,7 @@ class GepfError(Exception):
 
 
 class InputError(GepfError):
-    """Wrong input of the user. The message is one line: what is wrong, and how to fix it."""
+    """Wrong input from the user. The message is one line: what is wrong, and how to fix it."""
 
 
 class ProtocolError(GepfError):

@@ -1,4 +1,4 @@
-"""Depth images from a source, and their crops that are sent to the workers; of one camera, or of a rig.
+"""Depth images from a source, and the crops of them that workers receive, for one camera or a rig.
 
 The poses of bodies are in the frame of the rig. That of a single camera is the camera's own.
 """
@@ -47,11 +47,11 @@ class View:
         return inverse(self.T_rig_camera)
 
     def to_rig(self, points: Array) -> Array:
-        """Points (..., 3) of the camera's frame in the rig's frame."""
+        """Transform points (..., 3) from the camera's frame to the rig's."""
         return moved(points, self.T_rig_camera)
 
     def to_camera(self, points: Array) -> Array:
-        """Points (..., 3) of the rig's frame in the camera's frame."""
+        """Transform points (..., 3) from the rig's frame to the camera's."""
         return moved(points, self.T_camera_rig)
 
     def metres(self) -> NDArray[np.float32]:
@@ -61,13 +61,13 @@ class View:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frame:
-    """What all cameras show at a time.
+    """What all cameras show at one time.
 
     Attributes:
         number: The number of the frame.
         time_s: Its time, seconds.
-        views: The images of the cameras that are nearest in time, each with its own time, one or more; a
-            camera may be missing.
+        views: For each camera, the image nearest in time, with its own time; cameras may be missing, but not
+            all.
     """
 
     number: int
@@ -94,9 +94,9 @@ class SubjectView:
     become observed points. extent: (left, top, right, bottom) of the camera's whole image in pixels of the
     crop, half-open. Pixels outside are unknown; pixels inside it but outside the crop are empty. kinds:
     labels (H, W) of the crop, uint8; None if all pixels but the subject's are empty. delay_s: from the time
-    of the frame until the time of this image, seconds. keypoints: KEYPOINTS of `body` in the camera's colour
-    image: column and row in the crop, and inverse variance (1 / pixels^2), 0 for a keypoint that was not
-    seen.
+    of the frame until the time of this image, seconds. keypoints: the keypoints (`gepf.common.body`) in the
+    camera's colour image: column and row in the crop, and inverse variance (1 / pixels^2), 0 for a keypoint
+    that was not seen.
     """
 
     image: View

@@ -20,7 +20,7 @@ from gepf.common.offer import Offer
 from gepf.common.refinement import Particles, Refined
 from gepf.common.settings import RefineSettings
 
-ENTRY_POINTS = "gepf.kernels"  # group of the functions that load other kinds, by kind
+ENTRY_POINTS = "gepf.kernels"  # entry points, named by kind, of the functions that load other kernels
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,8 +29,8 @@ class Kernel:
 
     observe: converts a frame to an observation, prepared for requests with the settings.
     refine: refines particles of a body on an observation, and returns them in the same order. The result of a
-    particle depends on nothing but the arguments and this particle. One thread calls it for requests, and
-    one for each lane for spare ones.
+    particle depends on nothing but the arguments and this particle. One thread calls it for urgent requests,
+    and one thread per lane for spare ones.
     """
 
     observe: Callable[[SubjectFrame, RefineSettings], Any]

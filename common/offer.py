@@ -1,4 +1,4 @@
-"""What a worker offers to coordinators: the kind of its kernel, its processor, and how much at once."""
+"""What a worker offers to coordinators: its kind of kernel, its processor, and particles at once."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ CPU = "cpu"  # kind of the kernel of this package
 
 @dataclass(frozen=True, slots=True)
 class Offer:
-    """What a worker offers. Results of one kind and processor have the same bytes.
+    """What a worker offers. Workers of the same kind and processor give byte-identical results.
 
-    lanes: number of requests of searches, or of particles of another request, that are refined in parallel.
+    lanes: number of spare requests, or of particles of any other request, that are refined in parallel.
     batch: number of particles that one lane refines in the time of one.
     """
 

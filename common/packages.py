@@ -14,7 +14,7 @@ class MissingPackage(InputError, ImportError):
 
 @contextmanager
 def needs(extra: str, what: str) -> Iterator[None]:
-    """Import the packages of an extra, which `what` needs; MissingPackage if one is not installed."""
+    """Context in which `what` imports packages of an extra; MissingPackage if one is not installed."""
     try:
         yield
     except ModuleNotFoundError as error:

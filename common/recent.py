@@ -1,4 +1,4 @@
-"""Keeps the most recently used values. Both sides use it for a run."""
+"""Keeps the most recently used values. Coordinator and workers keep the data of runs with it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ MODELS_KEPT = 16  # of a run
 
 
 def put_recent(values: dict[K, V], key: K, value: V, size: int, needed: Collection[K] = ()) -> V:
-    """Put a value last, and keep the last `size` ones besides those that are needed; returns the value."""
+    """Add a value as the most recent; keep the `size` most recent and all `needed` ones. Returns it."""
     values.pop(key, None)
     values[key] = value
     for old in [key for key in values if key not in needed][:-size]:

@@ -17,14 +17,15 @@ KEYPOINT_OUTLIER = 3.0
 """Scale of the robust kernel of keypoints, in their standard deviations."""
 
 KEYPOINT_WEIGHT = 0.25
-"""Of a keypoint in the log posterior: the 17 errors in an image have common causes, and count as four."""
+"""Weight of a keypoint in the log posterior: the 17 errors in an image share causes, and count as four."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PosePrior:
     """A Gaussian prior of the refined pose, in relative motion from its mean.
 
-    The precision is that of the nats of the log posterior: positive semidefinite, diagonal or not.
+    Half the squared distance, weighted by the precision, counts as nats of the log posterior. The precision
+    is positive semidefinite, and diagonal or dense.
     """
 
     mean: Array  # (D,), or (N, D) for each particle
@@ -40,7 +41,7 @@ class Particles:
     covariance: bool = False  # whether the covariance of each refined pose is requested
     spare: bool = False  # whether other requests come first
     velocity: Array | None = None
-    """Relative motion (D,) per second, for cameras with another time than the frame; None: none."""
+    """Relative motion (D,) per second, for cameras whose time differs from the frame's; None: no motion."""
     prior: PosePrior | None = None
 
     def part(self, start: int, stop: int) -> Particles:

@@ -1,5 +1,5 @@
-"""One tracker: draws particles, has workers refine them, merges them and records the poses."""
+"""The coordinator: draws particles, has workers refine them, merges the results and records the poses."""
 
 from __future__ import annotations
 
-import gepf.common  # noqa: F401 before numba: it says where compiled kernels are kept
+import gepf.common  # noqa: F401 must come before numba: it sets where compiled kernels are cached

@@ -47,7 +47,7 @@ def write_atomically(path: Path, write: Callable[[BinaryIO], object]) -> None:
         draft.replace(path)
         sync_folder(path.parent)
     except (FileNotFoundError, NotADirectoryError, IsADirectoryError, PermissionError) as error:
-        raise InputError(f"cannot write {path}: {error.strerror}; choose another place") from error
+        raise InputError(f"cannot write {path}: {error.strerror}; choose another path") from error
     finally:
         with suppress(OSError):
             draft.unlink()
@@ -69,13 +69,13 @@ def sync_folder(folder: Path) -> None:
 
 
 KINDS = {"names": "U", "texts": "U", "whole numbers": "iu", "numbers": "iuf", "raw numbers": "iuf"}
-"""Types of values in an array, and the kinds of numpy's types for each."""
+"""The value types that a layout can name, and the kinds of numpy dtypes that each accepts."""
 
 READ_AS = {"whole numbers": np.int64, "numbers": np.float64}
 
 
 def file_layout(record: type) -> dict[str, str]:
-    """The layout of a file with the fields of a class, each of which is annotated with its own."""
+    """The layout of a file whose arrays are the fields of a class, from the annotations of these fields."""
     hints = get_type_hints(record, include_extras=True)
     return {name: hint.__metadata__[0] for name, hint in hints.items()}
 
@@ -83,9 +83,10 @@ def file_layout(record: type) -> dict[str, str]:
 def read_arrays(path: Path, layout: Mapping[str, str] | None = None) -> dict[str, NDArray[Any]]:
     """The arrays of an `.npz` file by name; with a layout, only those that it lists, each checked.
 
-    A layout has for each name the type of the values and the shape: `numbers (F, J, 3)`. A letter is a
-    length, which must be the same in all arrays. An array is optional if the entry starts with `?`. Names are
-    distinct. Nothing is unpickled. InputError if the file is missing or damaged, or does not have the layout.
+    For each name, a layout gives the type and the shape of the values, such as `numbers (F, J, 3)`. A letter
+    stands for a length, which must be the same in all arrays. An array is optional if its entry starts with
+    `?`. The values of an array of `names` must be distinct. Nothing is unpickled. InputError if the file is
+    missing or damaged, or does not have the layout.
     """
     try:
         with path.open("rb") as opened:
@@ -108,7 +109,7 @@ def read_arrays(path: Path, layout: Mapping[str, str] | None = None) -> dict[str
             found[name] = check_array(arrays[name], form.removeprefix("?"), lengths, f"{path}: '{name}'")
         elif not form.startswith("?"):
             held = ", ".join(sorted(arrays)) or "nothing"
-            raise InputError(f"{path} has no '{name}' but {held}; give a file that has it")
+            raise InputError(f"{path} has no array '{name}', only {held}; give a file that has it")
     return found
 
 
@@ -159,16 +160,16 @@ def read_text(path: Path) -> str:
 def require_new(path: Path, *, force: bool) -> None:
     """InputError if a file exists and must not be replaced, or if its folder is missing."""
     if path.exists() and not force:
-        raise InputError(f"{path} is there already; replace it with --force, or choose another name")
+        raise InputError(f"{path} already exists; replace it with --force, or choose another name")
     if path.is_dir() or not path.absolute().parent.is_dir():
-        raise InputError(f"cannot write {path}: its folder is not there; choose another name")
+        raise InputError(f"cannot write {path}: it is a folder, or its folder is missing; give another name")
 
 
 def with_parent(out: Path) -> None:
-    """Create the parent folder of `out`, which must be empty or missing."""
+    """Create the parent folder of `out`; InputError unless `out` is missing or an empty folder."""
     try:
         if out.exists() and (not out.is_dir() or any(out.iterdir())):
-            raise InputError(f"'{out}' is in use; choose another output folder or remove it")
+            raise InputError(f"'{out}' already exists and is not empty; choose another folder, or remove it")
         out.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"cannot write to '{out}' ({error.strerror}); choose another folder") from error

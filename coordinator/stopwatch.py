@@ -1,4 +1,4 @@
-"""Measures the time that each stage takes; when a long one is reported."""
+"""Measures how long each stage of a frame takes; and after how long a wait is reported to the user."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-NOTICE_S = 5.0  # without a worker or frame before this is reported; between lines of progress in a log
+NOTICE_S = 5.0  # wait for a worker or frame before it is reported; also between progress lines in a log
 
 
 class Stopwatch:

@@ -56,7 +56,7 @@ class FrameLog:
         to.log("/", rr.ViewCoordinates.RDF, static=True)
 
     def log(self, number: int, since_s: float, view: View | None) -> None:
-        """Set the number and time of all that is logged next, and log the depth image if there is one."""
+        """Set the frame number and time of everything logged next; log the depth image, if there is one."""
         self._to.set_time(NUMBER, sequence=number)
         self._to.set_time(SINCE, duration=since_s)
         if view is None:
@@ -78,7 +78,7 @@ class FrameLog:
 
 
 class PersonLog:
-    """Logs one person in successive frames, of a run or live; with several people, below a name each."""
+    """Logs one person frame by frame, from a run or live; each of several people under a name of its own."""
 
     def __init__(self, to: rr.RecordingStream, name: str = "") -> None:
         self._to, self._name = to, name and f"/{name}"
@@ -102,7 +102,7 @@ class PersonLog:
         self._to.log(f"/{what}{self._name}{part and f'/{part}'}", value, static=static)
 
     def _log_joints(self, track: Track, f: int) -> None:
-        """The skeleton of the reported pose; joints that may be wrong have their names."""
+        """Log the skeleton of the reported pose; joints that may be wrong are labelled with their names."""
         joints = track.joint_positions[f]
         skeleton = skeletons(track.joint_names, joints[None], np.ones(1), PALETTE.skeleton)
         self._log("model", "skeleton", skeleton)
@@ -112,7 +112,7 @@ class PersonLog:
         self._log("model", "doubtful", marks)
 
     def _log_body(self, track: Track, f: int, model: BodyModel) -> None:
-        """The surface, the degrees of freedom, in degrees and metres, and the hypotheses."""
+        """Log the surface, the degrees of freedom in degrees and metres, and the hypotheses."""
         surface = pose_vertices(model, track.pose[f][None])[0]
         mesh = rr.Mesh3D(
             vertex_positions=surface.astype(np.float32),
@@ -134,7 +134,7 @@ class PersonLog:
 
 
 def skeletons(names: tuple[str, ...], joints: Array, strength: Array, colour: Colour) -> rr.LineStrips3D:
-    """Lines between named joints (M, J, 3), as thick as their strength (M,), from 0 to 1, says."""
+    """Lines between named joints (M, J, 3), whose thickness shows their strength (M,), from 0 to 1."""
     pairs = np.array(bones(names), dtype=np.int64).reshape(-1, 2)
     strips = joints[:, pairs].reshape(-1, 2, 3).astype(np.float32)
     radii = np.repeat(0.006 * np.sqrt(strength), len(pairs))

@@ -1,5 +1,5 @@
-# Sourced after engine.sh: runs a command in an image as in production: own user, read-only file system except
-# /tmp, the host's network. The host's folder DATA is mounted as /data.
+# Sourced after engine.sh: runs a command in an image as in production, with a user of its own, a file system that
+# is read-only except for /tmp, and the host's network. The host's folder DATA is mounted as /data.
 
 # run_image IMAGE COMMAND...
 run_image() {

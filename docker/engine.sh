@@ -8,7 +8,7 @@ find_engine() {
             return
         fi
     done
-    echo "docker, podman and buildah do not work here; install one" >&2
+    echo "none of docker, podman and buildah works here; install one" >&2
     return 1
 }
 

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Tracks the demo's sequence with the images: a coordinator, a router and two workers, each a container with
-# certificates. No file of this checkout is used. The bytes must be the same as those of a run in one container.
+# Tracks the demo's sequence with the images: a coordinator, a router and two workers, each in a container of its
+# own, with certificates. No file of this checkout is used. A run in one container must give the same bytes.
 # docker/test.sh [FRAMES]
 set -euo pipefail -m # each job is a process group and is killed as one
 cd "$(dirname "$0")/.."
@@ -41,7 +41,7 @@ for name in worker-0 worker-1; do
 done
 
 track=(gepf track /data/sequence --dof r_shoulder_flexion,r_shoulder_abduct,r_shoulder_twisting,r_elbow_flexion)
-say "a run on the workers' containers"
+say "a run on the workers in their containers"
 # shellcheck disable=SC2046
 run_image gepf-coordinator "${track[@]}" --out /data/apart --workers 0 --connect "$endpoint" $(tls coordinator)
 

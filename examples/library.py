@@ -18,10 +18,10 @@ def main(path: str, frames: int | None = None) -> None:
         for frame in islice(source, frames):
             estimate = tracker.track(frame)
             x, y, z = estimate.joint("right_wrist")
-            give = estimate.joint_deviation("right_wrist")
+            deviation = estimate.joint_deviation("right_wrist")
             print(
                 f"frame {estimate.frame}, {estimate.status}: right wrist at {x:.2f} {y:.2f} {z:.2f} m, "
-                f"give or take {give:.2f} m; {len(estimate.hypothesis_weight)} hypotheses"
+                f"give or take {deviation:.2f} m; {len(estimate.hypothesis_weight)} hypotheses"
             )
 
 

@@ -16,17 +16,17 @@ def main(endpoint: str, key: str, joint: str = "right_wrist", angle: str = "righ
     """Print a line for each frame: the position of a joint and an angle, if they are known."""
     with connect(endpoint) as session, session.declare_subscriber(key) as subscriber:
         for sample in subscriber:
-            told = msgpack.unpackb(sample.payload.to_bytes())
-            if told["kind"] == "estimates-end":
+            estimate = msgpack.unpackb(sample.payload.to_bytes())
+            if estimate["kind"] == "estimates-end":
                 break
-            joints, angles = told["joints"], told["angles"]
+            joints, angles = estimate["joints"], estimate["angles"]
             if joint not in joints or angle not in angles:
                 sys.exit(f"choose a joint of {', '.join(joints)} and an angle of {', '.join(angles)}")
             known = ""
             if joints[joint] is not None:  # null before a person is found
                 x, y, z = joints[joint]
                 known = f": {joint} {x:.2f} {y:.2f} {z:.2f} m, {angle} {angles[angle]:.2f} rad"
-            print(f"{told['frame']} {told['status']}{known}", flush=True)
+            print(f"{estimate['frame']} {estimate['status']}{known}", flush=True)
 
 
 def connect(endpoint: str) -> zenoh.Session:

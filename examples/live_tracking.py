@@ -1,4 +1,4 @@
-"""Track the frames that a camera publishes. Either of the two can be started first.
+"""Track the frames that a camera publishes. Tracker and publisher can be started in either order.
 
 python examples/live_tracking.py camera/depth tcp/127.0.0.1:7447 [INIT]
 gepf publish SEQ --key camera/depth --connect tcp/127.0.0.1:7447

@@ -69,7 +69,7 @@ __all__ = list(_HOMES)
 def __getattr__(name: str) -> Any:
     """Load public names when they are used: numpy, compiler and figures take seconds to load.
 
-    MissingPackage names the extra of what is not installed: the base install is a worker.
+    If a package is missing, MissingPackage names the extra to install: the base install is only a worker.
     """
     if name == "__version__":
         from importlib import metadata

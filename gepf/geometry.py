@@ -1,4 +1,4 @@
-"""Frames, bodies and runs as geometry of Open3D: to look at, to measure, and to write as it does."""
+"""Frames, bodies and runs as Open3D geometry: to view, to measure, and to write in Open3D's formats."""
 
 from __future__ import annotations
 
@@ -20,23 +20,24 @@ from gepf.coordinator.results.track import read_tracked_body
 from gepf.named import Estimate
 from gepf.run import Run
 
-NEIGHBOURS = 16  # of a point, from which its normal is estimated
+NEIGHBOURS = 16  # points around a point from which its normal is estimated
 
 
 def to_open3d(
     shown: Frame | BodyModel | Estimate | Run, pose: ArrayLike | None = None, *, skeleton: bool = False
 ) -> Any:
-    """Geometry of Open3D, in metres, in the frame of the camera or rig.
+    """Convert to Open3D geometry, in metres, in the frame of the camera or rig.
 
-    A frame gives an `open3d.geometry.PointCloud` of all its cameras, with normals towards the camera that
-    measured the point. A body in a `pose` (D,), or an estimate, gives a `TriangleMesh` with normals, a run
-    a list of them, one per frame: empty before the body was found. With `skeleton`, each is a `LineSet`:
-    points are the joints in the order of `joint_names`, and a person's are connected by lines.
+    A frame becomes an `open3d.geometry.PointCloud` of all its cameras, with normals towards the camera that
+    measured the point. A body in a `pose` (D,), or an estimate, becomes a `TriangleMesh` with normals. A run
+    becomes a list of meshes, one per frame; those before the body was found are empty. With `skeleton`, each
+    mesh is a `LineSet` instead: its points are the joints in the order of `joint_names`, and lines connect
+    those of a person.
 
     Raises InputError for a body without a valid pose, and MissingPackage without Open3D.
     """
     with needs("open3d", "to_open3d"):
-        import open3d  # noqa: F401 said here, once
+        import open3d  # noqa: F401 only so that MissingPackage is raised here, for all functions below
 
     if isinstance(shown, Frame):
         return point_cloud(shown)
@@ -52,7 +53,10 @@ def to_open3d(
         return body(shown.model, shown.pose, skeleton=skeleton)
     values = np.asarray(np.nan if pose is None else pose, dtype=np.float64)
     if values.shape != (len(shown.dof_names),) or not np.isfinite(values).all():
-        raise InputError(f"give a pose: {len(shown.dof_names)} numbers, in the order of dof_names")
+        raise InputError(
+            f"the pose is missing or invalid; give {len(shown.dof_names)} finite numbers, "
+            "in the order of dof_names"
+        )
     return body(shown, values, skeleton=skeleton)
 
 
@@ -84,7 +88,7 @@ def body(model: BodyModel, pose: Array, *, skeleton: bool) -> Any:
 
 
 def empty(*, skeleton: bool) -> Any:
-    """The geometry of a body that is not found."""
+    """Empty geometry, for a frame in which no body was found."""
     import open3d as o3d
 
     return o3d.geometry.LineSet() if skeleton else o3d.geometry.TriangleMesh()

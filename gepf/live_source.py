@@ -27,13 +27,13 @@ log = logging.getLogger("gepf")
 class LiveSource(LiveFrames, Closing):
     """Iterates over the newest depth images that are published on a key.
 
-    An iteration receives images from its start until the publisher ends the stream, or is silent for too
-    long, or `close` is called. After an iteration that was left early, another one may follow. `counts` has
-    the number of received images, and of those that were skipped for a newer one or rejected because they did
-    not fit the stream. `stream` changes before the first image of a new stream, with which tracking must
-    start again. `live` creates a source.
+    An iteration receives images until the publisher ends the stream, is silent for too long, or `close` is
+    called. It can be left early, and another iteration can follow. `counts` has the number of received
+    images, of those skipped for a newer one, and of those rejected because they did not fit the stream.
+    `stream` changes before the first image of a new stream; tracking must start again with that image. Use
+    `live` to create a source.
 
-    A context manager, for iterations that are neither finished nor left by a `for`.
+    Use it as a context manager if an iteration may stay unfinished outside a `for` loop, as with `next`.
     """
 
     def __init__(
@@ -87,15 +87,15 @@ def live(
         listen: Endpoint at which the publisher may connect, such as tcp/127.0.0.1:7447.
         connect: Endpoint of a router or publisher, which may start later.
         idle_timeout: Seconds without an image after which the stream ends; None to wait for ever.
-        color: Whether colour images on KEY/color join their frames, if they come before them.
+        color: Whether frames get their colour images from KEY/color; these must arrive before the frames.
         tls: The authority's certificate, the coordinator's, and its key, for endpoints such as tls/HOST:7447.
-        insecure: Reach other hosts without encryption; anyone there could publish, or read the images.
+        insecure: Allow unencrypted links to other hosts; anyone in the network could publish or read images.
 
     Raises InputError for an invalid key, endpoint or certificate; the iteration raises it for a port that is
     in use, and if the other side refuses the connection.
     """
     if listen is None and connect is None:
-        raise InputError("no publisher could connect; give listen or connect an endpoint")
+        raise InputError("a publisher needs an endpoint; give listen=ENDPOINT or connect=ENDPOINT")
     if idle_timeout is not None and not idle_timeout > 0.0:
         raise InputError(f"idle_timeout={idle_timeout:g} would end at once; give seconds above 0, or None")
     with said_in_python():
@@ -106,5 +106,5 @@ def live(
     for camera in cameras:
         check_stream(camera.key, holder_name(security))
     if not cameras:
-        raise InputError(f"{key} is not a rig with live cameras (zenoh:KEY); open_source reads recordings")
+        raise InputError(f"{key} is not a rig with live cameras (zenoh:KEY); use open_source for recordings")
     return LiveSource(cameras, reached, idle_timeout, color=color)

@@ -30,12 +30,12 @@ class Estimate(estimate.Estimate):
     flexible: BodyModel
     """The body with its shape coefficients, if it has any, as degrees of freedom."""
     shape: Array = field(default_factory=lambda: np.empty(0))
-    """(S,) their values."""
+    """The values (S,) of these shape coefficients."""
     held: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def model(self) -> BodyModel:
-        """The body in its present shape: its degrees of freedom are those of the pose. Made on use."""
+        """The body in its present shape, with the degrees of freedom of the pose; built on request."""
         return body_of(self.flexible, self.shape.tobytes())
 
     @property
@@ -74,7 +74,7 @@ class Estimate(estimate.Estimate):
         return float(getattr(self.certainty, what)[at])
 
     def angle(self, name: str, *, degrees: bool = False) -> float:
-        """An angle, radians unless `degrees`: the value nearest to zero, as there is only one frame.
+        """An angle, radians unless `degrees`; the value nearest to zero, as one frame cannot show full turns.
 
         Values of prismatic joints are in metres; InputError if they are requested in degrees.
         """
@@ -103,7 +103,7 @@ class Estimate(estimate.Estimate):
 def named(plain: estimate.Estimate, flexible: BodyModel, shape: Array, held: Mapping[str, float]) -> Estimate:
     """An estimate with its body."""
     values = {f.name: getattr(plain, f.name) for f in fields(estimate.Estimate)}
-    shape = shape.copy()  # not a part of the tracker's state
+    shape = shape.copy()  # so that it does not share memory with the tracker's state
     shape.setflags(write=False)
     return Estimate(**values, flexible=flexible, shape=shape, held=held)
 
@@ -122,7 +122,7 @@ def table(rows: Iterable[tuple[str, object]]) -> str:
 
 def refuse_degrees(name: str) -> InputError:
     """The error for a prismatic joint that is requested in degrees."""
-    return InputError(f"'{name}' slides, so it is in metres; ask for it without degrees=True")
+    return InputError(f"'{name}' is a sliding joint, whose values are metres; leave degrees=True out")
 
 
 def index_of(name: str, names: tuple[str, ...], kind: str) -> int:

@@ -1,6 +1,6 @@
-"""The refiner of a tracker of the library: this process, a local worker, or other workers.
+"""Chooses where a library tracker refines particles: in this process, a local worker, or other workers.
 
-Errors of endpoints and certificates name the arguments of the library, not the options of the command line.
+Errors about endpoints and certificates name the library's arguments instead of command-line options.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ IN_PYTHON = {
 
 
 def open_refiner(workers: Workers | None, tls: TlsFiles | None, stack: ExitStack) -> Refiner:
-    """Open a refiner until the stack is closed; InputError for a pool that no worker could join."""
+    """Open a refiner that `stack` closes; InputError for a pool that no worker could join."""
     if workers is None:
         return DirectRefiner()
     if isinstance(workers, int):
@@ -57,7 +57,7 @@ def open_refiner(workers: Workers | None, tls: TlsFiles | None, stack: ExitStack
 
 @contextmanager
 def said_in_python(insecure: str = "insecure=True") -> Iterator[None]:
-    """Replace options of the command line in InputErrors by arguments of the library."""
+    """In the messages of InputErrors, replace command-line options by the library's arguments."""
     try:
         yield
     except InputError as error:

@@ -60,10 +60,10 @@ class Run:
         return len(self.frame)
 
     def angle(self, name: str, *, degrees: bool = False) -> Array:
-        """An angle (F,) by its plain, ISB's or MPEG-4 name; radians unless `degrees`, or metres.
+        """An angle (F,) by its plain, ISB or MPEG-4 name; radians unless `degrees`. NaN before detection.
 
-        NaN before the first detection.
-        InputError lists the valid names; also raised for prismatic joints in degrees.
+        Values of prismatic joints are in metres. InputError for an unknown name lists the valid ones; also
+        for a prismatic joint in degrees.
         """
         track = self._continuous
         if name in track.dof_names:
@@ -130,7 +130,7 @@ class Run:
     ) -> Path:
         """Write the run in the format `form`, by default that of the suffix of the file.
 
-        A mesh or point cloud has the frame with the number `frame`, by default the first that is tracked.
+        A mesh or point cloud shows the body in frame number `frame`, by default in the first tracked frame.
         InputError for unknown formats, and for an existing file without `force`.
         """
         path = Path(path)
@@ -157,7 +157,7 @@ class Run:
 
 
 def column(values: Array, name: str, names: tuple[str, ...], kind: str) -> Array:
-    """One of `names` in all frames (F, ...)."""
+    """The values (F, ...) of the joint or angle `name`, which must be one of `names`, in all frames."""
     return values[:, index_of(name, names, kind)].copy()
 
 

@@ -74,7 +74,7 @@ class FrameLoop(Closing):
         color: bool,
     ) -> None:
         settings = resolve(settings, bodies.family)
-        finder, self._unused = None, ""  # why colour is not used, until that is said
+        finder, self._unused = None, ""  # why colour is not used, until the user has been told
         if color and bodies.family.has_keypoints and settings.refine.sensor == "camera":
             try:
                 finder = KeypointFinder()
@@ -98,11 +98,11 @@ class FrameLoop(Closing):
         return estimates
 
     def _follow(self, frames: Iterable[Frame], *, look_ahead: bool = True) -> Iterator[list[Estimate]]:
-        """Track a source. Each stream of live input has a new tracker, and is tracked as it comes."""
+        """Track a source. Each stream of live input gets a new tracker; its frames are tracked on arrival."""
         live = frames if isinstance(frames, LiveSource) else None
         checked = frames if live is not None else (check_frame(each, self._cameras) for each in frames)
         frames = map(self._say_unused, checked)
-        if live is not None and self._frames == 0:  # no frame waits for loading or for the frame before
+        if live is not None and self._frames == 0:  # load now, so that no live frame has to wait for it
             self._tracker.prepare()
         last = 0 if live is None else live.stream
         for stream, part in groupby(frames, lambda _: 0 if live is None else live.stream):
@@ -120,7 +120,7 @@ class FrameLoop(Closing):
                 ]
 
     def _say_unused(self, frame: Frame) -> Frame:
-        """The frame; says once why its colour is not used."""
+        """Return the frame; if its colour is not used, warn once with the reason."""
         if self._unused and any(view.colours is not None for view in frame.views):
             log.warning(self._unused)
             self._unused = ""
@@ -131,7 +131,7 @@ class FrameLoop(Closing):
         if isinstance(depth, Frame):
             return depth
         if self._camera is None:
-            raise InputError("an array comes without its camera; give Tracker(camera=...) its matrix")
+            raise InputError("an array has no camera; give its matrix when creating the tracker: camera=...")
         array = np.asarray(depth)
         if array.ndim != 2:
             raise InputError(f"depth has shape {array.shape}; give one frame (H, W)")
@@ -167,7 +167,7 @@ def with_one_blas_thread(items: Iterator[Item]) -> Iterator[Item]:
 
 @cache
 def blas_libraries() -> ThreadpoolController:
-    """Those loaded at the first frame, as ours are; to search for them takes a tenth of a frame."""
+    """The BLAS libraries loaded by the first frame. Cached: finding them takes a tenth of a frame's time."""
     return ThreadpoolController().select(user_api="blas")
 
 
@@ -175,8 +175,8 @@ class Tracker(FrameLoop):
     """Tracks one body through depth frames.
 
     Args:
-        model: "human" for a person of any stature, a URDF file, a file of measures, the measures of a
-            person, or any body with all its degrees of freedom.
+        model: "human" for a person of any stature, a URDF file, a file with a person's measures, `Measures`,
+            or a `BodyModel` with all its degrees of freedom.
         settings: What to compute; None for `preset("default")`.
         workers: Where particles are refined: None for this process, on one core; the number of lanes of a
             local worker; the endpoint of a router with workers; or a Pool. The results are the same, bit for
@@ -239,16 +239,17 @@ class Tracker(FrameLoop):
                 `depth_scale`; 0 or NaN for no depth.
             time_s: Time of an array, seconds; None for 30 frames per second.
 
-        Raises InputError if the first frame shows nothing, an array is not a depth image, or a frame is
-        invalid or from another camera than those before.
+        Raises InputError if the first frame has no depth, an array is not a depth image, or a frame is
+        invalid or comes from a different camera than the earlier frames.
         """
         return self._track(depth, time_s)[0]
 
     def follow(self, frames: Iterable[Frame]) -> Iterator[Estimate]:
         """Track the frames of a source: the estimates of `track`, but faster with workers.
 
-        Each estimate is yielded while the workers refine the next frame. Live input: at once; the
-        newest frame is next, and each new stream starts tracking again. Raises the errors of `track`.
+        Each estimate is yielded while the workers refine the next frame. With live input, it is yielded at
+        once, the newest frame is tracked next, and each new stream starts tracking again. Raises the errors
+        of `track`.
         """
         for (estimate,) in self._follow(frames):
             yield estimate
@@ -301,7 +302,7 @@ class PeopleTracker(FrameLoop):
 
     @property
     def found(self) -> int:
-        """Number of people found so far, who are the first in each list of estimates."""
+        """Number of people found so far; their estimates come first in each list."""
         return sum(person.start.found for person in self._tracker.state.people)
 
     def track(self, depth: Frame | ArrayLike, time_s: float | None = None) -> list[Estimate]:
@@ -311,7 +312,7 @@ class PeopleTracker(FrameLoop):
     def follow(self, frames: Iterable[Frame]) -> Iterator[list[Estimate]]:
         """Track the frames of a source: the estimates of `track`, but faster with workers.
 
-        Of live input the newest frame is tracked.
+        With live input, the newest frame is always tracked next.
         """
         return self._follow(frames)
 
@@ -342,12 +343,12 @@ def track(
     Args:
         recording: Any format that `open_source` opens.
         out: New folder for the run; None for a temporary one.
-        color: Whether colour of the recording is used, for people; or a folder of other colour images.
+        color: Whether the recording's colour is used to track people; or a folder with other colour images.
         quiet: Show no progress.
         options: Arguments of `Tracker`; `workers` is one lane per core by default.
 
-    Raises InputError for a recording or options that are wrong, before anything is tracked. After a
-    later error or interrupt, the folder holds the run of the frames before it.
+    Raises InputError for an invalid recording or option before anything is tracked. After a later error
+    or interrupt, the folder holds a run with the frames tracked until then.
     """
     source = open_source(recording, color=color)
     folder = Path(tempfile.mkdtemp(prefix="gepf-")) / "run" if out is None else Path(out)
@@ -361,7 +362,8 @@ def track(
         except BaseException:
             if estimates:
                 with suppress(InputError):
-                    log.warning("%d frames are in %s", len(estimates), tracker.save(estimates, folder))
+                    saved = tracker.save(estimates, folder)
+                    log.warning("tracking ended early; its first %d frames are in %s", len(estimates), saved)
             raise
         return load(tracker.save(estimates, folder))
 

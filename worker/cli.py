@@ -54,19 +54,19 @@ def main() -> None:
 def work(  # noqa: PLR0913 one parameter an option
     connect: Annotated[list[str], Option(metavar="ENDPOINT", help="A coordinator or router: tls/HOST:PORT.")],
     *,
-    lanes: Annotated[int | None, Option(metavar="N", help="Particles at once (default: all cores).")] = None,
+    lanes: Annotated[int | None, Option(metavar="N", help="Particles at once (default: one a core).")] = None,
     kind: Annotated[str, Option(metavar="NAME", help="Kernel: cpu, or that of another package.")] = CPU,
     name: Annotated[str | None, Option(metavar="NAME", help="Name (default: the certificate's).")] = None,
     connect_timeout: Annotated[
-        float, Option(metavar="SECONDS", help="Time for an answer.", min=0.0)
+        float, Option(metavar="SECONDS", help="Longest wait for an answer (default: for ever).", min=0.0)
     ] = math.inf,
     tls_ca: Annotated[Path | None, Option(metavar="FILE", help="Certificate of the authority.")] = None,
     tls_cert: Annotated[Path | None, Option(metavar="FILE", help="This worker's certificate.")] = None,
     tls_key: Annotated[Path | None, Option(metavar="FILE", help="Key of the certificate.")] = None,
     insecure: Annotated[
-        bool, Option("--insecure", help="Unencrypted to other hosts: anyone on the way can read.")
+        bool, Option("--insecure", help="Connect to other hosts unencrypted: anyone on the way can read.")
     ] = False,
-    check: Annotated[bool, Option("--check", help="Is it connected? Exit code 0 if so.")] = False,
+    check: Annotated[bool, Option("--check", help="Exit with 0 if this worker is connected.")] = False,
     quiet: Annotated[bool, Option("--quiet", "-q", help="Log warnings and errors only.")] = False,
     tied: Annotated[bool, Option("--tied", hidden=True, help="End when standard input ends.")] = False,
 ) -> None:
@@ -178,7 +178,7 @@ def load_kernel(lanes: int | None) -> Kernel:
 
 
 def end(service: Service, *_: object) -> NoReturn:
-    """Handle a signal: exit, once; the coordinator sends unanswered requests to other workers.
+    """Handle the first signal: exit. The coordinator sends unanswered requests to other workers.
 
     If a library suppresses the exception, the service ends after the present request.
     """

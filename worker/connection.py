@@ -1,4 +1,4 @@
-"""The connection of a worker: connecting with messages, admission and health."""
+"""The connection of a worker: opening it, with log messages, and checks of admission and health."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def connect_to(identity: Identity) -> Bus:
                 f"no answer at {identity.place} within {identity.timeout:g} s; start the coordinator there"
             )
         if next(silences) == 0:
-            log.info("no answer at %s yet; retrying, Ctrl-C ends", identity.place)
+            log.info("no answer at %s yet; retrying (Ctrl-C to stop)", identity.place)
 
     bus = open_worker(identity.connect, identity.security, report_silence)
     bus.watch_links(report_link)

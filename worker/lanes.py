@@ -11,7 +11,7 @@ from gepf.worker.kernel.observation import Observation
 
 
 class Lanes:
-    """A fixed number of lanes: the calling thread and additional threads. Spare particles have one lane."""
+    """A fixed number of lanes: the calling thread and further threads. Spare particles use only one lane."""
 
     def __init__(self, count: int) -> None:
         self.count = count
@@ -23,7 +23,7 @@ class Lanes:
         Exceptions and interrupts of a lane are raised when all lanes have returned.
         """
         batch, count = pack_batch(model, observation, particles), len(particles.poses)
-        indices = iter(range(count))  # gives each to one lane
+        indices = iter(range(count))  # gives each particle to one lane
         lanes = 1 if particles.spare else min(self.count, count)
         running = [self._threads.submit(refine_some, batch, indices) for _ in range(1, lanes)]
         try:

@@ -30,7 +30,7 @@ from gepf.common.transport.bus import Bus
 class MemoryLimits(msgspec.Struct, frozen=True):
     """What a worker keeps, and what it waits for."""
 
-    frame_delay_s: float = 0.2  #: longest one of a published frame after the first request for it
+    frame_delay_s: float = 0.2  #: longest delay of a published frame after the first request for it
     frames: int = 16 * FRAMES_KEPT  #: of all runs; of each run at least two, the present one and the next
     runs: int = 256
     unasked: int = 32  #: frames of a run without a request: those of a second, or of many people
@@ -72,7 +72,7 @@ class Memory:
         self._runs: dict[str, RunMemory] = {}
         self._gone: list[RunMemory] = []  # not needed, but still subscribed
         self._models: dict[str, BodyModel] = {}  # by hash
-        self._busy: list[tuple[str, int] | str] = []  # frames and models that threads get
+        self._busy: list[tuple[str, int] | str] = []  # frames and models that threads are getting
         self._changed = threading.Condition()
 
     def __len__(self) -> int:
@@ -111,7 +111,7 @@ class Memory:
                 raise
 
     def observe_ahead(self, run: str) -> None:
-        """Observe a run's newest frame, for the settings of its probable request, if there was one before."""
+        """Observe a run's newest frame in advance, with the settings of its last request, if it had one."""
         with ExitStack() as claim:
             with self._changed:
                 memory = self._runs.get(run)
@@ -140,11 +140,11 @@ class Memory:
                 put_recent(self._models, wanted, model, max(4, len(self._runs)) * MODELS_KEPT)
         values = request.particles.poses.shape[1]
         if values != len(model.dof_names):
-            raise ProtocolError(f"poses of {values} values for a model of {len(model.dof_names)}")
+            raise ProtocolError(f"poses have {values} values, but the model has {len(model.dof_names)}")
         return model
 
     def _asked(self, run: str, settings: RefineSettings) -> RunMemory:
-        """The data of a run with a request; its frames are received from now on."""
+        """The data of a run that has a request; from now on, its frames are received."""
         with self._changed:
             memory = self._runs.get(run)
             is_new = memory is None
@@ -194,7 +194,7 @@ class Memory:
 
     @contextmanager
     def _getting(self, what: tuple[str, int] | str, *, waits: bool) -> Iterator[None]:
-        """Get a frame or model. A thread of low priority waits for others, so that it is not done twice."""
+        """Context for getting a frame or model; with `waits`, after other threads that get the same."""
         with self._changed:
             self._changed.wait_for(lambda: not waits or what not in self._busy)
             self._busy.append(what)

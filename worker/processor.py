@@ -8,7 +8,7 @@ from gepf.common.compiling import numba
 
 
 def processor_name() -> str:
-    """Name of the processor and hash of its features, as compiled for; equal ones give the same bytes.
+    """Name and hash of the features of the processor that kernels are compiled for; if equal, so are results.
 
     NUMBA_CPU_NAME and NUMBA_CPU_FEATURES change both.
     """

@@ -1,4 +1,4 @@
-"""The worker's loop: a request's bytes in, refine, the reply's bytes out.
+"""The worker's loop: receive a request, refine its particles, send the reply.
 
 Frames and models are cached only to avoid fetching them again: a result depends only on its request. Runs are
 served in fair turns, see `gepf.worker.turns`; a large request takes several turns if there are other runs.
@@ -36,7 +36,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(slots=True, eq=False)
 class Task:
-    """A request, as far as it is served. Without a request: observe the newest frame of the run."""
+    """A request, and what is done of it so far. Without a request: observe the newest frame of the run."""
 
     asked: RefineRequest | None = None
     request: IncomingRequest | None = None
@@ -96,7 +96,7 @@ class Service:
         return self._kernel.refine(model, observation, asked.particles)
 
     def serve(self, run: str, task: Task, most: int | None = None, *, spare: bool = False) -> None:
-        """Refine at most so many particles of a request; reply if it is done, or refuse it."""
+        """Refine the next particles of a request, `most` or all; reply when all are done, or refuse it."""
         asked, request, began = task.asked, task.request, time.monotonic()
         if asked is None or request is None:
             with suppress(Exception):  # its requests report the error
@@ -145,7 +145,7 @@ class Service:
 
     def _serve_spare(self) -> None:
         """Serve spare requests until `run` ends."""
-        if sys.platform == "linux":  # elsewhere, a priority is that of the process
+        if sys.platform == "linux":  # elsewhere, a priority is that of the whole process
             # a tenth of each core if others want all of it
             os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), 10)
         while not self._stopped:
@@ -179,13 +179,13 @@ class Service:
         """A request; ProtocolError if it is invalid, for a run of another coordinator, or one too many."""
         asked, coordinator = decode_request(request.payload), keys.last_of(request.key)
         if keys.coordinator_of(asked.run) != coordinator:
-            raise ProtocolError(f"run {asked.run} is not one of {coordinator}")
+            raise ProtocolError(f"run {asked.run} does not belong to {coordinator}")
         if self._is_full(asked.run):
             raise ProtocolError(f"too many requests of run {asked.run} are waiting")
         return asked
 
     def _put(self, run: str, task: Task, *, first: bool = False) -> None:
-        """Let something wait for its turn; `first` if it was begun."""
+        """Queue a task; `first` puts it ahead of the others of its run, because it was begun."""
         spare = task.asked is not None and task.asked.particles.spare
         changed = self._spare if spare else self._urgent
         with changed:
@@ -193,11 +193,11 @@ class Service:
             changed.notify()
 
     def _is_full(self, run: str) -> bool:
-        """Whether so much of a run waits that no more is accepted."""
+        """Whether so many tasks of a run are waiting that no more are accepted."""
         return self._turns.count(run) >= MOST_WAITING * (1 + self._kernel.offer.lanes)
 
     def _notice_frame(self, run: str) -> None:
-        """Have a published frame observed before its requests; called on a thread of the bus."""
+        """Have a published frame observed before requests for it arrive; called on a thread of the bus."""
         if not self._is_full(run):
             self._put(run, Task())
 

@@ -1,11 +1,11 @@
-"""Fair turns of runs at a worker: a state machine without clock and threads.
+"""Fair turns of runs at a worker: a state machine without a clock or threads.
 
 The next turn is that of the run that was served for the shortest time (start-time fair queueing: Goyal, Vin
 and Cheng, 1997). A run that had nothing to do starts with the time of the run that is being served, so it
 cannot save up turns. While a run waits, no other is served for longer than it, up to one turn of each.
 
-Spare work is that of searches. In a run it comes after other work. It is done beside the turns, with the time
-that they leave; only if another run waits for a turn, a run that has just spare work gets its turns, too.
+Spare work is that of searches. In a run it comes after other work. It is done beside the turns, in the time
+that they leave. Only while another run waits for a turn does a run with only spare work take turns, too.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Generic, TypeVar
 
 W = TypeVar("W")
 
-AWAY_S = 1.0  # for which other runs are served until a run without work counts no more
+AWAY_S = 1.0  # service of other runs after which a run without work no longer counts
 
 
 @dataclass(slots=True)
@@ -39,7 +39,7 @@ class Shares:
         self._clock = 0.0  # time of the run that was served last, when its turn began
 
     def join(self, run: str) -> None:
-        """A run that had nothing to do has work."""
+        """Enter a run that had nothing to do and now has work."""
         self._served[run] = max(self._served.pop(run, 0.0), self._clock)
 
     def first(self, runs: Iterable[str]) -> str:
@@ -48,16 +48,16 @@ class Shares:
         return min((run for run in self._served if run in wanted), key=self._served.__getitem__)
 
     def begin(self, run: str) -> None:
-        """The turn of a run begins."""
+        """Begin the turn of a run."""
         self._clock = max(self._clock, self._served[run])
 
     def charge(self, run: str, seconds: float) -> None:
-        """A run was served for a time; of those with equal times, it now comes last."""
+        """Charge a run for the time for which it was served; of runs with equal times, it now comes last."""
         if run in self._served:
             self._served[run] = self._served.pop(run) + seconds
 
     def forget(self, run: str) -> None:
-        """A run has ended, or has had no work for long."""
+        """Forget a run that has ended, or has had no work for long."""
         self._served.pop(run, None)
 
 
@@ -68,14 +68,14 @@ class Turns(Generic[W]):
         self._waiting: dict[str, Waiting[W]] = {}  # of runs with work
         self._turns, self._spare = Shares(), Shares()  # of the foreground, and beside it
         self._total = 0.0  # seconds of all turns
-        self._seen: dict[str, float] = {}  # by run: that total when it had work
+        self._seen: dict[str, float] = {}  # by run: the total when it last had work
 
     def count(self, run: str) -> int:
         """Number of pieces of work of a run that wait."""
         return len(self._waiting.get(run, ()))
 
     def put(self, run: str, work: W, *, spare: bool = False, first: bool = False) -> None:
-        """Work of a run waits; `first` for the rest of a piece of work that was begun."""
+        """Queue work of a run; `first` for the rest of a piece of work that was begun."""
         if run not in self._waiting:
             self._waiting[run] = Waiting()
             self._turns.join(run)
@@ -104,7 +104,7 @@ class Turns(Generic[W]):
         return run, self._pop(run, self._waiting[run].spare)
 
     def charge(self, run: str, seconds: float, beside: float | None = None) -> None:
-        """A turn of a run took seconds of the worker, and `beside` the others seconds of a lane."""
+        """Charge a run for `seconds` of the worker; for spare work also for `beside` seconds of a lane."""
         self._total += seconds
         self._turns.charge(run, seconds)
         if run in self._seen:
@@ -120,7 +120,7 @@ class Turns(Generic[W]):
         return self._seen.keys() <= {run}
 
     def drop(self, run: str) -> list[W]:
-        """A run has ended; returns what it waited for."""
+        """Forget a run that has ended; returns the work that it waited for."""
         self._forget(run)
         mine = self._waiting.pop(run, None)
         return [] if mine is None else [*mine.urgent, *mine.spare]

@@ -68,7 +68,7 @@ def forward_kinematics(
 
 @numba.njit(cache=True, nogil=True)
 def compose(parent: int, local: Array, j: int, out: Array) -> None:
-    """out[j] = out[parent] o local, for (3, 4) transforms; = local, where there is no parent."""
+    """out[j] = out[parent] o local, for (3, 4) transforms; out[j] = local if there is no parent."""
     for a in range(3):
         for b in range(4):
             if parent < 0:
@@ -95,8 +95,8 @@ def motion_axes(
 ) -> None:
     """Fill w, q (D, 3) with axes of relative motion and points on them, camera frame. Eq. 2.
 
-    A point p of a link that rotation j moves has derivative w_j x (p - q_j); translation, w_j. A spherical
-    joint has the axes of its parent.
+    A point p of a link that rotation j moves has the derivative w_j x (p - q_j); for a translation it is
+    w_j. A spherical joint has the axes of its parent.
     """
     carrier = parents.copy()
     for start in balls:

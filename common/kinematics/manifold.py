@@ -35,7 +35,7 @@ def retract(model: BodyModel, poses: Array, steps: Array) -> Array:
 def difference(model: BodyModel, origins: Array, poses: Array) -> Array:
     """Steps (N, D) that lead from `origins`, (N, D) or one (1, D), to `poses` (N, D).
 
-    Rotations are by the shorter way.
+    Rotations take the shorter way.
     """
     origins = np.broadcast_to(origins, poses.shape)
     return steps_between(model.axes, model.balls, contiguous(origins), contiguous(poses))
@@ -78,7 +78,7 @@ def steps_between(axes: Array, balls: Indices, origins: Array, poses: Array) -> 
 
 @numba.njit(cache=True, nogil=True)
 def step_between(axes: Array, balls: Indices, before: Array, after: Array) -> Array:
-    """The step (D,) that leads from one pose (D,) to another; rotations by the shorter way."""
+    """The step (D,) that leads from one pose (D,) to another; rotations take the shorter way."""
     step = after - before
     for start in balls:
         handed = handedness(axes, start)

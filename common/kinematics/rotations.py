@@ -101,9 +101,9 @@ def handedness(axes: Array, start: int) -> float:
 
 
 @numba.njit(cache=True, nogil=True)
-def multiply_by(one: Array, other: Array) -> None:
-    """one = one @ other in place, (3, 3): so small that a library's call costs more than the product."""
+def multiply_by(matrix: Array, factor: Array) -> None:
+    """matrix = matrix @ factor in place, (3, 3), which are too small for the cost of a library call."""
     for a in range(3):
-        x, y, z = one[a, 0], one[a, 1], one[a, 2]
+        x, y, z = matrix[a, 0], matrix[a, 1], matrix[a, 2]
         for b in range(3):
-            one[a, b] = x * other[0, b] + y * other[1, b] + z * other[2, b]
+            matrix[a, b] = x * factor[0, b] + y * factor[1, b] + z * factor[2, b]

@@ -50,7 +50,7 @@ def of_live(coordinator: str, stream: str) -> str:
 
 
 def offer_key(worker: str, offer: Offer) -> str:
-    """The token by which a worker is present."""
+    """The liveliness token by which a worker announces its offer."""
     return of_worker(worker, f"offer/{offer.kind}/{offer.processor}/{offer.lanes}/{offer.batch}")
 
 
@@ -85,7 +85,7 @@ def last_of(key: str) -> str:
 def check_name(what: str, name: str) -> str:
     """The name of a worker, coordinator, run or kind, if it can be part of a key; InputError otherwise."""
     if not NAME.fullmatch(name):
-        raise InputError(f"{what} '{name}' cannot be used; give up to 64 letters, digits and . - _")
+        raise InputError(f"{what} '{name}' cannot be used; choose at most 64 letters, digits and . - _")
     return name
 
 

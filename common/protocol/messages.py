@@ -121,7 +121,7 @@ def unpack_prior(message: PriorMessage, shape: tuple[int, ...]) -> PosePrior:
     return PosePrior(mean, precision)
 
 
-@lru_cache(maxsize=64)  # a run's are always the same
+@lru_cache(maxsize=64)  # the settings of a run are always the same
 def check_settings(settings: RefineSettings) -> None:
     """ProtocolError for invalid settings."""
     for name, value in msgspec.structs.asdict(settings).items():
@@ -164,7 +164,7 @@ def decode_refined(
         packed, what = (count, triangle_size(dofs)), "the reply's covariance_roots"
         roots = unpack(what, message.covariance_roots, "<f4", packed, -1.0, 1.0)
         if not np.all(roots[:, np.cumsum(np.arange(1, dofs + 1)) - 1] > 0.0):
-            raise ProtocolError(f"{what} have a diagonal that is not above zero")
+            raise ProtocolError(f"{what} must have positive diagonals")
     return Refined(poses.reshape(shape), log_likelihood, residual, roots), message.waited_s
 
 

@@ -17,8 +17,8 @@ Name = Annotated[str, msgspec.Meta(max_length=200)]
 Names = Annotated[tuple[Name, ...], msgspec.Meta(max_length=10_000)]
 FEW = msgspec.Meta(max_length=50)  # fields of a map
 
-# Arrays of a model: type, extents, smallest and largest value; a letter: the last index below an extent.
-# Extents that are not numbers of names are determined in this order.
+# Arrays of a model: type, extents, smallest and largest value. As the largest value, a letter means the last
+# index below that extent. Extents that are not numbers of names are set by the first array that has them.
 MODEL_ARRAYS: dict[str, tuple[str, Dims, float, float | str]] = {
     "kinds": ("<i8", ("D",), TRANSLATION, SHAPE),
     "parents": ("<i8", ("D",), -1, "D"),
@@ -88,7 +88,7 @@ def decode_model(payload: bytes) -> BodyModel:
     except (ValueError, TypeError, KeyError) as error:
         raise ProtocolError(f"the model contradicts itself: {error}") from error
     if model.hash != message.hash:
-        raise ProtocolError(f"the model names the hash {message.hash} and has {model.hash}")
+        raise ProtocolError(f"the model names the hash {message.hash}, but its content has {model.hash}")
     return model
 
 

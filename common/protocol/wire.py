@@ -67,7 +67,7 @@ def decode(payload: bytes, *kinds: type[M]) -> M:
     """A message of one of the kinds, which share a version, or ProtocolError.
 
     It is unpacked and validated in one pass. If it were unpacked first, a hostile message of empty lists
-    would take 60 times its size in memory before it is refused.
+    would take 60 times its size in memory before it was refused.
     """
     if len(payload) > MAX_BYTES:
         raise ProtocolError(f"a message of {len(payload)} bytes is above the limit of {MAX_BYTES}")
@@ -109,9 +109,9 @@ def unpack(
 ) -> NDArray[Any]:
     """A writable array of native byte order, with values between `least` and `most`.
 
-    `extents` holds the values of letters, and new ones are added; for `most`, a letter is the last index
-    below its extent. Raises ProtocolError if dtype or shape are not as expected, the bytes do not match the
-    shape, or a value is outside.
+    `extents` maps letters to numbers; letters that it lacks are added. A letter as `most` means the last
+    index below that extent. Raises ProtocolError if dtype or shape are not as expected, the bytes do not
+    match the shape, or a value is outside.
     """
     extents = {} if extents is None else extents
     if array.dtype != dtype:

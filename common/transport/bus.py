@@ -18,7 +18,7 @@ from gepf.common.transport.channels import ANSWER_S, IncomingRequest, Publisher,
 
 
 class Bus(Closing):
-    """One session. All its declarations end with it, and then what it stands on."""
+    """One session on the bus. Closing it ends all its declarations, and then closes what it stands on."""
 
     def __init__(self, session: zenoh.Session) -> None:
         self._session = session
@@ -36,7 +36,7 @@ class Bus(Closing):
             self._session.close()  # type: ignore[no-untyped-call]
 
     def stand_on(self, beneath: ExitStack) -> Bus:
-        """Close something after the session; returns this."""
+        """Close `beneath` after the session; returns this bus."""
         self._beneath = beneath
         return self
 
@@ -48,7 +48,7 @@ class Bus(Closing):
     def subscribe(self, key: str, on_message: Callable[[str, bytes], None]) -> Callable[[], None]:
         """Call `on_message(key, payload)` for every message published from now on.
 
-        The returned function ends this; it must not be called on a thread of the session.
+        The returned function ends the subscription; it must not be called on a thread of the session.
         """
 
         def receive(sample: zenoh.Sample) -> None:
@@ -68,7 +68,7 @@ class Bus(Closing):
     def subscribe_newest(self, key: str, count: int) -> Callable[[], list[tuple[str, bytes]]]:
         """Keep the newest messages, up to a count; the returned function takes all of them, with their keys.
 
-        They are received without any work of Python, so a program that is slow does not delay their sender.
+        Receiving them runs no Python code, so a slow program does not delay the sender.
         """
         with mapped(f"subscribing to {key}"):
             subscriber = self._session.declare_subscriber(key, handlers.RingChannel(count))

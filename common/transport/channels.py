@@ -20,7 +20,7 @@ Ending = Literal["reply", "refusal", "nothing"]
 
 @contextmanager
 def mapped(doing: str) -> Iterator[None]:
-    """Convert errors of Zenoh to BusError, without positions in its sources."""
+    """Convert errors of Zenoh to BusError, without the positions in Zenoh's source code that they name."""
     try:
         yield
     except zenoh.ZError as error:
@@ -28,7 +28,7 @@ def mapped(doing: str) -> Iterator[None]:
 
 
 def bus_error(doing: str, error: zenoh.ZError) -> BusError:
-    """An error of Zenoh as BusError, without positions in its sources."""
+    """An error of Zenoh as BusError, without the position in Zenoh's source code that it names."""
     message = re.split(r"\.? at /", str(error), maxsplit=1)[0]
     return BusError(f"{doing}: {message}")
 
@@ -59,7 +59,7 @@ class Publisher:
 
 
 class IncomingRequest(Closing):
-    """One request, a context manager; it ends without an answer if neither method is called."""
+    """One request, a context manager; it ends without an answer unless `reply` or `refuse` is called."""
 
     def __init__(self, query: zenoh.Query) -> None:
         self._query = query
@@ -67,16 +67,16 @@ class IncomingRequest(Closing):
         self.payload = b"" if query.payload is None else query.payload.to_bytes()
 
     def close(self) -> None:
-        """End it."""
+        """End the request."""
         self._query.drop()  # type: ignore[no-untyped-call]
 
     def reply(self, payload: bytes) -> None:
-        """Answer it."""
+        """Answer the request."""
         with mapped("replying"):
             self._query.reply(self._query.key_expr, payload)
 
     def refuse(self, payload: bytes) -> None:
-        """Refuse it with a reason."""
+        """Refuse the request with a reason."""
         with mapped("replying"):
             self._query.reply_err(payload)
 

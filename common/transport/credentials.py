@@ -20,7 +20,7 @@ MEND = "make a new one with gepf certificates"
 class Credentials:
     """Three PEM files."""
 
-    ca: Path  # certificate of the authority, which must have signed those of all others
+    ca: Path  # certificate of the authority that must have signed everybody's certificate
     cert: Path
     key: Path
 
@@ -47,7 +47,7 @@ def read_credentials(
 def holder_of(credentials: Credentials) -> str:
     """The name in a certificate.
 
-    InputError for one that is not signed by its authority, has expired, or has another key.
+    InputError if it is not signed by its authority, has expired, or does not match its key.
     """
     server, client = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER), ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     client.check_hostname = False
@@ -80,4 +80,6 @@ def check_holder(credentials: Credentials, name: str) -> None:
     """InputError if the certificate has another name."""
     holder = holder_of(credentials)
     if holder != name:
-        raise InputError(f"certificate {credentials.cert} is for '{holder}', not for '{name}'; give that one")
+        raise InputError(
+            f"certificate {credentials.cert} is for '{holder}', not for '{name}'; give the right one"
+        )

@@ -94,11 +94,11 @@ def describe_refusal(endpoint: str, credentials: Credentials | None, refusal: ss
     """What is wrong with a certificate of either side of a TLS handshake, and the remedy."""
     if isinstance(refusal, ssl.SSLCertVerificationError):
         mend = "give its authority with --tls-ca, or connect by a host name in the certificate"
-        return f"{endpoint} shows a certificate not valid under ours: {refusal.verify_message}; {mend}"
+        return f"{endpoint} shows a certificate that is not valid here: {refusal.verify_message}; {mend}"
     if credentials is None:
         return f"{endpoint} refuses connections without a certificate; add {TLS_OPTIONS}"
     reason = (refusal.reason or "no reason given").lower().replace("_", " ")
-    mend = "have one signed by the authority there"
+    mend = "have a certificate signed by the authority there"
     return f"{endpoint} refuses {credentials.cert}: {reason}; {mend}, or {MEND}"
 
 

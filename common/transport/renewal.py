@@ -1,8 +1,8 @@
-"""The encrypted endpoints of a program, which go on when its certificate is renewed.
+"""The encrypted endpoints of a program, which keep working when its certificate is renewed.
 
 Zenoh reads the certificate for listening when it opens the endpoint, and the one for connecting at each
-attempt. A link is closed when the certificate of its other side ends. So programs that connect need nothing;
-those that listen must open their endpoints again, with the renewed certificate.
+attempt. A link is closed when the certificate of its other side expires. So programs that connect need do
+nothing; those that listen must open their endpoints again, with the renewed certificate.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Front(Closing):
                 self._use(last)
 
     def _use(self, contents: tuple[bytes, ...]) -> None:
-        """Open the endpoints with the present files; instead of an invalid certificate, keep the old one."""
+        """Open the endpoints with the present files; keep the old certificate if the new one is invalid."""
         changed, self._used = contents != self._used, contents
         try:
             holder = holder_of(self._credentials)
@@ -63,7 +63,7 @@ class Front(Closing):
             log.warning("the certificate of '%s' was renewed; it is in use", holder)
 
     def _read(self) -> tuple[bytes, ...]:
-        """The contents of the files; as last used while one of them cannot be read."""
+        """The contents of the files; those last used if one of the files cannot be read."""
         files = self._credentials.ca, self._credentials.cert, self._credentials.key
         try:
             return tuple(file.read_bytes() for file in files)

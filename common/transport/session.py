@@ -22,7 +22,7 @@ from gepf.common.transport.credentials import Credentials, holder_of
 LEASE_MS = 1_000  # a peer that is silent for this time is disconnected
 RETRY_MS = (100, 1_000)  # between attempts to connect, first and longest
 SHARED_MEMORY_BYTES = 4 * 2**20  # for frames on this host: half of what users but root may lock
-COORDINATOR = "coordinator"  # name of a coordinator without certificates; the first one with them
+COORDINATOR = "coordinator"  # name of a coordinator without certificates, and of the first one with them
 ROUTER = "router"
 IN, OUT = "ingress", "egress"
 READ = ("declare_subscriber", "query", "declare_liveliness_subscriber", "liveliness_query")
@@ -48,7 +48,7 @@ def holder_name(security: Security | None) -> str | None:
 def session_settings(
     mode: str, listen: Sequence[str], connect: Sequence[str], security: Security | None = None
 ) -> dict[str, Any]:
-    """Only explicit endpoints: no multicast, no gossip. Connects for ever, a peer in the background."""
+    """Only explicit endpoints: no multicast, no gossip. Retries for ever; a peer, in the background."""
     first, longest = RETRY_MS
     above_lease_us = 3 * LEASE_MS * 1000 // 2  # otherwise a lost worker's token stays
     settings: dict[str, Any] = {

@@ -72,7 +72,7 @@ class Chains(NamedTuple):
     """The degrees of freedom (K) of several joints (J), from the carriers outward."""
 
     columns: Indices  # (J, K) of poses; -1 if it is held
-    held: Array  # (J, K) values of those
+    held: Array  # (J, K) values of the held degrees of freedom
     axes: Array  # (J, K, 3)
     level: Array  # (J, 4) quaternions, x to w, of the carriers
     hanging: Array  # (J, 4) quaternions from the vertical to a left limb's bone
@@ -96,8 +96,8 @@ class Angles:
         held: Values of held degrees of freedom, radians; zero if missing.
         level: Rotation vector from the camera's axes to those for the rotation of the whole body.
         misfit: Least error of an angle, radians, because the body differs from the model; 0 if it does not.
-        bends: Twists that are visible only if another angle is bent, by name, with that other.
-        shown_by: Joint whose position shows an angle, and joint about which it moves, by the angle's name.
+        bends: Twist that is visible only if another angle is bent -> that other angle, both by name.
+        shown_by: Name of an angle -> joint whose position shows it, and joint about which that one moves.
     """
 
     dof_names: tuple[str, ...]
@@ -142,7 +142,7 @@ class Angles:
 
     @cached_property
     def levers(self) -> dict[int, int]:
-        """Indices of twists that are visible only if another angle is bent, with that other."""
+        """Index of each twist that is visible only if another angle is bent -> index of that other angle."""
         at = {name: number for number, name in enumerate(self.names)}
         pairs = self.bends.items()
         return {at[twist]: at[bend] for twist, bend in pairs if twist in at and bend in at}
@@ -156,7 +156,7 @@ class Angles:
         return self.follow_on(angles, unknown, None)[0]
 
     def follow_on(self, angles: Array, unknown: Mask | None, last: Array | None) -> tuple[Array, Array]:
-        """The same for frames that follow others, whose reference is `last` (A,), and the next reference."""
+        """As `follow`, for frames after a reference `last` (A,); also returns the next reference."""
         angles, is_first = angles.copy(), last is None
         min_bend = np.radians(20.0)  # of an elbow at which the twist of the upper arm is visible
         last = (angles[0] if len(angles) else np.empty(0)) if last is None else last

@@ -14,7 +14,7 @@ def carry(
 
     W is `count`, the number of vertices of a link that carry a point.
 
-    The shares are the smallest ones, so a point moves with the surface of its link if the shape changes.
+    The shares are the smallest possible, so a point moves with the surface of its link if the shape changes.
     """
     carriers, shares = list[Indices](), list[Array]()
     for point, link in zip(points, links, strict=True):

@@ -27,7 +27,7 @@ def family_of(model: BodyModel) -> BodyFamily:
             return family
     names = ", ".join(family.name for family in FAMILIES)
     raise InputError(
-        f"the body is of the unknown family '{model.family}', this version knows {names}; "
+        f"the body is of the unknown family '{model.family}' (this version knows {names}); "
         "use the version of gepf that tracked it"
     )
 

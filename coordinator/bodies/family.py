@@ -56,13 +56,13 @@ class BodyFamily(ABC):
     """What one of its bodies is called in messages."""
 
     usual_size: ClassVar[BodySize] = ()
-    """At a start pose that is given, if the size is not known."""
+    """The size at a given start pose, if the size is not known."""
 
     library_size: ClassVar[BodySize] = ()
-    """Of the body whose poses are compared with a frame."""
+    """The size of the body whose poses from `draw_poses` are compared with a frame."""
 
     sizes: ClassVar[Sequence[BodySize]] = ((),)
-    """At which a body of unknown size is compared with a frame; its shape is refined from there."""
+    """The sizes at which a body of unknown size is compared with a frame; its shape is refined from there."""
 
     cell_m: ClassVar[float | None] = None
     """Cells in which a body of the library size is compared with a frame; None: a share of its extent."""
@@ -112,10 +112,10 @@ class BodyFamily(ABC):
 
     @abstractmethod
     def bodies(self, model: str, active: tuple[str, ...] | None, preset: str) -> Bodies:
-        """What is tracked of a file or the template, with these degrees of freedom; InputError if invalid."""
+        """The bodies to track, from a file or the template, with these DOFs; InputError if invalid."""
 
     def given(self, model: BodyModel, active: tuple[str, ...] | None, preset: str) -> Bodies:
-        """What is tracked of a model in memory, which has all degrees of freedom; by default all of them."""
+        """The body to track, from a model in memory with all DOFs; by default all of them move."""
         del preset
         return one_body(self, model, model.dof_names, choose_active(active, model.dof_names, model.dof_names))
 
@@ -186,7 +186,7 @@ class BodyFamily(ABC):
         return {}
 
     def size_file(self, size: BodySize, deviation_m: float) -> dict[str, float]:
-        """What a file says of a size that was estimated, so that `--model` reads it; empty for none."""
+        """The content of a file that gives an estimated size to `--model`; empty if there is none."""
         del size, deviation_m
         return {}
 
@@ -276,7 +276,7 @@ class Bodies:
 
     @property
     def usual_size(self) -> BodySize:
-        """The size at a start pose that is given."""
+        """The size at a given start pose."""
         return self.family.usual_size if self.size is None else self.size
 
     @property

@@ -15,13 +15,13 @@ from gepf.coordinator.bodies.family import Bodies, BodyFamily
 
 
 class Mechanisms(BodyFamily):
-    """Any one body whose shape is known. Nothing is known of its pose but the ranges of its joints."""
+    """Any single body of known shape. All that is known about its pose is the ranges of its joints."""
 
     name = MECHANISM
     nearest_m = 0.4
 
     def reads(self, path: Path) -> bool:
-        """Whether a file describes one: what no other family reads is a URDF file."""
+        """Always true: a file that no other family reads is taken for a URDF file."""
         del path
         return True
 

@@ -76,7 +76,7 @@ def load_urdf(path: Path, **what: bool) -> yourdfpy.URDF:
     except InputError:
         raise
     except Exception as error:
-        raise InputError(f"{path} is no readable URDF ({type(error).__name__}: {error}); check it") from error
+        raise InputError(f"{path} is not a valid URDF ({type(error).__name__}: {error}); check it") from error
 
 
 def meshes_of(

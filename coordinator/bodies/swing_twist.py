@@ -33,12 +33,12 @@ def quaternions(vectors: Array) -> Array:
     return np.concatenate([0.5 * np.sinc(half / np.pi) * vectors, np.cos(half)], axis=-1)
 
 
-def compose(one: Array, other: Array) -> Array:
-    """Products (..., 4) of quaternions: the rotation `other`, followed by `one`."""
-    a, b = one[..., :3], other[..., :3]
-    real = one[..., 3] * other[..., 3] - np.sum(a * b, axis=-1)
+def compose(after: Array, first: Array) -> Array:
+    """Products (..., 4) of quaternions: the rotation `first`, followed by `after`."""
+    a, b = after[..., :3], first[..., :3]
+    real = after[..., 3] * first[..., 3] - np.sum(a * b, axis=-1)
     across = a[..., [1, 2, 0]] * b[..., [2, 0, 1]] - a[..., [2, 0, 1]] * b[..., [1, 2, 0]]
-    imaginary = one[..., 3:] * b + other[..., 3:] * a + across
+    imaginary = after[..., 3:] * b + first[..., 3:] * a + across
     return np.concatenate([imaginary, real[..., None]], axis=-1)
 
 

@@ -23,7 +23,7 @@ COARSE_BODIES = 64  # that are kept
 def coarsen(model: BodyModel, cell_m: float) -> BodyModel:
     """The same body with one vertex for each link and cell: the one nearest the mean of the vertices there.
 
-    Cells are cubes of the rest pose with sides of `cell_m`. Triangles with two corners in one cell go.
+    Cells are cubes of the rest pose with sides of `cell_m`. Triangles with two corners in a cell are dropped.
     """
     cells = np.column_stack([model.skin_links[:, 0], np.floor(model.vertices / cell_m).astype(np.int64)])
     cells -= cells.min(axis=0)
@@ -66,7 +66,7 @@ def pose_by_name(model: BodyModel, pose: Array) -> dict[str, float]:
 
 
 def activate_at(full: BodyModel, active: tuple[str, ...], pose: Array) -> tuple[BodyModel, Array]:
-    """A body of which the active degrees of freedom move from a pose (D,) on, and its own pose there."""
+    """The body with only the active degrees of freedom, others held at a pose (D,), and its own pose."""
     from gepf.common.activation import activate  # loads the compiler
 
     model = activate(full, active, pose)

@@ -40,7 +40,7 @@ BASE = len(ROOT_DOFS) - 1
 
 
 class Extents(msgspec.Struct, frozen=True):
-    """Of bodies that are tracked in a room."""
+    """Usual extents of bodies that are tracked in a room; others are probably in the wrong unit."""
 
     min_m: float = 0.02
     max_m: float = 10.0

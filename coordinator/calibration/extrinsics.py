@@ -16,8 +16,8 @@ from gepf.common.camera import inverse, rigid
 from gepf.common.errors import InputError
 
 CameraExtrinsics = tuple[Array, float]
-"""T_world_camera (4, 4), metres, and the clock offset in seconds, that added to the camera's time gives the
-common time."""
+"""T_world_camera (4, 4), metres, and the clock offset in seconds; camera time plus offset is the common
+time."""
 
 KNOWN = (
     "give Kalibr's camchain.yaml, a file of ros2 topic echo --once /tf_static, or a folder with NAME.txt or "
@@ -36,7 +36,7 @@ def read_poses(path: Path, names: Sequence[str]) -> dict[str, CameraExtrinsics]:
     except (OSError, UnicodeDecodeError, YAMLError, KeyError, TypeError, ValueError, np.linalg.LinAlgError):
         found = None
     if found is None:
-        raise InputError(f"{path} is no calibration that can be read; {KNOWN}")
+        raise InputError(f"{path} is not a readable calibration; {KNOWN}")
     back, earlier = inverse(found[names[0]][0]), found[names[0]][1]
     return {name: (back @ found[name][0], found[name][1] - earlier) for name in names}
 
@@ -98,7 +98,7 @@ def of_transforms(
         if name not in parents and optical not in parents:
             raise InputError(
                 f"{path} has no frame {name} or {optical}, but {', '.join(sorted(parents))}; "
-                "rename the recording's folder as its frame"
+                "give the recording's folder the name of its frame"
             )
         frame = name if name in parents else optical
         for _ in range(len(parents)):

@@ -3,8 +3,8 @@
 A template that is too thin is placed too near to each camera, its trunk by more than its head and feet. So
 the fit also estimates the girth.
 
-The clock offset is the one with the smallest residual of the fit. Joints are weighted with their
-variances and a robust kernel, as a limb that a camera does not see may be wrong by much.
+The clock offset is the one with the smallest residual of the fit. Joints are weighted by their inverse
+variances and a robust kernel, because a limb that a camera does not see may be far off.
 """
 
 from __future__ import annotations
@@ -46,10 +46,10 @@ class CalibrationSettings(msgspec.Struct, frozen=True):
 
 
 SETTINGS = CalibrationSettings()
-LARGEST = np.repeat([np.radians(1.0), 0.02, 0.008], (3, 3, 1))  # deviations; with larger ones it is a guess
+LARGEST = np.repeat([np.radians(1.0), 0.02, 0.008], (3, 3, 1))  # deviations of a pose that is determined
 GIRTHS = np.array([0.85, 1.15])  # relative to the estimated one, of a thinner and a thicker body
 WHAT = ("rotation", "position", "clock")
-ADVICE = ("walk through the view of {}", "walk closer to {} and turn about", "wave before {}")
+ADVICE = ("walk through the view of {}", "walk closer to {} and turn around", "wave in front of {}")
 
 
 def calibrate(
@@ -72,7 +72,7 @@ def calibrate(
         found = align(motions[0], motion)
         if found is None:
             raise InputError(
-                f"{name} and {first} do not show the person at the same time; record at least a second of it"
+                f"{name} and {first} do not show the person at the same time; record both for at least 1 s"
             )
         if found.residual_m > SETTINGS.max_misfit_m:
             raise InputError(
@@ -84,7 +84,7 @@ def calibrate(
 
 
 def advised(name: str, found: CameraPose) -> CameraPose:
-    """A pose, with what would make its largest deviation smaller; InputError if it is not determined."""
+    """A pose with advice on reducing its largest deviation; InputError if the pose is not determined."""
     worst = int(np.argmax(found.deviations / LARGEST))
     advice = ADVICE[worst // 3].format(name)
     if not found.deviations[worst] <= LARGEST[worst]:

@@ -1,4 +1,4 @@
-"""The command line as a whole: the file with options, the exit code, and messages for wrong lines."""
+"""The command line as a whole: the file with options, exit codes, and messages for wrong command lines."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ def use_config(context: typer.Context, given: Path | None) -> None:
     """Make the options of a file the defaults of all commands below `context`.
 
     The file is `given`, else `gepf.toml` in the working folder, if there is one. Raises InputError for an
-    unreadable file, and for unknown names. A file that nobody named cannot switch encryption off: the folder
-    may be somebody else's.
+    unreadable file, and for unknown names. A file that the user did not name cannot turn encryption off:
+    somebody else may have put it into the folder.
     """
     file = given or Path("gepf.toml")
     if given is None and not file.is_file():
@@ -89,7 +89,7 @@ def main(arguments: Sequence[str] | None = None, connect: Connect | None = None)
                 code = app(arguments, prog_name="gepf", standalone_mode=False, obj=connect)
         except typer.TyperException as error:
             raise InputError(describe_misuse(error)) from error
-        if code == ExitCode.INTERRUPTED:  # what typer makes of it
+        if code == ExitCode.INTERRUPTED:  # typer turns a KeyboardInterrupt into this code
             raise KeyboardInterrupt
         return code if isinstance(code, int) else 0
 
@@ -115,7 +115,7 @@ def gepf(
     *,
     config: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Options of the commands (default: gepf.toml in this folder)."),
+        typer.Option(metavar="FILE", help="File with options (default: gepf.toml in the working folder)."),
     ] = None,
     debug: Annotated[
         bool, typer.Option("--debug", help="Show the traceback of an error, as GEPF_DEBUG=1 does.")

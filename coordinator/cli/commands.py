@@ -34,7 +34,7 @@ def grouped(command: Callable[..., None]) -> Callable[..., None]:
     def run(**values: Any) -> None:
         for name, value in values.items():
             if isinstance(value, float) and not 0.0 < value < math.inf:
-                raise InputError(f"--{name.replace('_', '-')} {value:g} is not above 0; give another number")
+                raise InputError(f"--{name.replace('_', '-')} {value:g} is not valid; give a number above 0")
         built = {
             name: make(**{field.name: values.pop(field.name) for field in fields(make)})
             for name, make in groups.items()
@@ -165,7 +165,7 @@ def publish(
 @app.command(rich_help_panel=HOSTS)
 @grouped
 def certificates(options: given.CertificatesOptions) -> None:
-    """Create, or renew, certificates for an authority, coordinators, router and workers."""
+    """Create or renew the certificates of an authority, coordinators, a router and workers."""
     from gepf.common.protocol.keys import check_name
     from gepf.coordinator.security.access import choose_names
     from gepf.coordinator.security.certificates import make_certificates
@@ -176,11 +176,11 @@ def certificates(options: given.CertificatesOptions) -> None:
     made = make_certificates(
         options.out, choose_names(options.workers), hosts, options.days, options.mount, coordinators
     )
-    new = ", ".join(made.new) or "nothing, no certificate needs to be renewed yet"
+    new = ", ".join(made.new) or "nothing, as no certificate needs renewal yet"
     say("gepf", f"new in {options.out}: {new}; keep ca.key secret")
     if made.succession is not None:
         say("gepf", made.succession)
-    say("gepf", f"the same command renews them from {made.renew_from:%Y-%m-%d} on")
+    say("gepf", f"to renew the certificates, run the same command again from {made.renew_from:%Y-%m-%d} on")
 
 
 @app.command(rich_help_panel=HOSTS)
@@ -241,7 +241,7 @@ def pictures(options: given.PicturesOptions, quiet: Quiet = False) -> None:
 def view(options: given.ViewOptions, security: SecurityOptions, quiet: Quiet = False) -> None:
     """Show a run, or live input while it is tracked: depth, model, hypotheses, angles, status."""
     if str(options.run).startswith("zenoh:"):
-        # only when no other program wants to: even loading would slow down a tracker on this host
+        # use the processor only while it is idle: even loading would slow down a tracker on this host
         os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
     with needs("view", "gepf view"):
         from gepf.coordinator.commands.view import run_view

@@ -38,7 +38,7 @@ class ColourState:
     def after(
         self, against: Sequence[bool], interval_s: float, time_s: float, settings: ColourSettings
     ) -> Self:
-        """The state after a frame in which keypoints are against poses that explain depth, or for them."""
+        """The state after a frame; `against`: whether keypoints contradict a pose that explains depth."""
         if not against:
             return self
         balance = (2 * sum(against) - len(against)) / len(against)
@@ -83,9 +83,10 @@ def compare(
 
 
 def are_elsewhere(pixels: Array, keypoints: NDArray[np.float32], settings: ColourSettings) -> bool:
-    """Whether keypoints are not where a body has them (17, 2), whichever way it faces, or all shifted.
+    """Whether keypoints are not where a body has them, at `pixels` (17, 2), or are all shifted.
 
-    Clothes shift them, too, but less. The pose follows a larger shift half of the way.
+    Which way the body faces does not matter. Clothes shift keypoints, too, but less. The pose follows a
+    larger shift half of the way.
     """
     sides = keypoints, keypoints[EXCHANGED]
     keypoints = min(sides, key=lambda shown: distance_of(pixels, shown))
@@ -101,7 +102,7 @@ def unused(states: ColourStates) -> frozenset[str]:
 
 
 def unused_before(states: ColourStates, time_s: float | None) -> frozenset[str]:
-    """The cameras whose colour was not used before the frame at this time: changes since then are undone."""
+    """The cameras whose colour was not used before the frame at this time; later changes do not count."""
 
     def was_used(state: ColourState) -> bool:
         has_changed = time_s is not None and state.since_s is not None and state.since_s >= time_s
@@ -113,7 +114,7 @@ def unused_before(states: ColourStates, time_s: float | None) -> frozenset[str]:
 def trusted(states: ColourStates, time_s: float, settings: ColourSettings) -> frozenset[str]:
     """The cameras whose colour shows people now: it is used, and has lately shown somebody where depth does.
 
-    Others, in the dark for example, do not tell that nobody is there.
+    Colour of the others, for example in the dark, is no sign that nobody is there.
     """
     return frozenset(
         name
@@ -123,7 +124,7 @@ def trusted(states: ColourStates, time_s: float, settings: ColourSettings) -> fr
 
 
 def describe_changes(before: Mapping[str, ColourState], now: Mapping[str, ColourState]) -> list[str]:
-    """Messages on the cameras whose colour is no longer used, or used again."""
+    """Messages about the cameras whose colour is no longer used, or is used again."""
     lines = list[str]()
     for name, state in now.items():
         if state.used != before.get(name, ColourState()).used:

@@ -1,6 +1,6 @@
-"""Takes the network out of a package of npm: python -m gepf.coordinator.colour.build PACKAGE [FILE].
+"""Extracts the network from an npm package: python -m gepf.coordinator.colour.build PACKAGE [FILE].
 
-PACKAGE is the file that `npm pack @mediapipe/pose@0.5.1675469404` writes. Newer versions hold no networks.
+PACKAGE is the file that `npm pack @mediapipe/pose@0.5.1675469404` writes. Newer versions contain no networks.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ def extract(package: Path) -> bytes:
             member = archive.extractfile(MEMBER)
             content = b"" if member is None else member.read()
     except (OSError, tarfile.TarError, KeyError) as error:
-        raise InputError(f"{package} holds no {MEMBER} ({error}); give another package") from error
+        raise InputError(f"{package} does not contain {MEMBER} ({error}); give another package") from error
     if (found := hashlib.sha256(content).hexdigest()) != SHA256:
         raise InputError(f"{MEMBER} of {package} has the SHA-256 {found}, expected {SHA256}")
     return content

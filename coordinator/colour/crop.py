@@ -41,7 +41,7 @@ CROPS = CropSettings()
 
 @dataclass(frozen=True, slots=True)
 class Crop:
-    """A square with its middle at `column`, `row` and sides of `side` pixels, turned clockwise by radians."""
+    """A square around (`column`, `row`) with sides of `side` pixels, turned clockwise by `turn` radians."""
 
     column: float
     row: float
@@ -66,7 +66,7 @@ class Crop:
     def take(self, colours: Colours, measured: Mask, max_gap_px: float) -> Colours:
         """The pixels (SIDE_PX, SIDE_PX, 3) of an image (h, w, 3), black outside of it.
 
-        The image covers the depth image, of which the pixels (H, W) with depth are `measured`, at any scale.
+        The image shows what the depth image shows, at any scale; `measured` (H, W) marks pixels with depth.
         Registered colour has gaps where there is no depth; those up to `max_gap_px` wide are closed.
         """
         corners = self.to_image(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])) + 0.5
@@ -100,7 +100,7 @@ class Crop:
 def crop_of_points(points: Array, upward: Array, camera: Intrinsics, reach_m: float) -> Crop:
     """The crop around a person of whom points (P, 3) are seen; `upward` (3,), camera's frame.
 
-    The person may reach `reach_m` from their middle.
+    The person may reach `reach_m` from the middle of the points.
 
     The points may be a part of the person, and a little more: the network looks again where it sees one.
     """
@@ -123,7 +123,7 @@ def warp(image: Image.Image, corners: Array, how: Image.Resampling) -> NDArray[n
 
 
 def close_gaps(colours: Colours, measured: Mask, widest: float) -> Colours:
-    """Colours (H, W, 3) with the nearest ones in narrow black gaps where nothing was `measured` (H, W)."""
+    """Colours (H, W, 3), with narrow black gaps that were not `measured` (H, W) filled by the nearest."""
     gap = ~measured & (colours.max(axis=2) <= CROPS.max_black)
     if not gap.any() or gap.all():
         return colours
@@ -137,7 +137,7 @@ def close_gaps(colours: Colours, measured: Mask, widest: float) -> Colours:
 def crop_of_body(vertices: Array, hips: Array, shoulders: Array, camera: Intrinsics) -> Crop | None:
     """The crop around a body with vertices (V, 3), middles of hips (3,) and shoulders (3,), camera's frame.
 
-    None if it is not before the camera.
+    None if it is not in front of the camera.
     """
     ahead = vertices[:, 2] > CROPS.min_depth_m
     if not ahead.any() or min(hips[2], shoulders[2]) <= CROPS.min_depth_m:

@@ -31,14 +31,14 @@ from gepf.coordinator.settings import ColourSettings
 
 def without_colour(missing: MissingPackage) -> str:
     """What to say if the extra `color` is not installed."""
-    return f"colour is not used, which corrects many limbs, and exchanged left and right: {missing}"
+    return f"colour, which corrects many limbs and swapped sides, is not used: {missing}"
 
 
 class PeopleInColour(NamedTuple):
     """What the network shows of the people of a frame, in their order.
 
-    doubles: who follows the person of another body. looked_in: the cameras in which each was looked for, and
-    would be shown.
+    doubles: whether a body follows the person of another body. looked_in: for each person, the cameras in
+    whose images the network looked for them, and would have shown them.
     """
 
     keypoints: Sequence[Keypoints]
@@ -62,13 +62,13 @@ class KeypointFinder:
         return PoseNetwork()
 
     def prepare(self) -> None:
-        """Load the network, which the first frame with colour would else wait for."""
+        """Load the network, which the first frame with colour would otherwise wait for."""
         self._thread.submit(lambda: self._network).result()
 
     def submit(
         self, frame: Frame, bodies: Sequence[ExpectedBody | None], settings: ColourSettings
     ) -> Future[PeopleInColour]:
-        """Begin to look for people, each around an expected body; without one, or without colour: nothing."""
+        """Begin to look for people, each around an expected body; without body or colour, for nobody."""
 
         def look() -> PeopleInColour:
             looks = [self._look(frame, body, settings) for body in bodies]
@@ -91,8 +91,8 @@ class KeypointFinder:
     ) -> dict[int, Keypoints]:
         """The keypoints of candidates, by their place; none where the network sees no person.
 
-        A candidate is what shows it, and all that may show it. `upward` (3,) are directions in the camera's
-        frame, by its name.
+        A candidate is a pair of subjects: what shows it, and all that may show it. `upward` has a direction
+        (3,) in the frame of each camera, by the camera's name.
         """
 
         def look(subject: SubjectFrame, widest: SubjectFrame) -> Keypoints:
@@ -115,7 +115,7 @@ class KeypointFinder:
     def _look(
         self, frame: Frame, body: ExpectedBody | None, settings: ColourSettings
     ) -> dict[str, NDArray[np.float32] | None]:
-        """What the network sees around a body in each image that may show it; None: nobody."""
+        """What the network sees around a body in each image that may show it; None if it sees nobody."""
         seen = dict[str, NDArray[np.float32] | None]()
         for view in frame.views:
             crop = None if body is None or view.colours is None else crop_of(body, view)

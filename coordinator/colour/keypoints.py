@@ -38,8 +38,8 @@ def find_keypoints(
 
     None if the network sees nobody there.
 
-    The image (h, w, 3) covers the depth image, of which the pixels (H, W) with depth are `measured`. If the
-    person fills the crop badly, the network looks again, where the person is.
+    The image (h, w, 3) shows what the depth image shows, in which `measured` (H, W) marks pixels with depth.
+    If the person fits the crop badly, the network looks again where it saw the person.
     """
     for _ in range(2):
         found = network.see(crop.take(colours, measured, settings.max_gap_px))

@@ -86,7 +86,7 @@ def deviations_of(pixels: NDArray[np.floating], keypoints: NDArray[np.float32]) 
 def assign(
     bodies: Sequence[ExpectedBody | None], seen: Sequence[Keypoints], frame: Frame, settings: ColourSettings
 ) -> list[Keypoints]:
-    """Assign keypoints to bodies: each person in an image to the nearest body, and one person to a body.
+    """Assign keypoints to bodies: each person in an image to the nearest body, and at most one to each body.
 
     Around a body that is hidden or wrong, the network may see another person, who may be another body.
     """
@@ -120,7 +120,7 @@ def find_doubles(
     assigned: Sequence[Keypoints],
     settings: ColourSettings,
 ) -> list[bool]:
-    """Whether each body is where another body is, and the keypoints seen there belong to the other."""
+    """For each body, whether it is where another one is, and the keypoints seen there belong to that one."""
 
     def is_double(body: int, other: int) -> bool:
         a, b = bodies[body], bodies[other]

@@ -31,8 +31,8 @@ def trunk_step(
 ) -> Array | None:
     """The motion (3,) of a person from an expected body to its keypoints, metres, in the frame of the rig.
 
-    None if there are no keypoints or no depth at the trunk, or if it is longer than `max_motion_m`: then it
-    is somebody else's.
+    None if there are no keypoints or no depth at the trunk, or if the motion is longer than `max_motion_m`:
+    then the keypoints are somebody else's.
     """
     middle_m, front = settings.trunk_middle_m, settings.hand_share
     for view in frame.views:

@@ -56,7 +56,7 @@ def check_installed() -> None:
 
 @contextmanager
 def quiet_stderr() -> Iterator[None]:
-    """Drop what compiled code writes to stderr: LiteRT announces its delegate, and has no option for that."""
+    """Drop what compiled code writes to stderr: LiteRT announces its delegate; no option prevents that."""
     sys.stderr.flush()
     kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
     try:
@@ -69,7 +69,7 @@ def quiet_stderr() -> Iterator[None]:
 
 
 class PoseNetwork:
-    """The network in memory; the number of `threads` does not change its outputs. It locks itself.
+    """The network in memory; the number of `threads` does not change its outputs. Several threads may use it.
 
     Raises MissingPackage if the extra `color` is not installed.
     """

@@ -60,11 +60,11 @@ def run_calibrate(options: CalibrateOptions, show: Show, connect: Connect) -> No
 
 
 def open_all(sequences: Sequence[Path]) -> dict[str, Source]:
-    """The recordings by name; InputError if they are not two or more different ones."""
+    """The recordings by name; InputError unless they are two or more different recordings."""
     if not 2 <= len(sequences) <= MAX_CAMERAS:
-        raise InputError(f"{len(sequences)} recordings were given; give those of 2 to {MAX_CAMERAS} cameras")
+        raise InputError(f"{len(sequences)} recordings are given; give 2 to {MAX_CAMERAS}, one per camera")
     if len({path.resolve() for path in sequences}) < len(sequences):
-        raise InputError("a recording is given twice; give one of each camera")
+        raise InputError("the same recording is given twice; give one recording per camera")
     sources, found = [open_source(path) for path in sequences], dict[str, Source]()
     names = [source.name for source in sources]
     for n, source in enumerate(sources, 1):

@@ -106,7 +106,7 @@ def exit_code(work: Callable[[], int], name: str) -> int:
             complain(name, interrupt.__cause__)
         say(name, "stopped")
         return ExitCode.INTERRUPTED
-    except Exception as error:  # noqa: BLE001 whatever it is, a user reads one line
+    except Exception as error:  # noqa: BLE001 users get one line for any error
         complain(name, error)
         return ExitCode.WRONG_INPUT if isinstance(error, InputError) else ExitCode.FAILED
 
@@ -122,9 +122,9 @@ def describe_fault(error: Exception) -> str:
     """Message for an unexpected error, with a remedy if one is known."""
     if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
         where = f" for {error.filename}" if error.filename else ""
-        continues = "gepf track --resume continues a recording, gepf report finishes a live run"
-        return f"no space is left on the disk{where}; make room; {continues}"
-    return f"{type(error).__name__}: {error} (gepf --debug shows where)"
+        then = "then continue a recording with gepf track --resume, or finish a live run with gepf report"
+        return f"no space is left on the disk{where}; make room, {then}"
+    return f"{type(error).__name__}: {error} (gepf --debug shows the traceback)"
 
 
 def say(name: str, message: str) -> None:

@@ -54,8 +54,8 @@ def run_demo(
 ) -> None:
     """Render a scene once per seed, track it with one particle and with the filter, and show a table.
 
-    `out` gets folders of sequences and of runs, which replace those of an earlier demo. Raises InputError if
-    `out` holds what no demo made, or for an unknown scene.
+    The folders of sequences and runs in `out` replace those of an earlier demo. Raises InputError if `out`
+    holds anything that no demo made, or for an unknown scene.
     """
     check_choice("scene", scene, SEEDS)
     out, seeds = out or Path("gepf-demo"), seeds or SEEDS[scene]
@@ -77,7 +77,7 @@ def run_demo(
     show.say(f"tracking {len(jobs)} runs; the first time, compiling takes a few minutes")
     for run in run_pool(jobs, show, quiet=True):
         if not run.is_done:
-            raise GepfError(f"{run.job.folder} ended with exit code {run.code}")
+            raise GepfError(f"tracking into {run.job.folder} failed (exit code {run.code}); see above")
     scores = np.array([[score(scene, out, way, seed) for way in (LONE, FILTER)] for seed in seeds])
     show.console.print(tabulate(scene, scores))
     drawn = [out / f"{way}-{seeds[0]}" / FILM_FILE for way in (FILTER, LONE)]
@@ -85,10 +85,10 @@ def run_demo(
 
 
 def make_room(out: Path, folders: Collection[str]) -> None:
-    """Remove the folders of an earlier demo from `out`, and mark `out` as that of a demo with these folders.
+    """Remove the folders of an earlier demo from `out`, and note in `out` the folders of this demo.
 
-    Nothing else is removed: InputError if `out` holds anything and no demo made it, or if a folder that is
-    needed is there and is not one of a demo.
+    Nothing else is removed: InputError if `out` is not empty and no demo made it, or if one of `folders`
+    exists and no demo made it.
     """
     marker = out / MARKER
     try:
@@ -96,7 +96,7 @@ def make_room(out: Path, folders: Collection[str]) -> None:
         made = set(marker.read_text(encoding="utf-8").splitlines()) if MARKER in held else set()
         foreign = sorted(held & set(folders) - made if MARKER in held else held)
         if foreign:
-            raise InputError(f"'{out / foreign[0]}' is not from a demo and stays; choose another --out")
+            raise InputError(f"'{out / foreign[0]}' was not made by gepf demo; choose another --out")
         for name in held & made:
             shutil.rmtree(out / name)
         out.mkdir(parents=True, exist_ok=True)
@@ -115,9 +115,9 @@ def lone_settings() -> Settings:
 
 
 def score(scene: str, out: Path, way: str, seed: int) -> tuple[float, float]:
-    """Of people the percentage of joints within 10 cm (0 if nobody was detected) and the mean error, cm.
+    """For people, the percentage of joints within 10 cm (0 if nobody was detected) and the mean error, cm.
 
-    Of the arm the mean error of the angles and that of the best hypothesis, degrees.
+    For the arm, the mean error of the angles and that of the best hypothesis, degrees.
     """
     truth = read_truth(out / f"{SEQUENCE}-{seed}" / TRUTH_FILE)
     errors = measure_errors(read_track(out / f"{way}-{seed}"), truth)
@@ -129,7 +129,7 @@ def score(scene: str, out: Path, way: str, seed: int) -> tuple[float, float]:
 
 
 def tabulate(scene: str, scores: np.ndarray) -> Table:
-    """One row per sequence with the scores (S, 2, 2) of both ways, and one with the mean."""
+    """One row per sequence with the scores (S, 2, 2) of both methods, and one row with the mean."""
     title, form = CELLS[scene]
     table = Table(title, "one particle", "gepf, 20 particles", box=None)
     rows = {f"{scene} {k}": row for k, row in enumerate(scores)} | {"mean": scores.mean(axis=0)}

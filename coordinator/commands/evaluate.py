@@ -27,8 +27,8 @@ logger = logging.getLogger(__name__)
 def run_evaluate(options: EvaluateOptions) -> None:
     """Print the errors of runs. Raises InputError if they cannot be compared.
 
-    A table has all errors except those by name. It omits runs without truth and names them, unless no run has
-    truth.
+    The table has all errors except those by angle or degree of freedom. Runs without truth are left out with
+    a warning; InputError if no run has truth.
     """
     runs, truth = options.runs, options.truth
     if len(runs) > 1 and not options.csv:
@@ -47,7 +47,7 @@ def run_evaluate(options: EvaluateOptions) -> None:
                 placed = source.T_rig_camera
             found[run] = evaluate(tracks[run], read_truth(of_run, placed))
         elif any(truths.values()):
-            logger.warning("left out: the sequence of %s has no truth for this body, or was moved", run)
+            logger.warning("%s is left out: its sequence has no truth for this body, or was moved", run)
     if not found:
         raise InputError(f"the sequence of {runs[0]} has no truth for this body, or was moved; give --truth")
     if not options.csv:
@@ -61,7 +61,7 @@ def run_evaluate(options: EvaluateOptions) -> None:
 def check_truth(run: Path, truth: Path) -> None:
     """InputError if the truth is the run itself, or in the folder of another recording."""
     if truth.exists() and truth.samefile(run / TRACK_FILE):
-        raise InputError(f"{truth} is the run's own track; give the truth of its sequence, truth.npz")
+        raise InputError(f"{truth} is the track of the run itself; give the truth.npz of its sequence")
     summary, folder = read_summary(run), truth.resolve().parent
     if "first_frame" not in summary:
         return
@@ -74,5 +74,6 @@ def check_truth(run: Path, truth: Path) -> None:
     first = int(summary["frame_range"].partition(":")[0])
     if first not in source.numbers or digest_view(source.view(first)) != summary["first_frame"]:
         raise InputError(
-            f"{truth} is for {folder.name}, but {run} tracked {summary.get('sequence')}; give its own"
+            f"{truth} is for {folder.name}, but {run} tracked {summary.get('sequence')}; "
+            "give the truth of that sequence"
         )

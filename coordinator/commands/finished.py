@@ -63,7 +63,7 @@ def draw_pictures(
 
 
 def find_sequence(run: Path, moved_to: Path | None = None) -> Source | None:
-    """The tracked sequence: as given, else at its recorded path; None if it is missing."""
+    """The tracked sequence: at `moved_to` if given, else at its recorded path; None if that is missing."""
     if moved_to is not None:
         return open_source(moved_to, camera_in(find_summary(run) or {}))
     summary = read_summary(run)
@@ -79,7 +79,7 @@ def camera_in(summary: Mapping[str, Any]) -> GivenCamera:
 
 
 def own_truth(run: Path, source: Source | None) -> Path | None:
-    """The truth of a run's sequence; None for one of several people, as it does not say whose it is."""
+    """The truth of a run's sequence; None with several people, as the truth does not say whose it is."""
     return None if source is None or PEOPLE in read_summary(run) else source.truth
 
 

@@ -104,10 +104,10 @@ def describe_tracked(run: Path, summary: Mapping[str, Any]) -> dict[str, object]
 
 
 def find_people(source: Source) -> tuple[SceneView, list[Candidate]]:
-    """The first of some frames with a likely person, and its candidates, the most likely first.
+    """The first examined frame with a likely person, and the likely people in it, the most likely first.
 
-    The frames are spread over the whole recording. If none has a likely person, the last of them with its
-    most likely candidate.
+    The examined frames are spread over the whole recording. If none of them has a likely person, returns the
+    last one, with its most likely candidate if there is any.
     """
     from gepf.coordinator.scene.candidates import candidates
     from gepf.coordinator.scene.scene import Scene
@@ -191,7 +191,7 @@ def describe_place(source: Source) -> dict[str, object]:
 
 
 def describe_recording(form: Format, source: Source) -> dict[str, object]:
-    """Facts about a sequence by name, its depth from ten frames. Raises InputError for a damaged one."""
+    """Facts about a sequence by name; its depth is that of ten frames. InputError for a damaged frame."""
     camera = source.intrinsics
     chosen = np.unique(np.linspace(0, len(source) - 1, 10).astype(int)).tolist()
     depths = [source.view(source.numbers[n]).metres() for n in chosen]

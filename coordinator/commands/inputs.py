@@ -64,7 +64,7 @@ logger = logging.getLogger(__name__)
 
 Streams = Generator[Iterator[Frame], None, None]
 
-MEND_STREAM = "is its publisher running, with this key and endpoint, and is its depth above 0?"
+MEND_STREAM = "check that its publisher is running with this key and endpoint, and sends depth above 0"
 LEFT_OUT = {"skipped": "for newer frames", "rejected": "do not fit the stream", "malformed": "malformed"}
 """Counts of live input that are shown, and why these messages were left out."""
 
@@ -99,16 +99,16 @@ class Input:
         return has_keypoints and self.job.settings.refine.sensor == "camera" and not self.job.no_color
 
     def announce(self, _done: int) -> str:
-        """A message on how it is tracked; some frames are already recorded."""
+        """A message on what is tracked and how; `_done` is the number of frames that are already recorded."""
         job = self.job
         people = f", up to {job.people} people" if job.people > 1 else ""
         particles = counted(job.settings.filter.particles, "particle")
         into = "" if job.out is None else f" into {job.out}"
-        return f"tracking {job.sequence}{into} by {self.by}: {job.settings.method}, {particles}{people}"
+        return f"tracking {job.sequence}{into} with {self.by}: {job.settings.method}, {particles}{people}"
 
     @property
     def by(self) -> str:
-        """What it is tracked by."""
+        """The images that are used for tracking, in words."""
         return "depth alone" if self.finder is None else "depth and colour"
 
     def describe(self, tracked: TrackedFrame, rate: FrameRate) -> str:
@@ -151,7 +151,7 @@ def check_pixels(scope: Scope, camera: Intrinsics) -> None:
     if region is not None and (
         region[0] >= camera.width or region[1] >= camera.height or min(region[2:]) <= 0
     ):
-        raise InputError(f"--roi has no pixel of the {size} images; give another")
+        raise InputError(f"--roi lies outside the {size} images; give left,top,right,bottom inside them")
     if not isinstance(person, str):
         column, row = person
         if not (0 <= column < camera.width and 0 <= row < camera.height):
@@ -209,7 +209,7 @@ class RecordedInput(Input):
         self.configuration = self.configure(recording)
 
     def _choose(self, coloured: Source) -> Source:
-        """The recording with its colour images; without them, and with one line, if they are of no use."""
+        """The recording with its colour images; without them, after a warning, if they cannot be used."""
         fit = list[bool]()
         for view in coloured.views:
             numbers = self.numbers if view is coloured.views[0] else view.numbers
@@ -220,8 +220,8 @@ class RecordedInput(Input):
             return self.source
         if not any(fit):
             logger.warning(
-                "colour is not used: no image of the examined frames has the shape of depth; register colour "
-                "to depth, or give --no-color"
+                "colour is not used: none of the examined colour images has the shape of the depth images; "
+                "register colour to depth, or give --no-color"
             )
             return self.source
         if not all(fit):
@@ -239,9 +239,9 @@ class RecordedInput(Input):
         if done and done == total:
             return f"all {total} frames are recorded in {job.out}; writing the results"
         if done:
-            return f"going on with frame {self.numbers[done]}; {done} of {total} are recorded"
+            return f"continuing with frame {self.numbers[done]}; {done} of {total} frames are recorded"
         if job.resume:
-            return f"nothing to resume in {job.out}; starting again"
+            return f"nothing to resume in {job.out}; starting with the first frame"
         return f"{super().announce(done)}; {counted(total, 'frame')} of {camera.width}x{camera.height}"
 
     def streams(self, _workers: ZenohRefiner, _node: Node | None, done: int) -> Streams:
@@ -256,7 +256,7 @@ class RecordedInput(Input):
 def refuse_options_of_recordings(job: Job) -> None:
     """InputError if options of recorded sequences are given with live input."""
     if job.resume:
-        raise InputError("--resume is for recorded sequences; gepf report finishes a killed live run")
+        raise InputError("--resume is for recorded sequences; finish a killed live run with gepf report")
     for option, value in (
         ("--frames", job.frames),
         ("--color", job.color),
@@ -274,7 +274,7 @@ class LiveInput(Input):
     def __init__(self, job: Job, cameras: Sequence[LiveCamera], show: Show) -> None:
         refuse_options_of_recordings(job)
         if not vendor_of(job.sequence) and job.pool.listen is None and job.pool.connect is None:
-            raise InputError("no publisher could connect; add --listen or --connect with an endpoint")
+            raise InputError("a publisher needs an endpoint; add --listen ENDPOINT or --connect ENDPOINT")
         holder = holder_name(job.pool.security)
         if holder and (vendor := vendor_of(job.sequence)):
             cameras = [replace(each, key=of_live(holder, vendor)) for each in cameras]
@@ -287,7 +287,7 @@ class LiveInput(Input):
         if job.record is not None:
             with_parent(job.record)
         super().__init__(job, None, cameras[0])
-        self._unused = ""  # why colour is not used, until that is said
+        self._unused = ""  # why colour is not used, until the user has been told
         if self.may_use_colour:
             try:
                 self.finder = KeypointFinder()
@@ -330,8 +330,8 @@ class LiveInput(Input):
 
     @property
     def by(self) -> str:
-        """What it is tracked by; no frame waits for colour."""
-        return "depth alone" if self.finder is None else "depth, and colour if it comes"
+        """The images that are used for tracking, in words; no frame waits for colour."""
+        return "depth alone" if self.finder is None else "depth, and colour if it arrives in time"
 
     @property
     def is_too_slow(self) -> bool:
@@ -382,7 +382,7 @@ class LiveInput(Input):
             self._unused = ""
 
     def _take(self, frame: Frame) -> Frame:
-        """The frame, which is recorded; InputError if the room without people has another size."""
+        """Record the frame, if requested, and return it; InputError if the empty room has another size."""
         for view in frame.views:
             if view.camera == self.scope.camera:
                 check_size(self.job.background, self.scope.background, view.depth.shape)
@@ -410,5 +410,5 @@ def choose_start(
 ) -> Mapping[str, float] | None:
     """The start pose of a file, else of the sequence's own file; None to detect it."""
     if init is None and source is not None and source.init is not None:
-        return read_start(source.init, dof_names, "; is --model right? --init auto leaves this file out")
+        return read_start(source.init, dof_names, "; check --model, or ignore this file with --init auto")
     return None if init in (None, AUTOMATIC) else read_start(Path(init), dof_names)

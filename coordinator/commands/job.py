@@ -33,7 +33,7 @@ ROTATIONS = ("auto", "0", "90", "180", "270")
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """One `gepf track`. Fields with the names of options have their values, checked or interpreted."""
+    """One run of `gepf track`. A field with the name of an option has its value, checked or interpreted."""
 
     sequence: Path
     out: Path | None  # None: results of live input are not stored
@@ -60,7 +60,7 @@ class Job:
 
     @property
     def folder(self) -> Path:
-        """The folder of the results, of a run that stores them."""
+        """The folder of the results; only for a run that stores them."""
         assert self.out is not None
         return self.out
 
@@ -73,7 +73,7 @@ class Job:
 def choose_job(options: TrackOptions, camera: CameraOptions, security: SecurityOptions) -> Job:
     """The job that the options describe; InputError for options that exclude each other."""
     if options.workers == 0 and options.listen is None and options.connect is None:
-        raise InputError("with --workers 0 no worker could join; add --listen or --connect with an endpoint")
+        raise InputError("--workers 0 needs other workers; add --listen ENDPOINT or --connect ENDPOINT")
     pool = Pool(
         options.workers,
         options.listen,
@@ -97,15 +97,15 @@ def choose_job(options: TrackOptions, camera: CameraOptions, security: SecurityO
     job = Job(**as_given | interpreted)
     if options.joint_states is not None:
         if is_several(options) or job.people > 1:
-            raise InputError("--joint-states belongs to one body in one recording; track it alone")
+            raise InputError("--joint-states is for one body in one recording; track that recording alone")
         topic = live_key(options.joint_states)
         keys = [each.key for each in live_cameras(job.sequence)]
         if (topic or keys) and not (keys and all(map(is_topic, [topic, *keys]))):
-            raise InputError("--joint-states FILE is for recordings, ros2:/TOPIC for frames from ROS 2")
+            raise InputError("give --joint-states FILE for a recording, or ros2:/TOPIC for depth from ROS 2")
         states = read_joint_states(options.joint_states) if topic is None else JointTopic(topic)
         job = replace(job, joint_states=states)
     if job.people > 1 and job.model != HUMAN:
-        raise InputError("--people is for people whose size is measured; leave --model out")
+        raise InputError("--people estimates the size of each person; leave --model out")
     if job.people > 1 and job.init not in (None, AUTOMATIC):
         raise InputError("--init is the pose of one person; with --people all are detected, so leave it out")
     if job.color is not None and job.no_color:
@@ -118,26 +118,26 @@ def choose_job(options: TrackOptions, camera: CameraOptions, security: SecurityO
 def check_outputs(job: Job, *, several: bool) -> None:
     """InputError for outputs that the input does not have, or that nobody could receive."""
     if job.results_json and (job.results is None or is_topic(job.results)):
-        raise InputError("--publish-json is the format of published results; add --publish KEY")
+        raise InputError("--publish-json needs a key of Zenoh for the results; add --publish KEY")
     if job.uses_ros and (job.pool.connect is None or job.pool.security is not None):
         raise InputError(
-            "topics of ROS are reached at its router, unencrypted; add --connect tcp/HOST:7447 "
-            "(--insecure, too, for another host)"
+            "ROS 2 topics are reached at their Zenoh router, unencrypted; leave --tls-* out, and add "
+            "--connect tcp/HOST:7447 (for another host, also --insecure)"
         )
     if job.results is not None and not is_topic(job.results):
         if job.pool.listen is None and job.pool.connect is None:
-            raise InputError("no subscriber could connect; add --listen or --connect with an endpoint")
+            raise InputError("a subscriber needs an endpoint; add --listen ENDPOINT or --connect ENDPOINT")
         check_stream(job.results, holder_name(job.pool.security))
     if job.record is not None and (several or not live_cameras(job.sequence)):
         raise InputError("--record is for live input (zenoh:KEY); leave it out")
 
 
 def check_folder(job: Job, *, several: bool, as_json: bool) -> None:
-    """InputError without a folder of results, which only live input can do without."""
+    """InputError if there is no folder for the results and they need one; only live input does not."""
     if job.out is not None:
         return
     if several or not live_cameras(job.sequence):
-        raise InputError("the results of recordings need a folder; add --out DIR, a new folder")
+        raise InputError("the results of a recording need a folder; add --out DIR with a new folder")
     if as_json:
         raise InputError("--json prints the summary of stored results; add --out DIR, or leave --json out")
 
@@ -177,14 +177,14 @@ def choose_scope(options: TrackOptions) -> Scope:
 
 
 def split(text: str, option: str, kind: Callable[[str], T], count: int | None = None) -> tuple[T, ...]:
-    """The items between commas: `count` of them, or at least one."""
+    """The items of a comma-separated list: exactly `count` of them, or at least one."""
     try:
         found = tuple(kind(part.strip()) for part in text.split(",") if part.strip())
     except ValueError:
         found = ()
     if not found or count not in (None, len(found)):
         what = "names" if count is None else f"{count} whole numbers"
-        raise InputError(f"{option} {text} is not understood; give {what} between commas")
+        raise InputError(f"{option} {text} is not understood; give {what} separated by commas")
     return found
 
 
@@ -197,13 +197,13 @@ def recordings_of(options: TrackOptions) -> Sequence[Path]:
     """What is tracked; InputError if it is missing, given twice, or an unreadable list."""
     given = options.sequences or []
     if options.index is not None and options.listed is None:
-        raise InputError("--index is a place in a list; add --list FILE")
+        raise InputError("--index selects a recording of a list; add --list FILE")
     if options.listed is None:
         if not given:
-            raise InputError("nothing is given to track; add a recording, or --list FILE")
+            raise InputError("there is nothing to track; give a recording, or --list FILE")
         return given
     if given:
-        raise InputError(f"--list and {given[0]} both say what to track; give one of them")
+        raise InputError(f"--list and {given[0]} both say what to track; give only one of them")
     return read_list(options.listed)
 
 

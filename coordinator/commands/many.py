@@ -147,9 +147,9 @@ def choose_runs(job: Job, paths: Sequence[Path]) -> list[Job]:
 def track_many(jobs: Sequence[Job], show: Show) -> int:
     """Track all, show a table and write it as runs.csv; returns the most severe exit code: 130, then 1, 2, 3.
 
-    The results are the bytes of single runs. A run that is finished is not tracked again, if its input and
-    settings are the same; one that was stopped continues. A run that fails does not stop the others. An
-    interrupt ends all runs; their frames are kept.
+    The results are the same, bit for bit, as those of single runs. A finished run with the same input and
+    settings is not tracked again; a run that was stopped is continued. A run that fails does not stop the
+    others. An interrupt ends all runs; their frames are kept.
     """
     show.say(f"tracking {len(jobs)} recordings into {jobs[0].folder.parent}")
     ended = run_pool(jobs, show, quiet=show.console.quiet)
@@ -163,7 +163,7 @@ def track_many(jobs: Sequence[Job], show: Show) -> int:
 
 
 def run_pool(jobs: Sequence[Job], show: Show, *, quiet: bool) -> list[Ended]:
-    """Track all runs with one pool and return their ends in order. With `quiet`, runs report only errors."""
+    """Track all runs with one pool; returns how each ended. With `quiet`, they report only errors."""
     pool, ended = jobs[0].pool, dict[Path, Ended]()
     running = dict[ForkServerProcess, tuple[Job, float]]()  # the run of each process, and when it began
     limit = max(2, pool.lanes + 1)  # lanes have work while a run is between two frames
@@ -207,7 +207,7 @@ def row_of(run: Ended) -> tuple[str, ...]:
         return name, "-", "-", took, f"exit code {run.code}"
     summary = read_summary(run.job.folder)
     tracked = f"{100 * summary['status'].get('tracked', 0) / max(summary['frames'], 1):.0f} %"
-    return name, str(summary["frames"]), tracked, took, "most are not tracked" if run.code else ""
+    return name, str(summary["frames"]), tracked, took, "most frames are not tracked" if run.code else ""
 
 
 def write_table(file: Path, ended: Sequence[Ended]) -> None:
@@ -224,9 +224,9 @@ def write_table(file: Path, ended: Sequence[Ended]) -> None:
 
 
 def track_one(job: Job, quiet: bool, pipe: Connection | None) -> None:
-    """The function of a process: track, and exit with the code of a separate `gepf track`.
+    """The main function of a process: track one run, and exit with the code that `gepf track` would have.
 
-    Its progress goes to the pipe, or without one to the log.
+    Its progress goes to the pipe or, without one, to the log.
     """
     os.setpgid(0, 0)  # Ctrl-C is handled by the parent process, which then ends this one
     end_with_parent()

@@ -36,12 +36,12 @@ worker_option = partial(option, panel="Workers")
 output_option = partial(option, panel="Output")
 
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Show only errors.", rich_help_panel="Output")]
-Body = Annotated[str, typer.Argument(metavar="human|FILE", help="Template, URDF, or a person's measures.")]
+Body = Annotated[str, typer.Argument(metavar="human|FILE", help="Body: a URDF file, or a file of measures.")]
 RUN = "Results of gepf track."
 FORCE = "Replace FILE if it exists."
-MOVED = "The sequence, if it was moved."
+MOVED = "New path of the sequence, if it was moved."
 FRAMES = "Frames A to B - 1."
-OTHER_SIDE = "Connect to a tracker's --listen, or a router."
+OTHER_SIDE = "Connect to the --listen endpoint of a tracker, or to a router."
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,7 +59,7 @@ class CameraOptions:
     intrinsics: str | None = option("fx,fy,cx,cy", "Camera parameters in pixels (default: as recorded).")
     depth_scale: float | None = option("N", "Units of depth per metre (default: as recorded).")
     mirrored: bool | None = option(
-        "", "The recorder mirrored left and right; undo it.", "--mirrored/--not-mirrored"
+        "", "Whether the images were recorded mirrored, to undo it.", "--mirrored/--not-mirrored"
     )
 
     def choose(self) -> GivenCamera:
@@ -75,9 +75,9 @@ class SecurityOptions:
 
     tls_ca: Path | None = security_option("FILE", "Certificate of the authority that signs all certificates.")
     tls_cert: Path | None = security_option("FILE", "Certificate of this program.")
-    tls_key: Path | None = security_option("FILE", "Key of this certificate.")
+    tls_key: Path | None = security_option("FILE", "Private key of the certificate in --tls-cert.")
     insecure: bool = security_option(
-        "", "Unencrypted to other hosts: anyone can connect, or read.", "--insecure", default=False
+        "", "Allow unencrypted links to other hosts: anyone can connect or read.", "--insecure", default=False
     )
 
     def choose(self, listen: str | None, connect: str | None, **holder: str) -> Security | None:
@@ -98,17 +98,17 @@ class TrackOptions:
         "azure-kinect:. Several recordings share the workers.",
         default=None,
     )
-    listed: Path | None = input_option("FILE", "Recordings, one per line, instead of SEQ.", "--list")
+    listed: Path | None = input_option("FILE", "File with one recording per line, instead of SEQ.", "--list")
     index: int | None = input_option("N", "Track only recording N of --list, counted from 0.", min=0)
-    dof: str | None = input_option("NAME,...", "Track only these; `joints`: all but root.")
+    dof: str | None = input_option("NAME,...", "Degrees of freedom to track; `joints`: all but the root's.")
     model: str = input_option("human|FILE", "Body: a URDF file, or a file of measures.", default="human")
     init: str | None = input_option("auto|FILE", "Pose to start from (default: SEQ/init.json, else auto).")
     joint_states: Path | None = input_option(
         "FILE|ros2:/TOPIC", "Joint values from encoders: a CSV with time_s, or a ROS bag."
     )
-    domain: int = input_option("N", "Domain of ros2:/TOPIC.", default=0, min=0, envvar="ROS_DOMAIN_ID")
+    domain: int = input_option("N", "ROS domain of ros2:/TOPIC.", default=0, min=0, envvar="ROS_DOMAIN_ID")
     frames: str | None = input_option("A:B", FRAMES)
-    idle_timeout: float | None = input_option("SECONDS", "Silence that ends live input (default: none).")
+    idle_timeout: float | None = input_option("SECONDS", "End live input after this silence (default: none).")
     record: Path | None = output_option("DIR", "Keep the tracked frames of live input in a new folder.")
     rotate: str = input_option(
         "0|90|180|270|auto", "Clockwise degrees that make images upright (default: detected).", default="auto"
@@ -141,15 +141,15 @@ class TrackOptions:
     workers: int | None = worker_option(
         "N", "Threads of the local worker (default: all cores; 0: none).", min=0, max=MAX_PARTICLES
     )
-    kind: str = worker_option("NAME", "Kernel of the workers that are used.", default=CPU)
+    kind: str = worker_option("NAME", "Use only workers with this kernel.", default=CPU)
     listen: str | None = worker_option("ENDPOINT", "Let other workers join, e.g. at tls/0.0.0.0:7447.")
     connect: str | None = worker_option("ENDPOINT", "Use the workers at a router.")
-    worker_timeout: float | None = worker_option("SECONDS", "Stop if none joins (default: wait).")
-    out: Path | None = output_option("DIR", "New folder for the results; live input can do without.")
+    worker_timeout: float | None = worker_option("SECONDS", "Stop if no worker joins (default: wait).")
+    out: Path | None = output_option("DIR", "New folder for the results; optional for live input.")
     resume: bool = output_option("", "Continue the run in --out, if there is one.", "--resume", default=False)
     pictures: bool = output_option("", "Draw pictures at the end.", "--pictures/--no-pictures", default=True)
     results: str | None = output_option(
-        "KEY|ros2:/TOPIC", "Publish results there (for zenoh:KEY, KEY/results).", "--publish"
+        "KEY|ros2:/TOPIC", "Publish results there (default for zenoh:KEY: KEY/results).", "--publish"
     )
     results_json: bool = output_option("", "Publish results as JSON.", "--publish-json", default=False)
     quiet: Quiet = False
@@ -169,8 +169,8 @@ class InfoOptions:
 class CalibrateOptions:
     """Options of `gepf calibrate`."""
 
-    sequences: list[Path] = argument("A B [C ...]", "A recording of each camera, at the same time.")
-    out: Path = option("FILE.json", "Rig to write.", default=MISSING)
+    sequences: list[Path] = argument("A B [C ...]", "Simultaneous recordings, one per camera.")
+    out: Path = option("FILE.json", "Rig file to write.", default=MISSING)
     given: Path | None = option("FILE|DIR", "Take the poses from Kalibr, ROS or 4 x 4 matrices.", "--from")
     force: bool = option("", FORCE, "--force", default=False)
 
@@ -188,8 +188,8 @@ class SynthOptions:
     model: str | None = option("human|FILE.urdf", "Body of the scene roam, in which all joints move.")
     seed: int = option("N", "Seed of noise and motion.", default=0)
     cameras: int = option("N", "Cameras around the person; several make a rig.", default=1)
-    apart: float = option("DEG", "Degrees from camera to camera.", default=90.0)
-    late: float | None = option("MS", "Delay from camera to camera.")
+    apart: float = option("DEG", "Angle between neighbouring cameras.", default=90.0)
+    late: float | None = option("MS", "Delay of each camera after the one before it.")
     room: bool = option("", "Add floor, ceiling and walls.", "--room", default=False)
 
 
@@ -212,12 +212,12 @@ class PublishOptions:
 class CertificatesOptions:
     """Options of `gepf certificates`."""
 
-    out: Path = option("DIR", "Folder; keeps certificates that need no renewal.", default=MISSING)
+    out: Path = option("DIR", "Folder to fill; certificates that need no renewal are kept.", default=MISSING)
     workers: str = option("N|NAME,...", "How many workers (worker-0, ...), or their names.", default="1")
-    coordinators: str = option("NAME,...", "Other coordinators, which share a pool at a router.", default="")
+    coordinators: str = option("NAME,...", "Further coordinators, sharing a pool at a router.", default="")
     hosts: str = option("HOST,...", "Other hosts where a coordinator or router listens.", default="")
-    days: int = option("N", "Days of validity (of the authority: ten years).", default=30, min=1)
-    mount: Path | None = option("DIR", "Path of the folder in a router's container.")
+    days: int = option("N", "Days of validity (the authority has ten years).", default=30, min=1)
+    mount: Path | None = option("DIR", "Path of this folder inside a router's container.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -232,7 +232,7 @@ class RouterOptions:
 class EvaluateOptions:
     """Options of `gepf evaluate`."""
 
-    runs: list[Path] = argument("DIR...", "Folders of results of gepf track.")
+    runs: list[Path] = argument("DIR...", "Folders with results of gepf track.")
     truth: Path | None = option("FILE", "Ground truth (default: the sequence's own).")
     csv: bool = option("", "Print CSV, one line per run; required for several runs.", "--csv", default=False)
 
@@ -250,7 +250,7 @@ class ExportOptions:
     )
     out: Path = option("FILE", "File to write.", default=MISSING)
     frame: int | None = option("N", "The frame for obj, pcd, ply, xyz (default: first tracked).")
-    smooth: float | None = option("HZ", "Low pass without delay, e.g. 6 (default: as tracked).")
+    smooth: float | None = option("HZ", "Low-pass filter without delay, e.g. 6 (default: no filter).")
     force: bool = option("", FORCE, "--force", default=False)
 
 

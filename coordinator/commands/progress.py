@@ -86,7 +86,7 @@ class FrameRate:
         self._latest = deque[tuple[float, float]]()  # times of the last second, and latency of these frames
 
     def count(self, received_at: float | None = None) -> None:
-        """Count one frame; its latency is known if it was received at a time of the clock."""
+        """Count one frame; with `received_at`, a time of the same clock, also note its latency."""
         self._frames, self._last = self._frames + 1, self._clock()
         if self._frames == 1:
             self._first = self._last

@@ -42,7 +42,9 @@ def run_publish(
     if vendor_of(options.sequence):
         given = options.rate, options.frames, camera.intrinsics, camera.depth_scale
         if any(given):
-            raise InputError("--rate, --frames, --intrinsics and --depth-scale are for recorded sequences")
+            raise InputError(
+                "--rate, --frames, --intrinsics and --depth-scale are for recorded sequences; leave them out"
+            )
         attached = AttachedCamera(options.sequence, show.say, colour=options.color)
     elif options.color:
         raise InputError("--color is for cameras; leave it out with a recorded sequence")
@@ -80,7 +82,7 @@ def reach_partner(reached: Pool, partner: str, key: str, show: Show) -> Bus:
     if reached.listen is not None:
         return open_coordinator(reached.listen_endpoints, reached.connect_endpoints, reached.security)
     if reached.connect is None:
-        raise InputError(f"no {partner} could connect; add --connect or --listen with an endpoint")
+        raise InputError(f"a {partner} needs an endpoint; add --connect ENDPOINT or --listen ENDPOINT")
     line = f"no answer at {reached.connect} yet; waiting for a {partner} of {key}"
     silences = count()
 

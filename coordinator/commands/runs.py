@@ -25,7 +25,7 @@ def run_track(
     job = choose_job(options, camera, security)
     jobs, single = [job], not is_several(options)
     if not single:
-        from gepf.coordinator.commands.many import choose_runs, track_many  # loads what one run does not need
+        from gepf.coordinator.commands.many import choose_runs, track_many  # not needed for a single run
 
         jobs = choose_runs(job, recordings_of(options))
         if options.index is not None:
@@ -44,5 +44,5 @@ def run_track(
 def listed_at(index: int, jobs: Sequence[Job]) -> Job:
     """The run with an index; InputError if the list is shorter."""
     if index >= len(jobs):
-        raise InputError(f"--index {index} is beyond the {len(jobs)} recordings of the list; it starts at 0")
+        raise InputError(f"--index {index} is beyond the end of the list; give 0 to {len(jobs) - 1}")
     return jobs[index]

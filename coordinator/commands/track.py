@@ -48,9 +48,9 @@ def track(job: Job, show: Show, connect: Connect) -> bool:
 
     The folder of results is created when the options and the first recorded frame are valid. If the run ends
     early, because of an interrupt, a damaged frame or another error, the tracked frames are in the folder,
-    and another run with `resume` continues from detected. An interrupt ends live input like its publisher. If
-    all workers stop answering, the run continues over a new connection, as long as each connection gives
-    frames.
+    and another run with `resume` continues after them. An interrupt ends live input as its publisher would.
+    If all workers stop answering, the run continues over a new connection, as long as some frames are tracked
+    over each connection.
     """
     cameras = live_cameras(job.sequence)
     run_input = LiveInput(job, cameras, show) if cameras else RecordedInput(job)
@@ -123,8 +123,8 @@ def track_frames(
 ) -> bool:
     """Track the frames; each is recorded while the workers refine the next, live only if one is waiting.
 
-    Each stream of live input has a new tracker, and so have the frames that follow if no worker answers for
-    long. Returns False if all workers stopped answering after some frames of a recording.
+    Each stream of live input gets a new tracker. So do the live frames that follow after no worker has
+    answered for long. Returns False if all workers stopped answering after some frames of a recording.
     """
     job, before, goes_on = run_input.job, recorder.frames, False
     latest: TrackedFrame | None = None
@@ -168,7 +168,7 @@ def track_frames(
             goes_on = run_input.total is not None and recorder.frames > before
             if not goes_on:
                 raise
-            show.say("workers are connected, but none answers; reconnecting: this run continues")
+            show.say("workers are connected, but none answers; reconnecting to continue this run")
         finally:
             streams.close()
             if not goes_on:
@@ -180,7 +180,7 @@ def track_frames(
 def follow(
     make: Callable[[], Tracker], frames: Iterator[Frame], live: LiveFrames | None, show: Show
 ) -> Iterator[TrackedFrame]:
-    """Track the frames of a stream; live ones again with a new tracker after workers that did not answer.
+    """Track the frames of a stream. If workers do not answer, live frames continue with a new tracker.
 
     Raises SilentWorkers in a recording, and if no worker has answered since the tracker began.
     """
@@ -193,7 +193,7 @@ def follow(
         except SilentWorkers as error:
             if live is None or not answered:
                 raise
-            show.say(f"{error}; tracking begins anew with the next frame")
+            show.say(f"{error}; tracking starts again with the next frame")
         else:
             return
 
@@ -220,7 +220,7 @@ def publish(tracked: TrackedFrame, outlets: Sequence[LiveResults]) -> None:
 def open_node(job: Job, show: Show) -> Iterator[Node | None]:
     """The node of ROS 2 through which frames come or results go; None without ROS.
 
-    It has its own session, because routers do not forward messages between peers, as ROS's nodes are.
+    It has its own session: trackers and ROS nodes are peers, and routers do not forward between peers.
     """
     if not job.uses_ros:
         yield None
@@ -254,16 +254,16 @@ def open_outlets(
 def draw(run_input: RecordedInput | LiveInput, recorded: Mapping[int, Outcome], show: Show) -> None:
     """Draw pictures of a finished run, and print where the results are."""
     job = run_input.job
-    max_live_frames = 108_000  # an hour: curves of more show nothing, and need memory
+    max_live_frames = 108_000  # an hour; curves of longer runs are unreadable, and need much memory
     for number, each in recorded.items():
         frames, status = counted(each.tally.frames, "frame"), describe_counts(each.tally.status)
         if isinstance(run_input, LiveInput):
             frames = f"{each.tally.frames} of {counted(run_input.live.counts['received'], 'frame')}"
         if job.out is None:
-            show.say(f"{frames} were tracked, and not stored: {status}")
+            show.say(f"{frames} were tracked, but not stored: {status}")
             continue
         out = folder_of(job.out, job.people, number)
-        drawn, later = "", f"; gepf pictures {out} draws them" if run_input.source else ""
+        drawn, later = "", f"; gepf pictures {out} draws pictures" if run_input.source else ""
         try:
             if job.pictures and (run_input.source or each.tally.frames <= max_live_frames):
                 files = draw_pictures(
@@ -309,7 +309,7 @@ TOO_SLOW = (
 
 
 def advise_rotation(person: Outcome, *, is_tracked: bool) -> str:
-    """What the user should do if the orientation of the camera was guessed wrong; empty if it was usual."""
+    """Advice in case the camera's rotation was guessed wrong; empty if there is no reason to doubt it."""
     turn = round(np.degrees(person.start.roll))
     if is_tracked and turn:
         return (

@@ -72,9 +72,12 @@ class LiveScene:
                 self._receive_result(key, payload, taken)
         now = time.monotonic()
         if now - self._frame_at > self._notice:
-            self._say_once("no frame comes; is its publisher running, with this key and endpoint?")
+            self._say_once("no frame arrives; check that a publisher is running with this key and endpoint")
         elif now - self._result_at > self._notice:
-            self._say_once("frames come, but no results; is gepf track running? Give --results its --publish")
+            self._say_once(
+                "frames arrive, but no results; check that gepf track is running, and that --results is the "
+                "key of its --publish"
+            )
         return taken
 
     def image(self, number: int) -> View | None:
@@ -103,7 +106,7 @@ class LiveScene:
 
     def report_malformed(self, key: str, error: Exception) -> None:
         """Report a malformed message, once for each key."""
-        self._say_once(f"a message on {key} makes no sense", f": {error}")
+        self._say_once(f"a message on {key} is malformed", f": {error}")
 
     def _say_once(self, line: str, detail: str = "") -> None:
         if line not in self._said:
@@ -122,7 +125,7 @@ logger = logging.getLogger(__name__)
 
 
 def run_view(options: ViewOptions, security: SecurityOptions, show: Show) -> None:
-    """Write a file for the rerun viewer if one is given, else serve a browser."""
+    """Write a file for the rerun viewer if `options.save` names one, else serve the viewer to a browser."""
     key = live_key(options.run)
     if is_topic(key):  # its images have no numbers, by which results are found
         raise InputError(
@@ -133,9 +136,9 @@ def run_view(options: ViewOptions, security: SecurityOptions, show: Show) -> Non
     for option, value in ({"--sequence": options.sequence} if key else live).items():
         if value is not None:
             kind = "a run" if key else "live input (zenoh:KEY)"
-            raise InputError(f"{option} is for the view of {kind}; leave it out here")
+            raise InputError(f"{option} is only for viewing {kind}; leave it out here")
     if options.save is not None and not options.save.parent.is_dir():
-        raise InputError(f"no such folder: {options.save.parent}; give a file in one that exists with --save")
+        raise InputError(f"no such folder: {options.save.parent}; give --save a file in an existing folder")
     if key is None:
         view_run(options, show)
     else:
@@ -161,8 +164,8 @@ def view_run(options: ViewOptions, show: Show) -> None:
             advance(f + 1, len(track.frame))
         recording.flush()
     if address is not None:
-        show.say(f"see {address}")
-        show.say("Ctrl-C ends")
+        show.say(f"open {address} in a browser")
+        show.say("press Ctrl-C to end")
         signal.pause()
 
 
@@ -203,7 +206,7 @@ def open_viewer(options: ViewOptions, blueprint: rrb.Blueprint) -> tuple[rr.Reco
         server = recording.serve_grpc(grpc_port=options.port + 1, default_blueprint=blueprint)
         rr.serve_web_viewer(web_port=options.port, open_browser=options.browser, connect_to=server)
     except (OSError, RuntimeError, ValueError) as error:
-        raise GepfError(f"the viewer did not start ({error}); another --port may be free") from error
+        raise GepfError(f"the viewer did not start ({error}); try another --port") from error
     return recording, f"http://localhost:{options.port}?url={quote(server, safe='')}"
 
 

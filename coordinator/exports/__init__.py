@@ -76,7 +76,7 @@ def one_frame(run: RecordedRun, number: int | None) -> RecordedRun:
     if not (wanted & run.placed).any():
         what = "no frame is tracked" if number is None else f"frame {number} has no pose"
         placed = track.frame[run.placed]
-        known = f"give --frame, {placed[0]} to {placed[-1]}" if len(placed) else "track the recording again"
+        known = f"give --frame {placed[0]} to {placed[-1]}" if len(placed) else "track the recording again"
         raise InputError(f"{run.folder}: {what}; {known}")
     at = int(np.argmax(wanted & run.placed))
     return replace(run, track=track.part(slice(at, at + 1)), placed=run.placed[at : at + 1])

@@ -54,7 +54,7 @@ def evenly(run: RecordedRun, turns: Array, places: Array) -> tuple[Array, Array]
     """Rotations (R, B, 3, 3) and origins (R, B, 3) of the bones at the run's rate, from all frames."""
     times = run.seconds - run.seconds[0]
     if times[-1] > 86_400.0:  # a day; the rows of a longer run would fill the memory
-        raise InputError(f"the run lasts {times[-1] / 3600:.0f} h; a BVH has a row for all times, so use glb")
+        raise InputError(f"the run lasts {times[-1] / 3600:.0f} h, too long for a BVH file; export it as glb")
     if len(times) == 1:
         return turns, places
     rows = np.minimum(np.arange(round(times[-1] * run.rate) + 1) / run.rate, times[-1])

@@ -23,7 +23,7 @@ from gepf.coordinator.sources.source import rate_of, rising
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RecordedRun:
-    """A run: name, track, low-pass filtered or not, and body, which is read when it is needed."""
+    """A run: its name, its track, which may be low-pass filtered, and its body, which is read on request."""
 
     name: str
     track: Track
@@ -53,7 +53,7 @@ class RecordedRun:
 
     @property
     def seconds(self) -> Array:
-        """Times (F,) that rise strictly also as text with microseconds, as other programs require."""
+        """Times (F,) that still increase strictly when written in microseconds, as other programs require."""
         return rising(np.round(self.track.time_s, 6))
 
     @property

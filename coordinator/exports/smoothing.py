@@ -49,11 +49,11 @@ class LowPass:
         self._times = rising(track.time_s)
         steps = np.diff(self._times)
         if len(steps) < 2:
-            raise InputError("a run of less than three frames cannot be smoothed; leave --smooth out")
+            raise InputError("a run of fewer than three frames cannot be smoothed; leave --smooth out")
         rate = 1.0 / float(np.median(steps))
         if not 0.0 < cutoff_hz < 0.5 * rate:
             raise InputError(
-                f"--smooth {cutoff_hz:g} is not between 0 and half of {rate:.3g} frames a second; 6 is usual"
+                f"--smooth {cutoff_hz:g} is not between 0 and {0.5 * rate:.3g} Hz, half the frame rate; try 6"
             )
         count = max(3, round((self._times[-1] - self._times[0]) * rate) + 1)
         self._even = np.linspace(self._times[0], self._times[-1], count)

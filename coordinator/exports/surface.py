@@ -1,6 +1,6 @@
 """The surface of the body in one frame, written by Open3D: meshes as PLY and OBJ, points as PCD and XYZ.
 
-Metres, in the frame of the camera or rig, so that it lies in the measured points.
+Metres, in the frame of the camera or rig, so that the surface coincides with the measured points.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""The filters: pure functions from the belief of one frame to the next."""
+"""The filters: pure functions from the belief after one frame to the belief after the next."""

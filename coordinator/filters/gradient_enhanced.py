@@ -1,7 +1,7 @@
 """The gradient-enhanced particle filter, steps 1 to 7 of section 4.3.
 
 Decisions that the paper leaves open:
-- A hypothesis has the likelihood of its most likely particle as weight.
+- The weight of a hypothesis is the likelihood of its most likely particle.
 - The velocity of a hypothesis is that of the motion model after the step from its ancestor.
 - A group of one particle keeps the covariance of its ancestor.
 - Occluded limbs follow the motion model (preset `default`, see `priors.fuse_with_prediction`).
@@ -130,7 +130,7 @@ def explore(
     if not limbs:
         spread |= data_driven
     noise = np.where(spread[:, None], draw_noise(past.covariances, ancestors, rng), 0.0)
-    if observation.unseen is not None:  # a frame cannot choose between them
+    if observation.unseen is not None:  # the frame cannot tell such particles apart
         noise[:, observation.unseen] = 0.0
     particles = retract(model, expected, noise)
     if limbs:
@@ -223,7 +223,7 @@ def estimate_covariances(
         merged: Hypotheses (M, D) after it.
         group: Index (N,) of the hypothesis into which each particle was merged.
         inherited: Covariances (M, D, D) of the ancestors of the representatives.
-        reduction: The share.
+        reduction: The share by which covariances are reduced.
     """
     steps = model.moves * difference(model, merged[group], before)
     covariances = inherited.copy()

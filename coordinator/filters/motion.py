@@ -1,7 +1,7 @@
-"""Motion models: the motion that is expected until the next frame (step 3), and what a frame tells of it.
+"""Motion models: the motion expected until the next frame (step 3), and what a frame tells about it.
 
-A model is chosen by `motion_model`. Its state is the velocities of the hypotheses. Motion that is known, by
-encoders or colour, replaces the expected one (`Observation.expect`).
+A model is chosen by `motion_model`. Its state is the velocities of the hypotheses. Motion that is known from
+encoders or colour replaces the expected motion (`Observation.expect`).
 """
 
 from __future__ import annotations

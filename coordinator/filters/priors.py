@@ -35,7 +35,7 @@ def pose_prior(
 ) -> PosePrior | None:
     """The prior for poses with these shapes (N, S) or (S,), which have a precision (S, S).
 
-    Without a precision it is that of the population around each shape. None without any prior.
+    Without a precision, that of the population around each shape is taken. None if there is no prior at all.
     """
     count, dofs = model.shape_count, len(model.dof_names)
     resting = has_joint_prior(settings)
@@ -53,7 +53,7 @@ def pose_prior(
 
 
 def has_joint_prior(settings: RefineSettings) -> bool:
-    """Whether there is a prior of joint angles; it was not measured with soft correspondences."""
+    """Whether there is a prior of joint angles: not with soft correspondences, where it was not measured."""
     return not settings.is_soft and settings.pose_deviation > 0.0
 
 

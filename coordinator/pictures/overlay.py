@@ -132,7 +132,7 @@ def draw_skeleton(
     width: int,
     hollow: Mask | None = None,
 ) -> None:
-    """Draw joints at pixels (J, 2) as dots, or as rings where they are `hollow` (J,), and lines between."""
+    """Draw joints at pixels (J, 2) as dots, or rings where they are `hollow` (J,), and lines between them."""
     for a, b in bones(model.joint_names):
         draw.line([*pixels[a], *pixels[b]], fill=colour, width=width)
     for j, place in enumerate(pixels.tolist()):

@@ -83,7 +83,7 @@ def paint_views(
 ) -> Image.Image:
     """The pictures of all cameras side by side, with their faults; black for a camera without a frame.
 
-    The first camera's image may be given, as one in colour.
+    If given, the image `first` is drawn instead of the first camera's depth, for example one in colour.
     """
     picture, left, images = Image.new("RGB", size_of(views)), 0, {each.camera: each for each in frame.views}
     names = track.camera_names or ()

@@ -28,9 +28,9 @@ THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_
 class LocalWorkerLimits(msgspec.Struct, frozen=True):
     """When a local worker is given up."""
 
-    failed_starts: int = 3  #: successive ones without service, before the run ends
-    absence_s: float = 10.0  #: longest one of a worker that has served, while it was able to run
-    silence_s: float = 20.0  #: the same of one that owes an answer: it fails before the request does
+    failed_starts: int = 3  #: successive starts without service, before the run ends
+    absence_s: float = 10.0  #: longest absence of a worker that has served, while it was able to run
+    silence_s: float = 20.0  #: longest silence of one that owes an answer: it fails before the request does
 
 
 LIMITS = LocalWorkerLimits()
@@ -59,10 +59,10 @@ class LocalWorker:
             bus.watch(keys.of_worker(name, "offer/**"), self._notice)
 
     def look_after(self, now: float, *, owes: bool = False) -> str | None:
-        """Restart it if it has died; returns a message then. BusError if it died too often before it served.
+        """Restart the worker if it has died; returns a message then. BusError after too many failed starts.
 
-        If it has served before, and then is absent for long or owes an answer, it is frozen, and is killed.
-        Only time in which it was able to run counts: a busy machine freezes nobody.
+        A worker that has served, and then is absent or owes an answer for too long, counts as frozen and is
+        killed. Only time in which it was able to run counts, so a busy machine gets no worker killed.
 
         Args:
             now: Seconds from any origin.
@@ -76,7 +76,7 @@ class LocalWorker:
             self._end_silence()
         elif self._was_silent:
             self._silent_s += self._watched.able_since(now)
-        else:  # most answers come before the next look, and to watch a process takes time
+        else:  # most answers come before the next look, and watching a process takes time
             self._was_silent = True
         if self._silent_s > (LIMITS.silence_s if self._present else LIMITS.absence_s):
             self.process.kill()
@@ -109,7 +109,7 @@ class LocalWorker:
         self._failed_starts += not self._served
         if self._failed_starts >= LIMITS.failed_starts:
             lines = self._log.read_text(errors="replace").split("\n")
-            last = next((line.strip() for line in reversed(lines) if line.strip()), "it said nothing")
+            last = next((line.strip() for line in reversed(lines) if line.strip()), "it wrote no message")
             raise BusError(f"local workers do not start; the last {how}: {last}")
         end(ended)
         self._present = self._served = False

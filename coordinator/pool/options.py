@@ -15,7 +15,7 @@ WORKER_COMMAND = (sys.executable, "-P", "-m", "gepf.worker.cli")
 
 @dataclass(frozen=True, slots=True)
 class Pool:
-    """The workers of a run: a local one, and others that connect or are at a router."""
+    """The workers of a run: a local one, and others that connect to it or to a router."""
 
     workers: int | None = None  #: lanes of the local worker; None for one per core, 0 for no local worker
     listen: str | None = None  #: endpoint at which others may join
@@ -53,7 +53,7 @@ class PoolStatistics:
     processors: tuple[str, ...] = ()
 
     def after(self, earlier: PoolStatistics) -> PoolStatistics:
-        """The sums of both; this one is the later part of the same run."""
+        """The statistics of a whole run: `earlier` ones plus these, which are of the part after them."""
         counts = Counter(earlier.counts)
         counts.update(self.counts)
         return PoolStatistics(

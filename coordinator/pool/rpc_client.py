@@ -1,4 +1,4 @@
-"""Sends the requests of the scheduler over the bus, and reports their ends to it; owns the clock."""
+"""Sends the requests of the scheduler over the bus, and reports to it how they ended; owns the clock."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ class Refinement:
     parts: dict[int, Refined] = field(default_factory=dict)  # by first particle
 
     def poll(self) -> bool:
-        """Take what has arrived; whether `result` would return at once."""
+        """Handle what has arrived; returns whether `result` would return at once."""
         self.client.catch_up()
         return self.is_over
 
     def result(self) -> Refined:
-        """Wait for the particles in the order of submission.
+        """Wait for the refined particles, in the order of submission.
 
         Raises NoWorkers if there is no worker within the timeout, SilentWorkers if no worker answers,
         ProtocolError if no worker can serve the request, BusError if the transport fails or local workers do
@@ -101,7 +101,7 @@ class RpcClient:
         return {each.request.frame for each in self._refinements.values()}
 
     def begin(self, request: RefineRequest) -> Refinement:
-        """Send all batches of a request; if it is spare, after others."""
+        """Send all batches of a request; those of a spare request after all others."""
         self.catch_up()
         number, self._begun = self._begun, self._begun + 1
         self._refinements[number] = refinement = Refinement(self, number, request)
@@ -153,7 +153,7 @@ class RpcClient:
         alone, limit = now - self._alone_since, self._pool.worker_timeout
         if limit is not None and alone > limit:
             self._alone_since, self._alone_reported = None, ""
-            raise NoWorkers(f"no worker came within {limit:g} s; {self._advise()}")
+            raise NoWorkers(f"no worker joined within {limit:g} s; {self._advise()}")
         if alone > NOTICE_S and self._alone_reported != (why := self._explain()):
             self._alone_reported = why
             self._report(why)
@@ -205,7 +205,7 @@ class RpcClient:
         if self.seen and offer.processor not in self.seen.values():
             earlier = ", ".join(sorted(set(self.seen.values())))
             self._report(
-                f"worker {worker} has another processor ({offer.processor}) than the workers before it "
+                f"worker {worker} has a different processor ({offer.processor}) from the workers before it "
                 f"({earlier}); if this run is repeated, the last digits may differ"
             )
         self.seen[worker] = offer.processor
@@ -266,7 +266,7 @@ class RpcClient:
 
 
 def read_refusal(payload: bytes) -> tuple[Outcome, str]:
-    """The worker's reason for a refusal, or the outcome of a request that ended without a reply."""
+    """The outcome of a request that was refused, and the worker's reason; `nothing` if it is unreadable."""
     try:
         refusal = decode_refusal(payload)
     except VersionError as error:

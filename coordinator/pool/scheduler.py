@@ -1,14 +1,14 @@
-"""Assigns particles to workers: a state machine from events to requests, without clock and socket.
+"""Assigns particles to workers: a state machine from events to requests, without a clock or sockets.
 
-The particles are split into one batch per worker, for no more workers than are needed to be as fast as with
-all, so that no slot of theirs is empty but the last ones. A spare batch is refined on one lane. A batch whose
+The particles are split into one batch per worker, for the fewest workers that are as fast as all of them
+together, so that only the last slots stay empty. A spare batch is refined on one lane. A batch whose
 request ends without a result is sent to another worker. If no batch is waiting, a late request is sent again,
 once, to an idle worker. The first result of a batch is used, later ones are ignored. A worker that gives
 neither a result nor a refusal gets no requests for a while. If all workers refuse a batch, the refinement
 fails.
 
 Other coordinators use the same workers. A worker says how long a request waited there for others, so a
-request is late by the time that it takes itself, beyond the usual wait at its worker.
+request is judged late by the time that it takes itself, after the usual wait at its worker.
 
 A request stays in flight until it ends, even if its refinement is done, because the worker is still busy with
 it.
@@ -32,12 +32,10 @@ from gepf.common.offer import Offer
 class SchedulerLimits(msgspec.Struct, frozen=True):
     """How many requests a worker gets, and how long they may take."""
 
-    max_in_flight: int = 2  #: at one worker, and spare ones per lane: the next one is there when one ends
-    tick_s: float = 0.1  #: between checks of the clock; no request is late before
+    max_in_flight: int = 2  #: requests at a worker, and spare ones per lane: when one ends, the next is there
+    tick_s: float = 0.1  #: between checks of the clock; no request counts as late before
     late_factor: float = 3.0  #: a request is late after this multiple of the last time per particle
-    long_wait_s: float = (
-        0.02  #: for others, at a worker, whereupon other workers are used: another run's turn
-    )
+    long_wait_s: float = 0.02  #: wait for other runs at a worker, beyond which other workers are preferred
     rest_s: float = 0.5  #: pause of a worker without a result: it may be leaving or joining
     request_timeout_s: float = 30.0  #: only a hanging worker takes so long
 
@@ -74,7 +72,7 @@ class Worker:
     """Seconds that requests, or spare ones, have waited there for others: the longest lately."""
 
     def note_wait(self, spare: bool, seconds: float) -> None:
-        """A request has waited there."""
+        """Note for how long a request has waited there."""
         self.waits[spare] = max(seconds, self.waits[spare] / 2)
 
 
@@ -115,7 +113,7 @@ class Scheduler:
         self._answered_at = -math.inf  # by any worker
 
     def start(self, refinement: int, particles: int, now: float, *, spare: bool = False) -> list[Request]:
-        """Start a refinement, which has an unused number, of so many particles; a spare one can wait."""
+        """Start a refinement under an unused number, of this many particles; a spare one can wait."""
         ranges = split(particles, self._slots(now, spare=spare))
         self.batches += [Batch(refinement, spare, start, stop) for start, stop in ranges]
         return self.dispatch(now)
@@ -173,7 +171,7 @@ class Scheduler:
         return self.dispatch(now)
 
     def dispatch(self, now: float) -> list[Request]:
-        """Send waiting batches to workers with capacity, the least busy first; then late ones again.
+        """Send waiting batches to workers with capacity, the least busy first; failing that, late ones again.
 
         A spare batch delays no other.
         """
@@ -201,7 +199,7 @@ class Scheduler:
         return [worker.offer.batch if spare else worker.offer.slots for worker in workers] or [1]
 
     def _preference(self, worker: Worker) -> tuple[int, bool, int]:
-        """The worker with the lowest one comes first: few requests of our own, no wait for others."""
+        """A sort key, lowest first: few requests of our own at the worker, and no wait for others."""
         return len(worker.in_flight), worker.waits[False] > self.limits.long_wait_s, self._rank(worker.name)
 
     def _awake(self, now: float) -> list[Worker]:
@@ -246,9 +244,9 @@ class Scheduler:
 
 
 def split(particles: int, slots: Sequence[int]) -> list[tuple[int, int]]:
-    """Successive ranges (start, stop), one per request, for workers with so many slots.
+    """Successive ranges (start, stop) of particles, one per request, for workers with these numbers of slots.
 
-    All take the same number of rounds, the last one maybe fewer, and workers that are not needed get nothing.
+    All take the same number of rounds, the last one perhaps fewer; workers that are not needed get nothing.
     If a request would have too many particles, workers get several.
     """
     slots = [min(count, MAX_PARTICLES) for count in slots]

@@ -13,12 +13,12 @@ TICKS = os.sysconf("SC_CLK_TCK")  # per second
 class WatchedProcess:
     """How long a process was able to run while it was watched.
 
-    It was if it used a processor. It also was while none of its threads wanted one: they waited for something
-    else, as in a deadlock, or were stopped. The rest of the time it waited for a processor, and says nothing
-    about the process.
+    It was able to run while it used a processor, and also while none of its threads wanted one, because they
+    waited for something else, as in a deadlock, or were stopped. The rest of the time it waited for a
+    processor, which says nothing about the process.
 
-    Of the time between two looks, at most `max_look_s` counts: during more, the observer was not running
-    itself.
+    Of the time between two looks, at most `max_look_s` counts: if it was longer, the observer itself was not
+    running.
     """
 
     def __init__(self, pid: int, max_look_s: float = 1.0) -> None:
@@ -43,7 +43,7 @@ class WatchedProcess:
         return max(0.0, min(used - last[1], watched))
 
     def pause(self) -> None:
-        """Stop watching it until the next look, which is the first again."""
+        """Stop watching it until the next look, which then counts as the first."""
         self._last = None
 
     def _read(self) -> Iterator[tuple[str, float]]:

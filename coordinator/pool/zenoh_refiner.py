@@ -46,7 +46,7 @@ class Publication:
         self._publisher = bus.publish(keys.of_run(run, "frame"))
 
     def put(self, subject: SubjectFrame, needed: Collection[int] = ()) -> int:
-        """Send a frame with its number, or with the next one if that is used; returns the number.
+        """Send a frame with its number, or with the next free one if that is taken; returns the number.
 
         A frame that was sent recently is not sent again. Recent frames and the `needed` ones are kept.
         """

@@ -62,7 +62,7 @@ def group_angles(names: tuple[str, ...]) -> list[tuple[str, tuple[str, ...]]]:
 
 
 def list_ranges(track: Track, curves: Iterable[Curve]) -> Iterator[tuple[str, ...]]:
-    """Name, ends, range, fastest change and median deviation of each curve over the known frames, as text."""
+    """Name, limits, range, fastest change and median deviation of each curve in the known frames, as text."""
     known = ~track.unknown
     if not known.any():
         return

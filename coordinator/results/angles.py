@@ -34,8 +34,8 @@ class AngleSettings(msgspec.Struct, frozen=True):
     """Deviation of an angle that is not visible: about that of a random angle within a joint's range."""
     speed: float = np.radians(1400.0)
     """Standard deviation of the speed: a fast arm. Elbows of throwers reach 2 300 degrees per second."""
-    min_variance: float = np.radians(1e-4) ** 2  #: in smoothing; a smaller one is that of a known angle
-    max_variance: float = np.radians(1e4) ** 2  #: in smoothing; that of an unknown angle
+    min_variance: float = np.radians(1e-4) ** 2  #: in smoothing; an angle with less is left as it is
+    max_variance: float = np.radians(1e4) ** 2  #: in smoothing; the variance of an unknown angle
     part_frames: int = 1024
     """Frames that are measured at once, so that memory does not grow with the hypotheses of a long run."""
 
@@ -46,7 +46,7 @@ ANGLES = AngleSettings()
 def with_angles(track: Track, angles: Angles, new: NewArray = np.empty) -> Track:
     """The track with the angles (F, A) of its body and their deviations; a person's angles are smoothed.
 
-    `new` makes the arrays of the size of the track.
+    `new` allocates the arrays that are as long as the track.
     """
     unknown, placed, shape = track.unknown, track.placed, (len(track.frame), len(angles.names))
     if not placed.any():
@@ -116,8 +116,8 @@ def measure(track: Track, angles: Angles) -> tuple[Array, Array]:
 def deviations(track: Track, angles: Angles, others: Array, about: Array, most: float) -> Array:
     """Standard deviations (F, A) of the errors of angles `about` (F, A), given those of the hypotheses.
 
-    Without a misfit, of a robot whose measures are known, they follow from the hypotheses alone. The rotation
-    of a limb is less certain the straighter the limb is. Unknown angles have the deviation `most`.
+    For a robot, which has no misfit because its measures are known, they follow from the hypotheses alone.
+    The straighter a limb is, the less certain is its rotation. Unknown angles have the deviation `most`.
     """
     away = near_to(about, others, angles) - about[:, None]
     spread = ANGLES.spread_factor * root_mean_square(away, track.hypothesis_weight)

@@ -13,7 +13,7 @@ import msgspec
 from gepf.common.frame import View
 
 PACKAGES = ("gepf", "eclipse-zenoh", "msgpack", "msgspec", "numba", "numpy", "scipy")
-PEOPLE = "people"  # the requested number, if it is not one
+PEOPLE = "people"  # the requested number of people, only if it is above 1
 PATH = "path"  # of the sequence, for later reference; it does not affect results
 CAMERA_GIVEN = "camera_given"  # by the user
 AUTOMATIC = "auto"  # the start is detected

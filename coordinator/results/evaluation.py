@@ -1,7 +1,7 @@
 """Errors of a track against ground truth.
 
-Angles are compared if track and truth both have the degree of freedom; the error is the smaller of both
-directions. Joints are compared if both have the name. Truth that is not finite is unknown and is not used.
+Angles are compared if track and truth both have the degree of freedom; the error is at most half a turn.
+Joints are compared if both have one of this name. Truth that is not finite is unknown and is not used.
 Angles of people's limbs are also compared with those of the true joints, since many truths have only joints.
 """
 
@@ -39,7 +39,7 @@ class Truth:
 
 
 def read_truth(path: Path, placed: Array = NOT_MOVED) -> Truth:
-    """Read a truth file; without `frame`, its rows are the frames from 0. InputError if it is not one.
+    """Read a truth file; without `frame`, its rows are the frames from 0. InputError for any other file.
 
     Joints are moved by the transform `placed` (4, 4), as from the camera of the file into the rig.
     """
@@ -122,12 +122,15 @@ def measure_errors(track: Track, truth: Truth) -> Errors:
     frame, mine, theirs = np.intersect1d(track.frame, truth.frame, return_indices=True)
     if not len(frame):
         raise InputError(
-            f"track ({span(track.frame)}) and truth ({span(truth.frame)}) share no frame; give its own truth"
+            f"the track ({span(track.frame)}) and the truth ({span(truth.frame)}) have no frame in common; "
+            "give the truth of the tracked sequence"
         )
     angles = tuple(n for n in track.dof_names if n in truth.dof_names and n not in truth.slides)
     joints = tuple(n for n in track.joint_names if n in truth.joint_names)
     if not angles and not joints:
-        raise InputError("the truth has neither angles nor joints of the track; their names must be the same")
+        raise InputError(
+            "the truth has no angle or joint of the track; use the same names in both, or give another truth"
+        )
     my_angles, my_joints = positions(track.dof_names, angles), positions(track.joint_names, joints)
     true_angles = truth.pose[theirs][:, positions(truth.dof_names, angles)]
     true_joints = truth.joint_positions[theirs][:, positions(truth.joint_names, joints)]
@@ -178,7 +181,7 @@ def lost_from(errors: Errors) -> int | None:
 
 
 def to_the_end(frames: Indices, lost: Mask) -> int | None:
-    """First frame of (F,) from which all frames are lost (F,); None if the last frame is not."""
+    """The first of `frames` (F,) from which all are `lost` (F,); None if the last frame is not lost."""
     first = np.flatnonzero(~lost).max(initial=-1) + 1
     return int(frames[first]) if first < len(lost) else None
 

@@ -1,4 +1,4 @@
-"""What a killed live run left is finished before it is read."""
+"""Finishes a live run that was killed, before its results are read."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ from gepf.coordinator.results.summary import PERSON
 
 
 def finish_killed(folder: Path) -> None:
-    """If a live run was killed in this folder, which may be that of a person, write its files and say so.
+    """If a folder holds a live run that was killed, write the files of the run and tell the user.
 
-    InputError if the run goes on, or nothing can be written.
+    The folder may also be that of one person of the run. InputError if the run is still going on, or if
+    nothing can be written.
     """
     run = folder.parent if folder.name.startswith(PERSON) and not (folder / LIVE_FILE).exists() else folder
     if (run / LIVE_FILE).exists():

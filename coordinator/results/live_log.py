@@ -45,13 +45,13 @@ class LiveOpening(msgspec.Struct, frozen=True):
 
 
 class LiveBodies(msgspec.Struct, frozen=True):
-    """The bodies of all people from the next frame on; None if it did not change."""
+    """The bodies of all people from the next frame on; None for a body that did not change."""
 
     starts: list[Start | None]
 
 
 class LivePerson(msgspec.Struct, frozen=True):
-    """One person in a frame; `up` (3,), `shape` (S,) and `stature_deviation` (m) are those after it."""
+    """One person in a frame; `up` (3,), `shape` (S,) and `stature_deviation` (m) are after the frame."""
 
     estimate: dict[str, Any]
     shape: list[float]
@@ -89,9 +89,9 @@ def open_container(file: BinaryIO) -> None:
 
 
 def append_chunk(file: BinaryIO, number: int, records: Sequence[Record]) -> None:
-    """Append records as one chunk, the first has number 0: readers see it, and it survives this process.
+    """Append records as one chunk; chunks are numbered from 0. Readers see it, and it survives this process.
 
-    The writer is a new one each time, as it keeps an index of its chunks in memory.
+    Each chunk has a new writer, because a writer keeps an index of its chunks in memory.
     """
     writer, now = Writer(file, index_types=IndexType.NONE), time.time_ns()
     channels = {kind: writer.register_channel(*named, schema_id=0) for kind, named in ENCODINGS.items()}
@@ -117,13 +117,13 @@ def read_chunks(path: Path) -> Iterator[list[Record]]:
                 return
             topics = {each.id: each.topic for each in content if isinstance(each, Channel)}
             messages = [each for each in content if isinstance(each, Message)]
-            if {each.sequence for each in messages} != {number}:  # one before is unreadable
+            if {each.sequence for each in messages} != {number}:  # an earlier chunk is unreadable
                 return
             try:
                 yield [DECODERS[topics[each.channel_id]](each.data) for each in messages]
             except (msgspec.MsgspecError, KeyError) as error:
                 raise InputError(
-                    f"{path} was written by another version of gepf ({error}); finish it with that one"
+                    f"{path} was written by another version of gepf ({error}); finish it with that version"
                 ) from error
 
 

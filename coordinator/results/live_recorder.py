@@ -128,7 +128,7 @@ class LiveRecorder:
         self.frames += 1
 
     def finish(self, facts: Mapping[str, object], rate: float) -> dict[int, Outcome]:
-        """Write all files except pictures for each person found, and for the first; returns them by number.
+        """Write all files but pictures of each found person, and always of the first; returns them by number.
 
         Each summary starts with `facts` and the frame rate in frames per second.
         """
@@ -148,7 +148,7 @@ def refuse_other_run(folder: Path) -> None:
     """InputError if the folder of a new live run, whose lock is held, holds another run."""
     if not is_empty(folder / LIVE_FILE):
         raise InputError(
-            f"{folder} holds a live run that was killed; gepf report {folder} finishes it; {ELSEWHERE}"
+            f"{folder} holds a live run that was killed; finish it with gepf report {folder}, {ELSEWHERE}"
         )
     try:
         refuse_interrupted(folder)
@@ -220,7 +220,7 @@ def finish_log(run: Path, facts: Mapping[str, object], rate: float = 0.0) -> dic
 
 
 class InFiles:
-    """Makes arrays that are in files of a folder, which have no names and end with the arrays."""
+    """Allocates arrays in temporary files of a folder; the files have no names and vanish with the arrays."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -243,15 +243,15 @@ def finish_live(run: Path) -> None:
     try:
         log = open_log(path)
     except InputError:
-        raise InputError(f"the live run in {run} goes on; end it with Ctrl-C, then do this again") from None
+        raise InputError(f"the live run in {run} has not ended; end it with Ctrl-C, then try again") from None
     except OSError as error:
-        raise InputError(f"cannot finish the run in {run}: {error.strerror}; make it writable") from error
+        raise InputError(f"cannot finish the run in {run}: {error.strerror}; make {run} writable") from error
     with closing(os.fdopen(log)):
         found = finish_log(run, {})
         if not found:
             raise InputError(f"the live run in {run} was killed before its first frame; delete {path}")
         frames = max(person.tally.frames for person in found.values())
-        logger.warning("the live run in %s was killed; its %d frames are now finished", run, frames)
+        logger.warning("the live run in %s was killed; its %d frames are now in its results", run, frames)
         path.unlink()
 
 

@@ -72,7 +72,7 @@ class Outlet(Protocol):
 
     @property
     def has_subscriber(self) -> bool:
-        """Whether anyone receives them."""
+        """Whether anyone receives the results."""
         ...
 
     def put(self, message: ResultMessage, model: BodyModel) -> None:
@@ -93,7 +93,7 @@ class PackedOutlet:
 
     @property
     def has_subscriber(self) -> bool:
-        """Whether anyone receives them."""
+        """Whether anyone receives the results."""
         return self._publisher.has_subscriber
 
     def put(self, message: ResultMessage, model: BodyModel) -> None:
@@ -175,7 +175,7 @@ def by_name(names: tuple[str, ...], values: Array) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Result:
-    """A received result: a track of one frame, the key of its body, None without one, and its shape (S,)."""
+    """A received result: a track of one frame, the key of its body, or None, and its shape (S,)."""
 
     track: Track
     body: str | None

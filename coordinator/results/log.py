@@ -199,8 +199,8 @@ def assemble(
     """The track of a run's estimates, in their order.
 
     `held` are the values of held degrees of freedom by name; zero if missing. `up` (3,) is the direction away
-    from the ground, camera frame; None if unknown. Estimates that are no sequence come with the `tally` of
-    all of them, and are read once, into the arrays that `new` makes.
+    from the ground, camera frame; None if unknown. If `estimates` can be read only once, `tally` must be
+    that of all of them. `new` allocates the arrays.
     """
     if tally is None:
         estimates = list(estimates)

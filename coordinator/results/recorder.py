@@ -165,10 +165,10 @@ def write_run(
     *,
     packed: bool = False,
 ) -> dict[int, Outcome]:
-    """Write all files except pictures for each person found, and for the first; returns them by number.
+    """Write all files except pictures of each found person, and always of the first; returns them by number.
 
-    Each summary starts with `facts`. `estimates` gives those of a person by index; they are read once, into
-    the arrays that `new` makes. With `packed`, tracks are compressed.
+    Each summary starts with `facts`. `estimates` returns the estimates of a person by index, which are read
+    only once; `new` allocates the arrays for them. With `packed`, tracks are compressed.
     """
     configuration = totals.configuration
     said = configuration.get("scene", {}).get("up")
@@ -275,7 +275,7 @@ def refuse_killed(folder: Path) -> None:
     if live.exists() and not is_empty(live):
         os.close(open_log(live))  # InputError if it goes on
         raise InputError(
-            f"{folder} holds a live run that was killed; gepf report {folder} finishes it; {ELSEWHERE}"
+            f"{folder} holds a live run that was killed; finish it with gepf report {folder}, {ELSEWHERE}"
         )
 
 
@@ -297,7 +297,7 @@ def save_run(folder: Path, track: Track, body: TrackedBody, settings: Settings) 
     """Write the results of a run from Python. InputError if the folder already has results."""
     present = [name for name in (*RESULTS, MODEL_FILE) if (folder / name).exists()]
     if present:
-        raise InputError(f"{folder} holds a run already ({present[0]}); choose another folder")
+        raise InputError(f"{folder} already holds a run ({present[0]}); choose another folder")
     summary = {
         "sequence": folder.resolve().name,
         "model": {"name": body.model.name, "hash": body.model.hash, "active": body.model.dof_names},

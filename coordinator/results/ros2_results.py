@@ -63,7 +63,7 @@ class RosOutlet:
 
     @property
     def has_subscriber(self) -> bool:
-        """Whether anyone receives any of them."""
+        """Whether any of the topics has a subscriber."""
         return any(topic.has_subscriber for topic in self.topics)
 
     def put(self, message: ResultMessage, model: BodyModel) -> None:
@@ -109,7 +109,7 @@ class RosOutlet:
             )
 
     def end(self) -> None:
-        """Delete the markers, and the body from the list of those that are tracked."""
+        """Delete the markers, and remove the body from the list of tracked bodies."""
         if self._humans is not None:
             self._humans.put(self._id, 0.0, tracked=False)
         self._clear(self._header(0.0))
@@ -185,9 +185,9 @@ def is_doubtful(message: ResultMessage, joint: str) -> bool:
 
 
 def with_points(payload: bytes, points: Array) -> bytes:
-    """An encoded message with points (N, 3) in place of a list of one placeholder.
+    """An encoded message in which points (N, 3) replace the only point of a list, the placeholder.
 
-    As objects, the thousands of corners of a surface would take longer to encode than the pose to find.
+    Encoding the thousands of corners of a surface as objects would take longer than tracking the frame.
     """
     one, placeholder = np.uint32(1).tobytes(), np.array(PLACEHOLDER).tobytes()
     at = payload.index(placeholder)

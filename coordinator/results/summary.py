@@ -21,7 +21,7 @@ if TYPE_CHECKING:  # it loads Zenoh, which is slow
 PERSON_FILE = "person.json"  # the estimated size, for --model
 PERSON = "person"  # key in the summary: number of the person
 FOUND = "found"  # key in the summary of several people: one entry per person
-OF_ONE = ("cameras", "doubts", "rotate_deg", "noise_m")  # differs between people
+OF_ONE = ("cameras", "doubts", "rotate_deg", "noise_m")  # entries that differ between people
 
 
 def folder_of(run: Path, people: int, number: int) -> Path:
@@ -112,7 +112,7 @@ def read_summary(run: Path) -> dict[str, Any]:
     """The summary of a run; InputError if it is missing or damaged."""
     summary = find_summary(run)
     if summary is None:
-        raise InputError(f"{run} holds no readable {SUMMARY_FILE}; give the folder of a finished gepf track")
+        raise InputError(f"{run} has no readable {SUMMARY_FILE}; give the --out of a finished gepf track")
     return summary
 
 

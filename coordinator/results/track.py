@@ -150,11 +150,14 @@ def read_track(folder: Path) -> Track:
         where = f"{folder} holds a run that has not ended or was interrupted"
         if not (folder / TRACK_FILE).exists():
             raise InputError(f"{where}; finish it with the same gepf track command and --resume")
-        logger.warning("%s, only its first frames are used; gepf track --resume continues", where)
+        logger.warning("%s; only its first frames are used until gepf track --resume finishes it", where)
     if not (folder / TRACK_FILE).exists():
         people = sorted(each.parent.name for each in folder.glob(f"person*/{TRACK_FILE}"))
         if people:
-            raise InputError(f"{folder} holds several people; give one of them: {folder / people[0]}, ...")
+            raise InputError(
+                f"{folder} holds the results of several people; give one of its folders, such as "
+                f"{folder / people[0]}"
+            )
         inside = sorted(each.parent for each in folder.glob(f"*/{TRACK_FILE}"))
         where = f"a run in it, such as {inside[0]}" if inside else "the --out folder of a finished gepf track"
         raise InputError(f"{folder} holds no {TRACK_FILE}; give {where}")

@@ -41,7 +41,7 @@ def list_names(path: Path) -> tuple[str, ...]:
 
 
 def choose_names(workers: str) -> tuple[str, ...]:
-    """Names of workers between commas, or `worker-0` and so on for a number."""
+    """Names of workers, from a comma-separated list; for a number, `worker-0` and so on."""
     if workers.isascii() and workers.isdigit():
         return tuple(f"worker-{k}" for k in range(int(workers)))
     return tuple(check_worker(name.strip()) for name in workers.split(","))
@@ -73,8 +73,8 @@ def choose_security(
 ) -> Security | None:
     """Certificates and access rules for these endpoints; None without certificates.
 
-    InputError for a certificate that does not belong to `holder`, or without it to a coordinator, and for an
-    unencrypted link to other hosts unless `insecure` is set.
+    InputError for a certificate that does not belong to `holder` or, without `holder`, to a coordinator; and
+    for an unencrypted link to other hosts, unless `insecure` is set.
     """
     credentials = read_credentials(files.ca, files.cert, files.key)
     for option, endpoint in ((LISTEN, listen), (CONNECT, connect)):
@@ -88,8 +88,8 @@ def choose_security(
     elif (name := holder_of(credentials)) not in coordinators:
         admitted, roster = " or ".join(map(repr, coordinators)), credentials.ca.parent / COORDINATORS_FILE
         raise InputError(
-            f"certificate {credentials.cert} is for '{name}', not for {admitted}; give that one, "
-            f"or list '{name}' in {roster}"
+            f"certificate {credentials.cert} is for '{name}', not for {admitted}; give the certificate of a "
+            f"coordinator, or list '{name}' in {roster}"
         )
     if listen is None:
         return Security(credentials)

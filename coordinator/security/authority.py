@@ -34,7 +34,7 @@ def find_authority(folder: Path) -> tuple[Issued, str | None]:
     if not path.exists():
         return establish(path, key), None
     if not key.exists():
-        raise InputError(f"{key} is missing, which {path} signs with; restore it or use a new folder")
+        raise InputError(f"{key}, the private key of {path}, is missing; restore it or use a new folder")
     certificates = read_certificates(path)
     signer = Issued(certificates[0], read_key(key))
     end, takeover = signer.certificate.not_valid_after_utc, takeover_time(signer)
@@ -45,16 +45,16 @@ def find_authority(folder: Path) -> tuple[Issued, str | None]:
         save_key(key, successor.key)
         save_certificates(path, [successor.certificate, *([signer.certificate] if now < end else [])])
         next_key.unlink()
-        return successor, f"a new authority signs, which {path} has held before"
+        return successor, f"a new authority, which {path} already held, took over; it signs from now on"
     if now >= end:
         new = establish(path, key)
         next_key.unlink(missing_ok=True)
-        return new, f"the authority ended on {end:%Y-%m-%d}; copy the new {path} to every host"
+        return new, f"the authority expired on {end:%Y-%m-%d}; copy the new {path} to every host"
     if not next_key.exists():
         successor = new_authority()
         save_key(next_key, successor.key)
         save_certificates(path, [signer.certificate, successor.certificate])
-    says = f"the authority ends on {end:%Y-%m-%d}; copy {path}, which also holds its successor, to every host"
+    says = f"the authority expires on {end:%Y-%m-%d}; copy {path}, which has its successor, to every host"
     when = (
         "then run this command again"
         if now >= takeover

@@ -44,11 +44,11 @@ def make_certificates(
     mount: Path | None,
     coordinators: tuple[str, ...] = (),
 ) -> Made:
-    """Create the certificates of a folder that are missing, or that have lived for two thirds of their life.
+    """Create the certificates of a folder that are missing, or past two thirds of their lifetime.
 
-    The folder also gets `workers.txt` and `coordinators.txt`, who is admitted, and `router.json5`, the
-    configuration of a Zenoh router that has the folder at `mount`. Coordinators besides `coordinator` can
-    only connect. InputError for a name with two roles.
+    The folder also gets `workers.txt` and `coordinators.txt`, which list who is admitted, and `router.json5`,
+    the configuration of a Zenoh router that finds the folder at `mount`. Coordinators other than
+    `coordinator` can only connect. InputError if a name has two roles.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -59,7 +59,7 @@ def make_certificates(
     listed = tuple(dict.fromkeys(map(check_worker, (*list_names(folder / WORKERS_FILE), *workers))))
     admitted = tuple(dict.fromkeys((*read_coordinators(folder / f"{AUTHORITY}.pem"), *coordinators)))
     if several := sorted({*admitted, ROUTER, AUTHORITY} & {*listed} | {*admitted} & {ROUTER, AUTHORITY}):
-        raise InputError(f"two have the name '{several[0]}'; give workers and coordinators other names")
+        raise InputError(f"the name '{several[0]}' is used for two roles; give every role its own name")
     hosts_of = {COORDINATOR: hosts, ROUTER: hosts, **dict.fromkeys((*admitted[1:], *listed), ())}
     new = [name for name in hosts_of if not is_good(folder / f"{name}.pem", hosts_of[name], authority)]
     for name in new:

@@ -89,7 +89,7 @@ def host_name(host: str) -> x509.GeneralName:
     try:
         return x509.DNSName(host)
     except ValueError as error:
-        raise InputError(f"'{host}' is no host name; give names or addresses, separated by commas") from error
+        raise InputError(f"'{host}' is not a host name; separate names or addresses by commas") from error
 
 
 def renewal_time(certificate: x509.Certificate) -> dt.datetime:
@@ -113,7 +113,7 @@ def read_key(path: Path) -> ec.EllipticCurvePrivateKey:
     except (ValueError, TypeError) as error:
         raise InputError(f"{path} is not a key; restore it, or use a new folder") from error
     if not isinstance(key, ec.EllipticCurvePrivateKey):
-        raise InputError(f"{path} is not a key that gepf certificates made; use a new folder")
+        raise InputError(f"{path} was not made by gepf certificates; use a new folder")
     return key
 
 
@@ -134,7 +134,7 @@ def save_certificates(path: Path, certificates: Sequence[x509.Certificate]) -> N
 
 
 def replace_file(path: Path, content: bytes, mode: int) -> None:
-    """Replace a file at once: a program that runs may read it at any time."""
+    """Replace a file atomically, because a running program may read it at any time."""
     new = path.with_name(f"{path.name}.new")
     new.unlink(missing_ok=True)
     with os.fdopen(os.open(new, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb") as file:

@@ -92,7 +92,7 @@ def choose_scale(array: NDArray[np.generic], depth_scale: float | None, name: st
     Floats are metres; if more than half of them would be too far away in some frames, they are millimetres.
     """
     if depth_scale is not None and not 0 < depth_scale < np.inf:
-        raise InputError(f"{name}: depth_scale is {depth_scale}; give its units per metre")
+        raise InputError(f"{name}: depth_scale is {depth_scale}; give the units of depth per metre")
     if array.dtype.kind == "f" and depth_scale is None:
         some = np.unique(np.linspace(0, len(array) - 1, 10).astype(int))  # ten frames
         middle = median_depth(np.array([array[n][::4, ::4] for n in some], dtype=np.float64))
@@ -100,7 +100,7 @@ def choose_scale(array: NDArray[np.generic], depth_scale: float | None, name: st
             logger.warning("%s: depth (median %.0f) is interpreted as millimetres", name, middle)
         return MILLIMETRES if middle > FARTHEST_M else 1.0
     if depth_scale is None:
-        raise InputError(f"{name}: depth in {array.dtype} needs depth_scale, its units per metre; add it")
+        raise InputError(f"{name}: depth of type {array.dtype} has no unit; add depth_scale, units per metre")
     return float(depth_scale)
 
 

@@ -152,7 +152,7 @@ def depth_stream(container: Any, path: Path) -> Any:
         named = "DEPTH" in stream.metadata.get("title", "").upper() or "K4A_DEPTH_MODE" in stream.metadata
         if named and stream.codec_context.pix_fmt in ("gray16be", "gray16le"):
             return stream
-    raise InputError(f"{path} holds no 16-bit depth stream; record it: k4arecorder -d NFOV_UNBINNED")
+    raise InputError(f"{path} holds no 16-bit depth stream; record with k4arecorder -d NFOV_UNBINNED")
 
 
 def scan(container: Any, stream: Any, colour: Any, path: Path) -> tuple[list[float], list[float], Array]:

@@ -21,7 +21,7 @@ def read_background(asked: str, source: Source | None) -> NDArray[np.float32]:
             raise InputError("--background with a frame's number is for recorded sequences; give a sequence")
         if int(asked) not in source.numbers:
             last = source.numbers[-1]
-            raise InputError(f"--background {asked}: the frames are {source.numbers[0]} to {last}")
+            raise InputError(f"--background {asked} is not a frame; give {source.numbers[0]} to {last}")
         return source.view(int(asked)).metres()
     path = Path(asked)
     if path.suffix.lower() == ".png" and source is not None:
@@ -38,8 +38,8 @@ def read_background(asked: str, source: Source | None) -> NDArray[np.float32]:
 def check_size(name: str | None, room: NDArray[np.float32] | None, shape: tuple[int, ...]) -> None:
     """InputError if the room without people has another size than the frames (H, W)."""
     if room is not None and room.shape != shape:
-        sizes = f"{room.shape[1]}x{room.shape[0]}, the frames are {shape[1]}x{shape[0]}"
-        raise InputError(f"--background {name} is {sizes}")
+        sizes = f"{room.shape[1]}x{room.shape[0]}, but the frames are {shape[1]}x{shape[0]}"
+        raise InputError(f"--background {name} is {sizes}; give one of the same size")
 
 
 def averaged(source: Source) -> NDArray[np.float32]:

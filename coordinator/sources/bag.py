@@ -89,7 +89,8 @@ class Bag:
         new = order[np.diff(stamps[order], prepend=-1) > 0]
         if len(records) and stamps.min() > 0 and 2 * len(new) > len(records):
             if len(new) < len(records):
-                logger.warning("%s: %d messages repeat a stamp; left out", self.path, len(records) - len(new))
+                count = len(records) - len(new)
+                logger.warning("%s: %d messages that repeat a stamp are left out", self.path, count)
             return Clock(new, stamps[new], records[new], "stamps")
         places, steps = np.arange(len(records)), np.diff(records)
         if not len(steps) or ((steps > 0).all() and is_plausible(float(np.median(steps)) / SECOND_NS)):

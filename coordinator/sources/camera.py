@@ -39,7 +39,7 @@ class CameraFile(msgspec.Struct):
 
 
 class PartialCameraFile(CameraFile):
-    """The same if the user gives the camera."""
+    """A camera file that may lack size and intrinsics, because the user gives the intrinsics."""
 
     width: Side | None = None  # type: ignore[assignment]
     height: Side | None = None  # type: ignore[assignment]
@@ -54,7 +54,7 @@ def find_camera_file(folder: Path) -> Path | None:
 def read_camera(folder: Path, given: GivenCamera | None = None) -> tuple[Intrinsics, float, float]:
     """Read intrinsics, units of depth per metre and frames per second of a folder; InputError if damaged.
 
-    Intrinsics that the user gives are not needed. Without a size it is that of the nominal camera.
+    If the user gives intrinsics, the file needs none, and its default size is that of the nominal camera.
     """
     missing = "add --intrinsics fx,fy,cx,cy (pixels), or write it (docs/formats.md)"
     path = find_camera_file(folder) or folder / CAMERA_FILE

@@ -1,9 +1,9 @@
 """Order and times of frames by the numbers in the names of files, or in the lines of a list.
 
 Files are in the order of all numbers in their names, compared one after another. Recorders write times as one
-number, as seconds and their fraction, or as a date and a time of day, some with an index beside it. Units
-are known by plausibility: frames come 300 to 0.3 times per second, a range of one factor of 1000, so that
-one unit fits.
+number, as seconds and their fraction, or as a date and a time of day, some with an index beside it. The unit
+is the only plausible one: cameras give 0.3 to 300 frames per second, and as these limits differ by a factor
+of 1000, like the units, only one unit fits.
 """
 
 from __future__ import annotations

@@ -20,9 +20,9 @@ FOLDER = "color"  # beside depth
 
 
 class ColourFolder:
-    """Colour frames of the depth camera, or registered to it, of its size or scaled; mirrored back like it.
+    """Colour frames that show what the depth camera sees, at any scale; mirrored back if depth is.
 
-    Raises InputError unless there is one for each of `numbers`, all of the camera's shape.
+    Raises InputError unless each of `numbers` has a colour frame, with the aspect ratio of the depth.
     """
 
     def __init__(
@@ -35,7 +35,7 @@ class ColourFolder:
         missing = [number for number in numbers if number not in self._files]
         if missing:
             raise InputError(
-                f"{path} has no colour frame {missing[0]} ({len(missing)} of {len(numbers)}); add it"
+                f"{path} lacks {len(missing)} of {len(numbers)} colour frames, first {missing[0]}; add them"
             )
         for number in numbers:
             with opened(self._files[number], *COLOUR_FORMATS) as image:

@@ -25,24 +25,24 @@ PLAUSIBLE = Plausible()
 
 
 def find_doubts(source: Source, nearest_m: float) -> Iterator[str]:
-    """Lines about what is suspicious in a recording of one camera, each with a mend.
+    """Lines about what is suspicious in a recording of one camera, each with a remedy.
 
     `nearest_m` is the least median depth around bodies of the tracked family.
     """
     yield from doubts_of_lens(source.intrinsics)
     yield from doubts_of_unit(measured_depth(source), nearest_m)
     if len(source) > 1 and not 1.0 / CLOCK.max_step_s <= source.fps <= 1.0 / CLOCK.min_step_s:
-        yield f"{source.fps:.4g} frames per second are implausible; write their times to timestamps.txt"
+        yield f"{source.fps:.4g} frames per second are implausible; write the frames' times to timestamps.txt"
     # Only images of a Kinect v2 have this size; libfreenect2 and the vendor's driver mirror them, which depth
     # alone does not show. Recordings with ground truth are not in doubt.
     is_kinect_v2 = (source.intrinsics.width, source.intrinsics.height) == (512, 424)
     if is_kinect_v2 and source.mirrored is None and source.truth is None:
         yield (
-            "images of a Kinect v2 (512x424) are often mirrored, and left and right are exchanged then: if "
-            "text reads backwards in its colour images, add --mirrored, else --not-mirrored"
+            "images of a Kinect v2 (512x424) are often mirrored, which exchanges left and right: if text in "
+            "its colour images reads backwards, add --mirrored, else --not-mirrored"
         )
     if source.is_sparse:
-        yield "depth has narrow gaps between its points, which are closed"
+        yield "depth is sparse; the narrow gaps between its points are filled"
 
 
 def measured_depth(source: Source) -> Array:
@@ -54,18 +54,18 @@ def doubts_of_lens(camera: Intrinsics) -> Iterator[str]:
     """Lines about a matrix that does not fit the size of the images."""
     size = f"{camera.width}x{camera.height}"
     shift = max(abs((camera.cx + 0.5) / camera.width - 0.5), abs((camera.cy + 0.5) / camera.height - 0.5))
-    mend = "--intrinsics fx,fy,cx,cy gives those of images of this size"
+    mend = "if the intrinsics are for another image size, correct them with --intrinsics fx,fy,cx,cy"
     if shift > 0.5:
         yield f"the centre ({camera.cx:g}, {camera.cy:g}) is outside its {size} image; {mend}"
     elif shift > PLAUSIBLE.max_shift_share:
         yield f"the centre ({camera.cx:g}, {camera.cy:g}) is far from the middle of its {size} image; {mend}"
     if not 1.0 / PLAUSIBLE.max_stretch < camera.fx / camera.fy < PLAUSIBLE.max_stretch:
-        yield f"focal lengths {camera.fx:g} and {camera.fy:g} are of pixels that are not square; {mend}"
+        yield f"focal lengths {camera.fx:g} and {camera.fy:g} mean that pixels are not square; {mend}"
 
 
 def doubts_of_unit(seen: Array, nearest_m: float) -> Iterator[str]:
     """Lines about measured depth (N,) in metres that is implausibly near or far."""
-    scale = "is the unit right? --depth-scale N gives the units per metre"
+    scale = "if the unit is wrong, correct it with --depth-scale N, the units per metre"
     if not len(seen):
         yield f"the examined frames have no depth; {scale}"
         return

@@ -4,8 +4,9 @@ A morphological closing of nearness with a window of 3 x 3 fills gaps of up to t
 outline: a gap gets the depth of a surface around it, at an outline that of the farther one.
 
 Sparse points are those of a lattice, so along rows or columns their steps have two lengths that follow each
-other, such as 1 and 2 pixels, or 2 and 3. Pixels that noise left out are otherwise: if each fails by itself,
-lengths have a geometric distribution, and n(1) n(3) = n(2)^2; if neighbours do together, n(1) n(3) is larger.
+other, such as 1 and 2 pixels, or 2 and 3. Pixels that are missing because of noise differ: if each fails by
+itself, the lengths have a geometric distribution, and n(1) n(3) = n(2)^2; if neighbours fail together,
+n(1) n(3) is larger.
 """
 
 from __future__ import annotations

@@ -63,7 +63,8 @@ def read_joint_states(path: Path) -> JointStates:
     finite = np.isfinite(times).all() and np.isfinite(values).all()
     if len(times) < 2 or not names or not finite or not (np.diff(times[order]) > 0).all():
         raise InputError(
-            f"{path} has {len(times)} states of {len(names)} joints; give two, with finite numbers and times"
+            f"{path} has {len(times)} states of {len(names)} joints; give at least two states of one joint, "
+            "with finite numbers and different times"
         )
     return JointStates(names, times[order], values[order])
 

@@ -27,13 +27,14 @@ Malformed messages are not frames."""
 
 
 class LiveRig:
-    """The newest frames of live cameras, of one or more: a state machine; events have seconds of any clock.
+    """The newest frames of one or more live cameras: a state machine; its times are seconds of any clock.
 
-    There is a frame for each frame of the first camera that lives, with the newest of each other camera if
-    that is new and near in time. No camera is waited for while another lives.
+    A camera is alive while its frames keep coming. Each frame of the first live camera gives a frame of the
+    rig, with the newest image of each other camera if that is new and near in time. No camera is waited for
+    while another is alive.
 
-    A restarted camera goes on while another lives; else `begun`, the number of streams that began, increases,
-    and tracking must start again.
+    A restarted camera continues if another is alive; otherwise `begun`, the number of streams that have
+    begun, increases, and tracking must start again.
     """
 
     def __init__(self, cameras: Sequence[LiveCamera]) -> None:
@@ -42,9 +43,9 @@ class LiveRig:
         self.counts = dict.fromkeys(COUNTED, 0)
         self.begun = 0
         self.lead = self.streams[0]  # the camera of the last taken frame
-        self._last: Frame | None = None  # the last taken one since then
+        self._last: Frame | None = None  # the last frame taken since the last stream began
         self._first = math.inf  # when the first frame was received
-        self._all_heard = False  # or those that were not are reported
+        self._all_heard = False  # whether all cameras have sent a frame, or the silent ones are reported
 
     def accept(self, view: View, now: float, place: int = 0) -> str | None:
         """Receive a frame of the camera at a place: keep it if it belongs to its stream or starts another.
@@ -66,14 +67,14 @@ class LiveRig:
             goes_on = clock is not None and cause == ORDER
             stream.begin(view, goes_on=goes_on)
             size = f"{view.intrinsics.width}x{view.intrinsics.height}"
-            then = "tracking goes on" if goes_on else "tracking starts again"
-            said = f"another stream of frames, {size}, has begun on {key}; {then}"
+            then = "tracking continues" if goes_on else "tracking starts again"
+            said = f"a new stream of {size} frames has begun on {key}; {then}"
             if not goes_on:
                 self.begun, self._last = self.begun + 1, None
         if stream.waiting is not None:
             self.counts["skipped"] += 1
         if stream.accept(view, now, clock):
-            said = f"the times on {key} do not fit time_offset_s; its clock is measured by reception"
+            said = f"the times on {key} contradict time_offset_s; the offset is estimated from arrival times"
         return said or self._miss(now)
 
     def _miss(self, now: float) -> str | None:
@@ -124,9 +125,8 @@ class LiveFrames:
 
     `LiveRig` says which frames belong together. A frame that does not fit its camera's stream is rejected and
     counted. If a few rejected frames fit each other, they start a new stream: the publisher was restarted, or
-    there is another camera. `stream` is the number of the stream. It changes immediately before the first
-    frame of a new stream is yielded, and tracking must start again with that frame; not while another
-    camera lives.
+    there is another camera. Unless another camera is alive, tracking must then start again: `stream`, the
+    number of the stream, changes immediately before the first frame of the new stream is yielded.
 
     Messages are received on a thread of the bus. `report` is called with a message for the user when no frame
     comes, when a new stream starts, at the first rejected frame of each cause, and if times do not fit. The
@@ -170,7 +170,7 @@ class LiveFrames:
             return self._rig.lead.last_period_s
 
     def wait(self, seconds: float) -> None:
-        """Wait for the next frame or the end of the stream, at most so long."""
+        """Wait for the next frame or the end of the stream, for at most `seconds`."""
         with self._changed:
             self._changed.wait_for(lambda: self.is_ready, None if math.isinf(seconds) else seconds)
 
@@ -189,7 +189,7 @@ class LiveFrames:
                 rig.counts["malformed"] += 1
                 is_first = rig.counts["malformed"] == 1
             if is_first:
-                self._report(f"a message on {self.cameras[place].key} makes no sense: {error}")
+                self._report(f"a message on {self.cameras[place].key} is malformed: {error}")
             return
         said = None
         with self._changed:

@@ -30,7 +30,7 @@ class StreamLimits(msgspec.Struct, frozen=True):
     new_stream_frames: int = 5  #: rejected ones that fit each other, which begin a new stream
     recent_frames: int = 30  #: from which rate and clock are measured
     silent_intervals: float = 3.0  #: usual intervals without a frame, after which a camera is silent
-    clock_s: float = 0.5  #: more than the frames of one camera come later than those of another
+    clock_s: float = 0.5  #: more than the delays of two cameras can differ
     colours_kept: int = 4  #: colour images until their frames are taken
 
 
@@ -133,7 +133,7 @@ class LiveStream:
     def accept(self, view: View, received: float, clock: LiveStream | None) -> bool:
         """Keep a frame that fits. `clock` is the stream of another camera that lives, if there is one.
 
-        Returns whether the camera's clock has just been found to be another one than the rig file says.
+        Returns whether this frame shows that the camera's clock contradicts the offset in the rig file.
         """
         self._last, self.received, self.ended = view, received, False
         self._rejected.clear()

@@ -81,7 +81,7 @@ def read_pictures(path: Path, given: GivenCamera) -> Source:
         scale = 5000.0
     elif given.intrinsics is None or find_camera_file(path) is not None:
         if find_camera_file(path) is None:
-            read_depth(files[0])  # colour images need no camera, but other images
+            read_depth(files[0])  # for colour images, complain about them, not about the missing camera
         intrinsics, scale, fps = read_camera(path, given)
     if given.intrinsics is not None:
         intrinsics = given.camera(read_depth(files[0]).shape, path)
@@ -110,7 +110,7 @@ def find_frames(
         files, times = listed_times(listed, files)
     if times is not None and np.any(np.diff(times) <= 0.0):
         late = int(np.argmax(np.diff(times) <= 0.0)) + 1
-        raise InputError(f"{listed or folder}: the time of frame {late} is not after the last; correct it")
+        raise InputError(f"{listed or folder}: frame {late} is not later than the last; correct its time")
     counts = columns_of([NUMBER.findall(file.stem) for file in files])
     values = [*map(Decimal, counts[0])] if len(counts) == 1 else []
     if len(files) == 1:
@@ -141,7 +141,7 @@ def ordered_files(folder: Path, suffixes: Collection[str]) -> list[Path]:
         if not key and (folder / SUMMARY_FILE).exists():
             raise InputError(f"{folder} is the folder of a run; give the recording that was tracked")
         if not key and len(files) > 1:
-            raise InputError(f"{file} is not named by a frame number such as 000000.png; rename or remove it")
+            raise InputError(f"{file} has no frame number in its name, such as 000000; rename or remove it")
         if key in numbered:
             raise InputError(
                 f"{folder} has a frame number twice ({numbered[key].name}, {file.name}); keep one"
@@ -155,7 +155,7 @@ def listed_times(path: Path, files: list[Path]) -> tuple[list[Path], list[float]
     try:
         lines = [re.split(r"[,;\s]+", line.strip()) for line in read_text(path).splitlines()]
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path} is not a readable text ({error}); copy it again") from error
+        raise InputError(f"{path} is not a readable text file ({error}); copy it again") from error
     rows = [cells for cells in lines if any(cells) and not cells[0].startswith("#")]
     by_name = {Path(cell).name: cells for cells in rows if len(cells) > 1 for cell in cells}
     named = [file for file in files if file.name in by_name]

@@ -42,7 +42,7 @@ class CloudCamera(msgspec.Struct, frozen=True):
 
     max_misfit_px: float = 0.05  #: error of the pixels of an organised cloud
     max_slope: float = 2.0  #: of the line of sight at the border of the image: 127 degrees in all
-    max_focal: float = 2.0  #: focal length in that of the nominal camera
+    max_focal: float = 2.0  #: focal length, as a multiple of the nominal camera's
 
 
 ASSUMED = CloudCamera()

@@ -16,7 +16,7 @@ from gepf.coordinator.sources.lens import Lens
 class ColourCamera:
     """A colour camera with its distortion, and T_colour_depth (4, 4) from the depth camera's frame, metres.
 
-    What the depth camera sees and the colour camera does not has the colour of what is before it.
+    Where something hides a surface from the colour camera only, the surface gets the colour of that thing.
     """
 
     lens: Lens

@@ -55,7 +55,7 @@ class RigFile(msgspec.Struct, frozen=True):
 
 
 def read_rig_file(path: Path) -> RigFile:
-    """Read the cameras of a rig; InputError if there are none, or one of them makes no sense."""
+    """Read the cameras of a rig; InputError if there are none, or if one of them is invalid."""
     rig = read_json(path, RigFile, f"write {EXAMPLE}")
     if not 1 <= len(rig.cameras) <= MAX_CAMERAS:
         raise InputError(f"{path} lists {len(rig.cameras)} cameras; give 1 to {MAX_CAMERAS}")
@@ -64,7 +64,7 @@ def read_rig_file(path: Path) -> RigFile:
             raise InputError(f"{path}: {wrong}")
     for one, other in combinations(rig.cameras, 2):
         if one.name == other.name:
-            raise InputError(f"{path} has two cameras of the name '{one.name}'; rename one")
+            raise InputError(f"{path} has two cameras named '{one.name}'; rename one")
         if sequence_of(path, one) == sequence_of(path, other):
             twice = f"lists {one.sequence} twice, as '{one.name}' and '{other.name}'"
             raise InputError(f"{path} {twice}; remove one")
@@ -75,7 +75,7 @@ def find_fault(camera: RigCamera) -> str | None:
     """What is wrong with a camera by itself; None if nothing is."""
     name, matrix = camera.name, np.array(camera.T_rig_camera)
     if not name:
-        return "a camera has an empty name; name it"
+        return "a camera has an empty name; give it a name"
     if not is_rigid(matrix):
         moved = f"T_rig_camera of '{name}' is not a rotation and a translation in metres"
         return f"{moved}; give 4 rows of 4 numbers, the last 0 0 0 1"
@@ -110,7 +110,7 @@ def live_cameras(sequence: Path) -> tuple[LiveCamera, ...]:
         raise InputError(f"{sequence}: cameras of ROS 2 are tracked alone; give ros2:/TOPIC, not a rig")
     if any(keys) and None in keys:
         odd = listed[keys.index(None)]
-        raise InputError(f"{sequence}: '{odd.name}' is a recording, others are live; list one kind")
+        raise InputError(f"{sequence}: '{odd.name}' is a recording, but others are live; list only one kind")
     return tuple(
         LiveCamera(key, camera.name, camera.pose, camera.time_offset_s)
         for key, camera in zip(keys, listed, strict=True)
@@ -124,10 +124,10 @@ def read_rig(path: Path, given: GivenCamera) -> RigSource:
 
     if given != AS_RECORDED:
         raise InputError(
-            f"--intrinsics, --depth-scale and --mirrored do not fit the rig {path}; leave them out"
+            f"--intrinsics, --depth-scale and --mirrored cannot be used with a rig, {path}; leave them out"
         )
     if live_cameras(path):
-        raise InputError(f"the cameras of {path} are live; gepf track and gepf.live read them")
+        raise InputError(f"the cameras of {path} are live; use gepf track, or gepf.live in Python")
     cameras = []
     for camera in read_rig_file(path).cameras:
         recording, pose = sequence_of(path, camera), camera.pose

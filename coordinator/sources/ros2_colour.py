@@ -23,8 +23,8 @@ from gepf.coordinator.sources.ros_colour import (
 )
 from gepf.coordinator.sources.ros_images import COMPRESSED, IMAGE, PICTURES
 
-NAMES = ("color", "colour", "rgb")  # of which topics of colour have one
-FARTHEST_NS = round(SECOND_NS / DEFAULT_FPS)  # from depth in time
+NAMES = ("color", "colour", "rgb")  # the name of a colour topic contains one of these
+FARTHEST_NS = round(SECOND_NS / DEFAULT_FPS)  # largest difference in time from depth
 
 
 class ColourTopic:
@@ -62,11 +62,11 @@ class ColourTopic:
         if self._other is None or self._is_reported:
             return ""
         self._is_reported = True
-        of = f"of the frame '{self._other}', not that of {self._depth_topic}"
-        return f"colour is {of}, and not used; publish depth that is aligned to it"
+        where = f"in the frame '{self._other}', not in that of {self._depth_topic}"
+        return f"colour is not used, because it is {where}; publish depth that is aligned to colour"
 
     def _look(self) -> None:
-        """Subscribe to the topic that has most in common with that of depth, raw if it is published."""
+        """Subscribe to the colour topic whose name is most like the depth topic's; raw before compressed."""
         if self._is_subscribed:
             return
         images = {topic: kind for kind in (COMPRESSED, IMAGE) for topic in self._node.topics(kind)}

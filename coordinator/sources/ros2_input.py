@@ -38,10 +38,10 @@ class DepthTopic:
         self._kind = COMPRESSED if topic.endswith((TRANSPORT, PICTURES)) else IMAGE
         raw = topic.removesuffix(TRANSPORT).removesuffix(PICTURES)
         self._raw, self._camera_topic = raw, raw.rpartition("/")[0] + "/camera_info"
-        self._lens: tuple[bytes, Lens] | None = None  # of the last message of it
+        self._lens: tuple[bytes, Lens] | None = None  # the last camera_info in use, and its lens
         self._stamped = True
-        self._camera: bytes | None = None  # the last message of it
-        self._waits = False  # images for the camera
+        self._camera: bytes | None = None  # the last camera_info
+        self._waits = False  # whether the last image came before any camera_info
         self._numbers = count()
         frames.explain = self._explain
         node.subscribe(self._camera_topic, CAMERA, self._receive_camera)
@@ -68,7 +68,7 @@ class DepthTopic:
         check_camera(camera, scale)
         if depth.shape != (camera.height, camera.width):
             size = f"{depth.shape[1]}x{depth.shape[0]}"
-            raise ProtocolError(f"it is {size}, but its camera_info {camera.width}x{camera.height}")
+            raise ProtocolError(f"it is {size}, but its camera_info says {camera.width}x{camera.height}")
         if not (now := nanoseconds(message.header.stamp)):
             now = time.time_ns()
             if self._stamped:

@@ -72,7 +72,7 @@ def depth_topic(bag: Bag) -> str:
             lossy = lossy or topic
     record = "record the camera's depth topic"
     if lossy is not None:
-        lost = f"{lossy} is depth as JPEG, which has lost it"
+        lost = f"{lossy} holds depth as JPEG, which destroys it"
         raise InputError(f"{bag.path}: {lost}; {record} without compression, or {TRANSPORT}")
     raise InputError(f"{bag.path} holds no depth images (16UC1 or 32FC1); {record}")
 
@@ -88,8 +88,8 @@ def camera_of(bag: Bag, topic: str, image: object) -> Lens:
         camera = lens_in(infos[other], other, str(bag.path)).camera
         values = ",".join(f"{value:.6g}" for value in camera.pinhole)
         raise InputError(
-            f"{bag.path}: {other} is of another camera than {topic}; record that of the depth, or add "
-            f"--intrinsics fx,fy,cx,cy ({values} are those of {other})"
+            f"{bag.path}: {other} is of another camera than {topic}; record the depth camera's camera_info, "
+            f"or add --intrinsics fx,fy,cx,cy ({values} are those of {other})"
         )
     chosen = nearest(topic, own)
     return lens_in(infos[chosen], topic, str(bag.path))

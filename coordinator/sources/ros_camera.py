@@ -41,12 +41,14 @@ def lens_in(info: Any, topic: str, name: str) -> Lens:
     rectified = RECTIFIED in "/".join(topic.split("/")[-2:])
     if rectified and projection[0, 0] > 0.0:
         matrix = projection
-    camera = intrinsics_of(matrix, info.width, info.height, f"{name}: camera_info, from a calibrated camera")
+    camera = intrinsics_of(matrix, info.width, info.height, f"{name}: camera_info (uncalibrated camera?)")
     if rectified or not distortion.any():
         return Lens(camera)
     if info.distortion_model not in MODELS:
         logger.warning(
-            "%s: distortion of the model %s is not undone", name, info.distortion_model or "(none)"
+            "%s: the distortion model %s is not supported; distortion is not removed",
+            name,
+            info.distortion_model or "(none)",
         )
         return Lens(camera)
     return Lens(camera, tuple(np.pad(distortion[:8], (0, max(0, 5 - len(distortion)))).tolist()))

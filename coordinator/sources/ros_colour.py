@@ -105,7 +105,7 @@ def colours_in(
     if not fitting:
         if coloured:
             logger.warning(
-                "%s: colour on %s is of another camera than depth, and not used; record aligned depth",
+                "%s: colour on %s is not used, as it is from another camera than depth; record aligned depth",
                 bag.path, next(iter(coloured)),
             )  # fmt: skip
         return None

@@ -51,7 +51,7 @@ def pixels(message: Any) -> NDArray[np.generic]:
     """Depth (H, W) of an image message, in integer units or metres; any exception if it is damaged."""
     encoding = encoding_of(message)
     if is_jpeg(message):
-        raise ValueError(f"it is depth as JPEG ({message.format}), which has lost it; use ...{TRANSPORT}")
+        raise ValueError(f"it is depth as JPEG ({message.format}), which destroys it; use ...{TRANSPORT}")
     if encoding not in ENCODINGS:
         raise ValueError(f"its encoding is {encoding}, not {', '.join(ENCODINGS)}")
     if hasattr(message, "format"):
@@ -97,11 +97,11 @@ def unpack_rvl(packed: bytes) -> NDArray[np.uint16]:
     check_pixels(width, height)
     flat = np.zeros(width * height, dtype=np.uint16)
     if not decode_rvl(words[2:].astype(np.int64), flat):
-        raise ValueError("its RVL has not as many pixels as it says")
+        raise ValueError("its RVL data does not have as many pixels as its size says")
     return flat.reshape(height, width)
 
 
 def check_pixels(width: int, height: int) -> None:
     """ValueError for an image without pixels, or with too many."""
     if not 0 < width * height <= MAX_PIXELS:
-        raise ValueError(f"it has 1 to {MAX_PIXELS} pixels, not {width} by {height}")
+        raise ValueError(f"its size is {width} x {height}; it must have 1 to {MAX_PIXELS} pixels")

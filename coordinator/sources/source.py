@@ -213,8 +213,8 @@ class RigSource(Source):
     def frame(self, number: int) -> Frame:
         """Read one frame; 0 for pixels without depth. Raises InputError if it is damaged.
 
-        It has the nearest image in time of each other camera, unless another image of the first one is nearer
-        to that one. Before its first image and after its last, a camera has images without depth.
+        Each other camera adds its nearest image in time, if that is within half a frame period. Before its
+        first image and after its last, a camera adds an image without depth.
         """
         first, *beside = self.views
         image = first.view(number)
@@ -244,7 +244,7 @@ def to_units(metres: Array, per_metre: float = UNITS_PER_METRE) -> NDArray[np.ui
 def downward(accelerations: Collection[ArrayLike]) -> Array | None:
     """Direction of gravity (3,), unit vector, by an accelerometer's measurements (3,); None without any.
 
-    At rest, they are of the upward force.
+    At rest, an accelerometer measures the upward force that holds it.
     """
     if not len(accelerations):
         return None
@@ -260,7 +260,7 @@ def rate_of(seconds: Sequence[float] | Array) -> float:
 def rising(times: NDArray[np.floating]) -> Array:
     """Times (F,) that rise strictly: frames with one time are spread evenly up to the next time.
 
-    Where the clock was set back, one frame passes.
+    Where the clock was set back, the usual time between two frames is assumed.
     """
     steps = np.diff(times.astype(np.float64))
     forward = steps[steps > 0.0]
@@ -283,5 +283,5 @@ def select_frames(numbers: Sequence[int], wanted: str | None) -> Sequence[int]:
     start, stop = int(first or numbers[0]), int(end or numbers[-1] + 1)
     chosen = [number for number in numbers if start <= number < stop]
     if start < numbers[0] or stop > numbers[-1] + 1 or not chosen:
-        raise InputError(f"--frames {wanted} is out of range or a gap; {there}")
+        raise InputError(f"--frames {wanted} is out of range or in a gap; {there}")
     return chosen

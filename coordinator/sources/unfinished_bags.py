@@ -14,11 +14,11 @@ from rosbags.rosbag1.reader import ChunkInfo, Header, IndexData, Reader, ReaderE
 from rosbags.rosbag2 import Reader as Reader2
 from rosbags.rosbag2.storage_mcap import McapReader
 
-MCAP_MAGIC = b"\x89MCAP0\r\n"  # at the begin and at the end
+MCAP_MAGIC = b"\x89MCAP0\r\n"  # at the beginning and at the end of a file
 
 
 def mend(reader: AnyReader) -> bool:
-    """Let a reader that is not open read what was written of such bags; whether there is one."""
+    """Prepare a reader that is not open yet to read unfinished bags; returns whether there are any."""
     unindexed = [r for r in reader.readers if isinstance(r, Reader) and not is_indexed(Path(str(r.path)))]
     if unindexed:
         reader.readers = [UnindexedBag(each.path) for each in unindexed]
@@ -31,7 +31,7 @@ def mend(reader: AnyReader) -> bool:
 
 
 def is_indexed(path: Path) -> bool:
-    """Whether a ROS 1 bag has an index, as its recording was ended."""
+    """Whether a ROS 1 bag has an index, which is written when its recording ends."""
     with path.open("rb") as file:
         file.readline()
         return Header.read(file, RecordType.BAGHEADER).get_uint64("index_pos") > 0
@@ -89,7 +89,7 @@ class UnindexedBag(Reader):
 
 
 def is_cut(path: Path) -> bool:
-    """Whether an MCAP file has no end, as its recording was not ended."""
+    """Whether an MCAP file lacks its end, which is written when its recording ends."""
     with path.open("rb") as file:
         whole = file.read(len(MCAP_MAGIC)) == MCAP_MAGIC
         file.seek(-len(MCAP_MAGIC), os.SEEK_END)

@@ -191,7 +191,7 @@ HEADING_DEG: Keys = {"root_ry": {0: 0, 10: 0, 22: 75, 78: 75, 102: -75, 158: -75
 
 @cache
 def two() -> Scene:
-    """The scene; both people must be detected."""
+    """A scene of two people, one of whom walks about behind the other; both must be detected."""
     bodies = [human(stature) for stature in SHOT.two_statures_m]
     stands = animate(bodies[0], ARMS_DEG, **STANDS_M)
     walks = animate(bodies[1], HEADING_DEG, **WALKS_M)

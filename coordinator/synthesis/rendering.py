@@ -85,7 +85,7 @@ class DepthRenderer(Closing):
     def colours(self, surface: ColouredSurface, background: Array, light: Array) -> NDArray[np.uint8]:
         """The image (H, W, 3), RGB, of a surface in the light from a direction (3,), camera frame.
 
-        The `background` (3,), from 0 to 1, is elsewhere.
+        Elsewhere is the colour `background` (3,), from 0 to 1.
         """
         pyrender = self._pyrender
         primitive = pyrender.Primitive(
@@ -120,7 +120,7 @@ class DepthRenderer(Closing):
 
 
 def fit_in_view(points: Array, camera: Intrinsics) -> Array:
-    """Shift (3,) that centres points (n, 3) in the image, as near as they fit."""
+    """Shift (3,) that centres points (n, 3) in the image, and brings them as near as they fit into it."""
     low, high = points.min(axis=0), points.max(axis=0)
     wide = np.max((high - low)[:2] / (camera.width / camera.fx, camera.height / camera.fy))
     front = max(RENDERING.min_distance_m, float(wide) / RENDERING.filled_share)

@@ -136,7 +136,7 @@ def turn() -> Scene:
 
 
 class Roam(msgspec.Struct, frozen=True):
-    """How any body moves, and before which camera."""
+    """How any body moves, and in front of which camera."""
 
     frames: int = 150
     camera: Intrinsics = Intrinsics(640, 480, 575.0, 575.0, 319.5, 239.5)

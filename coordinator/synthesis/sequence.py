@@ -71,7 +71,9 @@ def synthesise(  # noqa: PLR0913 one parameter an option
         raise InputError(f"seed {seed} is negative; choose 0 or more")
     late = late or 0.0
     if not (1 <= cameras <= MAX_CAMERAS and 0.0 <= late < 1000.0):
-        raise InputError(f"choose 1 to {MAX_CAMERAS} cameras, 0 to 1000 ms late, not {cameras}, {late:g}")
+        raise InputError(
+            f"{cameras} cameras, {late:g} ms late, are not valid; choose 1 to {MAX_CAMERAS}, 0 to 1000 ms"
+        )
     shown = find_scene(scene, model, seed, frames)
     shown = furnished(shown) if room else shown
     one = Seen("", shown, np.eye(4), 0.0)

@@ -19,7 +19,7 @@ from gepf.coordinator.synthesis.scenes import Scene
 
 
 class Room(msgspec.Struct, frozen=True):
-    """A room around a person; its walls are not drawn where a camera is outside."""
+    """A room around a person; a wall is not drawn for a camera outside it."""
 
     wall_m: float = 2.2  #: from the person to each wall
     height_m: float = 2.7
@@ -42,7 +42,7 @@ def surround(scene: Scene, cameras: int, apart_deg: float, late_s: float) -> Ite
     than the one before it.
     """
     if not set(ROOT_DOFS) <= set(scene.model.dof_names):
-        raise InputError("the base of this body is fixed, so it has one camera; give another scene")
+        raise InputError("the base of this body is fixed, so only one camera can see it; give another scene")
     middle = root_places(scene).mean(axis=0)
     for n in range(cameras):
         placed = np.eye(4)

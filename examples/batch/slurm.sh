@@ -1,7 +1,7 @@
 #!/bin/bash
 # One recording per task, one lane per core. The list has one recording per line, the results go to runs/.
 #   sbatch --array=0-$(($(wc -l < list.txt) - 1)) slurm.sh list.txt runs
-# The same command again continues tasks that were stopped, and skips those that are done. In the end,
+# The same command again continues tasks that were stopped, and skips those that are done. Finally,
 #   gepf track --list list.txt --out runs --no-pictures     # tracks what is missing, and writes runs/runs.csv
 #SBATCH --cpus-per-task=8
 #SBATCH --mem=4G

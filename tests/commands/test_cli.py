@@ -126,7 +126,7 @@ def test_a_start_from_a_file_overrides_that_of_the_sequence(tracked: Tracked, tm
     [
         (KeyboardInterrupt(), 130, "gepf: stopped"),
         (BusError("the link is gone"), 1, "gepf: the link is gone"),
-        (RuntimeError("a defect"), 1, "gepf: RuntimeError: a defect (gepf --debug shows where)"),
+        (RuntimeError("a defect"), 1, "gepf: RuntimeError: a defect (gepf --debug shows the traceback)"),
     ],
 )
 def test_what_was_tracked_is_kept_however_a_run_ends(

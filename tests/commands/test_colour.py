@@ -58,10 +58,10 @@ def run(
 def test_colour_beside_depth_is_used(run: Run, recording: Path, tmp_path: Path) -> None:
     """As that of `--color DIR`; `--no-color` has the bytes of a recording without colour. That is said."""
     coloured, said = run()
-    assert "by depth and colour" in said
-    assert (read_track(tmp_path / "run").keypoint is not None) == ("by depth and colour" in said)
+    assert "with depth and colour" in said
+    assert (read_track(tmp_path / "run").keypoint is not None) == ("with depth and colour" in said)
     alone, said = run("--no-color")
-    assert "by depth alone" in said
+    assert "with depth alone" in said
     assert coloured != alone
     (recording / "color").rename(recording / "pictures")
     assert run()[0] == alone
@@ -87,7 +87,7 @@ def test_colour_that_cannot_be_used_is_said(
         found, said = run()
         (line,) = (each for each in said.splitlines() if "pip install" in each)
         assert found == alone
-        assert line.startswith("colour is not used, which corrects many limbs")
+        assert line.startswith("colour, which corrects many limbs and swapped sides, is not used")
         assert line.endswith("pip install 'gepf[color]'; or give --no-color")
         assert "pip install" not in run("--no-color")[1]
     (recording / "color" / "000001.png").unlink()
@@ -96,7 +96,7 @@ def test_colour_that_cannot_be_used_is_said(
     found, said = run()
     assert found == alone
     assert (
-        "colour is not used: no image of the examined frames has the shape of depth; register colour" in said
+        "colour is not used: none of the examined colour images has the shape of the depth images; " in said
     )
 
 

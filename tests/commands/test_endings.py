@@ -74,4 +74,4 @@ def test_a_full_disk_is_told_with_what_to_do() -> None:
     told = describe_fault(OSError(errno.ENOSPC, "No space left on device", "run/frames.log"))
     assert told.startswith("no space is left on the disk for run/frames.log; make room")
     assert "--resume" in told
-    assert describe_fault(OSError(errno.EIO, "bad")).endswith("(gepf --debug shows where)")
+    assert describe_fault(OSError(errno.EIO, "bad")).endswith("(gepf --debug shows the traceback)")

@@ -82,7 +82,7 @@ def test_a_run_connects_anew_and_has_the_same_bytes(sequence: Path, endpoint: st
     assert broken.read_bytes() == calm.read_bytes()
     assert len(opened) == 2
     assert "none answers; reconnecting" in written.getvalue()
-    assert "going on with frame" in written.getvalue()
+    assert "continuing with frame" in written.getvalue()
     assert heard().count(KIND) > 0
     assert heard().index(END) == len(heard()) - 1
 
@@ -120,7 +120,7 @@ def test_a_live_run_goes_on_with_a_new_track(
     tracked = read_track(tmp_path / "run")
     assert len(tracked.frame) >= 12
     assert np.all(np.diff(tracked.frame) > 0)
-    assert capsys.readouterr().err.count("tracking begins anew with the next frame") == 1
+    assert capsys.readouterr().err.count("tracking starts again with the next frame") == 1
 
 
 def test_it_gives_up_at_last_and_keeps_what_there_is(sequence: Path, tmp_path: Path) -> None:

@@ -255,7 +255,7 @@ BAD = [  # kind, fault, what is said
     ("reply", set_to("values", value=packed(np.zeros(16))), r"expected \(24\)"),
     ("reply", set_to("values", value=NEGATIVE), "residual must be 0 to inf, not -1"),
     ("sure-reply", roots(np.nan), "covariance_roots must be -1 to 1, not nan"),
-    ("sure-reply", roots(0.0), "is not above zero"),
+    ("sure-reply", roots(0.0), "must have positive diagonals"),
     ("sure-reply", roots(0.1, 3.0), "covariance_roots must be -1 to 1, not 0 to 3"),
 ]
 

@@ -47,7 +47,7 @@ ATTEMPTS = 5  # at what a busy machine may spoil, as links get lost and are foun
 LONGEST = 60.0  # seconds for one message, on a busy machine
 GROWTH = 24 * 2**20  # bytes that the second half of a test may add
 HONEST = [kind.payload for kind in KINDS.values()]
-HASHES = re.compile(rb"names the hash ([0-9a-f]{64}) and has ([0-9a-f]{64})")
+HASHES = re.compile(rb"names the hash ([0-9a-f]{64}), but its content has ([0-9a-f]{64})")
 NOT_OURS = "could not refine"  # begins a refusal by anything but an error of our own tree
 PRESETS = (preset("paper").refine, preset("default").refine)
 

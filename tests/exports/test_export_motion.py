@@ -200,7 +200,7 @@ def test_a_cut_off_that_cannot_be_is_one_line(tmp_path: Path) -> None:
     body = hinges()
     write_run(tmp_path / "run", body, swing(body, 9))
     run = read_run(tmp_path / "run")
-    with pytest.raises(InputError, match="half of 25 frames a second; 6 is usual"):
+    with pytest.raises(InputError, match=r"12\.5 Hz, half the frame rate; try 6"):
         smooth_track(run.track, body, 20.0)
     write_run(tmp_path / "short", body, swing(body, 2))
     with pytest.raises(InputError, match="cannot be smoothed"):
@@ -215,7 +215,7 @@ def test_what_is_there_stays_unless_forced(tmp_path: Path, capsys: pytest.Captur
     out.write_text("mine")
     command = ["export", str(tmp_path / "run"), "--to", "csv", "--out", str(out)]
     assert main(command) == 2
-    assert "is there already; replace it with --force" in capsys.readouterr().err
+    assert "already exists; replace it with --force" in capsys.readouterr().err
     assert out.read_text() == "mine"
     assert main([*command, "--smooth", "6", "--force"]) == 0
     written = capsys.readouterr()

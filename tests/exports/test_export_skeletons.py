@@ -87,7 +87,7 @@ def test_a_bvh_of_a_clock_that_was_set(tmp_path: Path) -> None:
 
     export(-9.0)
     assert bvhio.readAsBvh(str(tmp_path / "run.bvh")).FrameCount == 6
-    with pytest.raises(InputError, match=r"the run lasts 277778 h; .* use glb"):
+    with pytest.raises(InputError, match=r"the run lasts 277778 h, .* export it as glb"):
         export(1e9)
 
 

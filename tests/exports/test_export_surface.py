@@ -62,7 +62,7 @@ def test_a_point_cloud_has_the_vertices(run: Path, model: BodyModel, form: str) 
 @pytest.mark.parametrize(
     ("form", "frame", "message"),
     [
-        ("ply", 7, r"frame 7 has no pose; give --frame, 100 to 104"),
+        ("ply", 7, r"frame 7 has no pose; give --frame 100 to 104"),
         ("bvh", 101, "bvh holds all frames, not frame 101 alone; leave --frame out"),
     ],
 )

@@ -62,7 +62,7 @@ def test_a_body_is_a_mesh_and_a_skeleton() -> None:
     names = [[model.joint_names[j] for j in pair] for pair in np.asarray(lines.lines)]
     assert ["right_elbow", "right_wrist"] in [sorted(pair) for pair in names]
     for wrong in (None, pose[:-1], np.full_like(pose, np.nan)):
-        with pytest.raises(gepf.InputError, match=f"give a pose: {len(pose)} numbers"):
+        with pytest.raises(gepf.InputError, match=f"give {len(pose)} finite numbers"):
             gepf.to_open3d(model, wrong)
 
 

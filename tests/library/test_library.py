@@ -45,7 +45,7 @@ def track_views(*views: gepf.View) -> None:
 def test_a_frame_that_was_refused_may_be_corrected() -> None:
     """Nothing of it is kept."""
     tracker = gepf.Tracker(PERSON, SETTINGS, start=STANDING)
-    with refused("of its camera's shape"):
+    with refused("give uint16 of shape"):
         tracker.track(changed(FRAME, intrinsics=replace_lens(width=8)))
     assert tracker.track(FRAME).status == "tracked"
 
@@ -61,7 +61,7 @@ def test_a_persons_model_is_tracked_as_a_person() -> None:
     ours, theirs = (tracker.track(FRAME) for tracker in (model, measures))
     assert ours.flexible.family == theirs.flexible.family == "human"
     np.testing.assert_array_equal(ours.joint_positions, theirs.joint_positions)
-    with refused("give their Measures"):
+    with refused("give Measures"):
         gepf.Tracker(replace(human(1.82), vertices=human(1.82).vertices[:9]), SETTINGS)
 
 
@@ -112,7 +112,7 @@ OPEN = gepf.Pool(0, listen="tcp/0.0.0.0:7447")
         (lambda: gepf.Tracker(PERSON, active=("elbow",)), "unknown degree of freedom 'elbow'"),
         (lambda: gepf.Tracker(PERSON).track(np.ones((4, 4))), "camera"),
         (lambda: gepf.Tracker(PERSON, camera=MATRIX).track(np.ones((4, 4), int)), "depth_scale"),
-        (lambda: gepf.live("key"), "give listen or connect an endpoint"),
+        (lambda: gepf.live("key"), "give listen=ENDPOINT or connect=ENDPOINT"),
         (lambda: gepf.live("key", listen="tcp/0.0.0.0:7447"), "listen=.* accepts anyone.*insecure=True"),
         (lambda: gepf.live("key", connect="tcp/host:7447"), "connect=.* is not enc.*, or insecure=True"),
         (lambda: gepf.Tracker(PERSON, workers="tcp/host:7447"), r"connect=.* is not enc.*or workers=Pool"),
@@ -122,14 +122,17 @@ OPEN = gepf.Pool(0, listen="tcp/0.0.0.0:7447")
         (lambda: gepf.live("key", listen="tcp/127.0.0.1:1", idle_timeout=0.0), "would end at once"),
         (
             lambda: track_two({"depth": VIEW.depth[1:]}),
-            r"frame 0: depth is uint16 of shape .* its camera's shape",
+            r"frame 0: depth is uint16 of shape .*; give uint16 of shape",
         ),
         (lambda: track_two({"depth": VIEW.metres()}), "depth is float32 of shape .* give uint16"),
         (lambda: track_two({"depth_scale": 0.0}), "the depth scale must be"),
         (lambda: track_two({"time_s": np.nan}), "time_s is nan; give seconds"),
-        (lambda: track_two({"T_rig_camera": 2.0 * np.eye(4)}), "T_rig_camera is not a rotation"),
+        (lambda: track_two({"T_rig_camera": 2.0 * np.eye(4)}), "T_rig_camera is not a rigid transform"),
         (lambda: track_views(VIEW, replace(VIEW, camera="b", time_s=np.inf)), "of camera 'b': time_s"),
-        (lambda: track_views(VIEW, VIEW), "two images of one camera; give each camera its name"),
+        (
+            lambda: track_views(VIEW, VIEW),
+            "two images with the same camera name; give each camera its own name",
+        ),
         (track_views, "frame 0 has no image; give it one view per camera"),
         (lambda: track_two({}, {"intrinsics": replace_lens(fx=1.0)}), "its intrinsics differ from those"),
         (lambda: gepf.PeopleTracker(0), "would track no one"),

@@ -38,7 +38,7 @@ def test_one_line_tracks_a_recording(tmp_path: Path) -> None:
     assert np.array_equal(gepf.load(tmp_path / "run").track.pose, run.track.pose)
     start = gepf.open_source(tmp_path / "arm").init
     assert start is not None
-    with pytest.raises(gepf.InputError, match="in use"):
+    with pytest.raises(gepf.InputError, match="already exists and is not empty"):
         gepf.track(tmp_path / "arm", tmp_path / "run", quiet=True)
     assert "3 in" in run._repr_html_()
     (tmp_path / "arm" / "depth" / "000002.png").write_text("x")

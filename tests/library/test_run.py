@@ -102,7 +102,7 @@ def test_estimates_are_asked_by_name_and_saved(tmp_path: Path) -> None:
     assert run.angle("right_elbow_flexion", degrees=True)[0] == pytest.approx(elbow, abs=0.1)  # evened out
     assert run.summary["status"]["tracked"] == 2
     run.report()
-    with pytest.raises(gepf.InputError, match="holds a run already"):
+    with pytest.raises(gepf.InputError, match="already holds a run"):
         tracker.save(estimates, tmp_path / "saved")
     with pytest.raises(gepf.InputError, match="nothing to save"):
         tracker.save([], tmp_path / "empty")

@@ -347,11 +347,14 @@ def test_a_request_that_cannot_be_served_gets_a_reason(endpoint: str) -> None:
             (b"\xc1nonsense", "not a request message"),
             (encode_request(REQUEST), "frame 1 of run coordinator/ghost is not available"),
             (encode_request(replace(REQUEST, model="0" * 64)), "model 0{12} of run coordinator/ghost is not"),
-            (encode_request(replace(REQUEST, run="room/ghost")), "run room/ghost is not one of coordinator"),
+            (
+                encode_request(replace(REQUEST, run="room/ghost")),
+                "run room/ghost does not belong to coordinator",
+            ),
             (encode_request(replace(request, frame=99)), f"frame 99 of run {refiner.run} is not available"),
             (
                 encode_request(replace(request, particles=Particles(POSES[:, :5], SETTINGS))),
-                "poses of 5 values for a model of 6",
+                "poses have 5 values, but the model has 6",
             ),
         ):
             sender.send(payload, lambda *how: came.put(how))

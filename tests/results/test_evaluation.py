@@ -169,7 +169,7 @@ def test_only_frames_of_both_sides_count_and_are_matched_by_number() -> None:
     score = evaluate(track, make_truth(joint_positions=places))
     assert score.frames == 3
     assert score.mean_joint_error_cm == pytest.approx(8.0)
-    with pytest.raises(InputError, match=r"track \(frames 10 to 19\) and truth \(frames 0 to 9\)"):
+    with pytest.raises(InputError, match=r"track \(frames 10 to 19\) and the truth \(frames 0 to 9\)"):
         evaluate(make_track(frame=np.arange(FRAMES) + 10), make_truth())
 
 
@@ -195,7 +195,7 @@ def test_lost_means_far_off_to_the_end(far: list[int], from_frame: int | None) -
 def test_a_truth_with_nothing_in_common_is_refused() -> None:
     """Scores of nothing would look like scores."""
     truth = make_truth(dof_names=("root_tx",), pose=np.zeros((FRAMES, 1)), joint_names=("a", "b"))
-    with pytest.raises(InputError, match="neither angles nor joints"):
+    with pytest.raises(InputError, match="has no angle or joint of the track"):
         evaluate(make_track(), truth)
 
 
@@ -225,7 +225,7 @@ def test_a_truth_file_without_numbers_counts_from_zero(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
-        ({"joint_names": None}, "has no 'joint_names'"),
+        ({"joint_names": None}, "has no array 'joint_names'"),
         ({"pose": None}, "has no 'pose'"),
         ({"joint_positions": np.zeros((FRAMES, 3, 3))}, "'joint_positions' has shape"),
         ({"pose": np.zeros((FRAMES - 1, 3))}, "'pose' has shape"),

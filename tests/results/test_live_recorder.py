@@ -131,7 +131,9 @@ def test_a_killed_run_is_finished_when_it_is_read(killed: Path, caplog: pytest.L
     track, summary = read_track(killed), read_summary(killed)
     assert track.frame.tolist() == list(range(FRAMES))
     assert (summary["complete"], summary["frames"], summary["pool"]) == (False, FRAMES, {"workers": 1})
-    assert caplog.messages == [f"the live run in {killed} was killed; its {FRAMES} frames are now finished"]
+    assert caplog.messages == [
+        f"the live run in {killed} was killed; its {FRAMES} frames are now in its results"
+    ]
     before = contents(killed)
     finish_killed(killed)
     assert contents(killed) == before
@@ -225,7 +227,7 @@ def test_a_live_run_that_goes_on_is_not_finished(tmp_path: Path) -> None:
     with LiveRecorder(run, CONFIGURATION, {}) as recorder:
         append(recorder, frames(3))
         assert sum(1 for _ in read_frames(run / "live.mcap")) == 3
-        with pytest.raises(InputError, match=r"the live run in .* goes on; end it with Ctrl-C"):
+        with pytest.raises(InputError, match=r"the live run in .* has not ended; end it with Ctrl-C"):
             finish_killed(run)
         with pytest.raises(InputError, match="in use by another run"):
             LiveRecorder(run, CONFIGURATION, {})
@@ -240,7 +242,7 @@ def test_a_live_run_that_goes_on_is_not_finished(tmp_path: Path) -> None:
 def test_a_killed_live_run_is_never_written_over(killed: Path, *, live: bool) -> None:
     """A new run in its folder is refused, with what to do; nothing changes."""
     before = contents(killed)
-    says = r"holds a live run that was killed; gepf report .* finishes it; choose another --out"
+    says = r"holds a live run that was killed; finish it with gepf report .*, choose another --out"
     with pytest.raises(InputError, match=says):
         LiveRecorder(killed, CONFIGURATION, {}) if live else Recorder(killed, CONFIGURATION)
     assert contents(killed) == before
@@ -339,6 +341,6 @@ def test_every_command_that_reads_a_run_finishes_it(
     joints = np.zeros((FRAMES, 2, 3))
     np.savez(truth, joint_names=np.array(START.model.joint_names), joint_positions=joints)
     assert main(command.format(run=killed, truth=truth).split()) == 0
-    assert f"its {FRAMES} frames are now finished" in caplog.messages[0]
+    assert f"its {FRAMES} frames are now in its results" in caplog.messages[0]
     assert len(read_track(killed).frame) == FRAMES
     assert "live.mcap" not in names(killed)

@@ -112,7 +112,7 @@ def test_an_interrupted_run_says_how_to_go_on_and_does(desk: Desk, tmp_path: Pat
     assert last == "gepf: stopped"
     desk.fail(4, NoWorkers("nobody came"))
     assert desk.track(*OPTIONS, "--resume", "--workers", "7") == 1
-    assert "going on with frame 1; 1 of 5 are recorded" in desk.said()
+    assert "continuing with frame 1; 1 of 5 frames are recorded" in desk.said()
     desk.fail(None)
     assert desk.track(*OPTIONS, "--resume") == 0
     assert any("frame 5 of 5" in line for line in desk.said())
@@ -161,7 +161,7 @@ def test_a_run_reads_each_frame_when_it_is_its_turn(desk: Desk) -> None:
 def test_a_fresh_folder_is_begun_and_a_complete_one_left_alone(desk: Desk) -> None:
     """The same command can be repeated until the run is complete, and after that."""
     assert desk.track(*OPTIONS, "--resume") == 0
-    assert f"nothing to resume in {desk.out}; starting again" in desk.said()
+    assert f"nothing to resume in {desk.out}; starting with the first frame" in desk.said()
     before = desk.files()
     assert desk.track(*OPTIONS, "--resume") == 0
     assert desk.said()[1:] == [f"all 5 frames are in {desk.out} already"]

@@ -53,7 +53,9 @@ def test_the_library_gives_metres_and_never_degrees(gantry: BodyModel, tmp_path:
         assert np.array_equal(run.angle(name), track.pose[:, at])
         assert estimate.angle(name) == poses[0, at]
         for holder in (run, estimate):
-            with pytest.raises(gepf.InputError, match=f"'{name}' slides, so it is in metres"):
+            with pytest.raises(
+                gepf.InputError, match=f"'{name}' is a sliding joint, whose values are metres"
+            ):
                 holder.angle(name, degrees=True)
     for holder in (run, estimate):
         with pytest.raises(gepf.InputError, match=r"unknown angle 'lift'; choose from .*\bmain_lift\b"):

@@ -89,9 +89,9 @@ def test_a_rig_has_the_places_of_another_tool(
     ("content", "says"),
     [
         ("cam0: {}\n", "has no cam1 for side"),
-        ("cam0: {}\ncam1: {T_cn_cnm1: [1, 2]}\n", "is no calibration that can be read; give Kalibr's"),
+        ("cam0: {}\ncam1: {T_cn_cnm1: [1, 2]}\n", "is not a readable calibration; give Kalibr's"),
         ("cam0: {}\ncam1: {T_cn_cnm1: [[2,0,0,0],[0,2,0,0],[0,0,2,0],[0,0,0,1]]}\n", "not a rotation"),
-        ("{", "is no calibration that can be read"),
+        ("{", "is not a readable calibration"),
         ("transforms:\n" + transform("a", "front", FRONT), "has no frame side or side_depth_optical_frame"),
         (
             "transforms:\n" + transform("a", "front", FRONT) + transform("b", "side", SIDE),

@@ -112,7 +112,7 @@ def test_an_empty_room_is_read_from_a_frame_a_picture_or_a_sequence(recording: P
         np.testing.assert_array_equal(read_background(asked, source), first)
     whole = read_background(str(recording), source)
     assert np.median(np.abs(whole - first)) < 0.01
-    with pytest.raises(InputError, match="--background 9: the frames are 0 to 3"):
+    with pytest.raises(InputError, match="--background 9 is not a frame; give 0 to 3"):
         read_background("9", source)
 
 

@@ -172,7 +172,7 @@ def test_a_coordinator_opens_its_own_keys_only(place: str, ours: Folder) -> None
             ending_of, payload = answers.get(timeout=300.0)
             assert ending_of == ends
             if (name, run) == ("room-2", victim.run):
-                assert decode_refusal(payload).reason == f"run {run} is not one of room-2"
+                assert decode_refusal(payload).reason == f"run {run} does not belong to room-2"
         forged = [keys.of_run(victim.run, "frame"), keys.of_live("room", "depth")]
         own = [keys.of_run("room-2/run", "frame"), keys.of_live("room-2", "depth")]
         for key in (*forged, *own):

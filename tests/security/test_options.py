@@ -134,7 +134,7 @@ def test_coordinators_are_added_and_share_no_name(tmp_path: Path) -> None:
     assert make_certificates(tmp_path, (), (), 1, None, ("room-2",)).new == ["room-2"]
     assert read_coordinators(tmp_path / "ca.pem") == ("coordinator", "room", "room-2")
     for workers, coordinators in ((("room",), ()), ((), ("w0",)), ((), ("router",))):
-        with pytest.raises(InputError, match="give workers and coordinators other names"):
+        with pytest.raises(InputError, match="give every role its own name"):
             make_certificates(tmp_path, workers, (), 1, None, coordinators)
 
 
@@ -153,7 +153,7 @@ def test_certificates_are_made_once(tmp_path: Path) -> None:
     for name in ("coordinator", "router", "w0", "w1"):
         check_holder(Folder(tmp_path).of(name), name)
     (tmp_path / "ca.key").unlink()
-    with pytest.raises(InputError, match=r"ca\.key is missing"):
+    with pytest.raises(InputError, match=r"ca\.key, the private key of .*, is missing"):
         make_certificates(tmp_path, (), (), 1, None)
 
 

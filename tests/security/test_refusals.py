@@ -29,8 +29,8 @@ def bare_settings(endpoint: str, credentials: Credentials | None) -> dict[str, A
 
 REFUSED = {
     "no certificate": "refuses connections without a certificate; add --tls-ca, --tls-cert and --tls-key",
-    "foreign authority": "have one signed by the authority there",
-    "expired": "certificate expired; have one signed by the authority there, or make a new one",
+    "foreign authority": "have a certificate signed by the authority there",
+    "expired": "certificate expired; have a certificate signed by the authority there, or make a new one",
     "plain tcp": "accepts only encrypted connections; give tls/HOST:PORT with --tls-ca",
 }
 
@@ -66,7 +66,7 @@ def test_listener_refuses_and_the_refused_learns_why(
 def test_false_coordinator_is_refused(place: str, ours: Folder, foreign: Folder) -> None:
     """A worker connects neither to a coordinator of another authority nor to another worker, and says why."""
     for listening in (foreign.listening, Security(ours.of("w1"))):
-        why = pytest.raises(InputError, match="shows a certificate not valid under ours")
+        why = pytest.raises(InputError, match="shows a certificate that is not valid here")
         with open_coordinator([place], (), listening), why:
             open_worker([place], Security(ours.of("w0")))
 
@@ -100,7 +100,7 @@ def test_run_that_is_refused_by_its_router_ends(
     both.write_bytes(b"".join((folder.path / "ca.pem").read_bytes() for folder in (ours, foreign)))
     with open_router([place], (), ours.routing):
         options = Pool(workers=0, connect=place, security=Security(foreign.of("coordinator", ca=both)))
-        with pytest.raises(InputError, match="have one signed by the authority there"):
+        with pytest.raises(InputError, match="have a certificate signed by the authority there"):
             ZenohRefiner(options).__enter__()
 
 

@@ -91,7 +91,7 @@ def test_a_successor_is_known_to_all_before_it_signs(tmp_path: Path) -> None:
 AUTHORITIES = {
     "at two thirds": (PAST_TWO_THIRDS, "to every host; the successor signs from "),
     "in the last sixth": (IN_THE_LAST_SIXTH, "to every host; then run this command again"),
-    "over": (OVER, "the authority ended on "),
+    "over": (OVER, "the authority expired on "),
 }
 
 

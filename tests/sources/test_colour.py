@@ -40,7 +40,7 @@ def test_frames_are_found_by_number(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "size", "says"),
     [
-        ("000000.png", (64, 48), "has no colour frame 1 (1 of 2)"),
+        ("000000.png", (64, 48), "lacks 1 of 2 colour frames, first 1"),
         ("000001.png", (64, 64), "000001.png has another shape than the depth"),
     ],
 )

@@ -213,7 +213,7 @@ def test_an_sdk_that_fails_to_open_a_camera_is_one_line(
     monkeypatch.setattr("gepf.coordinator.sources.devices.realsense.open_device", open_device)
     assert Unheard().track(Path("realsense:"), tmp_path / "run") == 1
     (line,) = (line for line in capsys.readouterr().err.splitlines() if line.startswith("gepf:"))
-    assert "realsense:: does not open (RuntimeError: hwmon command failed)" in line
+    assert "realsense:: cannot be opened (RuntimeError: hwmon command failed)" in line
 
 
 def test_each_problem_has_one_line_with_its_remedy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -55,12 +55,12 @@ def test_a_good_recording_raises_no_doubt(tmp_path: Path) -> None:
 
 WRONG = Intrinsics(320, 240, 580.0, 580.0, 319.5, 239.5)  # of images of twice the size
 FAULTS = [
-    (CAMERA, 30.0, ["--depth-scale", "4000"], "m; is the unit right? --depth-scale N gives"),
-    (CAMERA, 30.0, ["--depth-scale", "100"], "m; is the unit right? --depth-scale N gives"),
-    (CAMERA, 30.0, ["--depth-scale", "1"], "m; is the unit right? --depth-scale N gives"),
-    (CAMERA, 3333.0, [], "3333 frames per second are implausible; write their times to timestamps.txt"),
-    (WRONG, 30.0, [], "the centre (319.5, 239.5) is far from the middle of its 320x240 image; --intrinsics"),
-    (CAMERA, 30.0, ["--intrinsics", "290,390,160,120"], "are of pixels that are not square; --intrinsics"),
+    (CAMERA, 30.0, ["--depth-scale", "4000"], "m; if the unit is wrong, correct it with --depth-scale N"),
+    (CAMERA, 30.0, ["--depth-scale", "100"], "m; if the unit is wrong, correct it with --depth-scale N"),
+    (CAMERA, 30.0, ["--depth-scale", "1"], "m; if the unit is wrong, correct it with --depth-scale N"),
+    (CAMERA, 3333.0, [], "3333 frames per second are implausible; write the frames' times to timestamps.txt"),
+    (WRONG, 30.0, [], "the centre (319.5, 239.5) is far from the middle of its 320x240 image; "),
+    (CAMERA, 30.0, ["--intrinsics", "290,390,160,120"], "mean that pixels are not square; "),
 ]
 
 

@@ -81,7 +81,7 @@ def test_malformed_messages_are_counted_and_reported_once() -> None:
     assert [frame.number for frame in frames] == [7]
     assert frames.counts == counted(received=1, malformed=3)
     assert reports == [
-        f"a message on {KEY} makes no sense: not a live-frame or live-end message: Input data was truncated"
+        f"a message on {KEY} is malformed: not a live-frame or live-end message: Input data was truncated"
     ]
 
 

@@ -43,10 +43,12 @@ def test_a_killed_live_run_is_exported_and_reported(
             tracker.join()
     kept = recorded_frames(run)
     assert main(track) == 2
-    assert f"{run} holds a live run that was killed; gepf report {run} finishes it" in capsys.readouterr().err
+    assert (
+        f"{run} holds a live run that was killed; finish it with gepf report {run}" in capsys.readouterr().err
+    )
     csv = tmp_path / "run.csv"
     assert main(["export", str(run), "--to", "csv", "--out", str(csv)]) == 0
-    assert caplog.messages == [f"the live run in {run} was killed; its {kept} frames are now finished"]
+    assert caplog.messages == [f"the live run in {run} was killed; its {kept} frames are now in its results"]
     assert main(["report", str(run)]) == 0
     assert main(["info", str(run), "--json"]) == 0
     assert len(caplog.messages) == 1
@@ -77,18 +79,18 @@ def test_a_live_run_needs_no_folder(endpoint: str, recording: Path, tmp_path: Pa
     said = (tmp_path / "log").read_text()
     stored = f"results are published on {KEY}/results, not stored (--out DIR stores them)"
     assert f"listening on {KEY}; {stored}\n" in said
-    assert " frames were tracked, and not stored: " in said
+    assert " frames were tracked, but not stored: " in said
     assert sorted(path.name for path in folder.iterdir()) == ["init.json", "plate.urdf"]
 
 
 @pytest.mark.parametrize(
     ("command", "says"),
     [
-        ("track {recording}", "the results of recordings need a folder; add --out DIR"),
+        ("track {recording}", "the results of a recording need a folder; add --out DIR"),
         ("track zenoh:camera --json --listen {endpoint}", "--json prints the summary of stored results"),
         (
             "track zenoh:camera --out {recording}/run --resume --listen {endpoint}",
-            "--resume is for recorded sequences; gepf report finishes a killed live run",
+            "--resume is for recorded sequences; finish a killed live run with gepf report",
         ),
     ],
 )

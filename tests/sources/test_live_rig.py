@@ -157,7 +157,7 @@ def test_a_rig_file_lists_keys(tmp_path: Path) -> None:
     ]
     assert live_cameras(write(tmp_path, "a", "b")) == ()
     for sequences, said in (
-        (("zenoh:a", "b"), "'camera1' is a recording, others are live"),
+        (("zenoh:a", "b"), "'camera1' is a recording, but others are live"),
         (("zenoh:a", "zenoh:a"), "lists zenoh:a twice, as 'camera0' and 'camera1'"),
         (("zenoh:a", "realsense:1"), "its vendor's SDK; use gepf publish realsense:1 --key"),
         (("zenoh:a", "zenoh:b/*"), "key 'b/\\*' cannot be used"),

@@ -82,7 +82,7 @@ def test_images_that_come_late_are_in_the_order_of_their_stamps(
     source = open_source(write(path, [camera(path), *images(path, STAMPS[:5], stamps)]))
     assert order(source) == [0, 2, 1, 3]
     assert source.times_s == pytest.approx([0.0, 0.033, 0.066, 0.099])
-    assert "1 messages repeat a stamp; left out" in caplog.text
+    assert "1 messages that repeat" in caplog.text
 
 
 @pytest.mark.parametrize(
@@ -111,7 +111,7 @@ def test_depth_as_jpeg_is_refused_by_name_and_not_preferred(tmp_path: Path) -> N
         lossy = compressed(path, form, [jpeg] * 3, "/a/depth/compressed", STEP_NS)
         write(path, [camera(path), *lossy])
         if n == 0:
-            with refused("/a/depth/compressed is depth as JPEG, which has lost it; record"):
+            with refused("/a/depth/compressed holds depth as JPEG, which destroys it; record"):
                 open_source(path)
         path = tmp_path / f"both{n}"
         write(path, [camera(path), *lossy, *images(path, STAMPS[:3], STAMPS[:3])])
@@ -303,4 +303,4 @@ def test_colour_of_another_camera_is_not_used(
     path = tmp_path / name
     write(path, [camera(path), *images(path, STAMPS, STAMPS), *pictures(path, "color", "rgb8")])
     assert all(frame.views[0].colours is None for frame in open_source(path, color=True))
-    assert f"colour on {COLOUR} is of another camera than depth, and not used" in caplog.text
+    assert f"colour on {COLOUR} is not used, as it is from another camera than depth" in caplog.text

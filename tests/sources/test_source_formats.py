@@ -203,8 +203,8 @@ DAMAGES: list[tuple[str, str, Callable[[Path], object], str]] = [
     ("pcd", "0.pcd", cut, "0.pcd is damaged"),
     ("walk.bag", "", cut, "walk.bag is damaged or not a ROS bag"),
     ("walk.npz", "", cut, "walk.npz is damaged"),
-    ("walk.npz", "", arrays(depth=None), "has no 'depth' but"),
-    ("walk.npz", "", arrays(depth_scale=None), "needs depth_scale, its units per metre"),
+    ("walk.npz", "", arrays(depth=None), "has no array 'depth', only"),
+    ("walk.npz", "", arrays(depth_scale=None), "has no unit; add depth_scale, units per metre"),
     ("walk.npz", "", arrays(depth=np.zeros((3, 4))), "'depth' has shape (3, 4)"),
     ("walk.npz", "", arrays(depth=np.full((1, 2, 2), -5)), "or whole units from 0 to 65535"),
     ("walk.npz", "", arrays(intrinsics=np.zeros((3, 3))), "intrinsics are not fx 0 cx"),
@@ -293,8 +293,8 @@ def test_info_says_what_a_sequence_is(tmp_path: Path, capsys: pytest.CaptureFixt
 @pytest.mark.parametrize(
     ("given", "says"),
     [
-        (["--depth-scale", "50"], "between 40 and 40 m, half of it beyond 40 m; is the unit right?"),
-        (["--depth-scale", "10000"], "between 0.2 and 0.2 m, half of it beyond 0.2 m; is the unit"),
+        (["--depth-scale", "50"], "between 40 and 40 m, half of it beyond 40 m; if the unit is wrong"),
+        (["--depth-scale", "10000"], "between 0.2 and 0.2 m, half of it beyond 0.2 m; if the unit"),
         (["--intrinsics", "500,500,3200,240"], "centre (3200, 240) is outside its 40x30 image"),
         (["--depth-scale", "1000"], ""),
     ],

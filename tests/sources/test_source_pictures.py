@@ -61,7 +61,7 @@ def test_missing_frames_keep_their_numbers_and_times(
     assert "2 of 5 frames are missing, frame 4 first; the others keep their times" in caplog.text
     numbers = open_source(tmp_path / "seq").numbers
     assert list(select_frames(numbers, "3:7")) == [3, 6]
-    with pytest.raises(InputError, match="is out of range or a gap"):
+    with pytest.raises(InputError, match="is out of range or in a gap"):
         select_frames(numbers, "4:6")
 
 
@@ -160,7 +160,7 @@ def test_byte_order_marks_are_passed_over(tmp_path: Path, encoding: str) -> None
     [
         ("1\n2\n", r"timestamps\.txt has 2 times for 3 pictures; write one line for each"),
         ("1\n2\nsoon\n", "write times in seconds"),
-        ("1\n3\n2\n", "the time of frame 2 is not after the last"),
+        ("1\n3\n2\n", "frame 2 is not later than the last"),
     ],
 )
 def test_wrong_times_are_one_line(tmp_path: Path, lines: str, says: str) -> None:

@@ -103,7 +103,7 @@ def test_a_picture_of_another_size_is_refused(folder: Path) -> None:
 
 @pytest.mark.parametrize(
     ("name", "says"),
-    [("copy.png", r"copy\.png is not named by a frame number"), ("1.png", "has a frame number twice")],
+    [("copy.png", r"copy\.png has no frame number in its name"), ("1.png", "has a frame number twice")],
 )
 def test_pictures_that_cannot_be_ordered_are_refused(folder: Path, name: str, says: str) -> None:
     """No number in the name, or 1.png beside 000001.png."""

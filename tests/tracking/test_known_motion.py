@@ -156,7 +156,7 @@ def test_a_bag_of_joint_states_is_read(tmp_path: Path) -> None:
     [
         ("a,b\n1,2\n3,4\n", "has no column time_s, but a, b"),
         ("time_s,a\n0,1\n", "has 1 states of 1 joints"),
-        ("time_s,a\n0,1\n0,2\n", "finite numbers and times"),
+        ("time_s,a\n0,1\n0,2\n", "finite numbers and different times"),
         ("time_s,a\n0,one\n", "cannot read"),
         ("time_s,a\n0,nan\n1,2\n", "with finite numbers"),
     ],

@@ -119,7 +119,7 @@ def test_what_a_live_view_lacks_is_said_once() -> None:
     for number in range(8):
         shown[:] = [(KEY, encode_live(plate_image(number)))] * (number > 3)
         assert scene.take_results() == {}
-    assert [line.split(";")[0] for line in said] == ["no frame comes", "frames come, but no results"]
+    assert [line.split(";")[0] for line in said] == ["no frame arrives", "frames arrive, but no results"]
     assert scene.image(7) is not None
 
 

@@ -59,12 +59,12 @@ def closest_points(observed: PackedObservation, leaves: int, guessed: bool, sear
 
 
 @numba.njit(cache=True, nogil=True)
-def same_vertices(some: Numbers, others: Numbers) -> bool:
+def same_vertices(first: Numbers, second: Numbers) -> bool:
     """Whether two lists hold the same vertices."""
     differences = np.uint32(0)
-    for m in range(min(len(some), len(others))):
-        differences |= some[m] ^ others[m]
-    return len(some) == len(others) and differences == 0
+    for m in range(min(len(first), len(second))):
+        differences |= first[m] ^ second[m]
+    return len(first) == len(second) and differences == 0
 
 
 @numba.njit(cache=True, nogil=True)
@@ -164,7 +164,7 @@ def guess_by_boxes(observed: PackedObservation, leaves: int, search: Search) -> 
     apart, nearest = np.full(padded, np.float32(np.inf)), np.zeros(padded, np.uint32)
     tile_centres, leaf_centres = np.zeros((3, padded), np.float32), np.empty((leaves, 3), np.float32)
     for a in range(3):
-        tile_centres[a, :count] = tiles[a] + tiles[3 + a]  # twice the centre, as of the leaves
+        tile_centres[a, :count] = tiles[a] + tiles[3 + a]  # twice the centre, as for the leaves
         leaf_centres[:, a] = boxes[a, :leaves] + boxes[3 + a, :leaves]
     for t in range(0, padded, TILE):
         search_lanes(tile_centres, t, leaf_centres, 0, leaves, apart, nearest)  # type: ignore[call-arg]
@@ -213,7 +213,7 @@ def bound_by_guess(observed: Points, search: Search) -> None:
 
 @numba.njit(cache=True, nogil=True)
 def search_tiles(observed: Points, tiles: Points, groups: int, search: Search) -> None:
-    """Reduce all squared distances to those of the closest points, from the largest distance of each tile."""
+    """Reduce all squared distances to those of the closest points, starting from the bound of each tile."""
     model, starts, squared, closest = search.model, search.starts, search.squared, search.closest
     boxes, around, bounds = search.leaves, search.groups, search.largest
     for t in range(len(bounds)):

@@ -70,5 +70,5 @@ def joined(builder: Any, rows: list[Any]) -> Any:
 
 
 def some_lanes(builder: Any, one: Any, other: Any, lanes: Sequence[int]) -> Any:
-    """A vector of some lanes of two vectors; those of the second are counted on from the first."""
+    """A vector of some lanes of two vectors; lanes of the second are numbered after those of the first."""
     return builder.shuffle_vector(one, other, ir.VectorType(INT, len(lanes))(list(lanes)))

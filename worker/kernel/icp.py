@@ -60,7 +60,7 @@ class Batch(NamedTuple):
 def refine(model: BodyModel, observation: Observation, particles: Particles) -> Refined:
     """Refine particles of a body, one after another.
 
-    `observation` are the frame's observed points, of each camera in its own frame, metres. Raises
+    `observation` holds the frame's observed points, those of each camera in its own frame, metres. Raises
     ProtocolError if this would take too long.
     """
     batch = pack_batch(model, observation, particles)
@@ -169,7 +169,7 @@ def refine_particle(
 def correspond(v: int, renew: bool, pose: Array, problem: Problem, workspaces: Workspaces) -> int:
     """Linearise the terms of one camera in pose (D,) for ICP; returns the number of its visible vertices.
 
-    Which vertices are visible is computed again if it is to `renew`.
+    If `renew`, it is computed again which vertices are visible.
     """
     skeleton, surface, views, parameters = (
         problem.skeleton,

@@ -3,7 +3,7 @@
 The paper says only "calculated from the residual error". The refinement minimises the same sum (see
 `terms`), with fixed correspondences and visible points in each step. For the weight both are computed again
 at the final pose. Errors of neighbouring points are correlated: the sum over ten thousand points would leave
-only one hypothesis. So points have the weight of their mean (`parameters.Weights`).
+only one hypothesis. So all points together count as their mean does (`parameters.Weights`).
 """
 
 from __future__ import annotations

@@ -121,8 +121,8 @@ def add_shape(
 ) -> None:
     """Add the rows and columns of shape, but not the derivatives, to out (6 + S, 7 + S).
 
-    A coefficient displaces a point X by f = F X. With f' of another one, their product is the sum of
-    w f . G f', and a coefficient's column is the wrench of the forces w G f. moments and forces (3, 4) hold
+    A coefficient displaces a point X by f = F X. The entry of two coefficients, with f and f', is the sum of
+    w f . G f'; the column of a coefficient is the wrench of the forces w G f. moments and forces (3, 4) hold
     intermediate results.
     """
     for s in range(len(fields)):
@@ -161,12 +161,12 @@ def multiply_transposed(moments: Array, t: Array, out: Array) -> None:
 
 
 @numba.njit(cache=True, nogil=True)
-def total_product(one: Array, other: Array) -> float:
-    """The sum of the products of the entries (3, 4) of both."""
+def total_product(first: Array, second: Array) -> float:
+    """The sum of the entrywise products of two matrices (3, 4)."""
     total = 0.0
     for a in range(3):
         for b in range(4):
-            total += one[a, b] * other[a, b]
+            total += first[a, b] * second[a, b]
     return total
 
 

@@ -10,7 +10,7 @@ from gepf.common.compiling import numba
 
 @numba.njit(cache=True, nogil=True)
 def neighbourhoods(points: Array, size: int) -> Indices:
-    """An order (P,) of points (P, 3) where each `size`, 2 `size`, 4 `size`, ... successive points are near.
+    """An order (P,) of points (P, 3) in which groups of `size`, 2 `size`, ... successive points are compact.
 
     As in a k-d tree, points are divided recursively along the longest side of the bounding box, such that the
     size of the first part is a power of 2 times `size`.

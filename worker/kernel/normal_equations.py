@@ -86,7 +86,7 @@ def fill_twists(skeleton: Skeleton, workspace: Workspace) -> None:
 
 @numba.njit(cache=True, nogil=True)
 def sum_subtrees(problem: Problem, workspace: Workspace) -> None:
-    """Fill equations.subtrees with matrices and wrenches, summed over the links that j moves, for each j."""
+    """Fill equations.subtrees: for each degree of freedom, the matrices and wrenches of its links, summed."""
     skeleton, equations, of_rig = problem.skeleton, workspace.equations, workspace.of_rig
     parents, link_dofs, of_links = skeleton.parents, skeleton.link_dofs, workspace.of_links
     subtrees, links, drifts = equations.subtrees, equations.links, equations.drifts

@@ -27,7 +27,7 @@ NONE = -1  # instead of a row, if a column has no occupied pixel
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ObservedView:
-    """Observed points of one camera, in its frame, in tiles of neighbours; copies of the last fill a tile.
+    """Observed points of one camera, in its frame, in tiles of neighbours; copies of the last fill up a tile.
 
     empty: the pixels in which the body can be neither visible nor hidden. nearest: for each pixel the nearest
     pixel (row, column) that is not empty.

@@ -19,7 +19,7 @@ class Steps(NamedTuple):
     gauss_newton_iterations: int
     over_relaxed: bool  # whether every iteration but the last moves twice as far
     visibility_interval: int  # iterations between visibility tests
-    damping_share: float  # of lambda of Eq. 4, per observed point
+    damping_share: float  # added to lambda of Eq. 4 for each observed point
     settled: float  # radians and metres; ICP ends after an iteration that moves less, before doubling
 
 
@@ -42,8 +42,8 @@ class Solver(NamedTuple):
     """Damped Gauss-Newton at fixed correspondences."""
 
     iterations: int
-    damping: float  # nats per squared radian or metre of half a step
-    longest: float  # entry of a step, radians and metres
+    damping: float  # nats per half a squared radian or metre of a step
+    longest: float  # largest entry of a step, radians and metres
 
 
 class KernelParameters(NamedTuple):

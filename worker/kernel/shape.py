@@ -60,7 +60,7 @@ def row_product(t: Array, field: Array, a: int, b: int) -> float:
 def fill_drifts(
     kinds: Indices, parents: Indices, directions: Array, transforms: Array, drifts: Array
 ) -> None:
-    """Fill drifts (D + 1, S, 3) per unit of shape of the frames after each degree of freedom.
+    """Fill drifts (D + 1, S, 3): of the frame after each degree of freedom, per unit of each coefficient.
 
     transforms (D + 1, 3, 4) are T_rig_rest. A rotation from R_parent to R about a point p, which moves in its
     direction of `directions` (S, D, 3), adds (R_parent - R) p to the translation.

@@ -14,7 +14,7 @@ FINITE = ("nsz", "nnan")  # everything is a number
 
 
 def multiply_add(builder: Any, one: Any, other: Any, addend: Any) -> Any:
-    """one * other + addend, rounded once. It is explicit because the choice of a compiler can vary."""
+    """one * other + addend, rounded once. Explicit, because not every compiler would fuse the two."""
     lanes = one.type
     name = f"llvm.fma.v{lanes.count}f{32 if lanes.element == FLOAT else 64}"
     kind = ir.FunctionType(lanes, [lanes] * 3)

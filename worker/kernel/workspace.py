@@ -47,13 +47,13 @@ class Search(NamedTuple):
     """The visible vertices by leaf, and the closest of them to each observed point."""
 
     model: Points  # (V, 3) visible vertices, depth stretched
-    discs: Points  # (V, 4) normals of length 1 and radii of the discs around them, alike
+    discs: Points  # (V, 4) normals of length 1 and radii of the discs around them, depth stretched
     last_count: Indices  # (1,) number of vertices of the last search; 0 before the first
     last_visible: Numbers  # (V,) these vertices
     remapped: Numbers  # (V,) their indices among the visible ones now
     starts: Indices  # (K + 1,) starts of the leaves, and end of the last
     leaves: Points  # (6, K) bounding boxes, padded to whole tiles with infinitely distant ones
-    groups: Points  # (6, K / TILE) bounding boxes of TILE successive leaves, padded alike
+    groups: Points  # (6, K / TILE) bounding boxes of TILE successive leaves, padded likewise
     closest: Numbers  # (P,) indices into `model` of the closest points; guess of the next search
     squared: Points  # (P,)
     largest: Points  # (P / TILE,) the largest of `squared` in each tile
@@ -70,8 +70,8 @@ class Equations(NamedTuple):
     links: Array  # (L, 6 + S, 7 + S) matrix and wrench of each link, side by side; see `normal_equations`
     twists: Array  # (D, 6 + S) about the rig's origin
     drifts: Array  # (D + 1, S, 3), see `shape`
-    fields: Array  # (S, 3, 4) of one link, alike
-    subtrees: Array  # (D, 6 + S, 7 + S) `links` and `sums`, summed over the links that j moves, for each j
+    fields: Array  # (S, 3, 4) of one link, see `shape`
+    subtrees: Array  # (D, 6 + S, 7 + S) totals over all links that a degree of freedom moves
     scratch: Array  # (4, 3, 4) of one link
     gram: Array  # (D, D)
     gradient: Array  # (D,)
@@ -82,7 +82,7 @@ class Workspace(NamedTuple):
     """Arrays for the refinement of a particle, for one camera."""
 
     transforms: Array  # (D + 1, 3, 4) T_camera_rest, the last for links that nothing moves
-    of_rig: Array  # (D + 1, 3, 4) T_rig_rest, alike, at the time of the frame
+    of_rig: Array  # (D + 1, 3, 4) T_rig_rest, at the time of the frame, with the same last entry
     of_links: Array  # (L, 3, 4) of_rig of each link, after the change of its rest pose by shape
     points: Array  # (D, 3) of the degrees of freedom at rest, in the shape of the pose
     T_camera_rig: Array  # (3, 4)
@@ -115,10 +115,10 @@ class CameraView(NamedTuple):
 class Workspaces(NamedTuple):
     """The workspaces of all cameras; see `workspace_of`."""
 
-    shared: Workspace  # what one camera leaves to the next
+    shared: Workspace  # arrays that each camera overwrites
     counts: Indices  # (C,) number of visible vertices
     visible: Numbers  # (C, V)
-    last_counts: Indices  # (C, 1) of the search
+    last_counts: Indices  # (C, 1) numbers of vertices of the last search
     last_visible: Numbers  # (C, V)
     closest: Numbers  # (P,) of all cameras, one after another
     steps: Array  # (C, D)
@@ -185,7 +185,7 @@ def workspace_of(workspaces: Workspaces, views: PackedViews, v: int) -> Workspac
 
 
 def allocate(skeleton: Skeleton, surface: Surface, points: int, T_camera_rig: Array) -> Workspace:
-    """Allocate a workspace for up to so many points of each camera; T_camera_rig (C, 3, 4)."""
+    """Allocate a workspace for at most `points` points of each camera; T_camera_rig (C, 3, 4)."""
     dofs, links, vertices = len(skeleton.parents), len(skeleton.link_dofs), len(surface.vertices)
     shapes = len(surface.shape_vertices)
     sums = np.empty((len(T_camera_rig), links, 4, 8))

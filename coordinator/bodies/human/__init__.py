@@ -1,1 +1,1 @@
-"""Bodies to track: the human template, and descriptions of other articulated bodies."""
+"""People as bodies to track: the human template, its poses, sizes and angles."""

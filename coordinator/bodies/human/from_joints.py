@@ -1,4 +1,4 @@
-"""Angles of a person from joint positions alone, as in many truths: elbows, knees, shoulders and hips.
+"""Angles of a person from joint positions, often the only ground truth: elbows, knees, shoulders and hips.
 
 They have the names and definitions of `gepf.coordinator.bodies.human.angles`, except that trunk and pelvis
 have a common axis here, from the centre of the hips to that of the shoulders.
@@ -21,7 +21,7 @@ TRUNK = ("right_shoulder", "left_shoulder", "right_hip", "left_hip")
 
 
 def angles_from_joints(names: tuple[str, ...], joints: Array) -> dict[str, Array]:
-    """Angles (F,), radians, of joints (F, J, 3), any unit and axes, for the known joint names.
+    """Angles (F,), radians, as far as the named joints (F, J, 3), in any unit and axes, determine them.
 
     NaN if a joint is NaN or two coincide.
     """

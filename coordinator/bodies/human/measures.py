@@ -7,10 +7,10 @@ from dataclasses import dataclass, fields
 from gepf.common.errors import InputError
 from gepf.coordinator.bodies.human.shape_space import REFERENCE_STATURE, shape_space
 
-DEVIATION = "stature_deviation"  # in a file of measures that was estimated: of the stature, metres
+DEVIATION = "stature_deviation"  # of an estimated stature, metres: an entry in a file of measures
 
 BUILDS = {0.95: "slim", 1.15: "of average build", 1.3: "heavy"}
-"""Upper limit of girth -> its name; people of more are very heavy."""
+"""Upper limit of girth -> its name; people above all limits are very heavy."""
 
 
 @dataclass(frozen=True)

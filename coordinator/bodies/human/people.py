@@ -46,7 +46,7 @@ def limb_lines(side: str) -> tuple[tuple[str, str], ...]:
 
 
 class People(BodyFamily):
-    """People: detected in typical poses and any size, upright if nothing contradicts, and never flat."""
+    """People: detected in typical poses and any size, upright unless something contradicts, never flat."""
 
     name = template = HUMAN
     noun = "person"
@@ -59,7 +59,7 @@ class People(BodyFamily):
     sides = (("left_hip", "right_hip"), ("left_shoulder", "right_shoulder"))
     lines = (("pelvis", "neck"), ("neck", "head"), *limb_lines("right"), *limb_lines("left"))
     has_flat_sides = is_exact = False
-    outside_weight = 0.5  # clothed people nearer by 0.4 cm, people in swimwear as before
+    outside_weight = 0.5  # errors fall by 0.4 cm for clothed people, and stay the same for swimwear
     has_keypoints = True
     zero = "Zero is standing straight with arms hanging; signs mean the same on both sides."
 
@@ -105,7 +105,7 @@ class People(BodyFamily):
         return Size(*size).stature
 
     def relative_sizes(self, bodies: Bodies) -> tuple[float, float]:
-        """As by default; the settings are those of all people."""
+        """Always 1: the settings are chosen for people of all sizes."""
         del bodies
         return 1.0, 1.0
 
@@ -116,7 +116,7 @@ class People(BodyFamily):
         return [size._replace(maturity=maturity) for maturity in (0.5, 1.0)] if is_small else []
 
     def log_pose_prior(self, model: BodyModel, poses: Array) -> Array:
-        """Log density (N,) of the arms of poses (N, D), by recorded poses."""
+        """Log density (N,) of the arms of poses (N, D), estimated from recorded poses."""
         from gepf.coordinator.bodies.human.pose_prior import log_density  # loads the compiler
 
         return log_density(model, poses)
@@ -155,12 +155,12 @@ class People(BodyFamily):
 
 
 def size_of_surface(vertices: Array) -> Size:
-    """The size of a person with the template's surface (V, 3) at rest, metres; InputError for another one."""
+    """The size of a person with the template's surface (V, 3) at rest, metres; InputError for any other."""
     stature, space = float(np.ptp(vertices[:, 1])), shape_space()
     mean = space.person(stature, 1.0).vertices
     if vertices.shape != mean.shape:
         raise InputError(
-            f"the person's model has {len(vertices)} vertices, the template {len(mean)}; give their Measures"
+            f"the person's model has {len(vertices)} vertices, not {len(mean)} as the template; give Measures"
         )
     wider = space.person(stature, 2.0).vertices - mean  # per unit of girth
     return Size(stature, 1.0 + float(np.sum((vertices - mean) * wider) / np.sum(wider**2)))

@@ -47,7 +47,7 @@ def reject(body: FittedBody, stature: float) -> str:
 
 
 def reject_points(points: Array, stature: float, *, whole: bool = True) -> str:
-    """Why points (P, 3) are too far apart, or too near, for a person of this stature; empty if not.
+    """Why points (P, 3) are too far apart, or too close together, for a person of this stature; empty if not.
 
     A person who is not `whole`, but cut by the image or something nearer, may be smaller.
     """
@@ -57,7 +57,7 @@ def reject_points(points: Array, stature: float, *, whole: bool = True) -> str:
     if least * stature <= span <= LIMITS.max_extent_share * stature:
         return ""
     size = f"{span:.1f} m" if span >= 1.0 else f"{100 * span:.0f} cm"
-    return f"the observed points extend over {size}, which is not a person: is depth_scale right?"
+    return f"the observed points extend over {size}, unlike a person: is depth_scale right?"
 
 
 def reject_planes(points: Array, residual: float) -> str:
@@ -74,8 +74,8 @@ def reject_planes(points: Array, residual: float) -> str:
 def fit_two_planes(points: Array) -> float:
     """Mean distance of points (P, 3) from the nearer of two planes that fit them.
 
-    The points are divided at their middle, across each of their principal axes. Then, in turns, each part is
-    fitted, and each point is given to the nearer plane.
+    The points are divided at their middle, across each of their principal axes. Then, alternately, a plane is
+    fitted to each part, and each point is assigned to the nearer plane.
     """
     centred, found = points - points.mean(axis=0), list[float]()
     axes = np.linalg.svd(centred, full_matrices=False)[2]

@@ -1,4 +1,4 @@
-"""How likely the arms of people are held in a pose, by the poses in which people are searched for.
+"""How likely people are to hold their arms in a pose, judged by the poses in which people are searched for.
 
 It decides between hypotheses that explain a frame about equally well, such as an arm behind the back and one
 that passes through the chest. The refinement of a hypothesis does not depend on it.
@@ -6,7 +6,7 @@ that passes through the chest. The refinement of a hypothesis does not depend on
 The angles of an arm have a multivariate Student's t distribution around their mean, in relative motion. Its
 tails are wide: recorded motion does not show everything that people do. It says nothing about legs. They are
 rarely in doubt, and recorded motion has no lunges, against which it would decide. As the likelihood of depth
-is tempered, so is the prior: its whole weight prefers the usual pose to a visible one.
+is tempered, so is the prior: at full weight it would prefer the usual pose to the one that depth shows.
 """
 
 from __future__ import annotations

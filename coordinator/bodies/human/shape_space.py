@@ -32,7 +32,7 @@ REFERENCE_STATURE = 1.75  # metres, of the usual adult: a person of unknown stat
 
 
 class ShapeDeviations(NamedTuple):
-    """Of the shape coefficients, SHAPE_DOFS, around those of the detected person."""
+    """Standard deviations of the shape coefficients, SHAPE_DOFS, around those of the detected person."""
 
     stature_m: float = 0.06  #: half the distance between the sizes that are tried
     infant_m: float = 0.03  #: proportions of the same age
@@ -51,7 +51,7 @@ class Size(NamedTuple):
     maturity: float = 0.0
 
 
-UNIT = 4e-5  # of stature: the coordinates in the file are whole numbers of it
+UNIT = 4e-5  # of stature: the coordinates in the file are integer multiples of it
 
 NAMED_JOINTS = {
     "pelvis": ("pelvis", "pelvis"), "neck": ("vt1", "vc7"), "head": ("skull", "head"),
@@ -125,7 +125,7 @@ class ShapeSpace:
         age: float | None = None,
         lengths: Array | None = None,
     ) -> BodyModel:
-        """A person with all degrees of freedom; years of age and metres of `lengths` (M,) may be implied."""
+        """A person with all degrees of freedom; `age` (years) and `lengths` (M,), metres, may be implied."""
         age = self.age(stature_m, maturity) if age is None else age
         blend = self._blend(age)
         vertices = np.tensordot(blend, self.vertices, axes=1) + (girth - 1.0) * self.girth
@@ -163,7 +163,7 @@ class ShapeSpace:
         )
 
     def coefficients(self, size: BodySize) -> Array:
-        """Values (S,) of SHAPE_DOFS, metres, of the person of `person` with this `Size`."""
+        """Values (S,) of SHAPE_DOFS, metres, of the person that `person` returns for this `Size`."""
         stature_m, girth, maturity = Size(*size)
         younger = self._blend(self.age(stature_m, maturity))[:-1]
         values = [stature_m - REFERENCE_STATURE, *(stature_m * younger), stature_m * (girth - 1.0)]
@@ -178,7 +178,7 @@ class ShapeSpace:
         return Size(stature, 1.0 + float(coefficients[-1]) / stature, self.maturity(stature, age))
 
     def _blend(self, age: float) -> Array:
-        """Shares (K,) of the people in one of this age."""
+        """Shares (K,) with which the K people are blended into one of this age."""
         place = np.interp(age, self.ages, np.arange(len(self.ages)))
         return np.maximum(1.0 - np.abs(place - np.arange(len(self.ages))), 0.0)
 

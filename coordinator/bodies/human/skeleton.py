@@ -94,7 +94,7 @@ class Dof:
 
 @dataclass(frozen=True)
 class Skeleton:
-    """Degrees of freedom in chain order, links with their last one."""
+    """Degrees of freedom in chain order, and for each link the last one that moves it."""
 
     dofs: tuple[Dof, ...]
     links: dict[str, str]

@@ -24,12 +24,12 @@ DEFAULT_ACTIVE: tuple[str, ...] = (
 """The 24 degrees of freedom of the paper's section 5."""
 
 
-def human(stature_m: float = REFERENCE_STATURE, girth: float = 1.0, **others: float) -> BodyModel:
-    """A person of this stature (metres); `girth` scales the width, `others` are age and measures in metres.
+def human(stature_m: float = REFERENCE_STATURE, girth: float = 1.0, **measures: float) -> BodyModel:
+    """A person of this stature (metres); `girth` scales the width, `measures` are age and lengths (metres).
 
     All 186 degrees of freedom, root first. Raises InputError for implausible measures.
     """
-    return human_of(Measures.of(stature_m, girth, **others))
+    return human_of(Measures.of(stature_m, girth, **measures))
 
 
 @lru_cache(maxsize=4)

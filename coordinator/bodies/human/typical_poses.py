@@ -1,6 +1,6 @@
 """Poses in which people are searched for: the medoids of recorded poses, combined with ranges of joints.
 
-`python -m benchmarks.pose_library` chose them, in the distance by which people are detected.
+`python -m benchmarks.pose_library` chose them, with the measure of distance that detection uses.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from gepf.common.arrays import Array
 from gepf.common.body import BodyModel
 
 POSES_FILE = Path(__file__).with_name("poses.npz")
-UNIT_RAD = 2e-4  # the angles in the file are whole numbers of it
+UNIT_RAD = 2e-4  # the angles in the file are integer multiples of it
 
 
 def people_poses(model: BodyModel, count: int | None = None) -> Array:

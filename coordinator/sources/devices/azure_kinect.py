@@ -21,7 +21,7 @@ from gepf.coordinator.sources.source import downward
 def open_device(which: str, colour: bool) -> Camera | None:
     """Open a camera by its serial number, or any; None if there is no such camera."""
     if which.endswith(".mkv"):
-        raise InputError(f"azure-kinect: has no playback; gepf publish {which} publishes a recording")
+        raise InputError(f"azure-kinect: cannot play recordings; use gepf publish {which} instead")
     resolution = pyk4a.ColorResolution.RES_720P if colour else pyk4a.ColorResolution.OFF
     config = pyk4a.Config(color_resolution=resolution, synchronized_images_only=False)
     for number in range(pyk4a.connected_device_count()):

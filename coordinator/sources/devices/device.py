@@ -99,7 +99,7 @@ def open_camera(camera: Path | str, *, colour: bool = False) -> Camera:
     except GepfError:
         raise
     except Exception as error:
-        raise CameraFailed(f"{camera}: does not open ({describe(error)}); plug it in again") from error
+        raise CameraFailed(f"{camera}: cannot be opened ({describe(error)}); plug it in again") from error
     if opened is None:
         raise InputError(f"{camera}: {explain_absence(vendor)}")
     return opened
@@ -124,11 +124,11 @@ def explain_absence(vendor: Vendor, devices: Path = USB_DEVICES, nodes: Path = U
 class AttachedCamera:
     """Iterates over the images of a camera, as frames with colours, until it is closed.
 
-    A camera that is lost is opened again as soon as it is back, whatever its SDK raised. Frames have the
-    camera's numbers and times since it was opened, continued over each opening. `report` is called with
-    messages for the user, and `dropped` is the number of missing frames. InputError if there is no such
-    camera at first. The iteration raises CameraFailed if the SDK fails before the first image of all, or in
-    the recording that it plays back.
+    A lost camera is opened again as soon as it is back, whatever its SDK raised. Frames have the camera's
+    numbers and times, which continue when it is opened again. `report` is called with messages for the user,
+    and `dropped` is the number of missing frames. InputError if there is no such camera at first. The
+    iteration raises CameraFailed if the SDK fails before the very first image, or during the playback of a
+    recording.
     """
 
     def __init__(self, camera: Path | str, report: Callable[[str], None], *, colour: bool = False) -> None:
@@ -156,7 +156,7 @@ class AttachedCamera:
                 waits = isinstance(error, CameraLost) or last is not None
                 if not waits or plays_back(self._name):
                     raise CameraFailed(line) from error
-                self._report(f"{line}; waiting for it")
+                self._report(f"{line}; waiting for the camera to come back")
             else:
                 return
             self._camera = self._reopen()
@@ -197,5 +197,5 @@ def plays_back(camera: Path | str) -> bool:
 
 
 def describe(error: Exception) -> str:
-    """What happened: of an error of an SDK also its kind."""
+    """What happened; for an error raised by an SDK, with its class."""
     return str(error) if isinstance(error, GepfError) else f"{type(error).__name__}: {error}"

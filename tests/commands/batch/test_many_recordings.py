@@ -79,11 +79,11 @@ def test_what_cannot_be_several_is_refused(tmp_path: Path, names: tuple[str, ...
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        ((), "nothing is given to track; add a recording, or --list FILE"),
-        (("walk", "--index", "0"), "--index is a place in a list; add --list FILE"),
+        ((), "there is nothing to track; give a recording, or --list FILE"),
+        (("walk", "--index", "0"), "--index selects a recording of a list; add --list FILE"),
         (("walk", "--list", "list.txt"), "--list and walk both say what to track"),
         (("--list", "none.txt"), "cannot read none.txt"),
-        (("--list", "list.txt", "--index", "2"), "--index 2 is beyond the 2 recordings of the list"),
+        (("--list", "list.txt", "--index", "2"), "--index 2 is beyond the end of the list; give 0 to 1"),
     ],
 )
 def test_a_wrong_choice_of_recordings_has_one_line(
@@ -216,7 +216,7 @@ def test_runs_are_compared_with_their_own_truths_alone(
     heads, *rows = capsys.readouterr().out.splitlines()
     assert heads.startswith("run,frames,")
     assert [row.split(",")[:2] for row in rows] == [[run, "5"]]
-    assert f"left out: the sequence of {without} has no truth" in caplog.text
+    assert f"{without} is left out: its sequence has no truth" in caplog.text
     assert main(["evaluate", run]) == 0
     assert json.loads(capsys.readouterr().out)["frames"] == 5
     for asked, says in (

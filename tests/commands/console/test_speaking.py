@@ -50,7 +50,7 @@ def test_results_of_a_part_of_a_run_are_said_to_be_that(
     desk.fail(2)
     assert desk.track() == 130
     assert main(["export", str(desk.out), "--to", "csv", "--out", str(tmp_path / "part.csv")]) == 0
-    assert "gepf track --resume continues" in caplog.text
+    assert "until gepf track --resume finishes" in caplog.text
 
 
 def test_track_says_what_it_does_before_it_loads_what_takes_long(sequence: Path, tmp_path: Path) -> None:
@@ -97,7 +97,7 @@ def test_a_run_without_pictures_says_how_to_draw_them(
     tracked: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """--no-pictures; then gepf pictures draws, and says what it wrote."""
-    assert f"gepf pictures {tracked} draws them" in " ".join(capsys.readouterr().err.split())
+    assert f"gepf pictures {tracked} draws pictures" in " ".join(capsys.readouterr().err.split())
     assert not list(tracked.glob("*.mp4"))
     assert main(["pictures", str(tracked)]) == 0
     assert "pictures are in" in capsys.readouterr().err

@@ -63,7 +63,7 @@ def clone(folder: Path) -> Path:
 def test_a_folder_that_no_demo_made_stays(name: str, tmp_path: Path) -> None:
     """Also if it is all there is, has a name like those of the demo, and holds a clone."""
     head = clone(tmp_path / "src" / name)
-    with pytest.raises(InputError, match=f"{name}' is not from a demo and stays; choose another --out"):
+    with pytest.raises(InputError, match=f"{name}' was not made by gepf demo; choose another --out"):
         run_demo(tmp_path / "src", Show(Console(quiet=True)))
     assert head.exists()
     assert [path.name for path in (tmp_path / "src").iterdir()] == [name]
@@ -78,7 +78,7 @@ def test_what_is_put_beside_a_demo_stays(tmp_path: Path) -> None:
     notes.touch()
     make_room(tmp_path, ["gepf-0"])
     assert {path.name for path in tmp_path.iterdir()} == {"gepf-2", "notes.txt", MARKER}
-    with pytest.raises(InputError, match="gepf-2' is not from a demo"):
+    with pytest.raises(InputError, match="gepf-2' was not made by gepf demo"):
         make_room(tmp_path, ["gepf-0", "gepf-1", "gepf-2"])
     assert head.exists()
     assert notes.exists()

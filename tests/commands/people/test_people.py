@@ -92,7 +92,10 @@ def test_a_truth_is_not_taken_for_anybodys(calm: Path, capsys: pytest.CaptureFix
     assert main(["evaluate", str(calm / "person1")]) == 2
     assert "give --truth" in capsys.readouterr().err
     assert main(["export", str(calm), "--to", "bvh", "--out", str(calm / "all.bvh")]) == 2
-    assert f"{calm} holds several people; give one of them: {calm / 'person1'}" in capsys.readouterr().err
+    assert (
+        f"{calm} holds the results of several people; give one of its folders, such as {calm / 'person1'}"
+        in capsys.readouterr().err
+    )
 
 
 def test_an_interrupted_run_goes_on_with_the_same_bytes(sequence: Path, calm: Path, tmp_path: Path) -> None:

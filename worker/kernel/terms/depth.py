@@ -70,8 +70,8 @@ def fill_pulls(first: int, stop: int, view: CameraView) -> None:
 
     0: the share of the offset from the vertex in the gradient. 1: that of the normal; the gradient is their
     sum, because the offset beyond the rim is a share of the offset's part in the plane. 2: the mass, which is
-    the weight of the target. 3: the radii. Each loop fills one row and computes the pull again: so it is
-    vectorised, like those of `measure_offsets`.
+    the weight of the target. 3: the radii. Each loop fills one row and computes the pull again, so that it
+    can be vectorised, like the loops of `measure_offsets`.
     """
     weight, parameters, search = view.weights.depth, view.problem.parameters, view.workspace.search
     per_outlier, outside = parameters.per_outlier_squared, parameters.outside_weight

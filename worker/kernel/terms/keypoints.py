@@ -76,10 +76,10 @@ def linearise(view: CameraView) -> None:
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def residual_of(k: int, view: CameraView, forces: Array, place: Array) -> tuple[float, float, float]:
-    """How far keypoint k of the body is to the right of where it was seen, how far below (pixels), its depth.
+    """Offset of keypoint k of the body, to the right and down from where it was seen (pixels), and its depth.
 
-    Fills forces (2, 3) with the derivatives of both residuals by its place, and place (3,), all in the rig's
-    frame at the time of the frame. The camera's own time may be another, as for all points.
+    Fills place (3,) of the keypoint, and forces (2, 3) with the derivatives of both residuals with respect
+    to it, all in the rig's frame at the time of the frame. The camera's own time may differ, as for points.
     """
     skeleton, workspace, lens = view.problem.skeleton, view.workspace, view.observed.lens
     point, link = view.problem.keypoints.points[k], view.problem.keypoints.links[k]

@@ -55,9 +55,9 @@ def linearise(
 
 @numba.njit(cache=True, nogil=True)
 def fill_excess(skeleton: Skeleton, pose: Array, start: int, excess: Array) -> bool:
-    """Fill excess (3,) of a spherical joint's angles over their limits; whether there is valid excess.
+    """Fill excess (3,) of a spherical joint's angles over their limits; returns whether any is to be used.
 
-    If the middle angle is near 90 degrees, the other angles are arbitrary.
+    If the middle angle is near 90 degrees, the other angles are arbitrary, and no excess is to be used.
     """
     outside = False
     for a in range(3):

@@ -43,8 +43,8 @@ class TemplateSettings(msgspec.Struct, frozen=True):
     gap_m: float = 0.02  #: half the width of gaps in which clothes hang, and between fingers
     cell_share: float = 0.0225  #: approximate distance of neighbouring vertices
     hip_inward: float = 0.867  #: of the distance of MakeHuman's hip joints from the middle
-    hip_forward_share: float = 0.014  #: from there
-    step_share: float = 0.01  #: of a length, for its effect
+    hip_forward_share: float = 0.014  #: how far the hips are in front of MakeHuman's
+    step_share: float = 0.01  #: by which a length is changed to measure the effect on the surface
 
 
 TEMPLATE = TemplateSettings()
@@ -55,8 +55,9 @@ BARE = ("skull", "hand", "foot", "toes")
 class Built:
     """A surface bound to MakeHuman's skin: triangles (T, 3) and for each vertex (V) the nearest point there.
 
-    corners: Vertices of MakeHuman (V, 3) and their `parts` (V, 3). apart: From there (V, 3), metres.
-    mirror: Its mirror image (V,). shares: Of each link (V,).
+    corners, parts: MakeHuman's vertices around that point (V, 3), and their weights there (V, 3). apart: the
+    offset of the vertex from the point (V, 3), metres. mirror: the vertex's mirror image (V,). shares: the
+    share of each link in the vertex (V,).
     """
 
     triangles: Indices

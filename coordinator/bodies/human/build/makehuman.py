@@ -39,7 +39,7 @@ class MakeHuman:
     weights: dict[str, tuple[Indices, Array]]
 
     def person(self, age: str, weight: str = "average") -> Array:
-        """Vertices (N, 3) of the mean over sexes and races: a baby, child, young or old one.
+        """Vertices (N, 3) of the mean person over sexes and races; `age` is baby, child, young or old.
 
         `weight` is min, average or max.
         """

@@ -1,4 +1,4 @@
-"""Lays a person of MakeHuman, who stands with arms and legs spread, to the rest pose of our skeleton."""
+"""Moves a person of MakeHuman, who stands with arms and legs spread, to the rest pose of our skeleton."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ LINK_OF = {
     "upperleg01": "thigh", "upperleg02": "thigh", "lowerleg01": "shank", "lowerleg02": "shank",
     "foot": "foot", "toe": "toes",
 }  # fmt: skip
-"""How MakeHuman's bones begin -> our link with skin; all others are in the head."""
+"""How the names of MakeHuman's bones begin -> our link with skin; all other bones are in the head."""
 
 BONE_OF = {
     "pelvis": ("pelvis", "vl5"), "vl5": ("vl5", "vl3"), "vl3": ("vl3", "vl1"), "vl1": ("vl1", "vt8"),
@@ -115,7 +115,7 @@ def to_rest(at: Joints, rest: Joints) -> dict[str, Array]:
 
 
 def move(start: Array, to: Array, before: tuple[Array, Array], after: tuple[Array, Array]) -> Array:
-    """The rigid transform (4, 4) of `start` to `to` and of two directions to others, the first exactly."""
+    """The rigid transform (4, 4) of `start` to `to` and directions `before` to `after`, the first exactly."""
     rotation = frame(*after) @ frame(*before).T
     return rigid(rotation, to - rotation @ start)
 
