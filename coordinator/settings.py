@@ -79,6 +79,7 @@ class SegmentationSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=Tr
 class CandidateSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What may be a person in the foreground; lengths and areas are scaled for bodies of other sizes."""
 
+    person_m: Quantity = 1.7  #: extent of a person, for whom the lengths and areas below hold
     max_person_m2: Quantity = 1.6  #: largest visible area of a person
     max_joined_m2: Quantity = 6.0  #: largest visible area of a person together with flat furniture
     min_length_m: Quantity = 0.6  #: smallest length of a person in any pose
@@ -108,9 +109,11 @@ class SceneSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     segmentation: SegmentationSettings = SegmentationSettings()
     candidates: CandidateSettings = CandidateSettings()
 
-    def scaled(self, smallest: float, largest: float) -> SceneSettings:
-        """The settings for bodies from the `smallest` to the `largest` size, relative to people."""
+    def scaled(self, smallest_m: float, largest_m: float) -> SceneSettings:
+        """The settings for bodies from the smallest to the largest extent, if these are not like people's."""
         segmentation, candidates = self.segmentation, self.candidates
+        smallest = min(1.0, smallest_m / candidates.person_m)
+        largest = max(1.0, largest_m / candidates.person_m)
         return msgspec.structs.replace(
             self,
             segmentation=msgspec.structs.replace(

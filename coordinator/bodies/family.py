@@ -22,7 +22,6 @@ from gepf.coordinator.bodies.angles import Angles
 from gepf.coordinator.bodies.tracked import activate_at, choose_active, name_pose
 
 SIZES = 64  # bodies that are kept
-PERSON_M = 1.7  # length of a person of usual size
 
 BodySize = tuple[float, ...]
 """Measures by which the bodies of a family differ; empty if their shape is known."""
@@ -140,17 +139,17 @@ class BodyFamily(ABC):
         del size
         return 1.0
 
-    def relative_sizes(self, bodies: Bodies) -> tuple[float, float]:
-        """The sizes of the smallest and the largest body that is searched for, relative to people.
+    def extents(self, bodies: Bodies) -> tuple[float, float] | None:
+        """The extents at rest of the smallest and the largest body that is searched for, metres.
 
-        By default from the extent of the body at rest. Sizes within those of people count as 1.
+        None if the settings of candidates are for bodies of this family.
         """
         from gepf.common.kinematics import pose_vertices  # loads the compiler
 
         models = [bodies.tracked(size, {})[0] for size in bodies.sizes]
         vertices = [pose_vertices(model, np.zeros((1, len(model.dof_names))))[0] for model in models]
         extents = [float(np.ptp(each, axis=0).max()) for each in vertices]
-        return min(1.0, min(extents) / PERSON_M), max(1.0, max(extents) / PERSON_M)
+        return min(extents), max(extents)
 
     def alternatives(self, size: BodySize) -> Sequence[BodySize]:
         """Other sizes that look much like this one, but that refinement does not reach from it."""

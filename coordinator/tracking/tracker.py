@@ -73,7 +73,9 @@ class Tracker:
         state = state or TrackerState([first_state(bodies, start, settings)] * people)
         self._refiner, self._settings, self._bodies = refiner, settings, bodies
         self._colour = colour
-        scene_settings = settings.scene.scaled(*bodies.family.relative_sizes(bodies))
+        scene_settings, extents = settings.scene, bodies.family.extents(bodies)
+        if extents is not None:
+            scene_settings = scene_settings.scaled(*extents)
         self._segmenter = Segmenter(settings.points, scene_settings, scope)
         self._segmenter.recall(state.frame.scene_changes)
         watch = ColourWatch(colour, settings.colour)

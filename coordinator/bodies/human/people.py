@@ -104,10 +104,9 @@ class People(BodyFamily):
         """The stature, metres."""
         return Size(*size).stature
 
-    def relative_sizes(self, bodies: Bodies) -> tuple[float, float]:
-        """Always 1: the settings are chosen for people of all sizes."""
+    def extents(self, bodies: Bodies) -> None:
+        """None: the settings of candidates are for people."""
         del bodies
-        return 1.0, 1.0
 
     def alternatives(self, size: BodySize) -> Sequence[BodySize]:
         """A small person with the proportions of an adult, or halfway between these and the mean child's."""
