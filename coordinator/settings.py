@@ -162,6 +162,22 @@ class TrackSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Time after which a fault is reported, and after which cameras that agree are trusted."""
 
 
+class ClothesSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The colours of clothes, from 0 to 1: who returns, and who is somebody else."""
+
+    brightness_deviation: Quantity = 0.1
+    """Standard deviation of the root of the brightness of one person's clothes, over light and posture."""
+    hue_deviation: Quantity = 0.04  #: of red minus green and of yellow minus blue
+    other_brightness_deviation: Quantity = 0.3  #: of the differences between two people's clothes
+    other_hue_deviation: Quantity = 0.12  #: of the differences between two people's clothes
+    hidden_odds: Quantity = 0.05  #: odds that something other than the clothes was seen
+    memory_s: Quantity = 30.0  #: time over which the colour of clothes is averaged
+    unlike_weight: Share = 0.1  #: least weight of a colour that is unlike those remembered
+    unlike_nats: Quantity = 2.0  #: log odds for somebody else above which a person is not the one remembered
+    unlike_s: Quantity = 1.0  #: time for which clothes must be unlike before the person is doubted
+    walking_m_per_s: Quantity = 1.0  #: how fast the place of a person who is not seen becomes uncertain
+
+
 class ColourSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Keypoints in colour: how they are found, whose they are, and what follows from them."""
 
@@ -190,6 +206,7 @@ class ColourSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Time by which disagreement must exceed agreement before colour is no longer used."""
     shifted_deviations: Quantity = 1.5
     """Largest median offset of all keypoints; for real people it is 0.8, and rarely more."""
+    clothes: ClothesSettings = ClothesSettings()
 
 
 class SearchSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -326,6 +343,9 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     method: str = "gepf"  #: a key of `METHODS` in `coordinator/filters/methods.py`
     seed: int = 0  #: seed of all random numbers
     points: int = 10_000  #: largest number of observed points
+    soft_points_factor: Quantity = 1.0
+    """Times as many points with soft correspondences, that is, under heavy noise: then each of them adds
+    information; under usual noise the body's shape limits the accuracy."""
     measure_noise: bool = True
     """Whether to measure the camera's noise in the first frame; the noise in `refine` is the minimum."""
     pace_iterations: float = 0.0  #: growth of iterations with the time between frames
@@ -348,6 +368,7 @@ PRESETS = {
     "default": Settings(
         preset="default",
         points=3_000,
+        soft_points_factor=3.0,
         pace_iterations=2.0,
         refine=RefineSettings(
             icp_iterations=4,

@@ -171,6 +171,18 @@ def blas_libraries() -> ThreadpoolController:
     return ThreadpoolController().select(user_api="blas")
 
 
+def settings_or_default(settings: Settings | None) -> Settings:
+    """These settings, or the usual ones; InputError for anything else."""
+    if settings is None:
+        return preset("default")
+    if not isinstance(settings, Settings):
+        raise InputError(
+            f"settings are a {type(settings).__name__}; give preset('paper'), or change a preset with"
+            " msgspec.structs.replace(preset('default'), seed=1)"
+        )
+    return settings
+
+
 class Tracker(FrameLoop):
     """Tracks one body through depth frames.
 
@@ -206,7 +218,7 @@ class Tracker(FrameLoop):
         color: bool = True,
         tls: TlsFiles | None = None,
     ) -> None:
-        settings = settings or preset("default")
+        settings = settings_or_default(settings)
         bodies = bodies_to_track(model, active, settings.preset)
         given = read_start(Path(start), bodies.dof_names) if isinstance(start, str | Path) else start
         if given is not None:
@@ -296,7 +308,7 @@ class PeopleTracker(FrameLoop):
     ) -> None:
         if people < 1:
             raise InputError(f"people={people} would track no one; give 1 or more")
-        settings = settings or preset("default")
+        settings = settings_or_default(settings)
         bodies = choose_bodies(active, settings.preset, HUMAN)
         super().__init__(bodies, settings, workers, tls, camera, depth_scale, people, color=color)
 

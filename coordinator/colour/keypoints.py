@@ -22,6 +22,16 @@ SHOULDERS, HIPS = (
     [list(LANDMARK_OF).index(f"{side}_{joint}") for side in ("left", "right")]
     for joint in ("shoulder", "hip")
 )
+TRUNK = [*SHOULDERS, *HIPS]
+ACROSS = np.linspace(0.1, 0.9, 7)  # places between the corners of the trunk
+INSIDE = np.array(
+    [
+        ((1 - down) * (1 - side), (1 - down) * side, down * (1 - side), down * side)
+        for down in ACROSS
+        for side in ACROSS
+    ]
+)
+"""Weights (N, 4) of the corners at these places."""
 
 
 class Auxiliary(enum.IntEnum):
@@ -54,3 +64,8 @@ def find_keypoints(
     share = settings.visible_deviation_share + settings.hidden_deviation_share * hidden
     pixels = seen_in.to_image(found.places[chosen])
     return np.column_stack([pixels, (share * seen_in.side) ** -2.0]).astype(np.float32)
+
+
+def trunk_pixels(keypoints: NDArray[np.float32]) -> NDArray[np.floating]:
+    """Places (N, 2), spread evenly over the trunk of a person with these keypoints (17, 3), pixels."""
+    return np.asarray(INSIDE @ keypoints[TRUNK, :2])

@@ -10,20 +10,9 @@ import numpy as np
 from gepf.common.arrays import Array
 from gepf.common.frame import Frame
 from gepf.common.kinematics import pose_vertices
-from gepf.coordinator.colour.keypoints import HIPS, SHOULDERS
+from gepf.coordinator.colour.keypoints import TRUNK, trunk_pixels
 from gepf.coordinator.colour.matching import ExpectedBody, Keypoints
 from gepf.coordinator.settings import ColourSettings
-
-TRUNK = [*SHOULDERS, *HIPS]
-ACROSS = np.linspace(0.1, 0.9, 7)  # places between the corners of the trunk, where depth is looked at
-INSIDE = np.array(
-    [
-        ((1 - down) * (1 - side), (1 - down) * side, down * (1 - side), down * side)
-        for down in ACROSS
-        for side in ACROSS
-    ]
-)
-"""Weights (N, 4) of the corners at these places."""
 
 
 def trunk_step(
@@ -39,7 +28,7 @@ def trunk_step(
         if view.camera not in keypoints:
             continue
         seen, depth_m, camera = keypoints[view.camera][TRUNK], view.metres(), view.intrinsics
-        columns, rows = np.rint(INSIDE @ seen[:, :2]).astype(int).T
+        columns, rows = np.rint(trunk_pixels(keypoints[view.camera])).astype(int).T
         inside = (columns >= 0) & (columns < camera.width) & (rows >= 0) & (rows < camera.height)
         surface = depth_m[rows[inside], columns[inside]]
         surface = surface[surface > 0.0]
@@ -47,7 +36,7 @@ def trunk_step(
         vertices = view.to_camera(pose_vertices(body.model, body.pose[None])[0])
         middle, ahead = joints.mean(axis=0), vertices[vertices[:, 2] > 0.0]
         aside = middle[2] * np.linalg.norm(ahead[:, :2] / ahead[:, 2:] - middle[:2] / middle[2], axis=1)
-        if 2 * len(surface) < len(INSIDE) or not (aside < middle_m).any() or middle[2] <= 0.0:
+        if 2 * len(surface) < len(columns) or not (aside < middle_m).any() or middle[2] <= 0.0:
             continue
         weights = seen[:, 2] / seen[:, 2].sum()
         before, (column, row) = weights @ joints, weights @ seen[:, :2]

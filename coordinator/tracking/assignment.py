@@ -6,9 +6,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from gepf.common.arrays import Array
 from gepf.common.frame import SubjectFrame
+from gepf.coordinator.colour.clothes import alike_nats, clothes_in
+from gepf.coordinator.colour.matching import in_image
 from gepf.coordinator.tracking.observation import middle_of
 from gepf.coordinator.tracking.segmenter import BodyView, SegmentedFrame, Segmenter, UntrackedPerson
 from gepf.coordinator.tracking.target import TargetTracker
@@ -18,9 +21,9 @@ from gepf.coordinator.tracking.track_state import Body, Found, Searching
 class Assignment:
     """Assigns the pixels of one segmented frame to people.
 
-    `free` are the candidates that may still be assigned, most likely first; each is assigned at most once.
-    `view_of` is called for each person in turn, once the previous person has been submitted, so a person who
-    has just been detected is already a body.
+    `free` are the candidates that may still be assigned, most likely first; each is assigned at most once,
+    first to the lost bodies. `view_of` is called for each person in turn, once the previous person has been
+    submitted, so a person who has just been detected is already a body.
     """
 
     def __init__(
@@ -33,6 +36,7 @@ class Assignment:
         self._targets, self._segmenter, self._segmented = targets, segmenter, segmented
         # a person who has just been detected may still be among the candidates
         self._free = [] if any(target.is_just_detected for target in targets) else list(free)
+        self._returned = self._assign_lost()
 
     def view_of(self, person_index: int) -> BodyView:
         """What the frame shows of a person: a free candidate if the person is undetected or lost."""
@@ -41,7 +45,7 @@ class Assignment:
         if not isinstance(target.track, Body):
             subject, candidate = None, self._candidate_to_search(person_index)
         elif target.needs_candidates:
-            subject, candidate = None, self._take(nearest(self._free, target.last_seen))
+            subject, candidate = None, self._returned.get(person_index)
         else:
             candidate = (
                 self._candidate_elsewhere(person_index) if self._is_mostly_missing(person_index) else None
@@ -53,11 +57,42 @@ class Assignment:
         is_own = candidate is None
         return BodyView(segmented.frame, subject, planes, alternatives, set_aside, is_own, is_elsewhere)
 
-    def _take(self, candidate: UntrackedPerson | None) -> UntrackedPerson | None:
-        """Remove a candidate, if there is one, from the free ones, and return it."""
-        if candidate in self._free:
-            self._free.remove(candidate)
-        return candidate
+    def _assign_lost(self) -> dict[int, UntrackedPerson]:
+        """The candidates of the lost bodies, which are then no longer free, by the body's index.
+
+        The most likely assignment, by place and clothes. While somebody is undetected, a candidate in other
+        clothes is left to them.
+        """
+        lost = {n: t for n, t in enumerate(self._targets) if isinstance(t.track, Body) and t.needs_candidates}
+        if not lost or not self._free:
+            return {}
+        frame, free = self._segmented.frame, list(self._free)
+        settings = next(iter(lost.values())).policy.colour.clothes
+        seen = [clothes_in(frame, in_image(candidate.subject)) for candidate in free]
+        alike = np.array([[alike_nats(t.clothes, own, settings) for own in seen] for t in lost.values()])
+        places = np.array([self._log_place(target, free) for target in lost.values()])
+        is_anybody_undetected = not all(isinstance(target.track, Body) for target in self._targets)
+        refused = is_anybody_undetected & (alike < -settings.unlike_nats)
+        people, chosen = linear_sum_assignment(alike + places, maximize=True)
+        returned = dict[int, UntrackedPerson]()
+        for person, candidate in zip(people, chosen, strict=True):
+            if not refused[person, candidate]:
+                returned[list(lost)[person]] = free[candidate]
+                self._free.remove(free[candidate])
+        return returned
+
+    def _log_place(self, target: TargetTracker, candidates: Sequence[UntrackedPerson]) -> Array:
+        """Log density (N,) of a lost body's place on the ground at the candidates.
+
+        A body that is searched for stays with the candidate of the search.
+        """
+        policy, unseen_s = target.policy, target.unseen_s(self._segmented.frame.time_s)
+        place, deviation_m = target.last_seen, policy.settings.max_motion_m
+        if target.search.person is not None:
+            place, unseen_s = middle_of(target.search.person.subject), 0.0
+        deviation_m += policy.colour.clothes.walking_m_per_s * unseen_s
+        away = np.array([distance(candidate.subject, place) for candidate in candidates])
+        return np.asarray(-0.5 * (away / deviation_m) ** 2 - 2.0 * np.log(deviation_m))
 
     def _candidate_to_search(self, person_index: int) -> UntrackedPerson | None:
         """The candidate to search: that of the search under way, otherwise each candidate in turn.
@@ -82,7 +117,7 @@ class Assignment:
         chosen = possible[turn]
         if target.search.person is not None:
             chosen = nearest(self._free, middle_of(target.search.person.subject)) or chosen
-        self._take(chosen)
+        self._free.remove(chosen)
         views = chosen.subject.views
         by_camera = [UntrackedPerson(replace(chosen.subject, views=(view,))) for view in views]
         options = [chosen, *by_camera] if len(views) > 1 else [chosen]

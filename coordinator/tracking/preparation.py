@@ -74,7 +74,9 @@ class FramePreparation:
             segmented = self._segmenter.segment(
                 frame,
                 [
-                    ExpectedSurface(target.segmentation_surface(step), body.excluded, body.is_new)
+                    ExpectedSurface(
+                        target.segmentation_surface(step), body.excluded, body.is_new, target.points_factor
+                    )
                     for target, step, body in zip(targets, sight.steps, expected, strict=True)
                 ],
                 rejected=any(

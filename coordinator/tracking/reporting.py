@@ -110,7 +110,8 @@ def doubt_of(
     """Doubt in a pose: cameras disagree, front and back look alike, or joints in sight may be wrong."""
     disputed = track.agreement.dispute(list(judgement.seen_by), settings.track.camera_confirmed_s)
     joints = explain_doubt(joint_names, judgement.certainty, judgement.doubted, settings.certainty.wrong_m)
-    is_ambiguous = disputed or judgement.is_doubtful or not track.knows_facing(settings.colour)
+    is_sure = track.knows_facing(settings.colour) and not track.is_unlike(settings.colour)
+    is_ambiguous = disputed or judgement.is_doubtful or not is_sure
     return Doubt(disputed or track.doubt(settings.colour) or joints, bool(is_ambiguous))
 
 

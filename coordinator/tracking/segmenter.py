@@ -38,11 +38,13 @@ class ExpectedSurface(NamedTuple):
 
     vertices: (V, 3) of its surface, rig frame, metres; None if it may be anywhere. excluded: cameras that are
     not used for it, unless no other camera shows it. is_new: whether it was detected a short time ago.
+    points_factor: how many times as many points as usual are picked.
     """
 
     vertices: Array | None = None
     excluded: Collection[str] = ()
     is_new: bool = False
+    points_factor: float = 1.0
 
 
 class PosedSurface(NamedTuple):
@@ -207,10 +209,9 @@ class Segmenter:
         subjects, set_aside = list[SubjectFrame | None](), list[SubjectFrame | None]()
         for n, body in enumerate(bodies):
             shown = [masked for view in views if (masked := view.bodies[n]) is not None]
+            points = round(body.points_factor * self._points)
             used, unused = (
-                subject_of(
-                    frame, [m for m in shown if (m.image.camera in body.excluded) == excluded], self._points
-                )
+                subject_of(frame, [m for m in shown if (m.image.camera in body.excluded) == excluded], points)
                 for excluded in (False, True)
             )
             subjects.append(used or unused)

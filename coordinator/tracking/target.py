@@ -20,7 +20,8 @@ from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions, pose_vertices
 from gepf.common.settings import RefineSettings
 from gepf.coordinator.bodies.family import Bodies, BodyFamily
-from gepf.coordinator.colour.matching import ExpectedBody, match_sides
+from gepf.coordinator.colour.clothes import Clothes, clothes_in
+from gepf.coordinator.colour.matching import ExpectedBody, in_image, match_sides
 from gepf.coordinator.filters.belief import USUAL_INTERVAL, Belief
 from gepf.coordinator.filters.methods import apply_method
 from gepf.coordinator.scene.noise import NO_NOISE, SensorNoise, assume_noise, measure_noise
@@ -134,6 +135,15 @@ class TargetTracker:
         return vertices if step_m is None else vertices + step_m
 
     @property
+    def points_factor(self) -> float:
+        """How many times as many points as usual are picked: more under heavy noise."""
+        pose = self.next_segmentation.pose
+        if pose is None:
+            return 1.0
+        distance_m = float(np.linalg.norm(joint_positions(self.model, pose[None])[0].mean(axis=0)))
+        return self._settings.soft_points_factor if self._settings_at(distance_m).is_soft else 1.0
+
+    @property
     def expected_body(self) -> ExpectedBody | None:
         """The person around whom the next frame is segmented; None if unknown, or if it is not a person."""
         pose = self.next_segmentation.pose
@@ -181,6 +191,16 @@ class TargetTracker:
         """The last known centre (3,) of the body, camera frame, metres."""
         pose = self.track.belief.reported if isinstance(self.track, Body) else self.start.pose
         return np.asarray(joint_positions(self.model, pose[None])[0].mean(axis=0))
+
+    @property
+    def clothes(self) -> Clothes | None:
+        """What is remembered about the person's clothes; None if nothing is."""
+        return self.track.clothes if isinstance(self.track, Body) else None
+
+    def unseen_s(self, time_s: float) -> float:
+        """The time since the last frame that showed the body, seconds."""
+        seen_s = self.track.time_s if isinstance(self.track, Body) else None
+        return 0.0 if seen_s is None else time_s - seen_s
 
     @property
     def is_tracked(self) -> bool:
@@ -385,7 +405,7 @@ class TargetTracker:
             stages = self._detector.redetect(
                 subject, self.start, settings, belief.reported, belief.shape_precision, lost=lost
             )
-            self.search.begin(stages)
+            self.search.begin(stages, UntrackedPerson(subject))
         if wait:
             self.search.finish()
         detection = self.search.take()
@@ -478,6 +498,7 @@ class TargetTracker:
             after_gap=view.after_gap,
             is_shown=match.is_shown or (False if view.is_looked_at else None),
             sides=-1 if view.is_swapped else match.sides,
+            clothes=clothes_in(view.frame, in_image(context.subject)) if match.is_shown else None,
         )
 
 

@@ -16,6 +16,7 @@ import msgspec
 from msgspec.structs import replace
 
 from gepf.common.arrays import Array
+from gepf.coordinator.colour.clothes import Clothes, alike_nats, remember
 from gepf.coordinator.filters.belief import USUAL_INTERVAL, Belief
 from gepf.coordinator.settings import ColourSettings, TrackSettings
 from gepf.coordinator.tracking.cameras import Agreement
@@ -23,6 +24,7 @@ from gepf.coordinator.tracking.gating import Gate
 
 ROUNDING_S = 1e-3  # of times in files
 FACING_DOUBT = "front and back look alike: the body may face the other way"
+CLOTHES_DOUBT = "the clothes have another colour than before: this may be somebody else"
 
 Instruction = Literal["search", "stop searching", "update the background", "refine"]
 """search: begin a search in this frame; its end is an event. stop searching: give up the running search.
@@ -79,6 +81,7 @@ class Body(msgspec.Struct, frozen=True, kw_only=True):
     awaits_search: bool = False  # whether a search for it has begun whose result has not been taken yet
     unshown_s: float | None = 0.0
     """Time without confirmation by colour since the detection; None once confirmed."""
+    clothes: Clothes | None = None  # None until colour has shown them
 
     @property
     def may_be_anywhere(self) -> bool:
@@ -121,6 +124,8 @@ class TrackedBefore(Body, frozen=True, kw_only=True):
     """Whether front and back explained the depth about equally well in the last search."""
     sides_s: float = 0.0
     """Time for which colour showed left and right correctly, minus the time for which they were swapped."""
+    unlike_s: float = 0.0
+    """Time for which the clothes were unlike those remembered, minus the time for which they were alike."""
     faulty: tuple[str, ...] = ()  # cameras at fault in the last frame that showed the body
     visibility: Visibility = "body"  # in the last frame
 
@@ -134,9 +139,15 @@ class TrackedBefore(Body, frozen=True, kw_only=True):
             return self.sides_s >= settings.facing_s - ROUNDING_S
         return self.sides_s > ROUNDING_S - settings.exchanged_s
 
+    def is_unlike(self, settings: ColourSettings) -> bool:
+        """Whether the clothes are those of somebody else."""
+        return self.unlike_s >= settings.clothes.unlike_s - ROUNDING_S
+
     def doubt(self, settings: ColourSettings) -> str:
-        """Why the pose is doubtful, as text."""
-        return self.why or ("" if self.knows_facing(settings) else FACING_DOUBT)
+        """Why the pose, or who the person is, is doubtful, as text."""
+        if self.why or not self.knows_facing(settings):
+            return self.why or FACING_DOUBT
+        return CLOTHES_DOUBT if self.is_unlike(settings) else ""
 
 
 class Tracked(TrackedBefore, frozen=True, kw_only=True, tag="tracked"):
@@ -195,9 +206,10 @@ class FrameRefined:
     `redetected`: the pose is that of a search, and not where the body was tracked. `ambiguous_facing`: front
     and back look alike in that search; None without a search. `is_doubtful`: a joint in view may be wrong.
     `is_shown`: whether colour confirms the person; None if unknown. `sides`: 1 if colour shows left and right
-    correctly, -1 if swapped, 0 if unknown. `faulty` cameras are left out; the other cameras have `residuals`
-    in metres (see `Agreement.after`), measured over `interval_s` seconds, and count as agreeing up to
-    `allowed_m`. `after_gap`: the next frame is not segmented yet.
+    correctly, -1 if swapped, 0 if unknown. `clothes`: their colour (3,); None if unknown. `faulty` cameras
+    are left out; the other cameras have `residuals` in metres (see `Agreement.after`), measured over
+    `interval_s` seconds, and count as agreeing up to `allowed_m`. `after_gap`: the next frame is not
+    segmented yet.
     """
 
     belief: Belief
@@ -209,6 +221,7 @@ class FrameRefined:
     is_doubtful: bool = False
     is_shown: bool | None = None
     sides: int = 0
+    clothes: Array | None = None
     faulty: tuple[str, ...] = ()
     residuals: Mapping[str, float] = field(default_factory=dict)
     allowed_m: float = 0.0
@@ -397,6 +410,13 @@ def _refined(
         faulty=event.faulty,
         unshown_s=_unshown(0.0 if event.redetected else before.unshown_s, event, interval, policy.colour),
         sides_s=0.0 if event.redetected else _sides(before.sides_s, event.sides, interval, policy.colour),
+        clothes=remember(
+            before.clothes,
+            event.clothes if is_explained else None,
+            min(interval, policy.colour.max_step_s),
+            policy.colour.clothes,
+        ),
+        unlike_s=_unlike(before, event, interval, policy.colour),
     )
     if event.after_gap:
         after = replace(after, next_segmentation=_next_segmentation(after, policy))
@@ -422,6 +442,15 @@ def _sides(before_s: float, sides: int, interval_s: float, settings: ColourSetti
     return min(max(after_s, -settings.exchanged_s), max(settings.facing_s, settings.exchanged_s))
 
 
+def _unlike(before: TrackedBefore, event: FrameRefined, interval_s: float, settings: ColourSettings) -> float:
+    """Time for which clothes were unlike those remembered minus time alike, seconds, after a frame."""
+    if before.clothes is None or event.clothes is None:
+        return before.unlike_s
+    step_s = min(interval_s, settings.max_step_s)
+    alike = alike_nats(before.clothes, event.clothes, settings.clothes) > -settings.clothes.unlike_nats
+    return min(max(before.unlike_s + (-step_s if alike else step_s), 0.0), settings.clothes.unlike_s)
+
+
 def _as_tracked_before(state: Found | Tracked | Lost, settings: TrackSettings) -> Tracked | Lost:
     """A found body as a tracked one; a given start is checked only while in doubt."""
     if not isinstance(state, Found):
@@ -432,7 +461,12 @@ def _as_tracked_before(state: Found | Tracked | Lost, settings: TrackSettings) -
 def _lose(state: Found | Tracked | Lost, policy: Policy) -> Tracked | Lost:
     """The body may be anywhere."""
     return _become(
-        Lost, _as_tracked_before(state, policy.settings), why="", ambiguous_facing=False, sides_s=0.0
+        Lost,
+        _as_tracked_before(state, policy.settings),
+        why="",
+        ambiguous_facing=False,
+        sides_s=0.0,
+        unlike_s=0.0,
     )
 
 

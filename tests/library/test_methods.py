@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -97,3 +98,10 @@ def test_settings_that_make_no_sense_are_refused(change: dict[str, Any], says: s
     settings = msgspec.structs.replace(gepf.preset("default"), **change)
     with pytest.raises(gepf.InputError, match=says):
         gepf.Tracker(settings=settings, workers="nowhere")
+
+
+@pytest.mark.parametrize("tracker", [gepf.Tracker, gepf.PeopleTracker])
+def test_settings_are_not_a_dictionary(tracker: Callable[..., object]) -> None:
+    """The message shows how a preset is changed."""
+    with pytest.raises(gepf.InputError, match=r"settings are a dict; give .*structs\.replace"):
+        tracker(settings={"seed": 1})

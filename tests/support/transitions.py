@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from msgspec.structs import replace
 
+from gepf.coordinator.colour.clothes import Clothes, remember
 from gepf.coordinator.filters.belief import USUAL_INTERVAL, Belief
 from gepf.coordinator.settings import ColourSettings, TrackSettings
 from gepf.coordinator.tracking.gating import Gate
@@ -72,6 +73,7 @@ AS_REFINED = {
 DOUBTFUL = with_fields(FITS, gate=Gate(1.2, "doubt"))  # above the limit, but explained
 WRONG = with_fields(FITS, gate=Gate(2.0, "wrong"))
 ENDED, GIVEN_UP = SearchEnded(), SearchGivenUp()
+RED, BLUE = Clothes((0.5, 0.5, 0.3), 20.0), Clothes((0.5, -0.2, -0.4), 20.0)
 
 
 class Transition(NamedTuple):
@@ -311,6 +313,19 @@ TRANSITIONS = [
         "its pose is refined, and colour shows them swapped",
         Tracked,
         {**AS_REFINED, "sides_s": 1.0 - INTERVAL_S},
+        (),
+    ),
+    Transition(
+        replace(TRACKED, clothes=RED, unlike_s=0.5),
+        "the clothes were unlike those remembered for half a second",
+        with_fields(FITS, clothes=np.array(BLUE.colour)),
+        "its pose is refined, and the clothes are still unlike",
+        Tracked,
+        {
+            **AS_REFINED,
+            "unlike_s": 0.5 + INTERVAL_S,
+            "clothes": remember(RED, np.array(BLUE.colour), INTERVAL_S, COLOUR.clothes),
+        },
         (),
     ),
     Transition(
