@@ -155,6 +155,8 @@ class TrackSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     max_lookahead_s: Quantity = 0.1
     """Longest interval for looking ahead; people move too far in a longer one."""
     max_motion_m: Quantity = 0.8  #: largest motion of a body between two frames
+    walking_m_per_s: Quantity = 1.0  #: growth of the standard deviation of a lost body's place
+    room_m: Quantity = 3.0  #: largest standard deviation of a lost body's place
     gone_share: Share = 0.35
     """Share of the pixels in the last explained frame below which the body may have left."""
     whole_share: Share = 0.85  #: share of the pixels at its detection below which a part is missing
@@ -175,7 +177,6 @@ class ClothesSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     unlike_weight: Share = 0.1  #: least weight of a colour that is unlike those remembered
     unlike_nats: Quantity = 2.0  #: log odds for somebody else above which a person is not the one remembered
     unlike_s: Quantity = 1.0  #: time for which clothes must be unlike before the person is doubted
-    walking_m_per_s: Quantity = 1.0  #: how fast the place of a person who is not seen becomes uncertain
 
 
 class ColourSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -342,10 +343,10 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     preset: str = "default"  #: `default` or `paper` (Grest and Krueger, 2007): values chosen together
     method: str = "gepf"  #: a key of `METHODS` in `coordinator/filters/methods.py`
     seed: int = 0  #: seed of all random numbers
-    points: int = 10_000  #: largest number of observed points
+    points: int = 10_000  #: largest number of observed points, under usual noise
     soft_points_factor: Quantity = 1.0
-    """Times as many points with soft correspondences, that is, under heavy noise: then each of them adds
-    information; under usual noise the body's shape limits the accuracy."""
+    """Factor on `points` under heavy noise (soft correspondences): then each point adds information; under
+    usual noise the body's shape limits the accuracy."""
     measure_noise: bool = True
     """Whether to measure the camera's noise in the first frame; the noise in `refine` is the minimum."""
     pace_iterations: float = 0.0  #: growth of iterations with the time between frames

@@ -177,8 +177,8 @@ def settings_or_default(settings: Settings | None) -> Settings:
         return preset("default")
     if not isinstance(settings, Settings):
         raise InputError(
-            f"settings are a {type(settings).__name__}; give preset('paper'), or change a preset with"
-            " msgspec.structs.replace(preset('default'), seed=1)"
+            f"settings is a {type(settings).__name__}, not a preset; give gepf.preset('paper'), or change a"
+            " preset: msgspec.structs.replace(gepf.preset('default'), seed=1)"
         )
     return settings
 

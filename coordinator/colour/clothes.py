@@ -9,9 +9,8 @@ import msgspec
 import numpy as np
 
 from gepf.common.arrays import Array
-from gepf.common.frame import Frame
+from gepf.common.frame import Frame, SubjectFrame
 from gepf.coordinator.colour.keypoints import trunk_pixels
-from gepf.coordinator.colour.matching import Keypoints
 from gepf.coordinator.settings import ClothesSettings
 
 
@@ -26,25 +25,26 @@ class Clothes(msgspec.Struct, frozen=True):
     seen_s: float
 
 
-def clothes_in(frame: Frame, keypoints: Keypoints) -> Array | None:
-    """The colour (3,) of the trunk of a person with these keypoints: the mean of all cameras that show it.
+def clothes_in(frame: Frame, subject: SubjectFrame) -> Array | None:
+    """The colour (3,) of the trunk of a subject with keypoints: the mean of all cameras that show it.
 
-    It is the square root of the brightness, red minus green, and yellow minus blue, from 0 or -1 to 1. None
-    if no colour image shows most of the trunk.
+    It is the square root of the brightness, red minus green, and yellow minus blue, from 0 or -1 to 1. Only
+    the subject's own pixels count, not what is in front of them. None if no colour image shows most of the
+    trunk.
     """
-    seen = list[Array]()
-    for view in frame.views:
-        if view.colours is None or view.camera not in keypoints:
+    seen, images = list[Array](), {view.camera: view for view in frame.views}
+    for view in subject.views:
+        image = images[view.image.camera]
+        if image.colours is None or view.keypoints is None:
             continue
-        shape = np.array(view.colours.shape[1::-1])
-        pixels = trunk_pixels(keypoints[view.camera]) * shape / np.array(view.depth.shape[::-1])
-        inside = np.all((pixels >= 0.0) & (pixels < shape), axis=1)
-        columns, rows = pixels[inside].astype(int).T
-        colours = view.colours[rows, columns]
-        colours = colours[colours.any(axis=1)] / 255.0  # black: registered colour has gaps there
-        if 2 * len(colours) > len(pixels):
-            red, green, blue = colours.T
-            opponent = np.sqrt(colours.mean(axis=1)), red - green, 0.5 * (red + green) - blue
+        places = np.rint(trunk_pixels(view.keypoints)).astype(int)
+        inside = np.all((places >= 0) & (places < view.image.depth.shape[::-1]), axis=1)
+        own = places[inside][view.image.depth[*places[inside].T[::-1]] > 0]
+        if 2 * len(own) > len(places):
+            scale = np.array(image.colours.shape[1::-1]) / image.depth.shape[::-1]
+            columns, rows = ((own - view.extent[:2] + 0.5) * scale).astype(int).T
+            red, green, blue = image.colours[rows, columns].T / 255.0
+            opponent = np.sqrt((red + green + blue) / 3.0), red - green, 0.5 * (red + green) - blue
             seen.append(np.median(opponent, axis=1))
     return np.asarray(np.mean(seen, axis=0)) if seen else None
 

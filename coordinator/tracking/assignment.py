@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from gepf.common.arrays import Array
 from gepf.common.frame import SubjectFrame
-from gepf.coordinator.colour.clothes import alike_nats, clothes_in
-from gepf.coordinator.colour.matching import in_image
+from gepf.coordinator.colour.clothes import clothes_in
 from gepf.coordinator.tracking.observation import middle_of
+from gepf.coordinator.tracking.returning import SeenBody, assign_lost
 from gepf.coordinator.tracking.segmenter import BodyView, SegmentedFrame, Segmenter, UntrackedPerson
 from gepf.coordinator.tracking.target import TargetTracker
 from gepf.coordinator.tracking.track_state import Body, Found, Searching
@@ -60,39 +59,30 @@ class Assignment:
     def _assign_lost(self) -> dict[int, UntrackedPerson]:
         """The candidates of the lost bodies, which are then no longer free, by the body's index.
 
-        The most likely assignment, by place and clothes. While somebody is undetected, a candidate in other
-        clothes is left to them.
+        A candidate in which a search for somebody undetected is running is left to them.
         """
+        undetected = [target for target in self._targets if not isinstance(target.track, Body)]
         lost = {n: t for n, t in enumerate(self._targets) if isinstance(t.track, Body) and t.needs_candidates}
-        if not lost or not self._free:
-            return {}
-        frame, free = self._segmented.frame, list(self._free)
-        settings = next(iter(lost.values())).policy.colour.clothes
-        seen = [clothes_in(frame, in_image(candidate.subject)) for candidate in free]
-        alike = np.array([[alike_nats(t.clothes, own, settings) for own in seen] for t in lost.values()])
-        places = np.array([self._log_place(target, free) for target in lost.values()])
-        is_anybody_undetected = not all(isinstance(target.track, Body) for target in self._targets)
-        refused = is_anybody_undetected & (alike < -settings.unlike_nats)
-        people, chosen = linear_sum_assignment(alike + places, maximize=True)
-        returned = dict[int, UntrackedPerson]()
-        for person, candidate in zip(people, chosen, strict=True):
-            if not refused[person, candidate]:
-                returned[list(lost)[person]] = free[candidate]
-                self._free.remove(free[candidate])
-        return returned
-
-    def _log_place(self, target: TargetTracker, candidates: Sequence[UntrackedPerson]) -> Array:
-        """Log density (N,) of a lost body's place on the ground at the candidates.
-
-        A body that is searched for stays with the candidate of the search.
-        """
-        policy, unseen_s = target.policy, target.unseen_s(self._segmented.frame.time_s)
-        place, deviation_m = target.last_seen, policy.settings.max_motion_m
-        if target.search.person is not None:
-            place, unseen_s = middle_of(target.search.person.subject), 0.0
-        deviation_m += policy.colour.clothes.walking_m_per_s * unseen_s
-        away = np.array([distance(candidate.subject, place) for candidate in candidates])
-        return np.asarray(-0.5 * (away / deviation_m) ** 2 - 2.0 * np.log(deviation_m))
+        searched = [
+            nearest(self._free, middle_of(target.search.person.subject))
+            for target in undetected
+            if target.search.person is not None
+        ]
+        possible = [candidate for candidate in self._free if candidate not in searched]
+        frame = self._segmented.frame
+        returned = assign_lost(
+            [target.lost_body(frame.time_s) for target in lost.values()],
+            [
+                SeenBody(middle_of(candidate.subject), clothes_in(frame, candidate.subject))
+                for candidate in possible
+            ],
+            self._targets[0].policy,
+            may_refuse=bool(undetected),
+        )
+        assigned = {person: possible[n] for person, n in zip(lost, returned, strict=True) if n is not None}
+        for candidate in assigned.values():
+            self._free.remove(candidate)
+        return assigned
 
     def _candidate_to_search(self, person_index: int) -> UntrackedPerson | None:
         """The candidate to search: that of the search under way, otherwise each candidate in turn.

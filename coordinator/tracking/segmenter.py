@@ -38,7 +38,7 @@ class ExpectedSurface(NamedTuple):
 
     vertices: (V, 3) of its surface, rig frame, metres; None if it may be anywhere. excluded: cameras that are
     not used for it, unless no other camera shows it. is_new: whether it was detected a short time ago.
-    points_factor: how many times as many points as usual are picked.
+    points_factor: factor on the number of points that are picked.
     """
 
     vertices: Array | None = None

@@ -20,8 +20,8 @@ from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions, pose_vertices
 from gepf.common.settings import RefineSettings
 from gepf.coordinator.bodies.family import Bodies, BodyFamily
-from gepf.coordinator.colour.clothes import Clothes, clothes_in
-from gepf.coordinator.colour.matching import ExpectedBody, in_image, match_sides
+from gepf.coordinator.colour.clothes import clothes_in
+from gepf.coordinator.colour.matching import ExpectedBody, match_sides
 from gepf.coordinator.filters.belief import USUAL_INTERVAL, Belief
 from gepf.coordinator.filters.methods import apply_method
 from gepf.coordinator.scene.noise import NO_NOISE, SensorNoise, assume_noise, measure_noise
@@ -37,6 +37,7 @@ from gepf.coordinator.tracking.particle_filter import Encoders, FrameBudget, Par
 from gepf.coordinator.tracking.pose_candidates import Detection, depth_log_likelihood_of
 from gepf.coordinator.tracking.refiner import Refiner
 from gepf.coordinator.tracking.reporting import UpdatedPerson
+from gepf.coordinator.tracking.returning import LostBody
 from gepf.coordinator.tracking.search import BodySearch
 from gepf.coordinator.tracking.segmenter import BodyView, DetectedBody, UntrackedPerson
 from gepf.coordinator.tracking.state import Checkpoint, PersonState
@@ -136,12 +137,9 @@ class TargetTracker:
 
     @property
     def points_factor(self) -> float:
-        """How many times as many points as usual are picked: more under heavy noise."""
-        pose = self.next_segmentation.pose
-        if pose is None:
-            return 1.0
-        distance_m = float(np.linalg.norm(joint_positions(self.model, pose[None])[0].mean(axis=0)))
-        return self._settings.soft_points_factor if self._settings_at(distance_m).is_soft else 1.0
+        """Factor on the number of points that are picked: more under heavy noise."""
+        is_soft = self._settings_at(self.start.noise.distance).is_soft
+        return self._settings.soft_points_factor if is_soft else 1.0
 
     @property
     def expected_body(self) -> ExpectedBody | None:
@@ -192,15 +190,13 @@ class TargetTracker:
         pose = self.track.belief.reported if isinstance(self.track, Body) else self.start.pose
         return np.asarray(joint_positions(self.model, pose[None])[0].mean(axis=0))
 
-    @property
-    def clothes(self) -> Clothes | None:
-        """What is remembered about the person's clothes; None if nothing is."""
-        return self.track.clothes if isinstance(self.track, Body) else None
-
-    def unseen_s(self, time_s: float) -> float:
-        """The time since the last frame that showed the body, seconds."""
-        seen_s = self.track.time_s if isinstance(self.track, Body) else None
-        return 0.0 if seen_s is None else time_s - seen_s
+    def lost_body(self, time_s: float) -> LostBody:
+        """Where and when a lost body was last seen, or where the search for it began, and its clothes."""
+        assert isinstance(self.track, Body)
+        place, seen_s, searched = self.last_seen, self.track.time_s, self.search.person
+        if searched is not None:
+            place, seen_s = middle_of(searched.subject), searched.subject.time_s
+        return LostBody(place, 0.0 if seen_s is None else max(0.0, time_s - seen_s), self.track.clothes)
 
     @property
     def is_tracked(self) -> bool:
@@ -498,7 +494,7 @@ class TargetTracker:
             after_gap=view.after_gap,
             is_shown=match.is_shown or (False if view.is_looked_at else None),
             sides=-1 if view.is_swapped else match.sides,
-            clothes=clothes_in(view.frame, in_image(context.subject)) if match.is_shown else None,
+            clothes=clothes_in(view.frame, context.subject) if match.is_shown else None,
         )
 
 

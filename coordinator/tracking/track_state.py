@@ -24,7 +24,7 @@ from gepf.coordinator.tracking.gating import Gate
 
 ROUNDING_S = 1e-3  # of times in files
 FACING_DOUBT = "front and back look alike: the body may face the other way"
-CLOTHES_DOUBT = "the clothes have another colour than before: this may be somebody else"
+CLOTHES_DOUBT = "the clothes are a different colour than before: this may be somebody else"
 
 Instruction = Literal["search", "stop searching", "update the background", "refine"]
 """search: begin a search in this frame; its end is an event. stop searching: give up the running search.
@@ -416,7 +416,7 @@ def _refined(
             min(interval, policy.colour.max_step_s),
             policy.colour.clothes,
         ),
-        unlike_s=_unlike(before, event, interval, policy.colour),
+        unlike_s=0.0 if event.redetected else _unlike(before, event, interval, policy.colour),
     )
     if event.after_gap:
         after = replace(after, next_segmentation=_next_segmentation(after, policy))

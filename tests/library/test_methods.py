@@ -103,5 +103,5 @@ def test_settings_that_make_no_sense_are_refused(change: dict[str, Any], says: s
 @pytest.mark.parametrize("tracker", [gepf.Tracker, gepf.PeopleTracker])
 def test_settings_are_not_a_dictionary(tracker: Callable[..., object]) -> None:
     """The message shows how a preset is changed."""
-    with pytest.raises(gepf.InputError, match=r"settings are a dict; give .*structs\.replace"):
+    with pytest.raises(gepf.InputError, match=r"settings is a dict, not a preset; give .*structs\.replace"):
         tracker(settings={"seed": 1})
