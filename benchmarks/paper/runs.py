@@ -69,7 +69,7 @@ class Row:
 
 
 GRADIENT = Row("gradient-paper", "heavy", "gradient", "paper", None, HEAVY, 10, 176)
-CURVE = replace(GRADIENT, part="curves", seeds=2, frames=110, changes=("points=1000",))
+CURVE = replace(GRADIENT, part="curves", seeds=2, frames=110, changes=("points=1000", "soft_points_factor=1"))
 TURN = replace(GRADIENT, part="turn", noise=STEREO, seeds=1, frames=180, scene="turn")
 ROWS = [
     *(
