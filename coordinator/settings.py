@@ -174,7 +174,7 @@ class ClothesSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     other_hue_deviation: Quantity = 0.12  #: of the differences between two people's clothes
     hidden_odds: Quantity = 0.05  #: odds that something other than the clothes was seen
     memory_s: Quantity = 30.0  #: time over which the colour of clothes is averaged
-    unlike_weight: Share = 0.1  #: least weight of a colour that is unlike those remembered
+    unlike_weight: Share = 0.3  #: least weight of a colour that is unlike those remembered
     unlike_nats: Quantity = 2.0  #: log odds for somebody else above which a person is not the one remembered
     unlike_s: Quantity = 1.0  #: time for which clothes must be unlike before the person is doubted
 

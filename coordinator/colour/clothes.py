@@ -37,9 +37,10 @@ def clothes_in(frame: Frame, subject: SubjectFrame) -> Array | None:
         image = images[view.image.camera]
         if image.colours is None or view.keypoints is None:
             continue
-        places = np.rint(trunk_pixels(view.keypoints)).astype(int)
+        places = np.rint(trunk_pixels(view.keypoints))
         inside = np.all((places >= 0) & (places < view.image.depth.shape[::-1]), axis=1)
-        own = places[inside][view.image.depth[*places[inside].T[::-1]] > 0]
+        own = places[inside].astype(int)
+        own = own[view.image.depth[*own.T[::-1]] > 0]
         if 2 * len(own) > len(places):
             scale = np.array(image.colours.shape[1::-1]) / image.depth.shape[::-1]
             columns, rows = ((own - view.extent[:2] + 0.5) * scale).astype(int).T
@@ -50,7 +51,7 @@ def clothes_in(frame: Frame, subject: SubjectFrame) -> Array | None:
 
 
 def alike_nats(clothes: Clothes | None, seen: Array | None, settings: ClothesSettings) -> float:
-    """How much a colour (3,) speaks for the person in these clothes, and against somebody else, nats.
+    """Evidence, in nats, that a colour (3,) is that of these clothes, not of somebody else's.
 
     It is the logarithm of a likelihood ratio: the colours of one person's clothes differ less than those of
     two people's. Something else may have been seen, such as an arm in front of the trunk. 0 if nothing is
@@ -67,16 +68,12 @@ def alike_nats(clothes: Clothes | None, seen: Array | None, settings: ClothesSet
     return float(np.logaddexp(log_ratio, np.log(settings.hidden_odds)) - np.log1p(settings.hidden_odds))
 
 
-def remember(
-    clothes: Clothes | None, seen: Array | None, interval_s: float, settings: ClothesSettings
-) -> Clothes | None:
+def remember(clothes: Clothes | None, seen: Array, interval_s: float, settings: ClothesSettings) -> Clothes:
     """What is remembered after a frame in which a colour (3,) was seen for `interval_s` seconds.
 
-    Light and posture change colours slowly, so what was seen long ago counts less. A colour counts as much
-    as it is likely to be that of the clothes, but never nothing: what is remembered may be wrong.
+    Light and posture change colours slowly, so what was seen long ago counts less. A colour is weighted by
+    the probability that it is that of the clothes, but at least by `unlike_weight`: the memory may be wrong.
     """
-    if seen is None:
-        return clothes
     if clothes is None:
         return Clothes(tuple(seen.tolist()), interval_s)
     hidden_prior = settings.hidden_odds / (1.0 + settings.hidden_odds)

@@ -59,8 +59,11 @@ class Assignment:
     def _assign_lost(self) -> dict[int, UntrackedPerson]:
         """The candidates of the lost bodies, which are then no longer free, by the body's index.
 
-        A candidate in which a search for somebody undetected is running is left to them.
+        Candidates that colour confirms come first. A candidate in which a search for somebody undetected is
+        running is left to them.
         """
+        if not any(isinstance(target.track, Body) and target.needs_candidates for target in self._targets):
+            return {}
         undetected = [target for target in self._targets if not isinstance(target.track, Body)]
         lost = {n: t for n, t in enumerate(self._targets) if isinstance(t.track, Body) and t.needs_candidates}
         searched = [
@@ -69,6 +72,7 @@ class Assignment:
             if target.search.person is not None
         ]
         possible = [candidate for candidate in self._free if candidate not in searched]
+        possible = [candidate for candidate in possible if candidate.is_confirmed] or possible
         frame = self._segmented.frame
         returned = assign_lost(
             [target.lost_body(frame.time_s) for target in lost.values()],

@@ -107,7 +107,7 @@ def report(updated: UpdatedPerson, cameras: CameraStates, settings: Settings) ->
 def doubt_of(
     track: TrackedBefore, judgement: Judgement, joint_names: tuple[str, ...], settings: Settings
 ) -> Doubt:
-    """Doubt in a pose: cameras disagree, front and back look alike, or joints in sight may be wrong."""
+    """Doubt: cameras disagree, front and back look alike, clothes are unlike, or joints may be wrong."""
     disputed = track.agreement.dispute(list(judgement.seen_by), settings.track.camera_confirmed_s)
     joints = explain_doubt(joint_names, judgement.certainty, judgement.doubted, settings.certainty.wrong_m)
     is_sure = track.knows_facing(settings.colour) and not track.is_unlike(settings.colour)

@@ -33,9 +33,9 @@ def assign_lost(
 ) -> list[int | None]:
     """The index of the candidate of each lost body: the most likely assignment of all of them.
 
-    The place of a body becomes uncertain while it is not seen: its density is normal, up to the width of a
-    room. If it `may_refuse`, because a candidate may also be somebody new, a lost body does not take a
-    candidate in other clothes than those it was seen in for a while.
+    The place of a lost body is normally distributed; its deviation grows with time, up to `room_m`. With
+    `may_refuse` (a candidate may be somebody new), a body whose clothes were seen for `unlike_s` refuses
+    candidates in other clothes.
     """
     if not (lost and seen):
         return [None] * len(lost)
@@ -43,9 +43,11 @@ def assign_lost(
     deviation = np.array(
         [min(track.max_motion_m + track.walking_m_per_s * body.unseen_s, track.room_m) for body in lost]
     )
-    away = np.linalg.norm([[own.place - body.place for own in seen] for body in lost], axis=-1)
+    away = np.linalg.norm([[candidate.place - body.place for candidate in seen] for body in lost], axis=-1)
     log_place = -0.5 * (away / deviation[:, None]) ** 2 - 3.0 * np.log(deviation[:, None])
-    alike = np.array([[alike_nats(body.clothes, own.clothes, colour) for own in seen] for body in lost])
+    alike = np.array(
+        [[alike_nats(body.clothes, candidate.clothes, colour) for candidate in seen] for body in lost]
+    )
     is_well_known = [body.clothes is not None and body.clothes.seen_s >= colour.unlike_s for body in lost]
     refused = may_refuse & np.array(is_well_known)[:, None] & (alike < -colour.unlike_nats)
     score = log_place + alike

@@ -19,13 +19,13 @@ class BodySearch:
     """
 
     def __init__(self) -> None:
-        self.person: UntrackedPerson | None = None  # who is searched for, as the search began
+        self.person: UntrackedPerson | None = None  # what is searched, if the body may be anywhere
         self._stages: Search[Detection] | None = None  # None if no search is running
         self._sent: Requests = ()  # the requests of the present stage
         self._detection: Detection | None = None
 
-    def begin(self, stages: Search[Detection], person: UntrackedPerson) -> None:
-        """Begin another search; `person` is what the frame shows of who is searched for."""
+    def begin(self, stages: Search[Detection], person: UntrackedPerson | None) -> None:
+        """Begin another search; `person` is what is searched, if the body may be anywhere."""
         self.person, self._stages, self._sent, self._detection = person, stages, (), None
 
     @property

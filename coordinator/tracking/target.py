@@ -137,7 +137,7 @@ class TargetTracker:
 
     @property
     def points_factor(self) -> float:
-        """Factor on the number of points that are picked: more under heavy noise."""
+        """`soft_points_factor` if the noise measured at the start is heavy, otherwise 1."""
         is_soft = self._settings_at(self.start.noise.distance).is_soft
         return self._settings.soft_points_factor if is_soft else 1.0
 
@@ -191,12 +191,15 @@ class TargetTracker:
         return np.asarray(joint_positions(self.model, pose[None])[0].mean(axis=0))
 
     def lost_body(self, time_s: float) -> LostBody:
-        """Where and when a lost body was last seen, or where the search for it began, and its clothes."""
-        assert isinstance(self.track, Body)
-        place, seen_s, searched = self.last_seen, self.track.time_s, self.search.person
+        """A lost body: where it was, or is searched for, and for how long it has not been seen."""
+        track, searched = self.track, self.search.person
+        assert isinstance(track, Body)
         if searched is not None:
-            place, seen_s = middle_of(searched.subject), searched.subject.time_s
-        return LostBody(place, 0.0 if seen_s is None else max(0.0, time_s - seen_s), self.track.clothes)
+            place, unseen_s = middle_of(searched.subject), time_s - searched.subject.time_s
+        else:
+            place, unseen_s = self.last_seen, 0.0 if track.time_s is None else time_s - track.time_s
+            unseen_s += track.unexplained_s if isinstance(track, TrackedBefore) else 0.0
+        return LostBody(place, max(0.0, unseen_s), track.clothes)
 
     @property
     def is_tracked(self) -> bool:
@@ -401,7 +404,7 @@ class TargetTracker:
             stages = self._detector.redetect(
                 subject, self.start, settings, belief.reported, belief.shape_precision, lost=lost
             )
-            self.search.begin(stages, UntrackedPerson(subject))
+            self.search.begin(stages, UntrackedPerson(subject) if lost else None)
         if wait:
             self.search.finish()
         detection = self.search.take()

@@ -410,12 +410,7 @@ def _refined(
         faulty=event.faulty,
         unshown_s=_unshown(0.0 if event.redetected else before.unshown_s, event, interval, policy.colour),
         sides_s=0.0 if event.redetected else _sides(before.sides_s, event.sides, interval, policy.colour),
-        clothes=remember(
-            before.clothes,
-            event.clothes if is_explained else None,
-            min(interval, policy.colour.max_step_s),
-            policy.colour.clothes,
-        ),
+        clothes=_clothes(before, event, interval, policy.colour) if is_explained else before.clothes,
         unlike_s=0.0 if event.redetected else _unlike(before, event, interval, policy.colour),
     )
     if event.after_gap:
@@ -440,6 +435,15 @@ def _sides(before_s: float, sides: int, interval_s: float, settings: ColourSetti
     """Time for which colour showed left and right correctly minus time swapped, seconds, after a frame."""
     after_s = before_s + sides * min(interval_s, settings.max_step_s)
     return min(max(after_s, -settings.exchanged_s), max(settings.facing_s, settings.exchanged_s))
+
+
+def _clothes(
+    before: TrackedBefore, event: FrameRefined, interval_s: float, settings: ColourSettings
+) -> Clothes | None:
+    """What is remembered about the clothes after a frame."""
+    if event.clothes is None:
+        return before.clothes
+    return remember(before.clothes, event.clothes, min(interval_s, settings.max_step_s), settings.clothes)
 
 
 def _unlike(before: TrackedBefore, event: FrameRefined, interval_s: float, settings: ColourSettings) -> float:

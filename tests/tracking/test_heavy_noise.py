@@ -35,7 +35,7 @@ def points_of(depth_m: float, settings: Settings) -> list[int]:
     return [0 if subject is None else len(subject.largest.picked) for subject in subjects]
 
 
-@pytest.mark.parametrize(("depth_m", "factor"), [(0.005, 1.0), (0.15, 1.0), (0.15, 3.0)])
+@pytest.mark.parametrize(("depth_m", "factor"), [(0.005, 3.0), (0.15, 1.0), (0.15, 3.0)])
 def test_more_points_are_used_under_heavy_noise(depth_m: float, factor: float) -> None:
     """From the second frame on: the noise is measured in the first one."""
     settings = msgspec.structs.replace(FEW, soft_points_factor=factor)

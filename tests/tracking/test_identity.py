@@ -20,13 +20,13 @@ from tests.support.people import SETTINGS, as_bytes, people_of
 
 pytest.importorskip("ai_edge_litert", reason="the extra color is not installed")
 
-FPS, SEEN, AWAY = 4.0, 8, 40  # frames
+FPS, SEEN, AWAY = 10.0, 12, 100  # frames
 LEFT_M, RIGHT_M = -0.55, 0.55
 FIRST, SECOND, STRANGER = dressed(1), dressed(51), dressed(151)
 
 
 def scene(*people: tuple[Dressed, float]) -> list[list[Place]]:
-    """People who stand at these places for two seconds."""
+    """People who stand at these places for a while."""
     return [[Place(person, x_m, n % 5) for person, x_m in people] for n in range(SEEN)]
 
 
