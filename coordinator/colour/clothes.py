@@ -1,4 +1,4 @@
-"""The colour of a person's clothes: tells who returns after leaving the image, and who is somebody else.
+"""The colour of clothes, which shows who returns after leaving the image, and who is somebody else.
 
 The colour of the trunk counts. Legs are too narrow: between their keypoints, the image shows the background.
 """

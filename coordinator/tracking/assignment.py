@@ -62,17 +62,16 @@ class Assignment:
         Candidates that colour confirms come first. A candidate in which a search for somebody undetected is
         running is left to them.
         """
-        if not any(isinstance(target.track, Body) and target.needs_candidates for target in self._targets):
+        lost = {n: t for n, t in enumerate(self._targets) if isinstance(t.track, Body) and t.needs_candidates}
+        if not lost:
             return {}
         undetected = [target for target in self._targets if not isinstance(target.track, Body)]
-        lost = {n: t for n, t in enumerate(self._targets) if isinstance(t.track, Body) and t.needs_candidates}
         searched = [
             nearest(self._free, middle_of(target.search.person.subject))
             for target in undetected
             if target.search.person is not None
         ]
-        possible = [candidate for candidate in self._free if candidate not in searched]
-        possible = [candidate for candidate in possible if candidate.is_confirmed] or possible
+        possible = confirmed_or_all([candidate for candidate in self._free if candidate not in searched])
         frame = self._segmented.frame
         returned = assign_lost(
             [target.lost_body(frame.time_s) for target in lost.values()],
@@ -98,8 +97,7 @@ class Assignment:
         do not combine into a person.
         """
         target = self._targets[person_index]
-        confirmed = [candidate for candidate in self._free if candidate.is_confirmed]
-        possible = (confirmed or self._free)[: 1 if len(self._targets) == 1 else None]
+        possible = confirmed_or_all(self._free)[: 1 if len(self._targets) == 1 else None]
         count = len(possible)
         if not count or not all(isinstance(earlier.track, Body) for earlier in self._targets[:person_index]):
             return None
@@ -159,6 +157,11 @@ class Assignment:
         return other_candidates + [
             subject for n, subject in enumerate(self._segmented.subjects) if subject and n != person_index
         ]
+
+
+def confirmed_or_all(candidates: list[UntrackedPerson]) -> list[UntrackedPerson]:
+    """The candidates that colour confirms as people; all of them if it confirms none."""
+    return [candidate for candidate in candidates if candidate.is_confirmed] or candidates
 
 
 def nearest(candidates: Sequence[UntrackedPerson], position: Array) -> UntrackedPerson | None:

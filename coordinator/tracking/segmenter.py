@@ -170,7 +170,7 @@ class BodyView:
 
 
 class Segmenter:
-    """Segments frames in order, within a `scope`, with at most `points` points per body.
+    """Segments frames in order, within a `scope`; a body gets `points` points, times its `points_factor`.
 
     Each camera has its own scene. A frame is learned after it has been segmented, before the next one.
     """
