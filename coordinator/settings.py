@@ -65,6 +65,9 @@ class SegmentationSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=Tr
     reach_cells: Count = 7  #: largest distance of the subject from the surface, in cells
     step_m: Quantity = 0.03  #: largest step in depth between neighbours on one surface, without noise
     min_person_m2: Quantity = 0.1  #: minimum visible area of a person; larger than that of any limb
+    explained_m: Quantity = 0.085  #: distance from the surface up to which a body explains a point
+    min_own_share: Share = 0.2
+    """Least share of a body's pixels that no other body explains; with less it has no evidence of its own."""
     beside_m: Quantity = 0.5  #: distance from a body within which other people and things are remembered
     beside_points: Count = 2_000  #: approximate number of their points that are remembered
     permanent_weight: Quantity = 0.1
@@ -152,8 +155,8 @@ class TrackSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Interval between searches for an unknown body, and until a first check."""
     check_interval_s: Quantity = 1 / 3  #: time between checks while the pose is doubtful
     max_searches: Count = 8  #: failed searches after which candidates are added to the background
-    max_lookahead_s: Quantity = 0.1
-    """Longest interval for looking ahead; people move too far in a longer one."""
+    max_lookahead_s: Quantity = 0.05
+    """Longest interval for looking ahead: in two of them, somebody who walks moves by `near_m`."""
     max_motion_m: Quantity = 0.8  #: largest motion of a body between two frames
     walking_m_per_s: Quantity = 1.0  #: growth of the standard deviation of a lost body's place
     room_m: Quantity = 3.0  #: largest standard deviation of a lost body's place
@@ -190,8 +193,6 @@ class ColourSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     reach_m: Quantity = 0.95  #: largest distance of an adult's body from the hips: half of a first crop
     outline_px: Count = 3  #: largest distance of a candidate's keypoints from its silhouette
     same_person_deviations: Quantity = 3.0  #: largest median distance of the keypoints of one person
-    trunk_m: Quantity = 0.2
-    """Thickness of a trunk; the keypoints of two different people are farther apart than this on average."""
     trunk_middle_m: Quantity = 0.08  #: radius across the line of sight in which the trunk's depth is measured
     hand_share: Share = 0.1  #: share of the surface within `trunk_middle_m` that may be nearer than the trunk
     looks_per_s: Quantity = 40.0  #: candidates looked at per second: half of the time of a processor core

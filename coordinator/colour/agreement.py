@@ -8,16 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gepf.common.arrays import Array
-from gepf.common.frame import Frame
-from gepf.coordinator.colour.matching import EXCHANGED, ExpectedBody, Keypoints, distance_of
+from gepf.common.frame import Frame, SubjectFrame, SubjectView
+from gepf.coordinator.colour.matching import EXCHANGED, ExpectedBody, Keypoints, are_on, distance_of
 from gepf.coordinator.settings import ColourSettings
 
+Verdict = Literal["agrees", "another pose", "elsewhere"]
+"""Where colour shows a person: at the body; only on the body's pixels, so the pose is wrong; elsewhere."""
 REMEDY = "is it registered to depth, and taken at the same time? --no-color uses depth alone"
 
 
@@ -36,12 +38,11 @@ class ColourState:
     agreed_s: float | None = None
 
     def after(
-        self, against: Sequence[bool], interval_s: float, time_s: float, settings: ColourSettings
+        self, shown: Sequence[Verdict], interval_s: float, time_s: float, settings: ColourSettings
     ) -> Self:
-        """The state after a frame; `against`: whether keypoints contradict a pose that explains depth."""
-        if not against:
-            return self
-        balance = (2 * sum(against) - len(against)) / len(against)
+        """The state after a frame in which the keypoints of these people were compared with depth."""
+        against, agreeing = shown.count("elsewhere"), shown.count("agrees")
+        balance = (against - agreeing) / len(shown)
         against_s = self.against_s + balance * min(interval_s, settings.max_step_s)
         against_s = min(max(against_s, 0.0), settings.persistent_s)
         used = against_s < settings.persistent_s if self.used else against_s == 0.0
@@ -49,7 +50,7 @@ class ColourState:
             against_s,
             used,
             self.since_s if used == self.used else time_s,
-            self.agreed_s if all(against) else time_s,
+            self.agreed_s if against == len(shown) else time_s,
         )
 
 
@@ -61,39 +62,49 @@ def compare(
     states: ColourStates,
     frame: Frame,
     bodies: Sequence[ExpectedBody | None],
+    subjects: Sequence[SubjectFrame | None],
     seen: Sequence[Keypoints],
     interval_s: float,
     settings: ColourSettings,
 ) -> ColourStates:
-    """The states after a frame in which these keypoints of people were seen.
+    """The states of the cameras after a frame in which these keypoints of people were seen.
 
-    `bodies` are in the poses of the frame; None for those that depth does not explain.
+    `bodies` are in the poses of the frame; None for those that depth does not explain. `subjects` are their
+    pixels.
     """
     after = dict(states)
-    for view in frame.views:
-        against = [
-            are_elsewhere(body.pixels(view), keypoints[view.camera], settings)
-            for body, keypoints in zip(bodies, seen, strict=True)
-            if body is not None and view.camera in keypoints
-        ]
-        if against:
-            before = states.get(view.camera, ColourState())
-            after[view.camera] = before.after(against, interval_s, frame.time_s, settings)
+    images = {view.camera: view for view in frame.views}
+    compared = dict[str, list[Verdict]]()
+    for body, subject, keypoints in zip(bodies, subjects, seen, strict=True):
+        if body is None or subject is None:
+            continue
+        for view in subject.views:
+            camera = view.image.camera
+            if camera in keypoints:
+                verdict = judge(body.pixels(images[camera]), keypoints[camera], view, settings)
+                compared.setdefault(camera, []).append(verdict)
+    for camera, verdicts in compared.items():
+        before = states.get(camera, ColourState())
+        after[camera] = before.after(verdicts, interval_s, frame.time_s, settings)
     return after
 
 
-def are_elsewhere(pixels: Array, keypoints: NDArray[np.float32], settings: ColourSettings) -> bool:
-    """Whether keypoints are not where a body has them, at `pixels` (17, 2), or are all shifted.
+def judge(
+    pixels: Array, keypoints: NDArray[np.float32], view: SubjectView, settings: ColourSettings
+) -> Verdict:
+    """Whether keypoints (17, 3) are where a body has them, at `pixels` (17, 2) of the image.
 
-    Which way the body faces does not matter. Clothes shift keypoints, too, but less. The pose follows a
-    larger shift half of the way.
+    They are elsewhere if all of them are shifted, or if they are neither at the body nor on the pixels of the
+    subject. On the pixels alone, the pose is wrong. Which way the body faces does not matter. Clothes shift
+    keypoints, too, but less. The pose follows a larger shift half of the way.
     """
     sides = keypoints, keypoints[EXCHANGED]
-    keypoints = min(sides, key=lambda shown: distance_of(pixels, shown))
-    off = (keypoints[:, :2] - pixels) * np.sqrt(keypoints[:, 2:])
+    nearest = min(sides, key=lambda shown: distance_of(pixels, shown))
+    if distance_of(pixels, nearest) > settings.same_person_deviations:
+        return "another pose" if are_on(view, keypoints, settings.outline_px) else "elsewhere"
+    off = (nearest[:, :2] - pixels) * np.sqrt(nearest[:, 2:])
     shift = float(np.linalg.norm(np.median(off, axis=0)))
-    farthest = settings.same_person_deviations
-    return shift > settings.shifted_deviations or distance_of(pixels, keypoints) > farthest
+    return "elsewhere" if shift > settings.shifted_deviations else "agrees"
 
 
 def unused(states: ColourStates) -> frozenset[str]:

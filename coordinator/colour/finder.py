@@ -17,14 +17,7 @@ from gepf.common.kinematics import pose_vertices
 from gepf.common.packages import MissingPackage
 from gepf.coordinator.colour.crop import Crop, crop_of_body, crop_of_points
 from gepf.coordinator.colour.keypoints import HIPS, SHOULDERS, find_keypoints
-from gepf.coordinator.colour.matching import (
-    ExpectedBody,
-    Keypoints,
-    are_on,
-    assign,
-    find_doubles,
-    is_another_person,
-)
+from gepf.coordinator.colour.matching import ExpectedBody, Keypoints, are_on, assign, is_another_person
 from gepf.coordinator.colour.network import PoseNetwork, check_installed
 from gepf.coordinator.settings import ColourSettings
 
@@ -37,12 +30,11 @@ def without_colour(missing: MissingPackage) -> str:
 class PeopleInColour(NamedTuple):
     """What the network shows of the people of a frame, in their order.
 
-    doubles: whether a body follows the person of another body. looked_in: for each person, the cameras in
-    whose images the network looked for them, and would have shown them.
+    looked_in: for each person, the cameras in whose images the network looked for them, and would have shown
+    them.
     """
 
     keypoints: Sequence[Keypoints]
-    doubles: Sequence[bool]
     looked_in: Sequence[Collection[str]]
 
 
@@ -78,7 +70,7 @@ class KeypointFinder:
                 [name for name, own in each.items() if not is_another_person(own, name, assigned, settings)]
                 for each in looks
             ]
-            return PeopleInColour(assigned, find_doubles(bodies, seen, assigned, settings), looked_in)
+            return PeopleInColour(assigned, looked_in)
 
         return self._thread.submit(look)
 

@@ -114,32 +114,6 @@ def is_same_person(first: NDArray[np.float32], second: NDArray[np.float32], sett
     return distance_of(first[:, :2], second) < settings.same_person_deviations
 
 
-def find_doubles(
-    bodies: Sequence[ExpectedBody | None],
-    seen: Sequence[Keypoints],
-    assigned: Sequence[Keypoints],
-    settings: ColourSettings,
-) -> list[bool]:
-    """For each body, whether it is where another one is, and the keypoints seen there belong to that one."""
-
-    def is_double(body: int, other: int) -> bool:
-        a, b = bodies[body], bodies[other]
-        return (
-            a is not None
-            and b is not None
-            and float(np.linalg.norm(a.keypoints - b.keypoints, axis=1).mean()) < settings.trunk_m
-            and any(
-                camera not in assigned[body]
-                and camera in assigned[other]
-                and is_same_person(keypoints, assigned[other][camera], settings)
-                for camera, keypoints in seen[body].items()
-            )
-        )
-
-    people = range(len(bodies))
-    return [any(is_double(body, other) for other in people if other != body) for body in people]
-
-
 def is_another_person(
     seen: NDArray[np.float32] | None, camera: str, assigned: Sequence[Keypoints], settings: ColourSettings
 ) -> bool:

@@ -43,6 +43,8 @@ class Assignment:
         subject, alternatives = segmented.subjects[person_index], tuple[SubjectFrame, ...]()
         if not isinstance(target.track, Body):
             subject, candidate = None, self._candidate_to_search(person_index)
+        elif segmented.explained_away[person_index]:
+            subject, candidate = None, None
         elif target.needs_candidates:
             subject, candidate = None, self._returned.get(person_index)
         else:
@@ -53,8 +55,16 @@ class Assignment:
         if candidate is not None:
             subject, alternatives = candidate.subject, candidate.alternatives
         planes, set_aside = segmented.planes(subject), segmented.set_aside[person_index]
-        is_own = candidate is None
-        return BodyView(segmented.frame, subject, planes, alternatives, set_aside, is_own, is_elsewhere)
+        return BodyView(
+            segmented.frame,
+            subject,
+            planes,
+            alternatives,
+            set_aside,
+            is_own=candidate is None,
+            is_explained_away=segmented.explained_away[person_index],
+            is_elsewhere=is_elsewhere,
+        )
 
     def _assign_lost(self) -> dict[int, UntrackedPerson]:
         """The candidates of the lost bodies, which are then no longer free, by the body's index.

@@ -103,7 +103,7 @@ class Sight:
     @classmethod
     def of_nobody(cls, count: int) -> Sight:
         """The sight of a frame without colour, for this number of people."""
-        return cls(PeopleInColour([{}] * count, [False] * count, [()] * count), {}, [None] * count)
+        return cls(PeopleInColour([{}] * count, [()] * count), {}, [None] * count)
 
 
 class ColouredFrame:
@@ -147,8 +147,6 @@ class ColouredFrame:
 
     def complete(self, view: BodyView, person_index: int, *, is_at_last_pose: bool) -> BodyView:
         """The view of the body with this index, with what colour reveals about it."""
-        if self._sight.people.doubles[person_index] and not self._distrusted:
-            return replace(view, subject=None)  # the body is lost, and searched for elsewhere
         if view.subject is None or not view.is_own:
             return view
         looked_in = self._shows_people.intersection(self._sight.people.looked_in[person_index])

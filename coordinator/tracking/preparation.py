@@ -75,7 +75,11 @@ class FramePreparation:
                 frame,
                 [
                     ExpectedSurface(
-                        target.segmentation_surface(step), body.excluded, body.is_new, target.points_factor
+                        target.segmentation_surface(step),
+                        body.excluded,
+                        body.is_new,
+                        target.points_factor,
+                        target.known_s,
                     )
                     for target, step, body in zip(targets, sight.steps, expected, strict=True)
                 ],

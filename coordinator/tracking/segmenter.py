@@ -14,6 +14,7 @@ from gepf.common.camera import points_of
 from gepf.common.frame import Frame, SubjectFrame, View
 from gepf.coordinator.colour.matching import Keypoints, with_keypoints
 from gepf.coordinator.scene.candidates import Candidate, candidates, has_moved
+from gepf.coordinator.scene.explained import count_explained, explained_away
 from gepf.coordinator.scene.foreign import Points, mark_foreign, points_beside
 from gepf.coordinator.scene.planes import Planes
 from gepf.coordinator.scene.scene import NOBODY, Depth, Scene, SceneChange, SceneChanges, SceneView
@@ -38,13 +39,14 @@ class ExpectedSurface(NamedTuple):
 
     vertices: (V, 3) of its surface, rig frame, metres; None if it may be anywhere. excluded: cameras that are
     not used for it, unless no other camera shows it. is_new: whether it was detected a short time ago.
-    points_factor: factor on the number of points that are picked.
+    points_factor: factor on the number of points that are picked. known_s: time since its detection.
     """
 
     vertices: Array | None = None
     excluded: Collection[str] = ()
     is_new: bool = False
     points_factor: float = 1.0
+    known_s: float = 0.0
 
 
 class PosedSurface(NamedTuple):
@@ -57,6 +59,17 @@ class PosedSurface(NamedTuple):
     vertices: Array
     distances: Depth
     is_new: bool
+
+
+class PosedView(NamedTuple):
+    """The image of one camera, within the user's scope, and the expected bodies in it.
+
+    `bodies` holds None for a body that may be anywhere, and is empty if everything in the image is the body.
+    """
+
+    image: View
+    scene: SceneView
+    bodies: Sequence[PosedSurface | None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,12 +123,14 @@ class SegmentedFrame:
 
     subjects: one per body; None if nothing of the body is visible, or if it may be anywhere.
     set_aside: for each body, its crops from the cameras that are not used for it.
+    explained_away: whether each body has no evidence of its own, because another body explains what it shows.
     candidates: people who are not tracked, the most likely first; empty unless a body may be anywhere.
     """
 
     frame: Frame
     subjects: tuple[SubjectFrame | None, ...]
     set_aside: tuple[SubjectFrame | None, ...]
+    explained_away: tuple[bool, ...]
     candidates: tuple[UntrackedPerson, ...]
     views: tuple[SegmentedView, ...]
 
@@ -149,11 +164,11 @@ class BodyView:
 
     alternatives: see `UntrackedPerson`; used only for a body that is not known yet. set_aside: the crops from
     the cameras that are not used for this body. is_own: the subject was segmented around the body, and is
-    not a candidate. is_elsewhere: not where the body was expected. after_gap: the gap since the last frame is
-    long, so the next frame is not segmented until this one has been refined. is_looked_at: the keypoint
-    network has looked for this person in a trusted colour image. step_m: the motion (3,) since the last pose
-    according to colour; None if unknown. is_swapped: left and right in colour were swapped, to agree with
-    the body.
+    not a candidate. is_explained_away: another body explains what this one shows. is_elsewhere: not where the
+    body was expected. after_gap: the gap since the last frame is long, so the next frame is not segmented
+    until this one has been refined. is_looked_at: the keypoint network has looked for this person in a
+    trusted colour image. step_m: the motion (3,) since the last pose according to colour; None if unknown.
+    is_swapped: left and right in colour were swapped, to agree with the body.
     """
 
     frame: Frame
@@ -162,6 +177,7 @@ class BodyView:
     alternatives: tuple[SubjectFrame, ...] = ()
     set_aside: SubjectFrame | None = None
     is_own: bool = True
+    is_explained_away: bool = False
     is_elsewhere: bool = False
     after_gap: bool = False
     is_looked_at: bool = False
@@ -205,7 +221,9 @@ class Segmenter:
         Other people are not added to the background, unless they have been `rejected` for a while and do not
         move. Without `find`, they are not searched for, and nothing is learned while a body may be anywhere.
         """
-        views = tuple(self._segment_view(view, bodies, rejected=rejected, find=find) for view in frame.views)
+        posed = [self._pose_in(view, bodies) for view in frame.views]
+        away = self._explained_away(posed, bodies)
+        views = tuple(self._segment_view(view, bodies, away, rejected=rejected, find=find) for view in posed)
         subjects, set_aside = list[SubjectFrame | None](), list[SubjectFrame | None]()
         for n, body in enumerate(bodies):
             shown = [masked for view in views if (masked := view.bodies[n]) is not None]
@@ -220,7 +238,7 @@ class Segmenter:
         used_views = [view for view in views if view.image.camera not in excluded_by_any]
         shows_people = any(view.people for view in used_views)
         people = self._join_people(frame, [view.people for view in (used_views if shows_people else views)])
-        return SegmentedFrame(frame, tuple(subjects), tuple(set_aside), people, views)
+        return SegmentedFrame(frame, tuple(subjects), tuple(set_aside), tuple(away), people, views)
 
     def find_candidates(
         self, segmented: SegmentedFrame, tracked: Sequence[Array]
@@ -259,28 +277,53 @@ class Segmenter:
             change = scene.learn(view.scene, ~things, change.foreign, change.learned)
         return change
 
-    def _segment_view(
-        self, image: View, bodies: Sequence[ExpectedSurface], *, rejected: bool, find: bool
-    ) -> SegmentedView:
-        """Segment one image of a frame."""
-        scope = self._scope.of(image.camera)
+    def _pose_in(self, image: View, bodies: Sequence[ExpectedSurface]) -> PosedView:
+        """One image of a frame with the bodies that are expected in it."""
         scene = self._scene_of(image.camera, image.T_rig_camera, image.gravity)
-        image, out_of_scope = scope.limit(image)
+        image, out_of_scope = self._scope.of(image.camera).limit(image)
         view = scene.see(image, out_of_scope)
+        if shows_one_body(view, len(bodies)):
+            return PosedView(image, view, [])
+        return PosedView(image, view, [posed_surface(view, image, body) for body in bodies])
+
+    def _explained_away(self, views: Sequence[PosedView], bodies: Sequence[ExpectedSurface]) -> list[bool]:
+        """Which bodies have no evidence of their own in any camera's image."""
+        counts = np.zeros((len(bodies), len(bodies)))
+        for view in views:
+            if view.bodies:
+                counts += count_explained(
+                    view.scene,
+                    [None if body is None else body.vertices for body in view.bodies],
+                    [None if body is None else body.distances for body in view.bodies],
+                )
+        known_s, min_share = [body.known_s for body in bodies], self._settings.segmentation.min_own_share
+        return explained_away(counts, known_s, min_share)
+
+    def _segment_view(
+        self,
+        posed: PosedView,
+        bodies: Sequence[ExpectedSurface],
+        away: Sequence[bool],
+        *,
+        rejected: bool,
+        find: bool,
+    ) -> SegmentedView:
+        """Segment one image of a frame; bodies that are explained `away` show nothing."""
+        scope, image, view = self._scope.of(posed.image.camera), posed.image, posed.scene
         if shows_one_body(view, len(bodies)):
             everything = tuple(whole_view(image))
             if bodies[0].vertices is None:
                 return SegmentedView(image, view, (None,), (everything,) if everything else ())
             return SegmentedView(image, view, everything or (None,), ())
-        posed = [posed_surface(view, image, body) for body in bodies]
-        known = [body for body in posed if body is not None]
+        surfaces = [None if gone else body for body, gone in zip(posed.bodies, away, strict=True)]
+        known = [body for body in surfaces if body is not None]
         nearest = nearest_of(view, [body.distances for body in known])
         near_bodies = nearest <= self._settings.segmentation.near_m
         nearest_new = nearest_of(view, [body.distances for body in known if body.is_new])
         beside = mark_foreign(view, nearest, nearest_new)
         foreign = points_beside(view, beside, [body.vertices for body in known])
         own, may_be_anywhere = list[MaskedView | None](), False  # a body, whose pixels must not be learned
-        for body in posed:
+        for body in surfaces:
             if body is None:
                 own.append(None)
                 continue

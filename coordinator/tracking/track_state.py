@@ -126,6 +126,7 @@ class TrackedBefore(Body, frozen=True, kw_only=True):
     """Time for which colour showed left and right correctly, minus the time for which they were swapped."""
     unlike_s: float = 0.0
     """Time for which the clothes were unlike those remembered, minus the time for which they were alike."""
+    was_settled: bool = False  # whether the body has ever been tracked beyond the first check
     faulty: tuple[str, ...] = ()  # cameras at fault in the last frame that showed the body
     visibility: Visibility = "body"  # in the last frame
 
@@ -171,7 +172,8 @@ class FrameSegmented:
 
     Both are 0 if nothing shows it. `has_depth`: whether the frame shows anything at all. `is_elsewhere`:
     whether these pixels are not where the body was expected. `moved`: the belief about a detected body, moved
-    to where the body is now.
+    to where the body is now. `is_explained_away`: whether nothing shows the body because another body
+    explains what it shows.
     """
 
     time_s: float
@@ -180,6 +182,7 @@ class FrameSegmented:
     has_depth: bool = True
     is_elsewhere: bool = False
     moved: Belief | None = None
+    is_explained_away: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -260,6 +263,8 @@ def _segmented(state: TrackState, event: FrameSegmented, policy: Policy) -> tupl
         return _look_for_anybody(state, event, policy)
     if policy.recovers and (state.unshown_s or 0.0) > policy.colour.unshown_s - ROUNDING_S:
         return Absent(), ("stop searching",)
+    if event.is_explained_away and policy.recovers:
+        return _explained_away(state, policy)
     if event.is_elsewhere and isinstance(state, TrackedBefore):
         state = _lose(state, policy)
     if not event.pixels:
@@ -284,6 +289,21 @@ def _look_for_anybody(
         return state, ()
     state = replace(state, searches=state.searches + 1, searched_s=event.time_s, awaits_search=True)
     return state, ("search",)
+
+
+def _explained_away(state: Found | Tracked | Lost, policy: Policy) -> tuple[TrackState, Instructions]:
+    """A body that another one explains away: it ends if it is new, and may be anywhere otherwise."""
+    if isinstance(state, Found) or not state.was_settled:
+        return Absent(), ("stop searching",)
+    lost = _lose(state, policy)
+    lost = replace(
+        lost,
+        belief=state.belief.unseen(),
+        next_segmentation=replace(_next_segmentation(lost, policy), pose=None),
+        awaits_search=False,
+        visibility="something",
+    )
+    return lost, ("stop searching",)
 
 
 def _handle_unseen(state: Found | Tracked | Lost, event: FrameSegmented, policy: Policy) -> TrackState:
@@ -413,6 +433,7 @@ def _refined(
         clothes=_clothes(before, event, interval, policy.colour) if is_explained else before.clothes,
         unlike_s=0.0 if event.redetected else _unlike(before, event, interval, policy.colour),
     )
+    after = replace(after, was_settled=after.was_settled or not after.is_new(settings))
     if event.after_gap:
         after = replace(after, next_segmentation=_next_segmentation(after, policy))
     if set(before.faulty) - set(event.faulty) and policy.recovers:  # a camera is back

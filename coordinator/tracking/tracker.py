@@ -175,8 +175,9 @@ class Tracker:
             for target, person in zip(self._targets, frame.people, strict=True)
         ]
         bodies = [target.explained_body for target in self._targets]
-        image, keypoints = prepared.segmented.frame, prepared.sight.people.keypoints
-        colours = compare(self._frame.colours, image, bodies, keypoints, prepared.interval_s, settings)
+        image, subjects = prepared.segmented.frame, prepared.segmented.subjects
+        keypoints, interval_s = prepared.sight.people.keypoints, prepared.interval_s
+        colours = compare(self._frame.colours, image, bodies, subjects, keypoints, interval_s, settings)
         self._frame = FrameState(frame.scene_changes, prepared.cameras, colours, image.time_s)
         return UpdatedFrame(people, self._frame)
 

@@ -53,15 +53,20 @@ ANYWHERE = NextSegmentation(None, is_new=False)
 GIVEN = Found(belief=BELIEF, next_segmentation=NEW)
 DETECTED = Found(belief=BELIEF, time_s=1.0, next_segmentation=NEW, place=np.zeros(3), detected_pixels=900)
 RUNNING = Searching(searched_s=1.0, awaits_search=True)
-TRACKED = Tracked(belief=BELIEF, time_s=1.0, next_segmentation=AT_POSE, check_clock_s=0.5, pixels=900)
+TRACKED = Tracked(
+    belief=BELIEF, time_s=1.0, next_segmentation=AT_POSE, check_clock_s=0.5, pixels=900, was_settled=True
+)
 DUE = replace(TRACKED, check_clock_s=LIMITS.check_interval_s - 0.01)
 UNSURE = replace(TRACKED, doubtful_s=LIMITS.check_interval_s - 0.01)
-LOST = Lost(belief=BELIEF, time_s=1.0, next_segmentation=ANYWHERE, check_clock_s=0.5, pixels=900)
+LOST = Lost(
+    belief=BELIEF, time_s=1.0, next_segmentation=ANYWHERE, check_clock_s=0.5, pixels=900, was_settled=True
+)
 
 INTERVAL_S = 1 / 32
 NEXT_S, LATER_S = 1.0 + INTERVAL_S, 2.0
 CANDIDATE = FrameSegmented(NEXT_S, pixels=900, points=500)
 NOTHING, DARK = FrameSegmented(NEXT_S), FrameSegmented(NEXT_S, has_depth=False)
+EXPLAINED = FrameSegmented(NEXT_S, is_explained_away=True)
 FITS = FrameRefined(AFTER, Gate(0.8), pixels=800, time_s=NEXT_S)
 AS_REFINED = {
     "belief": AFTER,
@@ -400,6 +405,34 @@ TRANSITIONS = [
         Lost,
         {"next_segmentation": None, "awaits_search": True},
         ("search", "refine"),
+    ),
+    Transition(
+        replace(TRACKED, awaits_search=True),
+        "",
+        EXPLAINED,
+        "another body explains what is seen of the body",
+        Lost,
+        {"next_segmentation": None, "awaits_search": False, "visibility": "something"},
+        ("stop searching",),
+    ),
+    Transition(
+        replace(TRACKED, check_clock_s=0.1, was_settled=False),
+        "detected 0.1 s earlier, for the first time",
+        EXPLAINED,
+        "another body explains what is seen of the body",
+        Absent,
+        {},
+        ("stop searching",),
+    ),
+    Transition(
+        TRACKED,
+        "lost bodies are not searched for",
+        EXPLAINED,
+        "another body explains what is seen of the body",
+        Lost,
+        {"visibility": "something"},
+        (),
+        NEVER_RECOVERS,
     ),
     Transition(
         replace(TRACKED, why="doubt", ambiguous_facing=True),

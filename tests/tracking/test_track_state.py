@@ -116,6 +116,7 @@ EVENTS = [  # what a frame shows
         for moved in (None, Belief.at(np.array([0.7])))
     ),
     *(FrameSegmented(0.0, has_depth=depth) for depth in (False, True)),
+    FrameSegmented(0.0, is_explained_away=True),
 ]
 RESULTS = st.builds(
     FrameRefined,

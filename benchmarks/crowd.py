@@ -1,0 +1,257 @@
+"""Several rendered people who walk past each other: python -m benchmarks.crowd.
+
+Each seed is a group of other people in other clothes. They walk to and fro in lanes that are a metre apart,
+two in each lane; people in neighbouring lanes walk in opposite directions. The depth has the noise of a
+Kinect. A person is in view if a third of them is not hidden by others. A body follows the nearest person,
+and switches if that is another person than the one before.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial import cKDTree
+
+from benchmarks.colour import BACKGROUND, IMAGE_NOISE, LIGHT
+from benchmarks.running import add_changes, command_line, keep, measured, settings_with
+from benchmarks.tracking import bodies_of, prepare
+from gepf.common.arrays import Array
+from gepf.common.body import BodyModel
+from gepf.common.camera import points_of
+from gepf.common.frame import Frame, View
+from gepf.common.kinematics import joint_positions, pose_vertices
+from gepf.coordinator.colour.finder import KeypointFinder
+from gepf.coordinator.scene.noise import SensorNoise
+from gepf.coordinator.settings import CertaintySettings
+from gepf.coordinator.sources.source import to_units
+from gepf.coordinator.synthesis.clothes import dress
+from gepf.coordinator.synthesis.noise import add_noise
+from gepf.coordinator.synthesis.person_scene import SHOT, grounded, random_person
+from gepf.coordinator.synthesis.rendering import ColouredSurface, DepthRenderer
+from gepf.coordinator.synthesis.scenes import Scene
+from gepf.coordinator.synthesis.surround import Room, furnished
+from gepf.coordinator.tracking.estimate import POSE_UNKNOWN
+from gepf.coordinator.tracking.reporting import TrackedFrame, TrackedPerson
+from gepf.coordinator.tracking.tracker import Tracker
+from gepf.refiners import DirectRefiner
+
+FPS = 30.0
+NEAREST_M, LANE_M, ASIDE_M = 2.4, 1.0, 0.6  # of the lanes; of the people of a lane from its middle
+REACH, PERIOD_S = 0.36, 8.0  # of a walk, as a share of the lane's distance; to and fro
+SAME_PERSON_M = 0.5  # largest distance of a body from the person whom it follows
+EXPLAINED_M = 0.08  # largest distance of a point from the body that explains it
+IN_VIEW, MAX_OF_OTHERS = 1.0 / 3.0, 0.05  # shares of a person's pixels
+
+
+@dataclass(frozen=True, eq=False)
+class Crowd:
+    """Frames of N people.
+
+    joints (F, N, J, 3) are true. owners: (F, H, W) the person at each pixel, -1 for none. in_view (F, N): the
+    share of each person that is not hidden by others.
+    """
+
+    frames: list[Frame]
+    joints: Array
+    owners: NDArray[np.int8]
+    in_view: Array
+
+
+class Score(NamedTuple):
+    """Of a run: shares in percent, and processor time."""
+
+    followed: float  # people in view with a body
+    switches: int  # a body goes over to another person
+    error_cm: float
+    tracked: float  # of people in view
+    wrong: float  # of tracked bodies, with a joint off, or with nobody at their place
+    explained_by_others: float  # frames in which more than a few points of a person are
+    on_nobody: float  # of known bodies
+    ms: float  # per frame
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Render, track, print a line for each row."""
+    parser = command_line("crowd", __doc__)
+    parser.add_argument("--seeds", nargs=2, type=int, default=[0, 3], metavar=("A", "B"))
+    parser.add_argument("--people", type=int, default=6, metavar="N")
+    parser.add_argument("--frames", type=int, default=300, metavar="N")
+    parser.add_argument("--every", nargs="+", type=int, default=[1, 3], metavar="N")
+    parser.add_argument("--room", action="store_true")
+    parser.add_argument("--only", nargs="+", choices=("depth", "colour"), default=("depth", "colour"))
+    add_changes(parser)
+    return measured(measure, parser.parse_args(arguments))
+
+
+def measure(chosen: argparse.Namespace) -> int:
+    """Exit code."""
+    prepare()
+    lines = ["                 " + "".join(f"{name:>20}" for name in Score._fields)]
+    print(lines[0], flush=True)
+    for every in chosen.every:
+        for row in chosen.only:
+            scores = []
+            for seed in range(*chosen.seeds):
+                crowd = rendered(chosen.people, seed, chosen.frames, chosen.room)
+                scores.append(score(crowd, every, seed, chosen.changes, in_colour=row == "colour"))
+            values = "".join(f"{value:20.2f}" for value in np.mean(scores, axis=0))
+            lines.append(f"{row:8} {FPS / every:5.1f}/s{values}")
+            print(lines[-1], flush=True)
+    keep(lines, chosen.out)
+    return 0
+
+
+@cache
+def rendered(people: int, seed: int, frames: int, in_room: bool) -> Crowd:
+    """Frames of people who walk past each other."""
+    rng = np.random.default_rng([seed, 58])
+    scenes = [walk(n, random_person(rng), frames, rng) for n in range(people)]
+    clothes = [dress(scene.model, rng) for scene in scenes]
+    camera, images = SHOT.camera, list[Frame]()
+    owners = np.full((frames, camera.height, camera.width), -1, np.int8)
+    in_view, room = np.zeros((frames, people)), None
+    if in_room:
+        middle = Scene(scenes[0].model, camera, FPS, scenes[len(scenes) // 2].poses, None, tuple(scenes))
+        room = furnished(middle, Room(wall_m=4.0)).room
+    with DepthRenderer(camera) as renderer:
+        for number in range(frames):
+            depth = np.zeros(owners.shape[1:])
+            if room is not None:
+                depth[:] = renderer.depth(*room)
+            colours, pixels = np.tile(255.0 * BACKGROUND, (*depth.shape, 1)), np.zeros(people)
+            for n, scene in enumerate(scenes):
+                surface = pose_vertices(scene.model, scene.poses[number, None])[0]
+                seen = renderer.depth(surface, scene.model.triangles)
+                nearer = (seen > 0.0) & ((depth == 0.0) | (seen < depth))
+                depth[nearer], owners[number][nearer] = seen[nearer], n
+                dressed = ColouredSurface(surface, scene.model.triangles, clothes[n])
+                colours[nearer] = renderer.colours(dressed, BACKGROUND, LIGHT)[nearer]
+                pixels[n] = np.sum(seen > 0.0)
+            in_view[number] = [np.sum(owners[number] == n) / pixels[n] for n in range(people)]
+            noisy = add_noise(depth, camera, SensorNoise(0.0, 0.0), rng, kinect=True)
+            image = np.clip(colours + rng.normal(0.0, IMAGE_NOISE, colours.shape), 0, 255).astype(np.uint8)
+            view = View(number, number / FPS, to_units(noisy, 1000.0), 1000.0, camera, colours=image)
+            images.append(Frame.of(view))
+    joints = np.stack([joint_positions(scene.model, scene.poses) for scene in scenes], axis=1)
+    return Crowd(images, joints, owners, in_view)
+
+
+def walk(number: int, model: BodyModel, frames: int, rng: np.random.Generator) -> Scene:
+    """A person who walks to and fro in a lane."""
+    lane, side = divmod(number, 2)
+    z_m, times = NEAREST_M + LANE_M * lane, np.arange(frames) / FPS
+    begun, direction = rng.uniform(-0.5, 0.5), 1.0 if lane % 2 else -1.0
+    phase = 2.0 * np.pi * times / PERIOD_S + begun
+    reach = REACH * z_m
+    speed = direction * reach * 2.0 * np.pi / PERIOD_S * np.cos(phase)
+    poses = np.zeros((frames, len(model.dof_names)))
+    poses[:, model.dof("root_tx")] = direction * reach * np.sin(phase) + ASIDE_M * (2 * side - 1)
+    poses[:, model.dof("root_tz")] = z_m
+    poses[:, model.dof("root_ry")] = -np.radians(80.0) * np.clip(speed / 0.4, -1.0, 1.0)
+    travelled = np.cumsum(np.abs(speed)) / FPS
+    swing = np.radians(SHOT.step_deg) * np.clip(np.abs(speed) / 0.5, 0.0, 1.0)
+    swing *= np.sin(np.pi * travelled / 0.6 + rng.uniform(0.0, 6.0))
+    for prefix, sign in (("l", 1.0), ("r", -1.0)):
+        poses[:, model.dof(f"{prefix}_hip_flexion")] = sign * swing
+        poses[:, model.dof(f"{prefix}_knee_flexion")] = np.radians(5.0) + np.maximum(0.0, -sign * swing)
+        poses[:, model.dof(f"{prefix}_shoulder_flexion")] = -sign * swing
+        poses[:, model.dof(f"{prefix}_shoulder_abduct")] = np.radians(12.0)
+        poses[:, model.dof(f"{prefix}_elbow_flexion")] = np.radians(15.0)
+    return Scene(model, SHOT.camera, FPS, grounded(model, poses), None)
+
+
+def score(crowd: Crowd, every: int, seed: int, changes: Sequence[str], *, in_colour: bool) -> Score:
+    """Track every n-th frame."""
+    settings, finder = settings_with(changes, seed=seed), KeypointFinder() if in_colour else None
+    tracker = Tracker(
+        DirectRefiner(), settings, bodies_of(settings.preset), people=crowd.in_view.shape[1], colour=finder
+    )
+    began = time.process_time()
+    numbers = range(0, len(crowd.frames), every)
+    frames = list(tracker.follow(crowd.frames[n] for n in numbers))
+    ms = 1000.0 * (time.process_time() - began) / len(frames)
+    followed, tracked, wrong, nobody, known, visible, foreign = 0, 0, 0, 0, 0, 0, list[bool]()
+    errors, switches, last = list[float](), 0, dict[int, int]()
+    for number, frame in zip(numbers, frames, strict=True):
+        bodies = known_bodies(frame)
+        known += len(bodies)
+        pairs = dict(matched(frame, bodies, crowd.joints[number]))
+        visible += int(np.sum(crowd.in_view[number] > IN_VIEW))
+        for body in bodies:
+            is_tracked = frame.people[body].estimate.status == "tracked"
+            person = pairs.get(body)
+            nobody += person is None
+            if person is None:
+                wrong += is_tracked
+                tracked += is_tracked
+                continue
+            apart = joint_errors(frame, body, crowd.joints[number, person])
+            switches += last.get(body, person) != person
+            last[body] = person
+            tracked += is_tracked
+            wrong += is_tracked and apart.max() > CertaintySettings().wrong_m
+            if crowd.in_view[number, person] > IN_VIEW:
+                followed += 1
+                errors.append(float(apart.mean()))
+        foreign.append(any(explained_by_others(crowd, number, frame, pairs)))
+    return Score(
+        100.0 * followed / visible, switches, 100.0 * float(np.mean(errors)), 100.0 * tracked / visible,
+        100.0 * wrong / max(1, tracked), 100.0 * float(np.mean(foreign)), 100.0 * nobody / max(1, known), ms,
+    )  # fmt: skip
+
+
+def known_bodies(frame: TrackedFrame) -> list[int]:
+    """The indices of the bodies whose pose is known."""
+    return [n for n, p in enumerate(frame.people) if p.estimate.status not in POSE_UNKNOWN]
+
+
+def joint_errors(frame: TrackedFrame, body: int, joints: Array) -> Array:
+    """Errors (J,) in metres of a body."""
+    return np.asarray(np.linalg.norm(frame.people[body].estimate.joint_positions - joints, axis=-1))
+
+
+def matched(frame: TrackedFrame, bodies: Sequence[int], joints: Array) -> Iterator[tuple[int, int]]:
+    """Pairs of a body and the person whom it follows."""
+    if not bodies:
+        return
+    costs = np.array([[joint_errors(frame, body, one).mean() for one in joints] for body in bodies])
+    for row, person in zip(*linear_sum_assignment(np.minimum(costs, 2.0 * SAME_PERSON_M)), strict=True):
+        if costs[row, person] < SAME_PERSON_M:
+            yield bodies[row], int(person)
+
+
+def explained_by_others(
+    crowd: Crowd, number: int, frame: TrackedFrame, pairs: dict[int, int]
+) -> Iterator[bool]:
+    """Whether too many points of each followed person are explained by somebody else's body."""
+    (view,) = crowd.frames[number].views
+    depth = view.metres()
+    if not pairs:
+        return
+    surfaces = [surface_of(frame.people[body]) for body in pairs]
+    tree = cKDTree(np.concatenate(surfaces))
+    bodies = np.repeat(list(pairs), [len(surface) for surface in surfaces])
+    for body, person in pairs.items():
+        points = points_of(depth, view.intrinsics, (crowd.owners[number] == person) & (depth > 0.0))[::7]
+        if len(points):
+            distances, nearest = tree.query(points)
+            others = (distances < EXPLAINED_M) & (bodies[np.minimum(nearest, len(bodies) - 1)] != body)
+            yield bool(np.mean(others) > MAX_OF_OTHERS)
+
+
+def surface_of(person: TrackedPerson) -> Array:
+    """Vertices (V, 3) of a body in its estimated pose, metres."""
+    return np.asarray(pose_vertices(person.state.start.model, person.estimate.pose[None])[0])
+
+
+if __name__ == "__main__":
+    sys.exit(main())
