@@ -158,6 +158,7 @@ class TrackSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     max_lookahead_s: Quantity = 0.05
     """Longest interval for looking ahead: in two of them, somebody who walks moves by `near_m`."""
     max_motion_m: Quantity = 0.8  #: largest motion of a body between two frames
+    max_m_per_s: Quantity = 3.2  #: largest speed of a body that colour shows farther away
     walking_m_per_s: Quantity = 1.0  #: growth of the standard deviation of a lost body's place
     room_m: Quantity = 3.0  #: largest standard deviation of a lost body's place
     gone_share: Share = 0.35

@@ -70,7 +70,8 @@ class FramePreparation:
                 # the last frame may be updated or not: either way, what was known before it counts
                 is_trusted = not unused_before(colours, last_s)
                 usable = [is_trusted and body.is_confirmed for body in expected]
-                sight = replace(sight, steps=look.steps(usable, self._settings.max_motion_m))
+                farthest_m = min(self._settings.max_motion_m, self._settings.max_m_per_s * interval_s)
+                sight = replace(sight, steps=look.steps(usable, farthest_m))
             segmented = self._segmenter.segment(
                 frame,
                 [
