@@ -2,8 +2,8 @@
 
 Each seed is a group of other people in other clothes. They walk to and fro in lanes that are a metre apart,
 two in each lane; people in neighbouring lanes walk in opposite directions. The depth has the noise of a
-Kinect. A person is in view if a third of them is not hidden by others. A body follows the nearest person,
-and switches if that is another person than the one before.
+Kinect. A person is in view if a third of them is not hidden by others. Bodies are matched one-to-one to
+people within half a metre.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ import sys
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -31,7 +30,6 @@ from gepf.common.frame import Frame, View
 from gepf.common.kinematics import joint_positions, pose_vertices
 from gepf.coordinator.colour.finder import KeypointFinder
 from gepf.coordinator.scene.noise import SensorNoise
-from gepf.coordinator.settings import CertaintySettings
 from gepf.coordinator.sources.source import to_units
 from gepf.coordinator.synthesis.clothes import dress
 from gepf.coordinator.synthesis.noise import add_noise
@@ -41,6 +39,7 @@ from gepf.coordinator.synthesis.scenes import Scene
 from gepf.coordinator.synthesis.surround import Room, furnished
 from gepf.coordinator.tracking.estimate import POSE_UNKNOWN
 from gepf.coordinator.tracking.reporting import TrackedFrame, TrackedPerson
+from gepf.coordinator.tracking.track_state import Body
 from gepf.coordinator.tracking.tracker import Tracker
 from gepf.refiners import DirectRefiner
 
@@ -69,13 +68,13 @@ class Crowd:
 class Score(NamedTuple):
     """Of a run: shares in percent, and processor time."""
 
-    followed: float  # people in view with a body
-    switches: int  # a body goes over to another person
+    recall: float  # of people in view: those with a body
+    identity_switches: int  # a body goes over to another person
     error_cm: float
-    tracked: float  # of people in view
-    wrong: float  # of tracked bodies, with a joint off, or with nobody at their place
+    tracked: float  # of people in view: those whose body is `tracked`
+    wrong: float  # of `tracked` bodies: those with a joint off, and false positives
     explained_by_others: float  # frames in which more than a few points of a person are
-    on_nobody: float  # of known bodies
+    false_positives: float  # of bodies: those at nobody, or at a person who has another body
     ms: float  # per frame
 
 
@@ -95,22 +94,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def measure(chosen: argparse.Namespace) -> int:
     """Exit code."""
     prepare()
-    lines = ["                 " + "".join(f"{name:>20}" for name in Score._fields)]
-    print(lines[0], flush=True)
-    for every in chosen.every:
-        for row in chosen.only:
-            scores = []
-            for seed in range(*chosen.seeds):
-                crowd = rendered(chosen.people, seed, chosen.frames, chosen.room)
-                scores.append(score(crowd, every, seed, chosen.changes, in_colour=row == "colour"))
-            values = "".join(f"{value:20.2f}" for value in np.mean(scores, axis=0))
-            lines.append(f"{row:8} {FPS / every:5.1f}/s{values}")
-            print(lines[-1], flush=True)
-    keep(lines, chosen.out)
+    scores = dict[tuple[int, str], list[Score]]()
+    for seed in range(*chosen.seeds):
+        crowd = rendered(chosen.people, seed, chosen.frames, chosen.room)
+        for every in chosen.every:
+            for row in chosen.only:
+                result = score(crowd, every, seed, chosen.changes, in_colour=row == "colour")
+                scores.setdefault((every, row), []).append(result)
+    lines = [f"{'':18}" + "".join(f"{name:>20}" for name in Score._fields)]
+    for (every, row), of_seeds in scores.items():
+        values = "".join(f"{value:20.2f}" for value in np.mean(of_seeds, axis=0))
+        lines.append(f"{row:8}{FPS / every:6.1f}/s  {values}")
+    print("\n".join(lines))
+    keep({"lines": lines, "scores": {f"{every} {row}": s for (every, row), s in scores.items()}}, chosen.out)
     return 0
 
 
-@cache
 def rendered(people: int, seed: int, frames: int, in_room: bool) -> Crowd:
     """Frames of people who walk past each other."""
     rng = np.random.default_rng([seed, 58])
@@ -136,7 +135,7 @@ def rendered(people: int, seed: int, frames: int, in_room: bool) -> Crowd:
                 dressed = ColouredSurface(surface, scene.model.triangles, clothes[n])
                 colours[nearer] = renderer.colours(dressed, BACKGROUND, LIGHT)[nearer]
                 pixels[n] = np.sum(seen > 0.0)
-            in_view[number] = [np.sum(owners[number] == n) / pixels[n] for n in range(people)]
+            in_view[number] = [np.sum(owners[number] == n) / max(1.0, pixels[n]) for n in range(people)]
             noisy = add_noise(depth, camera, SensorNoise(0.0, 0.0), rng, kinect=True)
             image = np.clip(colours + rng.normal(0.0, IMAGE_NOISE, colours.shape), 0, 255).astype(np.uint8)
             view = View(number, number / FPS, to_units(noisy, 1000.0), 1000.0, camera, colours=image)
@@ -179,39 +178,52 @@ def score(crowd: Crowd, every: int, seed: int, changes: Sequence[str], *, in_col
     numbers = range(0, len(crowd.frames), every)
     frames = list(tracker.follow(crowd.frames[n] for n in numbers))
     ms = 1000.0 * (time.process_time() - began) / len(frames)
-    followed, tracked, wrong, nobody, known, visible, foreign = 0, 0, 0, 0, 0, 0, list[bool]()
-    errors, switches, last = list[float](), 0, dict[int, int]()
+    followed, in_view, wrong, tracked, false, known, foreign = 0, 0, 0, 0, 0, 0, list[bool]()
+    errors, switches, last, seen_tracked = list[float](), 0, dict[int, int](), 0
     for number, frame in zip(numbers, frames, strict=True):
         bodies = known_bodies(frame)
-        known += len(bodies)
+        last = {body: person for body, person in last.items() if is_body(frame, body)}
         pairs = dict(matched(frame, bodies, crowd.joints[number]))
-        visible += int(np.sum(crowd.in_view[number] > IN_VIEW))
+        visible = crowd.in_view[number] > IN_VIEW
+        known, in_view, false = (
+            known + len(bodies),
+            in_view + int(visible.sum()),
+            false + len(bodies) - len(pairs),
+        )
         for body in bodies:
-            is_tracked = frame.people[body].estimate.status == "tracked"
-            person = pairs.get(body)
-            nobody += person is None
+            is_tracked, person = frame.people[body].estimate.status == "tracked", pairs.get(body)
+            tracked += is_tracked
             if person is None:
                 wrong += is_tracked
-                tracked += is_tracked
                 continue
             apart = joint_errors(frame, body, crowd.joints[number, person])
             switches += last.get(body, person) != person
             last[body] = person
-            tracked += is_tracked
-            wrong += is_tracked and apart.max() > CertaintySettings().wrong_m
-            if crowd.in_view[number, person] > IN_VIEW:
-                followed += 1
+            wrong += is_tracked and float(apart.max()) > settings.certainty.wrong_m
+            if visible[person]:
+                followed, seen_tracked = followed + 1, seen_tracked + is_tracked
                 errors.append(float(apart.mean()))
         foreign.append(any(explained_by_others(crowd, number, frame, pairs)))
     return Score(
-        100.0 * followed / visible, switches, 100.0 * float(np.mean(errors)), 100.0 * tracked / visible,
-        100.0 * wrong / max(1, tracked), 100.0 * float(np.mean(foreign)), 100.0 * nobody / max(1, known), ms,
-    )  # fmt: skip
+        100.0 * followed / max(1, in_view),
+        switches,
+        100.0 * float(np.mean(errors or [np.nan])),
+        100.0 * seen_tracked / max(1, in_view),
+        100.0 * wrong / max(1, tracked),
+        100.0 * float(np.mean(foreign)),
+        100.0 * false / max(1, known),
+        ms,
+    )
 
 
 def known_bodies(frame: TrackedFrame) -> list[int]:
     """The indices of the bodies whose pose is known."""
     return [n for n, p in enumerate(frame.people) if p.estimate.status not in POSE_UNKNOWN]
+
+
+def is_body(frame: TrackedFrame, person: int) -> bool:
+    """Whether a number still belongs to the same body."""
+    return isinstance(frame.people[person].state.track, Body)
 
 
 def joint_errors(frame: TrackedFrame, body: int, joints: Array) -> Array:
@@ -232,19 +244,18 @@ def matched(frame: TrackedFrame, bodies: Sequence[int], joints: Array) -> Iterat
 def explained_by_others(
     crowd: Crowd, number: int, frame: TrackedFrame, pairs: dict[int, int]
 ) -> Iterator[bool]:
-    """Whether too many points of each followed person are explained by somebody else's body."""
-    (view,) = crowd.frames[number].views
+    """Whether too many points of each followed person are explained by another body than its own."""
+    (view,), bodies = crowd.frames[number].views, known_bodies(frame)
     depth = view.metres()
     if not pairs:
         return
-    surfaces = [surface_of(frame.people[body]) for body in pairs]
-    tree = cKDTree(np.concatenate(surfaces))
-    bodies = np.repeat(list(pairs), [len(surface) for surface in surfaces])
+    surfaces = [surface_of(frame.people[body]) for body in bodies]
+    tree, owners = cKDTree(np.concatenate(surfaces)), np.repeat(bodies, [len(one) for one in surfaces])
     for body, person in pairs.items():
         points = points_of(depth, view.intrinsics, (crowd.owners[number] == person) & (depth > 0.0))[::7]
         if len(points):
             distances, nearest = tree.query(points)
-            others = (distances < EXPLAINED_M) & (bodies[np.minimum(nearest, len(bodies) - 1)] != body)
+            others = (distances < EXPLAINED_M) & (owners[nearest] != body)
             yield bool(np.mean(others) > MAX_OF_OTHERS)
 
 

@@ -65,9 +65,9 @@ class SegmentationSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=Tr
     reach_cells: Count = 7  #: largest distance of the subject from the surface, in cells
     step_m: Quantity = 0.03  #: largest step in depth between neighbours on one surface, without noise
     min_person_m2: Quantity = 0.1  #: minimum visible area of a person; larger than that of any limb
-    explained_m: Quantity = 0.085  #: distance from the surface up to which a body explains a point
+    explained_m: Quantity = 0.08  #: distance from the surface up to which a body explains a point
     min_own_share: Share = 0.2
-    """Least share of a body's pixels that no other body explains; with less it has no evidence of its own."""
+    """Smallest share of the pixels near a body that no other body explains; with less it is a duplicate."""
     beside_m: Quantity = 0.5  #: distance from a body within which other people and things are remembered
     beside_points: Count = 2_000  #: approximate number of their points that are remembered
     permanent_weight: Quantity = 0.1
@@ -155,10 +155,9 @@ class TrackSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Interval between searches for an unknown body, and until a first check."""
     check_interval_s: Quantity = 1 / 3  #: time between checks while the pose is doubtful
     max_searches: Count = 8  #: failed searches after which candidates are added to the background
-    max_lookahead_s: Quantity = 0.05
-    """Longest interval for looking ahead: in two of them, somebody who walks moves by `near_m`."""
+    max_lookahead_s: Quantity = 0.06
+    """Longest interval between frames for looking ahead; in twice that time, who walks moves by `near_m`."""
     max_motion_m: Quantity = 0.8  #: largest motion of a body between two frames
-    max_m_per_s: Quantity = 3.2  #: largest speed of a body that colour shows farther away
     walking_m_per_s: Quantity = 1.0  #: growth of the standard deviation of a lost body's place
     room_m: Quantity = 3.0  #: largest standard deviation of a lost body's place
     gone_share: Share = 0.35
@@ -192,7 +191,7 @@ class ColourSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     hidden_deviation_share: Share = 0.035  #: added if it is hidden (`python -m benchmarks.keypoints`)
     max_gap_px: Quantity = 12.0  #: largest width of gaps in registered colour that are closed
     reach_m: Quantity = 0.95  #: largest distance of an adult's body from the hips: half of a first crop
-    outline_px: Count = 3  #: largest distance of a candidate's keypoints from its silhouette
+    outline_px: Count = 3  #: largest distance of a person's keypoints from the silhouette
     same_person_deviations: Quantity = 3.0  #: largest median distance of the keypoints of one person
     trunk_middle_m: Quantity = 0.08  #: radius across the line of sight in which the trunk's depth is measured
     hand_share: Share = 0.1  #: share of the surface within `trunk_middle_m` that may be nearer than the trunk

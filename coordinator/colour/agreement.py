@@ -20,6 +20,7 @@ from gepf.coordinator.settings import ColourSettings
 
 Verdict = Literal["agrees", "another pose", "elsewhere"]
 """Where colour shows a person: at the body; only on the body's pixels, so the pose is wrong; elsewhere."""
+
 REMEDY = "is it registered to depth, and taken at the same time? --no-color uses depth alone"
 
 
@@ -38,11 +39,11 @@ class ColourState:
     agreed_s: float | None = None
 
     def after(
-        self, shown: Sequence[Verdict], interval_s: float, time_s: float, settings: ColourSettings
+        self, verdicts: Sequence[Verdict], interval_s: float, time_s: float, settings: ColourSettings
     ) -> Self:
         """The state after a frame in which the keypoints of these people were compared with depth."""
-        against, agreeing = shown.count("elsewhere"), shown.count("agrees")
-        balance = (against - agreeing) / len(shown)
+        against, agreeing = verdicts.count("elsewhere"), verdicts.count("agrees")
+        balance = (against - agreeing) / len(verdicts)
         against_s = self.against_s + balance * min(interval_s, settings.max_step_s)
         against_s = min(max(against_s, 0.0), settings.persistent_s)
         used = against_s < settings.persistent_s if self.used else against_s == 0.0
@@ -50,7 +51,7 @@ class ColourState:
             against_s,
             used,
             self.since_s if used == self.used else time_s,
-            self.agreed_s if against == len(shown) else time_s,
+            self.agreed_s if against == len(verdicts) else time_s,
         )
 
 
@@ -92,19 +93,28 @@ def compare(
 def judge(
     pixels: Array, keypoints: NDArray[np.float32], view: SubjectView, settings: ColourSettings
 ) -> Verdict:
-    """Whether keypoints (17, 3) are where a body has them, at `pixels` (17, 2) of the image.
+    """Where keypoints (17, 3) show a person whose pixels are those of `view`.
 
-    They are elsewhere if all of them are shifted, or if they are neither at the body nor on the pixels of the
-    subject. On the pixels alone, the pose is wrong. Which way the body faces does not matter. Clothes shift
-    keypoints, too, but less. The pose follows a larger shift half of the way.
+    The body in its pose has its keypoints at `pixels` (17, 2) of the image.
+    They are elsewhere if the body is on its pixels and all keypoints are shifted by the same amount, or if
+    they are neither at the body nor on its pixels. If they are on its pixels, the pose is wrong. Which way
+    the body faces does not matter. Clothes shift keypoints, too, but less. The pose follows a larger shift
+    half of the way.
     """
     sides = keypoints, keypoints[EXCHANGED]
     nearest = min(sides, key=lambda shown: distance_of(pixels, shown))
-    if distance_of(pixels, nearest) > settings.same_person_deviations:
-        return "another pose" if are_on(view, keypoints, settings.outline_px) else "elsewhere"
-    off = (nearest[:, :2] - pixels) * np.sqrt(nearest[:, 2:])
-    shift = float(np.linalg.norm(np.median(off, axis=0)))
-    return "elsewhere" if shift > settings.shifted_deviations else "agrees"
+    shift = np.median(nearest[:, :2] - pixels, axis=0)
+    is_shifted = np.linalg.norm(shift) * np.sqrt(np.median(nearest[:, 2])) > settings.shifted_deviations
+    fits_shifted = distance_of(pixels + shift, nearest) <= settings.shifted_deviations
+    if (
+        is_shifted
+        and fits_shifted
+        and are_on(view, np.column_stack([pixels, nearest[:, 2]]), settings.outline_px)
+    ):
+        return "elsewhere"
+    if distance_of(pixels, nearest) <= settings.same_person_deviations:
+        return "agrees"
+    return "another pose" if are_on(view, keypoints, settings.outline_px) else "elsewhere"
 
 
 def unused(states: ColourStates) -> frozenset[str]:

@@ -1,61 +1,63 @@
-"""Bodies without evidence of their own: another body explains what they show.
+"""Duplicate bodies: everything that is seen of one of them is explained by others.
 
-Two bodies may come to fit the same person, after a detection or after people have hidden each other. Each
-explains the points of that person, so neither is contradicted by them. But a body that another one explains
-away adds nothing.
+Two bodies may come to fit the same person, for example after one person has hidden another. Each explains the
+points of that person, so the points contradict neither of them. But a duplicate adds nothing.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import permutations
+from typing import NamedTuple
 
 import numpy as np
 
-from gepf.common.arrays import Array
+from gepf.common.arrays import Mask
 from gepf.coordinator.scene.scene import FOREGROUND, Depth, SceneView
-from gepf.coordinator.scene.segmentation import slices, window_of
 
 
-def count_explained(
-    view: SceneView, surfaces: Sequence[Array | None], distances: Sequence[Depth | None]
-) -> Array:
-    """Numbers (N, N) of foreground pixels near body n that body m explains; the diagonal holds all of them.
+class Evidence(NamedTuple):
+    """What the image of a camera shows of N bodies.
 
-    surfaces: vertices (V, 3) of each body, camera frame, metres. distances: those (H, W) of the pixels'
-    points from each body. Both are None for a body that may be anywhere.
+    near: (N, H, W) the foreground near each body. explained: (N, H, W) the part of it so near that the body
+    explains it, also if it is not there alone.
     """
-    counts = np.zeros((len(surfaces), len(surfaces)))
-    limits = view.settings.segmentation
-    for n, m in permutations(range(len(surfaces)), 2):
-        first, second, own, other = surfaces[n], surfaces[m], distances[n], distances[m]
-        if first is None or second is None or own is None or other is None or not overlap(first, second):
-            continue
-        inside = slices(window_of(view, first))
-        near = (own[inside] <= limits.near_m) & (view.marks[inside] == FOREGROUND)
-        counts[n, n] = np.count_nonzero(near)
-        counts[n, m] = np.count_nonzero(near & (other[inside] <= limits.explained_m))
-    return counts
+
+    near: Mask
+    explained: Mask
 
 
-def overlap(first: Array, second: Array) -> bool:
-    """Whether the bounding boxes of two surfaces (V, 3) overlap."""
-    low = np.maximum(first.min(axis=0), second.min(axis=0))
-    return bool(np.all(low < np.minimum(first.max(axis=0), second.max(axis=0))))
+def evidence_of(view: SceneView, distances: Sequence[Depth | None]) -> Evidence:
+    """The evidence for bodies, from the distances (H, W) of the pixels' points from each body.
 
-
-def explained_away(counts: Array, known_s: Sequence[float], min_own_share: float) -> list[bool]:
-    """Which bodies have no evidence of their own, from the counts (N, N) of `count_explained`.
-
-    Of two that explain each other, it is the one that has been known for less time, `known_s`.
+    They are None for a body that may be anywhere, or for which the camera is not used.
     """
-    away = [False] * len(counts)
-    own = np.diag(counts)
-    shares = 1.0 - counts / np.maximum(own[:, None], 1.0)
-    np.fill_diagonal(shares, 1.0)
+    limits, foreground = view.settings.segmentation, view.marks == FOREGROUND
+    near = np.zeros((len(distances), *foreground.shape), dtype=np.bool_)
+    explained = np.zeros_like(near)
+    for n, away in enumerate(distances):
+        if away is not None:
+            near[n] = foreground & (away <= limits.near_m)
+            explained[n] = foreground & (away <= limits.explained_m)
+    return Evidence(near, explained)
+
+
+def find_duplicates(
+    views: Sequence[Evidence], followed_s: Sequence[float], min_own_share: float
+) -> list[bool]:
+    """Which bodies are duplicates: others explain all but a share `min_own_share` of the pixels near them.
+
+    They are removed one after another, because each may explain the other: first the one that has been
+    `followed_s` for the shortest time.
+    """
+    left = list(range(len(followed_s)))
     while True:
-        left = [n for n in range(len(away)) if not away[n]]
-        explained = [n for n in left if min(shares[n, left]) < min_own_share]
+        near, own = np.zeros(len(followed_s)), np.zeros(len(followed_s))
+        for view in views:
+            count = view.explained[left].sum(axis=0, dtype=np.uint8)
+            for n in left:
+                near[n] += np.count_nonzero(view.near[n])
+                own[n] += np.count_nonzero(view.near[n] & (count == view.explained[n]))
+        explained = [n for n in left if own[n] < min_own_share * near[n]]
         if not explained:
-            return away
-        away[min(explained, key=lambda n: (known_s[n], -n))] = True
+            return [n not in left for n in range(len(followed_s))]
+        left.remove(min(explained, key=lambda n: (followed_s[n], -n)))

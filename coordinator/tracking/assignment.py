@@ -43,7 +43,7 @@ class Assignment:
         subject, alternatives = segmented.subjects[person_index], tuple[SubjectFrame, ...]()
         if not isinstance(target.track, Body):
             subject, candidate = None, self._candidate_to_search(person_index)
-        elif segmented.explained_away[person_index]:
+        elif segmented.duplicates[person_index] and not target.is_just_detected:
             subject, candidate = None, None
         elif target.needs_candidates:
             subject, candidate = None, self._returned.get(person_index)
@@ -62,7 +62,7 @@ class Assignment:
             alternatives,
             set_aside,
             is_own=candidate is None,
-            is_explained_away=segmented.explained_away[person_index],
+            is_duplicate=segmented.duplicates[person_index],
             is_elsewhere=is_elsewhere,
         )
 

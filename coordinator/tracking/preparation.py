@@ -66,12 +66,12 @@ class FramePreparation:
             after_gap = interval_s > self._settings.max_lookahead_s + ROUNDING_S
             look = self._colour.begin(frame, [target.expected_body for target in targets], is_late=is_late)
             sight = Sight.of_nobody(len(targets))
-            if look is not None and after_gap:  # people may have moved far since the last frame
+            # in twice the longest interval for looking ahead, people walk out of reach of their last pose
+            if look is not None and interval_s > 2.0 * self._settings.max_lookahead_s + ROUNDING_S:
                 # the last frame may be updated or not: either way, what was known before it counts
                 is_trusted = not unused_before(colours, last_s)
                 usable = [is_trusted and body.is_confirmed for body in expected]
-                farthest_m = min(self._settings.max_motion_m, self._settings.max_m_per_s * interval_s)
-                sight = replace(sight, steps=look.steps(usable, farthest_m))
+                sight = replace(sight, steps=look.steps(usable, self._settings.max_motion_m))
             segmented = self._segmenter.segment(
                 frame,
                 [
@@ -80,7 +80,7 @@ class FramePreparation:
                         body.excluded,
                         body.is_new,
                         target.points_factor,
-                        target.known_s,
+                        body.followed_s,
                     )
                     for target, step, body in zip(targets, sight.steps, expected, strict=True)
                 ],

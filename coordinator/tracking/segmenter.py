@@ -14,7 +14,7 @@ from gepf.common.camera import points_of
 from gepf.common.frame import Frame, SubjectFrame, View
 from gepf.coordinator.colour.matching import Keypoints, with_keypoints
 from gepf.coordinator.scene.candidates import Candidate, candidates, has_moved
-from gepf.coordinator.scene.explained import count_explained, explained_away
+from gepf.coordinator.scene.explained import evidence_of, find_duplicates
 from gepf.coordinator.scene.foreign import Points, mark_foreign, points_beside
 from gepf.coordinator.scene.planes import Planes
 from gepf.coordinator.scene.scene import NOBODY, Depth, Scene, SceneChange, SceneChanges, SceneView
@@ -39,14 +39,14 @@ class ExpectedSurface(NamedTuple):
 
     vertices: (V, 3) of its surface, rig frame, metres; None if it may be anywhere. excluded: cameras that are
     not used for it, unless no other camera shows it. is_new: whether it was detected a short time ago.
-    points_factor: factor on the number of points that are picked. known_s: time since its detection.
+    points_factor: factor on the number of points that are picked. followed_s: see `NextSegmentation`.
     """
 
     vertices: Array | None = None
     excluded: Collection[str] = ()
     is_new: bool = False
     points_factor: float = 1.0
-    known_s: float = 0.0
+    followed_s: float = 0.0
 
 
 class PosedSurface(NamedTuple):
@@ -61,7 +61,7 @@ class PosedSurface(NamedTuple):
     is_new: bool
 
 
-class PosedView(NamedTuple):
+class ExpectedView(NamedTuple):
     """The image of one camera, within the user's scope, and the expected bodies in it.
 
     `bodies` holds None for a body that may be anywhere, and is empty if everything in the image is the body.
@@ -123,14 +123,14 @@ class SegmentedFrame:
 
     subjects: one per body; None if nothing of the body is visible, or if it may be anywhere.
     set_aside: for each body, its crops from the cameras that are not used for it.
-    explained_away: whether each body has no evidence of its own, because another body explains what it shows.
+    duplicates: whether each body is a duplicate, because others explain everything that is seen of it.
     candidates: people who are not tracked, the most likely first; empty unless a body may be anywhere.
     """
 
     frame: Frame
     subjects: tuple[SubjectFrame | None, ...]
     set_aside: tuple[SubjectFrame | None, ...]
-    explained_away: tuple[bool, ...]
+    duplicates: tuple[bool, ...]
     candidates: tuple[UntrackedPerson, ...]
     views: tuple[SegmentedView, ...]
 
@@ -164,8 +164,8 @@ class BodyView:
 
     alternatives: see `UntrackedPerson`; used only for a body that is not known yet. set_aside: the crops from
     the cameras that are not used for this body. is_own: the subject was segmented around the body, and is
-    not a candidate. is_explained_away: another body explains what this one shows. is_elsewhere: not where the
-    body was expected. after_gap: the gap since the last frame is long, so the next frame is not segmented
+    not a candidate. is_duplicate: others explain everything that is seen of the body. is_elsewhere: not where
+    the body was expected. after_gap: the gap since the last frame is long, so the next frame is not segmented
     until this one has been refined. is_looked_at: the keypoint network has looked for this person in a
     trusted colour image. step_m: the motion (3,) since the last pose according to colour; None if unknown.
     is_swapped: left and right in colour were swapped, to agree with the body.
@@ -177,7 +177,7 @@ class BodyView:
     alternatives: tuple[SubjectFrame, ...] = ()
     set_aside: SubjectFrame | None = None
     is_own: bool = True
-    is_explained_away: bool = False
+    is_duplicate: bool = False
     is_elsewhere: bool = False
     after_gap: bool = False
     is_looked_at: bool = False
@@ -221,9 +221,11 @@ class Segmenter:
         Other people are not added to the background, unless they have been `rejected` for a while and do not
         move. Without `find`, they are not searched for, and nothing is learned while a body may be anywhere.
         """
-        posed = [self._pose_in(view, bodies) for view in frame.views]
-        away = self._explained_away(posed, bodies)
-        views = tuple(self._segment_view(view, bodies, away, rejected=rejected, find=find) for view in posed)
+        seen = [self._expect_in(view, bodies) for view in frame.views]
+        duplicates = self._find_duplicates(seen, bodies)
+        views = tuple(
+            self._segment_view(view, bodies, duplicates, rejected=rejected, find=find) for view in seen
+        )
         subjects, set_aside = list[SubjectFrame | None](), list[SubjectFrame | None]()
         for n, body in enumerate(bodies):
             shown = [masked for view in views if (masked := view.bodies[n]) is not None]
@@ -238,7 +240,7 @@ class Segmenter:
         used_views = [view for view in views if view.image.camera not in excluded_by_any]
         shows_people = any(view.people for view in used_views)
         people = self._join_people(frame, [view.people for view in (used_views if shows_people else views)])
-        return SegmentedFrame(frame, tuple(subjects), tuple(set_aside), tuple(away), people, views)
+        return SegmentedFrame(frame, tuple(subjects), tuple(set_aside), tuple(duplicates), people, views)
 
     def find_candidates(
         self, segmented: SegmentedFrame, tracked: Sequence[Array]
@@ -277,45 +279,54 @@ class Segmenter:
             change = scene.learn(view.scene, ~things, change.foreign, change.learned)
         return change
 
-    def _pose_in(self, image: View, bodies: Sequence[ExpectedSurface]) -> PosedView:
+    def _expect_in(self, image: View, bodies: Sequence[ExpectedSurface]) -> ExpectedView:
         """One image of a frame with the bodies that are expected in it."""
         scene = self._scene_of(image.camera, image.T_rig_camera, image.gravity)
         image, out_of_scope = self._scope.of(image.camera).limit(image)
         view = scene.see(image, out_of_scope)
         if shows_one_body(view, len(bodies)):
-            return PosedView(image, view, [])
-        return PosedView(image, view, [posed_surface(view, image, body) for body in bodies])
+            return ExpectedView(image, view, [])
+        return ExpectedView(image, view, [posed_surface(view, image, body) for body in bodies])
 
-    def _explained_away(self, views: Sequence[PosedView], bodies: Sequence[ExpectedSurface]) -> list[bool]:
-        """Which bodies have no evidence of their own in any camera's image."""
-        counts = np.zeros((len(bodies), len(bodies)))
-        for view in views:
-            if view.bodies:
-                counts += count_explained(
-                    view.scene,
-                    [None if body is None else body.vertices for body in view.bodies],
-                    [None if body is None else body.distances for body in view.bodies],
-                )
-        known_s, min_share = [body.known_s for body in bodies], self._settings.segmentation.min_own_share
-        return explained_away(counts, known_s, min_share)
+    def _find_duplicates(self, seen: Sequence[ExpectedView], bodies: Sequence[ExpectedSurface]) -> list[bool]:
+        """Which bodies are duplicates in the images of all cameras together."""
+        if sum(body.vertices is not None for body in bodies) < 2:
+            return [False] * len(bodies)
+        evidence = [
+            evidence_of(
+                view.scene,
+                [
+                    None if shown is None or view.image.camera in body.excluded else shown.distances
+                    for shown, body in zip(view.bodies, bodies, strict=True)
+                ],
+            )
+            for view in seen
+        ]
+        followed_s, min_share = (
+            [body.followed_s for body in bodies],
+            self._settings.segmentation.min_own_share,
+        )
+        return find_duplicates(evidence, followed_s, min_share)
 
     def _segment_view(
         self,
-        posed: PosedView,
+        seen: ExpectedView,
         bodies: Sequence[ExpectedSurface],
-        away: Sequence[bool],
+        duplicates: Sequence[bool],
         *,
         rejected: bool,
         find: bool,
     ) -> SegmentedView:
-        """Segment one image of a frame; bodies that are explained `away` show nothing."""
-        scope, image, view = self._scope.of(posed.image.camera), posed.image, posed.scene
-        if shows_one_body(view, len(bodies)):
+        """Segment one image of a frame; duplicates get no pixels."""
+        scope, image, view = self._scope.of(seen.image.camera), seen.image, seen.scene
+        if not seen.bodies:
             everything = tuple(whole_view(image))
             if bodies[0].vertices is None:
                 return SegmentedView(image, view, (None,), (everything,) if everything else ())
             return SegmentedView(image, view, everything or (None,), ())
-        surfaces = [None if gone else body for body, gone in zip(posed.bodies, away, strict=True)]
+        surfaces = [
+            None if is_double else body for body, is_double in zip(seen.bodies, duplicates, strict=True)
+        ]
         known = [body for body in surfaces if body is not None]
         nearest = nearest_of(view, [body.distances for body in known])
         near_bodies = nearest <= self._settings.segmentation.near_m
@@ -334,7 +345,7 @@ class Segmenter:
         possible = list[Candidate]()
         if len(known) < len(bodies):
             possible = candidates(view, near_bodies) if find else []
-            may_be_anywhere |= not find
+            may_be_anywhere |= not find and any(body.vertices is None for body in bodies)
         # colour tells which of several candidates is a person
         count = 1 if len(bodies) == 1 and image.colours is None else None
         chosen = scope.choose(view, possible)[:count]

@@ -202,11 +202,6 @@ class TargetTracker:
         return LostBody(place, max(0.0, unseen_s), track.clothes)
 
     @property
-    def known_s(self) -> float:
-        """Time in seconds for which the body has been tracked since its detection."""
-        return self.track.check_clock_s if isinstance(self.track, TrackedBefore) else 0.0
-
-    @property
     def is_tracked(self) -> bool:
         """Whether the body is known and not lost."""
         return isinstance(self.track, Body) and not self.track.is_lost
@@ -349,10 +344,11 @@ class TargetTracker:
 
     def _step_segmented(self, view: BodyView, subject: SubjectFrame | None) -> Instructions:
         """Execute the event of a segmented frame; measures the noise when a given start is first seen."""
-        has_depth, is_away = any(image.depth.any() for image in view.frame.views), view.is_explained_away
+        has_depth = any(image.depth.any() for image in view.frame.views)
         if subject is None:
+            is_duplicate = view.is_duplicate
             return self._step(
-                FrameSegmented(view.frame.time_s, has_depth=has_depth, is_explained_away=is_away)
+                FrameSegmented(view.frame.time_s, has_depth=has_depth, is_duplicate=is_duplicate)
             )
         moved = None
         if isinstance(self.track, Found):

@@ -24,6 +24,7 @@ from gepf.coordinator.tracking.gating import Gate
 
 ROUNDING_S = 1e-3  # of times in files
 FACING_DOUBT = "front and back look alike: the body may face the other way"
+DUPLICATE = "everything that is seen of the body belongs to other bodies"
 CLOTHES_DOUBT = "the clothes are a different colour than before: this may be somebody else"
 
 Instruction = Literal["search", "stop searching", "update the background", "refine"]
@@ -69,6 +70,7 @@ class NextSegmentation(msgspec.Struct, frozen=True):
     excluded: tuple[str, ...] = ()  # cameras that are not used for the body
     is_new: bool = True  # whether the body was detected, or a camera came back, a short time ago
     is_confirmed: bool = False  # whether colour has confirmed the body
+    followed_s: float = 0.0  # time for which its pose has explained the frames since it was last lost
 
 
 class Body(msgspec.Struct, frozen=True, kw_only=True):
@@ -126,7 +128,8 @@ class TrackedBefore(Body, frozen=True, kw_only=True):
     """Time for which colour showed left and right correctly, minus the time for which they were swapped."""
     unlike_s: float = 0.0
     """Time for which the clothes were unlike those remembered, minus the time for which they were alike."""
-    was_settled: bool = False  # whether the body has ever been tracked beyond the first check
+    followed_s: float = 0.0  # time for which the pose has explained the frames since the body was last lost
+    was_established: bool = False  # whether this has ever been longer than a check interval
     faulty: tuple[str, ...] = ()  # cameras at fault in the last frame that showed the body
     visibility: Visibility = "body"  # in the last frame
 
@@ -172,8 +175,8 @@ class FrameSegmented:
 
     Both are 0 if nothing shows it. `has_depth`: whether the frame shows anything at all. `is_elsewhere`:
     whether these pixels are not where the body was expected. `moved`: the belief about a detected body, moved
-    to where the body is now. `is_explained_away`: whether nothing shows the body because another body
-    explains what it shows.
+    to where the body is now. `is_duplicate`: whether the body gets no pixels, because others explain
+    everything that is seen of it.
     """
 
     time_s: float
@@ -182,7 +185,7 @@ class FrameSegmented:
     has_depth: bool = True
     is_elsewhere: bool = False
     moved: Belief | None = None
-    is_explained_away: bool = False
+    is_duplicate: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -263,8 +266,8 @@ def _segmented(state: TrackState, event: FrameSegmented, policy: Policy) -> tupl
         return _look_for_anybody(state, event, policy)
     if policy.recovers and (state.unshown_s or 0.0) > policy.colour.unshown_s - ROUNDING_S:
         return Absent(), ("stop searching",)
-    if event.is_explained_away and policy.recovers:
-        return _explained_away(state, policy)
+    if event.is_duplicate and policy.recovers and not (isinstance(state, Found) and state.is_given):
+        return _end_duplicate(state, event, policy)
     if event.is_elsewhere and isinstance(state, TrackedBefore):
         state = _lose(state, policy)
     if not event.pixels:
@@ -291,15 +294,17 @@ def _look_for_anybody(
     return state, ("search",)
 
 
-def _explained_away(state: Found | Tracked | Lost, policy: Policy) -> tuple[TrackState, Instructions]:
-    """A body that another one explains away: it ends if it is new, and may be anywhere otherwise."""
-    if isinstance(state, Found) or not state.was_settled:
-        return Absent(), ("stop searching",)
+def _end_duplicate(
+    state: Found | Tracked | Lost, event: FrameSegmented, policy: Policy
+) -> tuple[TrackState, Instructions]:
+    """A duplicate of other bodies: it may be anywhere or, if it was never established, does not exist."""
+    if isinstance(state, Found) or not state.was_established:
+        return Searching(searched_s=event.time_s, why=DUPLICATE), ("stop searching",)
     lost = _lose(state, policy)
     lost = replace(
         lost,
         belief=state.belief.unseen(),
-        next_segmentation=replace(_next_segmentation(lost, policy), pose=None),
+        next_segmentation=_next_segmentation(lost, policy),
         awaits_search=False,
         visibility="something",
     )
@@ -374,7 +379,13 @@ def _next_segmentation(state: Found | Tracked | Lost, policy: Policy) -> NextSeg
     """What the next frame is segmented with if nothing more is known by then."""
     pose = None if state.is_lost and policy.recovers else state.belief.reported
     is_new = isinstance(state, Found) or state.is_new(policy.settings)
-    return NextSegmentation(pose, state.agreement.contradicting, is_new, is_confirmed=state.unshown_s is None)
+    return NextSegmentation(
+        pose,
+        state.agreement.contradicting,
+        is_new,
+        is_confirmed=state.unshown_s is None,
+        followed_s=0.0 if isinstance(state, Found) else state.followed_s,
+    )
 
 
 def _search_ended(state: TrackState, event: SearchEnded) -> tuple[TrackState, Instructions]:
@@ -410,6 +421,7 @@ def _refined(
     is_explained = event.gate.normalised_residual <= (1.0 if state.is_lost else settings.lost_residual)
     unexplained_s = 0.0 if is_explained else before.unexplained_s + interval
     is_lost = not is_explained and (state.is_lost or unexplained_s > settings.patience_s - ROUNDING_S)
+    followed_s = 0.0 if is_lost else before.followed_s + interval * (is_explained and not state.is_lost)
     after = _become(
         Lost if is_lost else Tracked,
         before,
@@ -427,13 +439,14 @@ def _refined(
         ambiguous_facing=(
             before.ambiguous_facing if event.ambiguous_facing is None else event.ambiguous_facing
         ),
+        followed_s=followed_s,
+        was_established=before.was_established or followed_s > settings.check_interval_s - ROUNDING_S,
         faulty=event.faulty,
         unshown_s=_unshown(0.0 if event.redetected else before.unshown_s, event, interval, policy.colour),
         sides_s=0.0 if event.redetected else _sides(before.sides_s, event.sides, interval, policy.colour),
         clothes=_clothes(before, event, interval, policy.colour) if is_explained else before.clothes,
         unlike_s=0.0 if event.redetected else _unlike(before, event, interval, policy.colour),
     )
-    after = replace(after, was_settled=after.was_settled or not after.is_new(settings))
     if event.after_gap:
         after = replace(after, next_segmentation=_next_segmentation(after, policy))
     if set(before.faulty) - set(event.faulty) and policy.recovers:  # a camera is back
@@ -492,6 +505,7 @@ def _lose(state: Found | Tracked | Lost, policy: Policy) -> Tracked | Lost:
         ambiguous_facing=False,
         sides_s=0.0,
         unlike_s=0.0,
+        followed_s=0.0,
     )
 
 

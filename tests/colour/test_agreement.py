@@ -19,12 +19,22 @@ SETTINGS = ColourSettings()
     ("body_m", "shift_px", "verdict"),
     [
         (0.0, 0.0, "agrees"),
+        (0.0, 6.0, "elsewhere"),
         (0.0, 11.0, "elsewhere"),
+        (0.0, 25.0, "elsewhere"),
         (0.0, 90.0, "elsewhere"),
         (0.4, 0.0, "another pose"),
         (0.4, 90.0, "elsewhere"),
     ],
-    ids=["right", "all shifted by 10 cm", "far away", "the body is beside the person", "both"],
+    ids=[
+        "right",
+        "all shifted by 5 cm",
+        "by 10 cm",
+        "by 23 cm",
+        "far away",
+        "the body is beside the person",
+        "both",
+    ],
 )
 @pytest.mark.parametrize("sides", ["as they are", "exchanged"])
 def test_what_keypoints_say_about_colour_and_about_the_pose(

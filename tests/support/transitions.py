@@ -54,19 +54,20 @@ GIVEN = Found(belief=BELIEF, next_segmentation=NEW)
 DETECTED = Found(belief=BELIEF, time_s=1.0, next_segmentation=NEW, place=np.zeros(3), detected_pixels=900)
 RUNNING = Searching(searched_s=1.0, awaits_search=True)
 TRACKED = Tracked(
-    belief=BELIEF, time_s=1.0, next_segmentation=AT_POSE, check_clock_s=0.5, pixels=900, was_settled=True
+    belief=BELIEF, time_s=1.0, next_segmentation=AT_POSE, check_clock_s=0.5, pixels=900, was_established=True
 )
 DUE = replace(TRACKED, check_clock_s=LIMITS.check_interval_s - 0.01)
 UNSURE = replace(TRACKED, doubtful_s=LIMITS.check_interval_s - 0.01)
 LOST = Lost(
-    belief=BELIEF, time_s=1.0, next_segmentation=ANYWHERE, check_clock_s=0.5, pixels=900, was_settled=True
+    belief=BELIEF, time_s=1.0, next_segmentation=ANYWHERE, check_clock_s=0.5, pixels=900, was_established=True
 )
 
 INTERVAL_S = 1 / 32
 NEXT_S, LATER_S = 1.0 + INTERVAL_S, 2.0
 CANDIDATE = FrameSegmented(NEXT_S, pixels=900, points=500)
 NOTHING, DARK = FrameSegmented(NEXT_S), FrameSegmented(NEXT_S, has_depth=False)
-EXPLAINED = FrameSegmented(NEXT_S, is_explained_away=True)
+REASON = "everything that is seen of the body belongs to other bodies"
+DUPLICATE = FrameSegmented(NEXT_S, is_duplicate=True)
 FITS = FrameRefined(AFTER, Gate(0.8), pixels=800, time_s=NEXT_S)
 AS_REFINED = {
     "belief": AFTER,
@@ -74,6 +75,7 @@ AS_REFINED = {
     "check_clock_s": 0.5 + INTERVAL_S,
     "normalised_residual": 0.8,
     "pixels": 800,
+    "followed_s": INTERVAL_S,
 }
 DOUBTFUL = with_fields(FITS, gate=Gate(1.2, "doubt"))  # above the limit, but explained
 WRONG = with_fields(FITS, gate=Gate(2.0, "wrong"))
@@ -221,6 +223,7 @@ TRANSITIONS = [
             "check_clock_s": USUAL_INTERVAL,
             "normalised_residual": 0.8,
             "pixels": 800,
+            "followed_s": USUAL_INTERVAL,
         },
         (),
     ),
@@ -409,26 +412,72 @@ TRANSITIONS = [
     Transition(
         replace(TRACKED, awaits_search=True),
         "",
-        EXPLAINED,
-        "another body explains what is seen of the body",
+        DUPLICATE,
+        "other bodies explain everything that is seen of it",
         Lost,
         {"next_segmentation": None, "awaits_search": False, "visibility": "something"},
         ("stop searching",),
     ),
     Transition(
-        replace(TRACKED, check_clock_s=0.1, was_settled=False),
-        "detected 0.1 s earlier, for the first time",
-        EXPLAINED,
-        "another body explains what is seen of the body",
-        Absent,
-        {},
+        replace(TRACKED, followed_s=0.1, was_established=False),
+        "never followed for a check interval",
+        DUPLICATE,
+        "other bodies explain everything that is seen of it",
+        Searching,
+        {"searched_s": NEXT_S, "why": REASON, "visibility": "something"},
         ("stop searching",),
+    ),
+    Transition(
+        DETECTED,
+        "it was detected",
+        DUPLICATE,
+        "other bodies explain everything that is seen of it",
+        Searching,
+        {"searched_s": NEXT_S, "why": REASON},
+        ("stop searching",),
+    ),
+    Transition(
+        GIVEN,
+        "the start pose was given",
+        DUPLICATE,
+        "other bodies explain everything that is seen of it",
+        Found,
+        {"next_segmentation": None},
+        (),
+    ),
+    Transition(
+        replace(LOST, next_segmentation=AT_POSE),
+        "seen in the last frame",
+        DUPLICATE,
+        "other bodies explain everything that is seen of it",
+        Lost,
+        {"next_segmentation": None, "visibility": "something"},
+        ("stop searching",),
+    ),
+    Transition(
+        replace(TRACKED, followed_s=LIMITS.check_interval_s - 0.01, was_established=False),
+        "followed for almost a check interval",
+        FITS,
+        "its pose is refined and explains the frame",
+        Tracked,
+        {**AS_REFINED, "followed_s": LIMITS.check_interval_s - 0.01 + INTERVAL_S, "was_established": True},
+        (),
+    ),
+    Transition(
+        replace(LOST, was_established=False),
+        "never followed for a check interval",
+        WRONG,
+        "its pose is refined and does not explain the frame",
+        Lost,
+        {"belief": AFTER, "time_s": NEXT_S, "check_clock_s": 0.5 + INTERVAL_S, "normalised_residual": 2.0,
+         "why": "wrong", "unexplained_s": INTERVAL_S},
+        (),
     ),
     Transition(
         TRACKED,
         "lost bodies are not searched for",
-        EXPLAINED,
-        "another body explains what is seen of the body",
+        DUPLICATE,
+        "other bodies explain everything that is seen of it",
         Lost,
         {"visibility": "something"},
         (),
@@ -484,6 +533,7 @@ TRANSITIONS = [
             "check_clock_s": 0.5 + INTERVAL_S,
             "normalised_residual": 0.8,
             "pixels": 800,
+            "followed_s": INTERVAL_S,
             "doubtful_s": LIMITS.check_interval_s - 0.01 + INTERVAL_S,
         },
         (),
@@ -501,6 +551,7 @@ TRANSITIONS = [
             "check_clock_s": 0.0,
             "normalised_residual": 0.8,
             "pixels": 800,
+            "followed_s": INTERVAL_S,
             "doubtful_s": 0.0,
         },
         (),
@@ -567,6 +618,7 @@ TRANSITIONS = [
             "check_clock_s": 0.0,
             "normalised_residual": 0.8,
             "pixels": 800,
+            "followed_s": INTERVAL_S,
             "ambiguous_facing": True,
         },
         (),
@@ -583,6 +635,7 @@ TRANSITIONS = [
             "check_clock_s": LIMITS.search_interval_s - USUAL_INTERVAL,
             "normalised_residual": 0.8,
             "pixels": 800,
+            "followed_s": INTERVAL_S,
             "faulty": (),
             "awaits_search": False,
         },
@@ -657,7 +710,7 @@ TRANSITIONS = [
         FITS,
         "its pose is refined and explains the frame",
         Tracked,
-        {**AS_REFINED, "unexplained_s": 0.0},
+        {**AS_REFINED, "unexplained_s": 0.0, "followed_s": 0.0},
         (),
     ),
     Transition(

@@ -87,6 +87,8 @@ def segmentation_after(row: Transition) -> NextSegmentation:
         is_new = isinstance(before, Found) or before.is_new(row.policy.settings)
         excluded, is_confirmed = before.agreement.contradicting, before.unshown_s is None
         fixed = msgspec.structs.replace(fixed, excluded=excluded, is_new=is_new, is_confirmed=is_confirmed)
+    if isinstance(row.event, FrameRefined) and row.event.after_gap:
+        fixed = msgspec.structs.replace(fixed, followed_s=row.changes["followed_s"])
     pose = row.changes.get("next_segmentation", fixed.pose)
     assert pose is None or isinstance(pose, np.ndarray)
     return msgspec.structs.replace(fixed, pose=pose)
@@ -116,7 +118,7 @@ EVENTS = [  # what a frame shows
         for moved in (None, Belief.at(np.array([0.7])))
     ),
     *(FrameSegmented(0.0, has_depth=depth) for depth in (False, True)),
-    FrameSegmented(0.0, is_explained_away=True),
+    FrameSegmented(0.0, is_duplicate=True),
 ]
 RESULTS = st.builds(
     FrameRefined,
