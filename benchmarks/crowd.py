@@ -261,7 +261,7 @@ def explained_by_others(
 
 def surface_of(person: TrackedPerson) -> Array:
     """Vertices (V, 3) of a body in its estimated pose, metres."""
-    return np.asarray(pose_vertices(person.state.start.model, person.estimate.pose[None])[0])
+    return np.asarray(pose_vertices(person.state.body, person.estimate.pose[None])[0])
 
 
 if __name__ == "__main__":

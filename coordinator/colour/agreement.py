@@ -95,11 +95,10 @@ def judge(
 ) -> Verdict:
     """Where keypoints (17, 3) show a person whose pixels are those of `view`.
 
-    The body in its pose has its keypoints at `pixels` (17, 2) of the image.
-    They are elsewhere if the body is on its pixels and all keypoints are shifted by the same amount, or if
-    they are neither at the body nor on its pixels. If they are on its pixels, the pose is wrong. Which way
-    the body faces does not matter. Clothes shift keypoints, too, but less. The pose follows a larger shift
-    half of the way.
+    The body has its keypoints at `pixels` (17, 2) of the image. Keypoints are elsewhere if the body is on the
+    person's pixels and all of them are shifted by the same amount, or if they are neither at the body nor on
+    these pixels. If they are on the pixels, the pose is wrong. Which way the body faces does not matter.
+    Clothes shift keypoints, too, but less. The pose follows a larger shift half of the way.
     """
     sides = keypoints, keypoints[EXCHANGED]
     nearest = min(sides, key=lambda shown: distance_of(pixels, shown))

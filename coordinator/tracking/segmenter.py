@@ -14,7 +14,7 @@ from gepf.common.camera import points_of
 from gepf.common.frame import Frame, SubjectFrame, View
 from gepf.coordinator.colour.matching import Keypoints, with_keypoints
 from gepf.coordinator.scene.candidates import Candidate, candidates, has_moved
-from gepf.coordinator.scene.explained import evidence_of, find_duplicates
+from gepf.coordinator.scene.duplicates import evidence_of, find_duplicates
 from gepf.coordinator.scene.foreign import Points, mark_foreign, points_beside
 from gepf.coordinator.scene.planes import Planes
 from gepf.coordinator.scene.scene import NOBODY, Depth, Scene, SceneChange, SceneChanges, SceneView

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gepf.coordinator.scene.explained import Evidence, evidence_of, find_duplicates
+from gepf.coordinator.scene.duplicates import Evidence, evidence_of, find_duplicates
 from gepf.coordinator.scene.scene import Scene
 from gepf.coordinator.scene.segmentation import measure_distances
 from gepf.coordinator.settings import SceneSettings
