@@ -65,7 +65,6 @@ class SegmentationSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=Tr
     reach_cells: Count = 7  #: largest distance of the subject from the surface, in cells
     step_m: Quantity = 0.03  #: largest step in depth between neighbours on one surface, without noise
     min_person_m2: Quantity = 0.1  #: minimum visible area of a person; larger than that of any limb
-    explained_m: Quantity = 0.08  #: distance from the surface up to which a body explains a point
     min_own_share: Share = 0.2
     """Smallest share of the pixels near a body that no other body explains; with less it is a duplicate."""
     beside_m: Quantity = 0.5  #: distance from a body within which other people and things are remembered

@@ -10,20 +10,23 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gepf.common.arrays import Mask
 from gepf.coordinator.scene.scene import FOREGROUND, Depth, SceneView
+from gepf.coordinator.settings import SegmentationSettings
 
 
 class Evidence(NamedTuple):
     """What the image of a camera shows of N bodies.
 
-    near: (N, H, W) the foreground near each body. explained: (N, H, W) the part of it so near that the body
-    explains it, also if it is not there alone.
+    near: (N, H, W) the foreground near each body. distances: (N, H, W) of the pixels' points from each body,
+    metres; infinite for a body that is not expected in the image. limits: those of the segmentation.
     """
 
     near: Mask
-    explained: Mask
+    distances: NDArray[np.float32]
+    limits: SegmentationSettings
 
 
 def evidence_of(view: SceneView, distances: Sequence[Depth | None]) -> Evidence:
@@ -32,13 +35,9 @@ def evidence_of(view: SceneView, distances: Sequence[Depth | None]) -> Evidence:
     They are None for a body that may be anywhere, or for which the camera is not used.
     """
     limits, foreground = view.settings.segmentation, view.marks == FOREGROUND
-    near = np.zeros((len(distances), *foreground.shape), dtype=np.bool_)
-    explained = np.zeros_like(near)
-    for n, away in enumerate(distances):
-        if away is not None:
-            near[n] = foreground & (away <= limits.near_m)
-            explained[n] = foreground & (away <= limits.explained_m)
-    return Evidence(near, explained)
+    nowhere = np.full(foreground.shape, np.inf, dtype=np.float32)
+    away = np.stack([nowhere if own is None else own for own in distances])
+    return Evidence(foreground & (away <= limits.near_m), away, limits)
 
 
 def find_duplicates(
@@ -46,18 +45,25 @@ def find_duplicates(
 ) -> list[bool]:
     """Which bodies are duplicates: others explain all but a share `min_own_share` of the pixels near them.
 
-    They are removed one after another, because each may explain the other: first the one that has been
-    `followed_s` for the shortest time.
+    Another body explains a pixel if it is near the pixel, and not farther from it than the body, except by
+    the resolution of the distances. Duplicates are removed one after another, because two bodies may explain
+    each other: first the one that has been `followed_s` for the shortest time.
     """
     left = list(range(len(followed_s)))
     while True:
-        near, own = np.zeros(len(followed_s)), np.zeros(len(followed_s))
-        for view in views:
-            count = view.explained[left].sum(axis=0, dtype=np.uint8)
-            for n in left:
-                near[n] += np.count_nonzero(view.near[n])
-                own[n] += np.count_nonzero(view.near[n] & (count == view.explained[n]))
-        explained = [n for n in left if own[n] < min_own_share * near[n]]
+        explained = [n for n in left if is_explained(n, left, views, min_own_share)]
         if not explained:
             return [n not in left for n in range(len(followed_s))]
         left.remove(min(explained, key=lambda n: (followed_s[n], -n)))
+
+
+def is_explained(body: int, bodies: Sequence[int], views: Sequence[Evidence], min_own_share: float) -> bool:
+    """Whether the other bodies explain all but a share of the pixels near a body, in all views together."""
+    others, near, own = [n for n in bodies if n != body], 0, 0
+    for view in views:
+        inside = view.near[body]
+        if others and inside.any():
+            mine, nearest = view.distances[body][inside], view.distances[others][:, inside].min(axis=0)
+            theirs = (nearest <= view.limits.near_m) & (nearest <= mine + view.limits.cell_m)
+            near, own = near + len(mine), own + int(np.count_nonzero(~theirs))
+    return own < min_own_share * near

@@ -10,7 +10,7 @@ import pytest
 from gepf.coordinator.scene.duplicates import Evidence, evidence_of, find_duplicates
 from gepf.coordinator.scene.scene import Scene
 from gepf.coordinator.scene.segmentation import measure_distances
-from gepf.coordinator.settings import SceneSettings
+from gepf.coordinator.settings import SceneSettings, SegmentationSettings
 from tests.support.rooms import Room
 
 MIN_SHARE = 0.2
@@ -51,6 +51,12 @@ def test_of_bodies_on_one_person_the_one_followed_for_longest_stays(
     assert find_duplicates([evidence(people, bodies)], followed_s, MIN_SHARE) == duplicates
 
 
+def test_bodies_that_both_trail_the_person_are_duplicates() -> None:
+    """The person has moved by 10 cm since the last frame: neither of them is at the person now."""
+    seen = evidence([(LEFT[0] + 0.1, LEFT[1])], [LEFT, LEFT])
+    assert find_duplicates([seen], [2.0, 1.0], MIN_SHARE) == [False, True]
+
+
 def test_a_body_beside_the_person_goes_though_it_was_followed_for_longer() -> None:
     """A body half beside a person is explained by the body that fits, but not the other way round."""
     seen = evidence([LEFT], [(LEFT[0] + 0.17, LEFT[1]), LEFT])
@@ -65,5 +71,6 @@ def test_a_body_that_is_hidden_in_one_image_stays_if_another_image_shows_it() ->
 
 def test_a_body_without_pixels_is_no_duplicate() -> None:
     """There is nothing that another body could explain."""
-    nothing = np.zeros((2, 4, 4), dtype=np.bool_)
-    assert find_duplicates([Evidence(nothing, nothing)], [1.0, 2.0], MIN_SHARE) == [False, False]
+    far = np.full((2, 4, 4), np.inf, dtype=np.float32)
+    nothing = Evidence(np.isfinite(far), far, SegmentationSettings())
+    assert find_duplicates([nothing], [1.0, 2.0], MIN_SHARE) == [False, False]
