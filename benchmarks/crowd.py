@@ -33,7 +33,7 @@ from gepf.coordinator.scene.noise import SensorNoise
 from gepf.coordinator.sources.source import to_units
 from gepf.coordinator.synthesis.clothes import dress
 from gepf.coordinator.synthesis.noise import add_noise
-from gepf.coordinator.synthesis.person_scene import SHOT, grounded, random_person
+from gepf.coordinator.synthesis.person_scene import SHOT, grounded, random_person, swing_limbs
 from gepf.coordinator.synthesis.rendering import ColouredSurface, DepthRenderer
 from gepf.coordinator.synthesis.scenes import Scene
 from gepf.coordinator.synthesis.surround import Room, furnished
@@ -73,7 +73,7 @@ class Score(NamedTuple):
     error_cm: float
     tracked: float  # of people in view: those whose body is `tracked`
     wrong: float  # of `tracked` bodies: those with a joint off, and false positives
-    explained_by_others: float  # frames in which more than a few points of a person are
+    explained_by_others: float  # of frames: those in which another body explains a part of a person
     false_positives: float  # of bodies: those at nobody, or at a person who has another body
     ms: float  # per frame
 
@@ -159,12 +159,7 @@ def walk(number: int, model: BodyModel, frames: int, rng: np.random.Generator) -
     travelled = np.cumsum(np.abs(speed)) / FPS
     swing = np.radians(SHOT.step_deg) * np.clip(np.abs(speed) / 0.5, 0.0, 1.0)
     swing *= np.sin(np.pi * travelled / 0.6 + rng.uniform(0.0, 6.0))
-    for prefix, sign in (("l", 1.0), ("r", -1.0)):
-        poses[:, model.dof(f"{prefix}_hip_flexion")] = sign * swing
-        poses[:, model.dof(f"{prefix}_knee_flexion")] = np.radians(5.0) + np.maximum(0.0, -sign * swing)
-        poses[:, model.dof(f"{prefix}_shoulder_flexion")] = -sign * swing
-        poses[:, model.dof(f"{prefix}_shoulder_abduct")] = np.radians(12.0)
-        poses[:, model.dof(f"{prefix}_elbow_flexion")] = np.radians(15.0)
+    swing_limbs(model, poses, swing)
     return Scene(model, SHOT.camera, FPS, grounded(model, poses), None)
 
 

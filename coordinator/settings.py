@@ -155,7 +155,7 @@ class TrackSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     check_interval_s: Quantity = 1 / 3  #: time between checks while the pose is doubtful
     max_searches: Count = 8  #: failed searches after which candidates are added to the background
     max_lookahead_s: Quantity = 0.06
-    """Longest interval between frames for looking ahead; in twice that time, who walks moves by `near_m`."""
+    """Longest interval for looking ahead; in twice that time a walking person moves by `near_m`."""
     max_motion_m: Quantity = 0.8  #: largest motion of a body between two frames
     walking_m_per_s: Quantity = 1.0  #: growth of the standard deviation of a lost body's place
     room_m: Quantity = 3.0  #: largest standard deviation of a lost body's place

@@ -198,14 +198,19 @@ def two() -> Scene:
     speed = np.hypot(*np.gradient(walks[:, [bodies[1].dof("root_tx"), bodies[1].dof("root_tz")]], axis=0).T)
     phase = np.pi * np.arange(len(walks)) / (SHOT.step_s * DEFAULT_FPS)
     swing = np.radians(SHOT.step_deg) * np.clip(speed / speed.max(), 0.0, 1.0) * np.sin(phase)
-    for side, sign in (("l", 1.0), ("r", -1.0)):
-        walks[:, bodies[1].dof(f"{side}_hip_flexion")] = sign * swing
-        walks[:, bodies[1].dof(f"{side}_knee_flexion")] = np.radians(5.0) + np.maximum(0.0, -sign * swing)
-        walks[:, bodies[1].dof(f"{side}_shoulder_flexion")] = -sign * swing
-        walks[:, bodies[1].dof(f"{side}_shoulder_abduct")] = np.radians(12.0)
-        walks[:, bodies[1].dof(f"{side}_elbow_flexion")] = np.radians(15.0)
+    swing_limbs(bodies[1], walks, swing)
     first, second = (
         Scene(body, SHOT.camera, DEFAULT_FPS, grounded(body, poses), None)
         for body, poses in zip(bodies, (stands, walks), strict=True)
     )
     return replace(first, others=(second,))
+
+
+def swing_limbs(model: BodyModel, poses: Array, swing: Array) -> None:
+    """Write the gait of a walking person into poses (F, D): legs and arms swing by angles (F,), radians."""
+    for side, sign in (("l", 1.0), ("r", -1.0)):
+        poses[:, model.dof(f"{side}_hip_flexion")] = sign * swing
+        poses[:, model.dof(f"{side}_knee_flexion")] = np.radians(5.0) + np.maximum(0.0, -sign * swing)
+        poses[:, model.dof(f"{side}_shoulder_flexion")] = -sign * swing
+        poses[:, model.dof(f"{side}_shoulder_abduct")] = np.radians(12.0)
+        poses[:, model.dof(f"{side}_elbow_flexion")] = np.radians(15.0)

@@ -302,11 +302,8 @@ class Segmenter:
             )
             for view in seen
         ]
-        followed_s, min_share = (
-            [body.followed_s for body in bodies],
-            self._settings.segmentation.min_own_share,
-        )
-        return find_duplicates(evidence, followed_s, min_share)
+        followed_s = [body.followed_s for body in bodies]
+        return find_duplicates(evidence, followed_s, self._settings.segmentation.min_own_share)
 
     def _segment_view(
         self,

@@ -346,10 +346,8 @@ class TargetTracker:
         """Execute the event of a segmented frame; measures the noise when a given start is first seen."""
         has_depth = any(image.depth.any() for image in view.frame.views)
         if subject is None:
-            is_duplicate = view.is_duplicate
-            return self._step(
-                FrameSegmented(view.frame.time_s, has_depth=has_depth, is_duplicate=is_duplicate)
-            )
+            event = FrameSegmented(view.frame.time_s, has_depth=has_depth, is_duplicate=view.is_duplicate)
+            return self._step(event)
         moved = None
         if isinstance(self.track, Found):
             if self.track.place is None:  # the start is given
