@@ -320,6 +320,10 @@ class FilterSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     merge_angle_deg: float = 4.0  #: d; with `explore` covariances decide, unless correspondences are soft
     velocity_time_s: float | None = None  #: time in which a velocity decays to 1 / e; None: never
     explore: bool = False  #: whether to propose single limbs, see coordinator/filters/exploration.py
+    early_share: Share = 0.0
+    """With `explore`, share of the iterations of ICP after which particles are merged for the first time. The
+    representatives are then refined with all iterations. With 0, particles are merged only once."""
+    min_early_weight: Share = 0.01  #: weight, relative to the largest, below which a mode is then dropped
     merge_variances: Quantity = 2.0 / 3.0  #: squared Mahalanobis distance per degree of freedom
     reduction_share: Share = 0.1  #: share by which step 7 reduces every covariance in each frame
     first_deviation_m: Quantity = 0.02  #: standard deviation of the initial values of prismatic joints
@@ -378,7 +382,7 @@ PRESETS = {
             likelihood_scale=0.004,
             pose_deviation=1.6,
         ),
-        filter=FilterSettings(velocity_time_s=0.05, explore=True),
+        filter=FilterSettings(velocity_time_s=0.05, explore=True, early_share=0.5),
     ),
     "paper": Settings(preset="paper", measure_person=False, recover=False),
 }

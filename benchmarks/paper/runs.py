@@ -57,15 +57,25 @@ class Row:
 
     @property
     def evaluations(self) -> int:
-        """Number of poses that are evaluated: one per iteration, and one for the likelihood."""
+        """Number of poses that are evaluated: one per iteration, and one for the likelihood.
+
+        Those of the representatives of particles that are merged early are not counted.
+        """
         settings = self.settings(0)
         particles = settings.filter.particles
         if self.method == "condensation":
             return particles
         if self.method == "annealed":
             return particles * Annealed().layers
-        rounds = 2 if assume_noise(settings.refine, self.noise).is_soft else 1
-        return particles * (rounds * settings.refine.icp_iterations + 1)
+        is_soft, iterations = (
+            assume_noise(settings.refine, self.noise).is_soft,
+            settings.refine.icp_iterations,
+        )
+        if is_soft:
+            iterations *= 2
+        elif settings.filter.explore and settings.filter.early_share > 0.0:
+            iterations = round(settings.filter.early_share * iterations)
+        return particles * (iterations + 1)
 
 
 GRADIENT = Row("gradient-paper", "heavy", "gradient", "paper", None, HEAVY, 10, 176)

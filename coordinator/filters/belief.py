@@ -98,6 +98,8 @@ class Proposal:
     expected: Array | None = field(default=None, kw_only=True)
     """Predictions (N, D) without noise, if the update needs the covariance of each pose."""
     unseen: Mask | None = field(default=None, kw_only=True)  # as in `Observation`
+    merges_early: bool = field(default=False, kw_only=True)
+    """Whether particles are merged after their first iterations, and the representatives refined further."""
     log_prior: Callable[[Array], Array] = field(default=zero_log_prior, kw_only=True)
     """The part (N,) of the log likelihood of refined poses (N, D) that is a prior of the family of bodies."""
 

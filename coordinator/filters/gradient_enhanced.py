@@ -11,6 +11,7 @@ Decisions that the paper leaves open:
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -26,11 +27,20 @@ from gepf.coordinator.filters.belief import (
     choose_reported,
     draw_ancestors,
     nearest_pose,
+    normalise,
 )
 from gepf.coordinator.filters.exploration import choose_count, choose_kinds, explain, propose_limbs
 from gepf.coordinator.filters.motion import motion_model
 from gepf.coordinator.filters.priors import draw_noise, fuse_with_prediction
 from gepf.coordinator.settings import FilterSettings
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MergedEarly(Proposal):
+    """The representatives of a frame's particles after the first iterations, to be refined further."""
+
+    drawn: Array  # (P, D) the particles that they represent, before any refinement
+    group: Indices  # (P,) for each of these, the index of its representative
 
 
 def begin(model: BodyModel, pose: Array, settings: FilterSettings) -> Belief:
@@ -65,18 +75,17 @@ def update(
     after: Refined,
     settings: FilterSettings,
     rng: np.random.Generator,  # noqa: ARG001 as all methods
-) -> Belief:
-    """Steps 6 and 7: hypotheses from the refined particles."""
+) -> Belief | MergedEarly:
+    """Steps 6 and 7: hypotheses from the refined particles, or representatives to be refined further."""
+    chosen, group = merge_refined(model, after, settings)  # 6
+    if proposal.merges_early:
+        return merge_early(proposal, after, chosen, group, settings.min_early_weight)
     past, before, posteriors = proposal.past, proposal.poses, np.empty((0, 0, 0))
-    if after.covariance_roots is None:
-        angle = np.deg2rad(settings.merge_angle_deg)
-        chosen, group = merge_by_angle(model, after.poses, after.log_likelihood, angle)  # 6
-    else:
-        lower = lower_triangular(after.covariance_roots, before.shape[1])
-        chosen, group = merge_by_covariance(
-            model, after.poses, after.log_likelihood, lower, settings.merge_variances
-        )
-        posteriors = lower[chosen] @ lower[chosen].transpose(0, 2, 1)
+    if isinstance(proposal, MergedEarly):
+        before, group = proposal.drawn, group[proposal.group]
+    if after.covariance_roots is not None:
+        lower = lower_triangular(after.covariance_roots[chosen], before.shape[1])
+        posteriors = lower @ lower.transpose(0, 2, 1)
     parents = proposal.ancestors[chosen]
     poses, log_weights = after.poses[chosen], after.log_likelihood[chosen]
     inherited = past.covariances[parents]
@@ -141,6 +150,30 @@ def explore(
     )
 
 
+def merge_early(
+    proposal: Proposal, after: Refined, chosen: Indices, group: Indices, min_weight: float
+) -> MergedEarly:
+    """The representatives of particles after the first iterations, of the modes that are not dropped.
+
+    `chosen` and `group` are from `merge`. A mode is dropped if its weight, relative to the largest, is below
+    `min_weight`.
+    """
+    weights = normalise(after.log_likelihood[chosen])  # the largest first
+    kept = chosen[weights >= min_weight * weights[0]]
+    is_kept = group < len(kept)
+    assert proposal.expected is not None  # of particles of `explore`
+    return MergedEarly(
+        proposal.past,
+        proposal.ancestors[kept],
+        after.poses[kept],
+        proposal.interval,
+        proposal.poses[is_kept],
+        group[is_kept],
+        expected=proposal.expected[kept],
+        unseen=proposal.unseen,
+    )
+
+
 def keep_unseen(covariances: Array, inherited: Array, unseen: Mask) -> Array:
     """Covariances (M, D, D) in which degrees of freedom (D,) that got no noise keep the inherited ones.
 
@@ -149,6 +182,15 @@ def keep_unseen(covariances: Array, inherited: Array, unseen: Mask) -> Array:
     """
     both, neither = unseen[:, None] & unseen, ~unseen[:, None] & ~unseen
     return np.where(both, inherited, np.where(neither, covariances, 0.0))
+
+
+def merge_refined(model: BodyModel, after: Refined, settings: FilterSettings) -> tuple[Indices, Indices]:
+    """Group refined particles by their covariances, or, without these, by angles; returns that of `merge`."""
+    poses, log_likelihood = after.poses, after.log_likelihood
+    if after.covariance_roots is None:
+        return merge_by_angle(model, poses, log_likelihood, np.deg2rad(settings.merge_angle_deg))
+    lower = lower_triangular(after.covariance_roots, poses.shape[1])
+    return merge_by_covariance(model, poses, log_likelihood, lower, settings.merge_variances)
 
 
 def merge_by_angle(

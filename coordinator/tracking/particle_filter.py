@@ -26,7 +26,7 @@ from gepf.coordinator.tracking.certainty import FrameContext
 from gepf.coordinator.tracking.field_of_view import in_view, unseen_dofs
 from gepf.coordinator.tracking.observation import filter_observation
 from gepf.coordinator.tracking.pose_candidates import Detection, PoseCandidates, log_pose_prior
-from gepf.coordinator.tracking.refiner import Pending, Refiner
+from gepf.coordinator.tracking.refiner import Pending, Refiner, with_iterations
 from gepf.coordinator.tracking.segmenter import BodyView
 
 if TYPE_CHECKING:  # it loads the bus
@@ -49,7 +49,8 @@ class SubmittedPerson:
     """A person in a frame, whose particles are with the workers."""
 
     view: BodyView
-    settings: RefineSettings  # of their refinement
+    settings: RefineSettings  # of their refinement; if they are merged early, of that of the representatives
+    particle_count: int
     proposal: Proposal
     pending: Pending
     context: FrameContext
@@ -114,6 +115,18 @@ class ParticleFilter:
         interval = interval if budget is None else min(interval, budget.period_s)
         return pace_iterations(settings, interval, self._settings)
 
+    def early_settings(self, settings: RefineSettings, budget: FrameBudget | None) -> RefineSettings | None:
+        """Settings for the first iterations of particles that are merged early, given those for all.
+
+        None if particles are merged only once: if the frame is late, and so has few particles, if
+        correspondences are soft, or if there are too few iterations.
+        """
+        early = round(self._settings.filter.early_share * settings.icp_iterations)
+        is_late = budget is not None and budget.is_late
+        if settings.is_soft or is_late or not 0 < early < settings.icp_iterations:
+            return None
+        return with_iterations(settings, early)
+
     def send(
         self, model: BodyModel, subject: SubjectFrame, proposal: Proposal, settings: RefineSettings
     ) -> Pending:
@@ -125,40 +138,45 @@ class ParticleFilter:
         particles = Particles(proposal.poses, settings, covariance, velocity=velocity, prior=prior)
         return self._refiner.submit(subject, model, particles)
 
-    def update(self, model: BodyModel, submitted: SubmittedPerson) -> tuple[Belief, int]:
-        """The belief after refinement, and the number of particles; `annealed` refines several layers."""
-        proposal, clock = submitted.proposal, submitted.clock
-        after = self._merge(model, proposal, submitted.pending, submitted.settings, clock)
-        while isinstance(after, Proposal):  # the next layer
-            proposal = after
-            with clock.stage("refine"):
-                pending = self.send(model, submitted.context.subject, proposal, submitted.settings)
-            after = self._merge(model, proposal, pending, submitted.settings, clock)
-        precision, count = proposal.past.shape_precision, model.shape_count
+    def continue_refinement(self, model: BodyModel, submitted: SubmittedPerson) -> SubmittedPerson:
+        """If particles are merged early, wait for their first iterations, and send the representatives."""
+        if not submitted.proposal.merges_early:
+            return submitted
+        representatives = self._merge(model, submitted)
+        assert isinstance(representatives, Proposal)
+        return self._send_next(model, submitted, representatives)
+
+    def update(self, model: BodyModel, submitted: SubmittedPerson) -> Belief:
+        """The belief after refinement; `annealed` refines several layers."""
+        after = self._merge(model, submitted)
+        while isinstance(after, Proposal):
+            submitted = self._send_next(model, submitted, after)
+            after = self._merge(model, submitted)
+        precision, count = submitted.proposal.past.shape_precision, model.shape_count
         if count and len(after.posterior):
             covariance = after.posterior[:count, :count]
-            precision = updated_precision(precision, covariance, proposal.interval, self._settings.shape)
+            interval = submitted.proposal.interval
+            precision = updated_precision(precision, covariance, interval, self._settings.shape)
         after = replace(after, shape_precision=precision)
         from_guess = submitted.context.past_is_guess  # the change since a guess is not motion
-        return after.at_rest() if from_guess else after, len(proposal.poses)
+        return after.at_rest() if from_guess else after
 
-    def _merge(
-        self,
-        model: BodyModel,
-        proposal: Proposal,
-        pending: Pending,
-        settings: RefineSettings,
-        clock: Stopwatch,
-    ) -> Belief | Proposal:
-        """Wait for the refined particles; return the belief after them, or the next layer to refine."""
-        with clock.stage("refine"):
-            refined = pending.result()
-        with clock.stage("merge"):
+    def _send_next(self, model: BodyModel, submitted: SubmittedPerson, proposal: Proposal) -> SubmittedPerson:
+        """Send the next particles of a frame."""
+        with submitted.clock.stage("refine"):
+            pending = self.send(model, submitted.context.subject, proposal, submitted.settings)
+        return replace(submitted, proposal=proposal, pending=pending)
+
+    def _merge(self, model: BodyModel, submitted: SubmittedPerson) -> Belief | Proposal:
+        """Wait for the refined particles; return the belief after them, or the next particles to refine."""
+        with submitted.clock.stage("refine"):
+            refined = submitted.pending.result()
+        with submitted.clock.stage("merge"):
             poses = natural_angles(model, refined.poses)
-            log_prior = partial(log_pose_prior, model, settings)
+            log_prior = partial(log_pose_prior, model, submitted.settings)
             likely = refined.log_likelihood + log_prior(poses)
             refined = replace(refined, poses=poses, log_likelihood=likely)
-            proposal = replace(proposal, log_prior=log_prior)
+            proposal = replace(submitted.proposal, log_prior=log_prior)
             return self._method.update(model, proposal, refined, self._settings.filter, self.rng)
 
 

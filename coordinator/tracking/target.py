@@ -2,7 +2,8 @@
 
 A frame takes three steps. For live input, `take_search` takes over the body that a search has detected,
 before the frame is segmented; in a recording the search ends within `submit`, which then takes over the body.
-`submit` sends the particles of the frame to the workers. `update` waits for the refined ones.
+`submit` sends the particles of the frame to the workers. `update` waits for the refined ones. In between,
+`continue_refinement` may send the representatives of particles that are merged early, or else `update` does.
 """
 
 from __future__ import annotations
@@ -283,9 +284,13 @@ class TargetTracker:
             return UpdatedPerson(view.frame, self.state, 0, None, clock)
         return self._refine(view, subject, detection, settings, clock, budget)
 
+    def continue_refinement(self, submitted: SubmittedPerson) -> SubmittedPerson:
+        """If particles are merged early, wait for their first iterations, and send the representatives."""
+        return self._filter.continue_refinement(self.model, submitted)
+
     def update(self, submitted: SubmittedPerson, cameras: CameraStates) -> UpdatedPerson:
         """Wait for the refined particles of the last submitted frame, and update the state."""
-        belief, particles = self._filter.update(self.model, submitted)
+        belief = self._filter.update(self.model, submitted)
         with submitted.clock.stage("measure"):
             confirmed_s = self._settings.track.camera_confirmed_s
             faulty = tuple(faults_of(cameras, submitted.view.frame.time_s, confirmed_s))
@@ -302,7 +307,8 @@ class TargetTracker:
             todo = self._step(replace(event, is_doubtful=judgement.is_doubtful))
             if "stop searching" in todo:
                 self.search.drop()
-        return UpdatedPerson(submitted.view.frame, self.state, particles, judgement, submitted.clock)
+        count, clock = submitted.particle_count, submitted.clock
+        return UpdatedPerson(submitted.view.frame, self.state, count, judgement, clock)
 
     def _refine(
         self,
@@ -326,12 +332,15 @@ class TargetTracker:
                 self.model, belief, subject, self.track.time_s, budget, view.step_m
             )
         with clock.stage("refine"):
-            settings = self._filter.scale_iterations(settings, proposal.interval, budget)
-            context = FrameContext(
-                subject, belief.reported, proposal.interval, settings.stretch, past_is_guess
-            )
-            pending = self._filter.send(self.model, subject, proposal, settings)
-        return SubmittedPerson(view, settings, proposal, pending, context, detection, clock)
+            interval, count = proposal.interval, len(proposal.poses)
+            settings = self._filter.scale_iterations(settings, interval, budget)
+            early = None
+            if proposal.expected is not None:
+                early = self._filter.early_settings(settings, budget)
+            proposal = replace(proposal, merges_early=early is not None)
+            context = FrameContext(subject, belief.reported, interval, settings.stretch, past_is_guess)
+            pending = self._filter.send(self.model, subject, proposal, early or settings)
+        return SubmittedPerson(view, settings, count, proposal, pending, context, detection, clock)
 
     def _settings_at(self, distance_m: float) -> RefineSettings:
         """The settings of refinement for the camera's noise at a distance."""

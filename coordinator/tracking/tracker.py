@@ -119,8 +119,9 @@ class Tracker:
                 budget = pacing.begin_frame(self._targets)
                 self._is_late = budget is not None and budget.is_late
                 submitted = self._submit(prepared, budget)  # predict, refine
-                # the workers are busy from here until the update
+                # the workers are busy from here until the update, but for the merging of particles
                 yield from reported(updated, self._settings)
+                submitted = self._continue_refinement(submitted)
                 if pacing.looks_ahead and not prepared.after_gap:
                     self._send_ahead(upcoming.peek())
                     advance_search(self._targets, wait=False)
@@ -166,6 +167,14 @@ class Tracker:
             if subject is not None:
                 with clock.stage("publish"):
                     self._refiner.publish(subject)
+
+    def _continue_refinement(self, frame: SubmittedFrame) -> SubmittedFrame:
+        """Send the representatives of the particles that are merged early, of each person."""
+        people = [
+            target.continue_refinement(person) if isinstance(person, SubmittedPerson) else person
+            for target, person in zip(self._targets, frame.people, strict=True)
+        ]
+        return frame._replace(people=people)
 
     def _update(self, frame: SubmittedFrame) -> UpdatedFrame:
         """Wait for the refined particles of each person, and update the states."""

@@ -44,12 +44,17 @@ def toy(poses: Array) -> Refined:
 
 
 def follow(
-    refine: Callable[[Array], Refined], settings: FilterSettings, seed: int, frames: int
+    refine: Callable[[Array], Refined],
+    settings: FilterSettings,
+    seed: int,
+    frames: int,
+    *,
+    merges_early: bool = False,
 ) -> list[Belief]:
     """The filter over some frames."""
     rng, found = np.random.default_rng(seed), [begin(hinges(), np.zeros(2), settings)]
     for _ in range(frames):
-        found.append(advance("gepf", hinges(), found[-1], refine, settings, rng))
+        found.append(advance("gepf", hinges(), found[-1], refine, settings, rng, merges_early=merges_early))
     return found[1:]
 
 
@@ -196,6 +201,76 @@ def test_neither_order_nor_position_of_particles_matters(seed: int) -> None:
     again, regrouped = merge_by_angle(model, moved[order], log_likelihood[order], D)
     np.testing.assert_array_equal(order[again], chosen)
     np.testing.assert_array_equal(regrouped, group[order])
+
+
+# Merging after the first iterations
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_merging_early_changes_nothing_if_the_first_iterations_converge(seed: int) -> None:
+    """Hypotheses, weights, velocities, and covariances of what was drawn are those of merging once."""
+    asked = list[int]()
+
+    def converge(poses: Array) -> Refined:
+        asked.append(len(poses))
+        right = poses[:, 0] > 0.0
+        refined = np.where(right[:, None], VALLEYS[0], VALLEYS[1])
+        return Refined(refined, np.where(right, 0.0, -0.1), np.full(len(poses), 0.01))
+
+    once = follow(converge, EXPLORING, seed, frames=10)
+    drawn = asked.copy()
+    asked.clear()
+    early = follow(converge, EXPLORING, seed, frames=10, merges_early=True)
+    assert asked[::2] == drawn
+    assert max(asked[1::2]) == 2 < min(drawn)
+    for before, after in zip(once, early, strict=True):
+        for name in ("poses", "log_weights", "residual", "velocities", "reported", "covariances"):
+            np.testing.assert_array_equal(getattr(after, name), getattr(before, name))
+
+
+def test_particles_that_join_a_mode_late_count_for_its_covariance() -> None:
+    """Two groups after the first iterations become one after all: Eq. 7 is over the particles of both."""
+    drawn, calls = list[Array](), 0
+
+    def approach(poses: Array) -> Refined:
+        nonlocal calls
+        calls += 1
+        if calls == 1:
+            drawn.append(poses.copy())
+            side = np.where(poses[:, 0] > 0.0, 0.1, -0.1)
+            return Refined(np.column_stack([side, 0.0 * side]), np.zeros(len(poses)), np.zeros(len(poses)))
+        assert sorted(poses[:, 0]) == [-0.1, 0.1]
+        return Refined(np.zeros_like(poses), np.zeros(2), np.zeros(2))
+
+    (belief,) = follow(approach, EXPLORING, seed=1, frames=1, merges_early=True)
+    (particles,) = drawn
+    np.testing.assert_allclose(belief.covariances, 0.9 * (particles.T @ particles)[None] / len(particles))
+
+
+@pytest.mark.parametrize(("behind", "modes"), [(3.0, 2), (20.0, 1), (np.inf, 1)])
+def test_what_is_unlikely_after_the_first_iterations_is_dropped(behind: float, modes: int) -> None:
+    """A mode far behind the most likely one is not refined further."""
+    asked = list[int]()
+
+    def refine(poses: Array) -> Refined:
+        asked.append(len(poses))
+        found = toy(poses)
+        return replace(found, log_likelihood=np.where(poses[:, 0] > 0.0, 0.0, -behind))
+
+    (belief,) = follow(refine, EXPLORING, seed=1, frames=1, merges_early=True)
+    assert asked[1:] == [modes]
+    assert len(belief.poses) == modes
+
+
+def test_a_frame_in_which_every_particle_diverges_has_a_belief() -> None:
+    """Also if this is known after the first iterations."""
+
+    def diverge(poses: Array) -> Refined:
+        return Refined(poses, np.full(len(poses), -np.inf), np.full(len(poses), np.inf))
+
+    (belief,) = follow(diverge, EXPLORING, seed=1, frames=1, merges_early=True)
+    assert len(belief.poses) > 0
+    assert np.all(np.isfinite(belief.poses))
 
 
 # Step 7: covariances

@@ -19,11 +19,10 @@ from gepf.coordinator.filters.gradient_enhanced import (
     estimate_covariances,
     merge_by_covariance,
     propose,
-    update,
 )
 from gepf.coordinator.settings import preset
 from tests.support.bodies import hinges, puppet
-from tests.support.filtering import NOTHING_SEEN
+from tests.support.filtering import NOTHING_SEEN, Merging, update_once, update_twice
 
 Triangles = NDArray[np.float32]
 
@@ -80,7 +79,8 @@ def test_who_merges_by_covariance_asks_for_it(
     assert proposal.asks_covariance(msgspec.structs.replace(preset(name).refine, **refine)) is asks
 
 
-def test_an_update_merges_by_it() -> None:
+@pytest.mark.parametrize("merging", [update_once, update_twice])
+def test_an_update_merges_by_it(merging: Merging) -> None:
     """Into one mode, whose covariance is that of Eq. 7."""
     model, rng = puppet(), np.random.default_rng(0)
     past = begin(model, np.zeros(19), DEFAULT)
@@ -89,7 +89,7 @@ def test_an_update_merges_by_it() -> None:
     wide = np.where(model.kinds == ROTATION, 0.5, 0.05).astype(np.float32)
     roots = np.tile(np.diag(wide)[np.tri(19, dtype=bool)], (20, 1))
     after = Refined(1e-3 * proposal.poses, -np.arange(20.0), np.full(20, 0.01), roots)
-    found = update(model, proposal, after, DEFAULT, rng)
+    found = merging(model, proposal, after, DEFAULT, rng)
     assert len(found.poses) == 1
     group = np.zeros(20, dtype=np.int64)
     by_particles = estimate_covariances(model, proposal.poses, found.poses, group, past.covariances, 0.1)

@@ -13,16 +13,18 @@ from gepf.common.body import ROOT_DOFS, ROTATION, BodyModel
 from gepf.common.kinematics import difference
 from gepf.common.refinement import Refined, lower_triangular
 from gepf.coordinator.filters.belief import Belief
-from gepf.coordinator.filters.gradient_enhanced import begin, propose, update
+from gepf.coordinator.filters.gradient_enhanced import begin, propose
 from gepf.coordinator.filters.motion import motion_model
 from gepf.coordinator.filters.priors import fuse_with_prediction
 from gepf.coordinator.settings import preset
 from tests.support.bodies import puppet
-from tests.support.filtering import INTERVAL, NOTHING_SEEN
+from tests.support.filtering import INTERVAL, NOTHING_SEEN, Merging, update_once, update_twice
 
 MODEL = puppet()
 WEAK = np.radians(30.0), 0.05  # deviations of what nothing is known about
 DOFS = len(MODEL.dof_names)
+KEEPS_ALL = msgspec.structs.replace(preset("default").filter, min_early_weight=0.0)
+merged = pytest.mark.parametrize("merging", [update_once, update_twice])
 BASE = np.isin(MODEL.dof_names, ROOT_DOFS)
 
 
@@ -93,9 +95,10 @@ def test_nothing_is_held_beyond_its_limits() -> None:
     np.testing.assert_array_equal(held[0, bounded], MODEL.limits[bounded, 1])
 
 
-def test_each_particle_is_held_about_its_own_way_on() -> None:
+@merged
+def test_each_particle_is_held_about_its_own_way_on(merging: Merging) -> None:
     """In the order of the hypotheses, by likelihood."""
-    rng, settings = np.random.default_rng(0), preset("default").filter
+    rng, settings = np.random.default_rng(0), KEEPS_ALL
     drawn = propose(MODEL, begin(MODEL, np.zeros(DOFS), settings), NOTHING_SEEN, settings, rng)
     expected, poses = 0.1 * rng.standard_normal((2, *drawn.poses.shape))
     proposal = replace(drawn, expected=expected)
@@ -103,7 +106,7 @@ def test_each_particle_is_held_about_its_own_way_on() -> None:
     root = np.diag(deviations(MODEL, 0.01, 0.001))[np.tri(DOFS, dtype=bool)].astype(np.float32)
     roots = np.tile(root, (len(poses), 1))
     after = Refined(poses, likelihood, np.full(len(poses), 0.01), roots)
-    found = update(MODEL, proposal, after, settings, rng)
+    found = merging(MODEL, proposal, after, settings, rng)
     order = np.arange(len(poses))[::-1]
     covariances = lower_triangular(roots, DOFS) ** 2  # diagonal
     held = fuse_with_prediction(MODEL, poses[order], covariances, expected[order], INTERVAL, 15.0)
@@ -111,9 +114,10 @@ def test_each_particle_is_held_about_its_own_way_on() -> None:
     np.testing.assert_allclose(found.velocities, difference(MODEL, np.zeros_like(held), held) / INTERVAL)
 
 
-def test_the_prior_of_a_hypothesis_is_that_of_the_pose_it_is_held_in() -> None:
+@merged
+def test_the_prior_of_a_hypothesis_is_that_of_the_pose_it_is_held_in(merging: Merging) -> None:
     """Where motion moves a hidden limb after its refinement, weights follow, and so does the order."""
-    rng, settings = np.random.default_rng(0), preset("default").filter
+    rng, settings = np.random.default_rng(0), KEEPS_ALL
     drawn = propose(MODEL, begin(MODEL, np.zeros(DOFS), settings), NOTHING_SEEN, settings, rng)
     poses, likelihood = 0.1 * rng.standard_normal(drawn.poses.shape), rng.standard_normal(len(drawn.poses))
     expected = poses + 0.3 * rng.standard_normal(poses.shape)
@@ -125,7 +129,7 @@ def test_the_prior_of_a_hypothesis_is_that_of_the_pose_it_is_held_in() -> None:
     root = np.diag(deviations(MODEL, 0.3, 0.01))[np.tri(DOFS, dtype=bool)].astype(np.float32)
     roots = np.tile(root, (len(poses), 1))
     after = Refined(poses, likelihood + log_prior(poses), likelihood, roots)
-    found = update(MODEL, proposal, after, msgspec.structs.replace(settings, merge_variances=1e-9), rng)
+    found = merging(MODEL, proposal, after, msgspec.structs.replace(settings, merge_variances=1e-9), rng)
     assert len(found.poses) == len(poses)
     np.testing.assert_allclose(found.log_weights, found.residual + log_prior(found.poses), atol=1e-9)
     assert np.all(np.diff(found.log_weights) <= 0.0)

@@ -7,9 +7,12 @@ import pytest
 
 from gepf.common.camera import Intrinsics
 from gepf.common.frame import Frame, View
+from gepf.coordinator.scene.noise import SensorNoise, assume_noise
 from gepf.coordinator.settings import preset
 from gepf.coordinator.tracking.observation import filter_observation
-from gepf.coordinator.tracking.particle_filter import pace_iterations
+from gepf.coordinator.tracking.particle_filter import FrameBudget, ParticleFilter
+from gepf.coordinator.tracking.refiner import with_iterations
+from gepf.refiners import DirectRefiner
 from tests.support.people import subject_of
 
 CAMERA = Intrinsics(32, 24, 30.0, 30.0, 16.0, 12.0)
@@ -20,9 +23,33 @@ CAMERA = Intrinsics(32, 24, 30.0, 30.0, 16.0, 12.0)
 )
 def test_iterations_go_with_the_time_between_frames(interval: float, factor: int) -> None:
     """The usual number at 30 frames a second or more, at most nine times as many; in `paper` always that."""
-    for each, times in ((preset("default"), factor), (preset("paper"), 1)):
-        paced = pace_iterations(each.refine, interval, each)
-        assert paced.icp_iterations == times * each.refine.icp_iterations
+    for name, times in (("default", factor), ("paper", 1)):
+        usual = preset(name).refine
+        paced = filter_of(name).scale_iterations(usual, interval, None)
+        assert paced.icp_iterations == times * usual.icp_iterations
+
+
+def test_particles_are_merged_after_half_of_the_iterations() -> None:
+    """Not in `paper`, in a late frame, under heavy noise, or if there is nothing to divide."""
+    usual, default = preset("default").refine, filter_of("default")
+    paced = default.scale_iterations(usual, 0.1, None)
+    assert default.early_settings(paced, None) == with_iterations(paced, paced.icp_iterations // 2)
+    assert default.early_settings(paced, FrameBudget(0.1, is_late=False)) is not None
+    assert default.early_settings(paced, FrameBudget(0.1, is_late=True)) is None
+    assert default.early_settings(assume_noise(usual, SensorNoise(0.1, 0.01)), None) is None
+    assert default.early_settings(with_iterations(usual, 1), None) is None
+    assert filter_of("paper").early_settings(preset("paper").refine, None) is None
+
+
+def test_a_live_frame_after_a_gap_has_the_filter_of_its_rate() -> None:
+    """It has no time for more."""
+    usual, budget = preset("default").refine, FrameBudget(1 / 30, is_late=True)
+    assert filter_of("default").scale_iterations(usual, 1.0, budget) == usual
+
+
+def filter_of(name: str) -> ParticleFilter:
+    """The filter of a preset."""
+    return ParticleFilter(DirectRefiner(), preset(name), None)
 
 
 def test_a_sighting_has_the_points_and_the_time_of_its_frame() -> None:
