@@ -239,31 +239,29 @@ class SearchSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class FeatureWeights(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Log odds that a joint is wrong, for each unit of a feature, see `coordinator/tracking/certainty.py`."""
 
-    seen: float = -4.364  #: visible share of the surface around the joint
-    residual: float = 3.232  #: normalised residual of the body
-    unexplained: float = 0.7432
+    seen: float = -4.285  #: visible share of the surface around the joint
+    residual: float = 3.699  #: normalised residual of the body
+    unexplained: float = 0.4731
     """Logarithm of the share of the points within reach of the joint that no surface explains."""
-    spread: float = 0.3435  #: logarithm of the spread of the hypotheses
-    speed: float = 0.3432  #: logarithm of the joint's speed
-    bend: float = 0.2535  #: sum of the squared angles above the joint
-    folding: float = 2.254  #: folding of the body
-    crowding: float = 1.437  #: number of joints nearby
-    protrusion: float = 5.038  #: distance in front of or behind the mean joint
+    spread: float = 0.2504  #: logarithm of the spread of the hypotheses
+    speed: float = 0.1845  #: logarithm of the joint's speed
+    bend: float = 0.2201  #: sum of the squared angles above the joint
+    folding: float = 2.446  #: folding of the body
+    crowding: float = 1.012  #: number of joints nearby
+    protrusion: float = 2.938  #: distance in front of or behind the mean joint
 
 
 class CertaintyFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Log odds that a joint is wrong, linear in its features, and its deviation, a function of them.
 
-    Fitted by `python -m benchmarks.certainty --fit`. The intercept, the weights of what the frame
-    shows (the first three) and the deviation were fitted later, with clothed people: with all weights fitted
-    to these, wrong limbs of real people were flagged less often.
+    Fitted by `python -m benchmarks.certainty --fit`.
     """
 
-    intercept: float = 0.7645  #: log odds
+    intercept: float = -0.5084  #: log odds
     weights: FeatureWeights = FeatureWeights()
-    log_deviation: float = -1.965  #: logarithm of the deviation in metres
-    log_deviation_odds: float = 0.2205  #: change of that logarithm per unit of the log odds
-    log_deviation_hidden: float = 0.5114  #: change of that logarithm with the hidden share
+    log_deviation: float = -1.785  #: logarithm of the deviation in metres
+    log_deviation_odds: float = 0.2788  #: change of that logarithm per unit of the log odds
+    log_deviation_hidden: float = 0.2941  #: change of that logarithm with the hidden share
 
 
 class CertaintySettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
