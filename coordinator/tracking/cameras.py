@@ -2,8 +2,9 @@
 
 One principle decides: the pose that the other cameras support must explain both the body points in a camera's
 image and the depth that this camera measures behind the body, to within the allowed residual. A camera with a
-wrong or changed pose fails this test, whatever the reason. A repeated image is not new evidence. At least
-one camera is always kept.
+wrong or changed pose fails this test, whatever the reason. When cameras that agreed begin to disagree, the
+predicted pose decides, because the refined one is a compromise between them. A repeated image is not new
+evidence. At least one camera is always kept.
 
 After a frame, `Agreement.after` says which cameras contradict the pose of a body. When the next frame is
 segmented, the body excludes these (`NextSegmentation.excluded`): what they show of it is set aside, and
@@ -53,9 +54,9 @@ CameraStates = dict[str, CameraState]
 class Agreement:
     """Whether the cameras that show a body agree on its position.
 
-    contradicting: cameras whose points the last pose does not explain. agreed_s: seconds for which two or
-    more cameras have agreed; once it has reached `camera_confirmed_s`, disagreement no longer resets it until
-    the body is lost.
+    contradicting: cameras whose points the pose did not explain when they were last compared. agreed_s:
+    seconds for which two or more cameras have agreed; once it has reached `camera_confirmed_s`, disagreement
+    no longer resets it until the body is lost.
     """
 
     contradicting: tuple[str, ...] = ()

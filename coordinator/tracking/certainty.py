@@ -40,6 +40,7 @@ class FrameContext:
 
     subject: SubjectFrame
     past: Array  # (D,) the pose reported for the previous frame
+    predicted: Array  # (D,) the pose that the motion model predicts from it
     interval: float  # seconds since that frame
     stretch: float  # ratio of lateral to depth noise
     past_is_guess: bool = False

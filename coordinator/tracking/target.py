@@ -338,7 +338,10 @@ class TargetTracker:
             if proposal.expected is not None:
                 early = self._filter.early_settings(settings, budget)
             proposal = replace(proposal, merges_early=early is not None)
-            context = FrameContext(subject, belief.reported, interval, settings.stretch, past_is_guess)
+            predicted = proposal.poses[0] if proposal.expected is None else proposal.expected[0]
+            context = FrameContext(
+                subject, belief.reported, predicted, interval, settings.stretch, past_is_guess
+            )
             pending = self._filter.send(self.model, subject, proposal, early or settings)
         return SubmittedPerson(view, settings, count, proposal, pending, context, detection, clock)
 
@@ -491,7 +494,6 @@ class TargetTracker:
         view, body = submitted.view, ExpectedBody(self.model, belief.poses[0])
         match = match_sides(body, context.subject, settings.colour)
         allowed_m = settings.gating.max_distance_m(submitted.settings)
-        views = [*context.subject.views, *(view.set_aside.views if view.set_aside is not None else ())]
         return FrameRefined(
             belief=belief,
             gate=chosen.gate,
@@ -500,7 +502,7 @@ class TargetTracker:
             redetected=chosen.redetected,
             ambiguous_facing=chosen.ambiguous_facing,
             faulty=faulty,
-            residuals=camera_residuals(self.model, belief.poses[0], view.frame, views, allowed_m),
+            residuals=self._compare_cameras(chosen, submitted, allowed_m),
             allowed_m=allowed_m,
             # the interval of the first frame includes the search, in which no cameras were compared
             interval_s=USUAL_INTERVAL if context.past_is_guess else submitted.proposal.interval,
@@ -509,6 +511,34 @@ class TargetTracker:
             sides=-1 if view.is_swapped else match.sides,
             clothes=clothes_in(view.frame, context.subject) if match.is_shown else None,
         )
+
+    def _compare_cameras(
+        self, choice: Choice, submitted: SubmittedPerson, allowed_m: float
+    ) -> dict[str, float]:
+        """The residuals (metres) of the cameras in a frame.
+
+        When cameras that agreed begin to disagree, the pose of the frame is a compromise between them. The
+        predicted pose tells which of them has moved, if it explains one of them. Before a verdict comes into
+        effect, there may be one more such frame, in which cameras are not compared.
+        """
+        assert isinstance(self.track, Body)  # it was refined
+        agreement, context, view = self.track.agreement, submitted.context, submitted.view
+        views = context.subject.views
+        contradicting = [used.image.camera in agreement.contradicting for used in views]
+        if any(contradicting) and not all(contradicting):
+            return {}
+        if view.set_aside is not None:
+            views = (*views, *view.set_aside.views)
+        residuals = camera_residuals(self.model, choice.belief.poses[0], view.frame, views, allowed_m)
+        is_compromise = any(
+            residuals.get(used.image.camera, 0.0) > allowed_m for used in context.subject.views
+        )
+        agreed = agreement.agreed_s >= self._settings.track.camera_confirmed_s and not self.track.is_lost
+        if is_compromise and agreed and not choice.redetected:
+            predicted = camera_residuals(self.model, context.predicted, view.frame, views, allowed_m)
+            if predicted and min(predicted.values()) <= allowed_m:
+                return predicted
+        return residuals
 
 
 def resolve(settings: Settings, family: BodyFamily) -> Settings:

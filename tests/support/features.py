@@ -28,7 +28,7 @@ def features_in(
     residual = gate_pose(
         found.log_likelihood[0], found.residual[0], still, preset("default").gating
     ).normalised_residual
-    context = FrameContext(subject, pose, 1.0 / 30.0, stretch)
+    context = FrameContext(subject, pose, pose, 1.0 / 30.0, stretch)
     joints = joint_positions(model, poses[[0, *range(len(poses))]])
     limits = preset("default").certainty
     seen_by = seen_shares(model, pose, subject, stretch, limits)

@@ -147,7 +147,7 @@ def knock(angle_deg: float, metres: float) -> Array:
     return moved
 
 
-@pytest.mark.parametrize(("which", "since"), [("front", 20), ("side", 20), ("side", 0)])
+@pytest.mark.parametrize(("which", "since"), [("front", 20), ("front", 16), ("side", 20), ("side", 0)])
 def test_a_camera_at_a_wrong_place_is_left_out(
     seen: tuple[BodyModel, Array, list[dict[str, View]]], which: str, since: int
 ) -> None:
