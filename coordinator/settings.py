@@ -319,8 +319,9 @@ class FilterSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     velocity_time_s: float | None = None  #: time in which a velocity decays to 1 / e; None: never
     explore: bool = False  #: whether to propose single limbs, see coordinator/filters/exploration.py
     early_share: Share = 0.0
-    """With `explore`, share of the iterations of ICP after which particles are merged for the first time. The
-    representatives are then refined with all iterations. With 0, particles are merged only once."""
+    """With `explore` and more iterations than at 30 frames per second, share of them after which particles
+    are merged for the first time. The representatives are then refined with all iterations. With 0, particles
+    are merged only once."""
     min_early_weight: Share = 0.01  #: weight, relative to the largest, below which a mode is then dropped
     merge_variances: Quantity = 2.0 / 3.0  #: squared Mahalanobis distance per degree of freedom
     reduction_share: Share = 0.1  #: share by which step 7 reduces every covariance in each frame

@@ -118,12 +118,17 @@ class ParticleFilter:
     def early_settings(self, settings: RefineSettings, budget: FrameBudget | None) -> RefineSettings | None:
         """Settings for the first iterations of particles that are merged early, given those for all.
 
-        None if particles are merged only once: if the frame is late, and so has few particles, if
-        correspondences are soft, or if there are too few iterations.
+        None if particles are merged only once: if there are not more iterations than usual, which a second
+        request would not be worth; if the frame is late, and so has few particles; or if correspondences are
+        soft.
         """
-        early = round(self._settings.filter.early_share * settings.icp_iterations)
-        is_late = budget is not None and budget.is_late
-        if settings.is_soft or is_late or not 0 < early < settings.icp_iterations:
+        iterations = settings.icp_iterations
+        early = round(self._settings.filter.early_share * iterations)
+        is_late, is_usual = (
+            budget is not None and budget.is_late,
+            iterations <= self._settings.refine.icp_iterations,
+        )
+        if is_usual or is_late or settings.is_soft or not 0 < early < iterations:
             return None
         return with_iterations(settings, early)
 

@@ -121,10 +121,10 @@ class Tracker:
                 submitted = self._submit(prepared, budget)  # predict, refine
                 # the workers are busy from here until the update, but for the merging of particles
                 yield from reported(updated, self._settings)
-                submitted = self._continue_refinement(submitted)
                 if pacing.looks_ahead and not prepared.after_gap:
                     self._send_ahead(upcoming.peek())
                     advance_search(self._targets, wait=False)
+                submitted = self._continue_refinement(submitted)
                 updated = [self._update(submitted)]  # update, assess
                 if pacing.reports_at_once:
                     yield from reported(updated, self._settings)
