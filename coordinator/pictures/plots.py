@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, Literal, cast
 
 import matplotlib as mpl
 import numpy as np
@@ -31,7 +31,6 @@ STYLE: Mapping[str, Any] = {
     "axes.titlesize": "medium",
     "axes.grid": True,
     "axes.grid.axis": "y",
-    "figure.constrained_layout.use": True,
     "figure.figsize": (11.0, 1.7),  # inches; a row of plots
     "legend.frameon": False,
     "svg.fonttype": "none",  # text stays text
@@ -94,15 +93,35 @@ def plot_curves(track: Track, curves: Sequence[Curve], columns: int | None = Non
     with styled():
         figure = Figure()
         figure.set_figheight(rows * figure.get_figheight())
-        axes = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey="row" if paired else "none")
+        # neither a layout engine nor sharex: they are slow for as many plots as a person has angles
+        sharey: Literal["row", "none"] = "row" if paired else "none"
+        place = grid(rows, columns, *figure.get_size_inches())
+        axes = figure.subplots(rows, columns, squeeze=False, sharey=sharey, gridspec_kw=place)
         for at, curve in zip_longest(axes.ravel(), curves):
             if curve is None:
                 at.set_axis_off()
             else:
                 curve.draw(at, track)
+        for at in axes[:-1].ravel():
+            at.tick_params(labelbottom=False)
         for at in axes[-1]:
             at.set_xlabel("seconds")
     return figure
+
+
+def grid(rows: int, columns: int, width: float, height: float) -> dict[str, float]:
+    """Places of the plots in a figure with this size in inches, with room for titles and tick labels."""
+    left, right, top, bottom, between_columns, between_rows = 0.75, 0.15, 0.35, 0.5, 0.65, 0.5
+    plot_width = (width - left - right - (columns - 1) * between_columns) / columns
+    plot_height = (height - top - bottom - (rows - 1) * between_rows) / rows
+    return {
+        "left": left / width,
+        "right": 1.0 - right / width,
+        "top": 1.0 - top / height,
+        "bottom": bottom / height,
+        "wspace": between_columns / plot_width,
+        "hspace": between_rows / plot_height,
+    }
 
 
 def draw_hypotheses(track: Track, body: TrackedBody, truth: Truth | None, file: Path) -> None:
@@ -115,7 +134,7 @@ def draw_hypotheses(track: Track, body: TrackedBody, truth: Truth | None, file: 
     handles = [*figure.axes[0].get_legend_handles_labels()[0]]
     seen = set(track.status.tolist()) - {"tracked"}
     handles += [Patch(color=STATUS[name], alpha=CURVES.faint, label=name) for name in STATUS if name in seen]
-    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False)
+    figure.legend(handles=handles, loc="upper right", ncols=len(handles), frameon=False)
     with styled():
         figure.savefig(file)
 
