@@ -2,25 +2,18 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gepf.common.bounds import LARGEST, MAX_PIXELS, MOST_PIXELS, MOST_WORK, SMALLEST
+from gepf.common.bounds import LARGEST, MAX_PIXELS, SMALLEST
 from gepf.common.camera import Intrinsics
 from gepf.common.errors import ProtocolError
-from gepf.common.settings import RefineSettings
 
 
-def check_work(settings: RefineSettings, poses: int, points: int, vertices: int) -> None:
-    """ProtocolError if refining this number of poses on this number of points would take too long."""
-    each = 2.0 * (points * vertices + MOST_PIXELS)  # with soft correspondences
-    work = poses * (1 + settings.icp_iterations) * each
-    if work > MOST_WORK:
-        raise ProtocolError(f"the request takes up to {work:.0e} steps of work, more than {MOST_WORK:.0e}")
-
-
+@lru_cache(maxsize=64)
 def check_camera(camera: Intrinsics, depth_scale: float) -> None:
     """ProtocolError if a frame cannot have this camera or this scale."""
     if camera.width < 1 or camera.height < 1 or camera.width * camera.height > MAX_PIXELS:

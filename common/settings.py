@@ -51,3 +51,8 @@ class RefineSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def is_soft(self) -> bool:
         """Whether likelihoods are densities of the observed points instead of costs."""
         return self.sensor == "camera" and self.noise_depth > SOFT_NOISE_RATIO * self.noise_lateral
+
+    @property
+    def has_joint_prior(self) -> bool:
+        """Whether joint angles have a prior: not with soft correspondences, where it was not measured."""
+        return not self.is_soft and self.pose_deviation > 0.0

@@ -72,11 +72,6 @@ class SegmentationSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=Tr
     permanent_weight: Quantity = 0.1
     """Weight of an observed point on a surface that has been there all the time, and so may be furniture."""
 
-    @property
-    def reach_m(self) -> float:
-        """The largest distance of the subject from the surface, metres."""
-        return self.cell_m * self.reach_cells
-
 
 class CandidateSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What may be a person in the foreground; lengths and areas are scaled for bodies of other sizes."""
@@ -138,10 +133,6 @@ class GatingSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     max_residual_m: Quantity = 0.03  #: mean distance of observed points, in addition to the camera's noise
     max_misfit_m: Quantity = 0.0235  #: root of the mean cost, which includes model surface in empty space
     min_points: Count = 150  #: minimum number of observed points that can show a body
-
-    def max_distance_m(self, refine: RefineSettings) -> float:
-        """The largest mean distance of observed points from a body that is accepted, metres."""
-        return self.max_residual_m + refine.noise_depth
 
 
 class TrackSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
@@ -98,14 +98,6 @@ class Estimate(estimate.Estimate):
             f"{name} {value:z.0f}" for name, value in zip(self.angle_names, np.degrees(angles), strict=True)
         )
         return table({**facts, "angles, degrees": ", ".join(degrees)}.items())
-
-
-def named(plain: estimate.Estimate, flexible: BodyModel, shape: Array, held: Mapping[str, float]) -> Estimate:
-    """An estimate with its body."""
-    values = {f.name: getattr(plain, f.name) for f in fields(estimate.Estimate)}
-    shape = shape.copy()  # so that it does not share memory with the tracker's state
-    shape.setflags(write=False)
-    return Estimate(**values, flexible=flexible, shape=shape, held=held)
 
 
 @lru_cache(maxsize=16)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, suppress
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import cache, partial
 from itertools import groupby
 from pathlib import Path
@@ -21,7 +21,7 @@ from gepf.common.camera import Intrinsics
 from gepf.common.closing import Closing
 from gepf.common.cores import usable_cores
 from gepf.common.errors import InputError
-from gepf.common.frame import Frame
+from gepf.common.frame import Frame, check_frame
 from gepf.common.packages import MissingPackage
 from gepf.coordinator.bodies.choice import choose_bodies, choose_model
 from gepf.coordinator.bodies.families import family_of
@@ -44,11 +44,12 @@ from gepf.coordinator.sources.arrays import ArraySource, median_depth
 from gepf.coordinator.sources.camera import DEFAULT_FPS
 from gepf.coordinator.sources.source import FARTHEST_M
 from gepf.coordinator.tracking import tracker as tracking
+from gepf.coordinator.tracking.estimate import Estimate as PlainEstimate
+from gepf.coordinator.tracking.reporting import TrackedPerson
 from gepf.coordinator.tracking.state import read_start, start_at
 from gepf.coordinator.tracking.target import resolve
-from gepf.frames import check_frame
 from gepf.live_source import LiveSource
-from gepf.named import Estimate, named
+from gepf.named import Estimate
 from gepf.refiners import Workers, log, open_refiner
 from gepf.run import Run, load
 
@@ -110,18 +111,16 @@ class FrameLoop(Closing):
                 self._tracker, last = self._make(), stream
             tracked_frames = self._tracker.follow(part, look_ahead=look_ahead, live=live)
             for tracked in with_one_blas_thread(tracked_frames):
-                for line in describe_changes(self._colours, tracked.state.colours):
-                    log.warning(line)
-                self._colours = tracked.state.colours
+                if tracked.state.colours != self._colours:
+                    for line in describe_changes(self._colours, tracked.state.colours):
+                        log.warning(line)
+                    self._colours = tracked.state.colours
                 self._frames += 1
-                yield [
-                    named(p.estimate, p.state.start.model, p.state.shape, p.state.start.held)
-                    for p in tracked.people
-                ]
+                yield [with_body(person) for person in tracked.people]
 
     def _say_unused(self, frame: Frame) -> Frame:
         """Return the frame; if its colour is not used, warn once with the reason."""
-        if self._unused and any(view.colours is not None for view in frame.views):
+        if self._unused and frame.has_colours:
             log.warning(self._unused)
             self._unused = ""
         return frame
@@ -149,6 +148,15 @@ class FrameLoop(Closing):
         track = assemble(state.body, list(estimates), held=start.held, up=up)
         save_run(folder, track, TrackedBody(state.body, start.held), self._settings)
         return folder
+
+
+def with_body(tracked: TrackedPerson) -> Estimate:
+    """An estimate with its body."""
+    state, start = tracked.state, tracked.state.start
+    values = {f.name: getattr(tracked.estimate, f.name) for f in fields(PlainEstimate)}
+    shape = state.shape.copy()  # so that it does not share memory with the tracker's state
+    shape.setflags(write=False)
+    return Estimate(**values, flexible=start.model, shape=shape, held=start.held)
 
 
 def with_one_blas_thread(items: Iterator[Item]) -> Iterator[Item]:

@@ -19,11 +19,10 @@ from gepf.coordinator.bodies.family import Bodies
 from gepf.coordinator.files import TRUTH_FILE
 from gepf.coordinator.results.evaluation import positions
 from gepf.coordinator.settings import Settings
-from gepf.coordinator.stopwatch import Stopwatch
 from gepf.coordinator.synthesis.sequence import PERSON, synthesise
 from gepf.coordinator.tracking.certainty import Features, measure_features, seen_shares
 from gepf.coordinator.tracking.estimate import POSE_UNKNOWN
-from gepf.coordinator.tracking.reporting import UpdatedPerson, report
+from gepf.coordinator.tracking.reporting import Stopwatch, UpdatedPerson, report
 from gepf.coordinator.tracking.segmenter import BodyView, ExpectedSurface, Segmenter
 from gepf.coordinator.tracking.state import first_state
 from gepf.coordinator.tracking.target import TargetTracker

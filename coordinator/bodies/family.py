@@ -18,6 +18,7 @@ import numpy as np
 from gepf.common.arrays import Array, Mask
 from gepf.common.body import BodyModel
 from gepf.common.frame import SubjectFrame
+from gepf.common.settings import RefineSettings
 from gepf.coordinator.bodies.angles import Angles
 from gepf.coordinator.bodies.tracked import activate_at, choose_active, name_pose
 
@@ -156,9 +157,12 @@ class BodyFamily(ABC):
         del size
         return []
 
-    def log_pose_prior(self, model: BodyModel, poses: Array) -> Array:
-        """Log density (N,) of the angles of poses (N, D), up to a constant; by default all are alike."""
-        del model
+    def log_pose_prior(self, model: BodyModel, settings: RefineSettings, poses: Array) -> Array:
+        """Log density (N,) of the angles of poses (N, D), up to a constant; by default all are alike.
+
+        The refinement does not include it. It is 0 if the settings have no prior of joint angles.
+        """
+        del model, settings
         return np.zeros(len(poses))
 
     def log_shape_prior(self, names: tuple[str, ...], shapes: Array, in_view: Mask) -> Array:

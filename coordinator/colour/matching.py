@@ -57,6 +57,10 @@ class Match(NamedTuple):
     sides: int
 
 
+NO_MATCH = Match(is_shown=False, sides=0)
+"""Without keypoints."""
+
+
 def match_sides(body: ExpectedBody, subject: SubjectFrame, settings: ColourSettings) -> Match:
     """Compare the keypoints of a subject with a body."""
     is_shown, farthest = False, settings.same_person_deviations

@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from gepf.coordinator.commands.console import INTERRUPTS
-from gepf.coordinator.stopwatch import NOTICE_S
+from gepf.coordinator.notices import NOTICE_S
 
 if TYPE_CHECKING:
     from gepf.coordinator.tracking.estimate import Estimate

@@ -26,6 +26,7 @@ from gepf.coordinator.commands.finished import find_sequence
 from gepf.coordinator.commands.options import SecurityOptions, ViewOptions
 from gepf.coordinator.commands.progress import Show
 from gepf.coordinator.commands.publish import reach_partner
+from gepf.coordinator.notices import NOTICE_S
 from gepf.coordinator.pool.options import Pool
 from gepf.coordinator.results.killed import finish_killed
 from gepf.coordinator.results.live_results import Result, read_result, results_key
@@ -33,7 +34,6 @@ from gepf.coordinator.results.track import filled, read_track, read_tracked_body
 from gepf.coordinator.sources.camera import DEFAULT_FPS
 from gepf.coordinator.sources.frame_recorder import WAITING_FRAMES
 from gepf.coordinator.sources.live_stream import is_topic, live_key
-from gepf.coordinator.stopwatch import NOTICE_S
 from gepf.coordinator.viewing import FrameLog, PersonLog, layout
 
 Take = Callable[[], list[tuple[str, bytes]]]

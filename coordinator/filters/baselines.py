@@ -18,7 +18,7 @@ from gepf.coordinator.filters.belief import (
     mean_pose,
     normalise,
 )
-from gepf.coordinator.filters.motion import motion_model
+from gepf.coordinator.filters.priors import motion_model
 from gepf.coordinator.settings import FilterSettings
 
 

@@ -30,8 +30,7 @@ from gepf.coordinator.filters.belief import (
     normalise,
 )
 from gepf.coordinator.filters.exploration import choose_count, choose_kinds, explain, propose_limbs
-from gepf.coordinator.filters.motion import motion_model
-from gepf.coordinator.filters.priors import draw_noise, fuse_with_prediction
+from gepf.coordinator.filters.priors import draw_noise, fuse_with_prediction, motion_model
 from gepf.coordinator.settings import FilterSettings
 
 

@@ -1,4 +1,4 @@
-"""The Gaussian priors of pose, shape and motion.
+"""The Gaussian priors of pose, shape and motion, and the models of motion.
 
 A request for refinement brings along the prior of the pose, `pose_prior`.
 
@@ -10,13 +10,16 @@ their information I. With the covariance S of the shape by the refinement, k I =
 after the frame is P + c k I. The factor c is needed because the Gauss-Newton matrix overstates the
 information: it treats correspondences as fixed, although they slide along the surface.
 
-The prior of motion between frames, velocity and Gaussian noise, is step 3 of the paper: `draw_noise` and
-`fuse_with_prediction`.
+The prior of motion between frames is step 3 of the paper: the motion that a model predicts, and Gaussian
+noise (`draw_noise`, `fuse_with_prediction`). The state of a motion model is the velocities of the hypotheses.
+Motion that is known from encoders or colour replaces the predicted motion (`Observation.expect`).
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
+from typing import Protocol
 
 import numpy as np
 
@@ -26,8 +29,8 @@ from gepf.common.compiling import numba
 from gepf.common.kinematics import difference, retract, within_limits
 from gepf.common.refinement import WEAK_SHAPE, WEAK_SLIDE, WEAK_TURN, PosePrior
 from gepf.common.settings import RefineSettings
-from gepf.coordinator.filters.belief import USUAL_INTERVAL
-from gepf.coordinator.settings import ShapeSettings
+from gepf.coordinator.filters.belief import USUAL_INTERVAL, Belief
+from gepf.coordinator.settings import FilterSettings, ShapeSettings
 
 
 def pose_prior(
@@ -38,7 +41,7 @@ def pose_prior(
     Without a precision, that of the population around each shape is taken. None if there is no prior at all.
     """
     count, dofs = model.shape_count, len(model.dof_names)
-    resting = has_joint_prior(settings)
+    resting = settings.has_joint_prior
     if not (resting or count):
         return None
     free = np.isin(model.dof_names, ROOT_DOFS) | (model.kinds == SHAPE) | (not resting)
@@ -50,11 +53,6 @@ def pose_prior(
     mean[..., :count] = shapes
     matrix[:count, :count] = population_precision(model) if precision is None else precision
     return PosePrior(mean, matrix)
-
-
-def has_joint_prior(settings: RefineSettings) -> bool:
-    """Whether there is a prior of joint angles: not with soft correspondences, where it was not measured."""
-    return not settings.is_soft and settings.pose_deviation > 0.0
 
 
 def population_precision(model: BodyModel) -> Array:
@@ -73,6 +71,40 @@ def updated_precision(precision: Array, covariance: Array, interval: float, sett
     gain = frame_share(interval, settings.error_time_s) * np.linalg.inv(covariance) - precision
     after: Array = precision + settings.curvature_share * gain
     return 0.5 * (after + after.T)
+
+
+class MotionModel(Protocol):
+    """A model of the motion between frames; all motion is relative, in radians and metres."""
+
+    def predict(self, past: Belief, interval: float) -> Array:
+        """The expected motion (M, D) of the poses of a belief within an interval, seconds."""
+        ...
+
+    def update(self, motion: Array, interval: float) -> Array:
+        """Velocities (M, D), per second, of hypotheses that moved by `motion` (M, D) within an interval."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class ConstantVelocity:
+    """The velocity of the last motion, which decays, so that the end of a swing is not overshot."""
+
+    decay_s: float | None  # time constant; None: no decay
+
+    def predict(self, past: Belief, interval: float) -> Array:
+        """The motion at the velocity that is left after the interval."""
+        share = 1.0 if self.decay_s is None else np.exp(-interval / self.decay_s)
+        motion: Array = share * interval * past.velocities
+        return motion
+
+    def update(self, motion: Array, interval: float) -> Array:
+        """The mean velocity."""
+        return motion / interval
+
+
+def motion_model(settings: FilterSettings) -> MotionModel:
+    """The motion model of the settings."""
+    return ConstantVelocity(settings.velocity_time_s)
 
 
 def draw_noise(covariances: Array, ancestors: Indices, rng: np.random.Generator) -> Array:

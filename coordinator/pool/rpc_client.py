@@ -17,10 +17,10 @@ from gepf.common.protocol.messages import RefineRequest, decode_refined, decode_
 from gepf.common.refinement import Refined, concatenate
 from gepf.common.transport.bus import Bus
 from gepf.common.transport.channels import Ending, RequestSender
+from gepf.coordinator.notices import NOTICE_S
 from gepf.coordinator.pool.local_worker import LocalWorker
 from gepf.coordinator.pool.options import Pool
 from gepf.coordinator.pool.scheduler import Outcome, Request, Scheduler
-from gepf.coordinator.stopwatch import NOTICE_S
 
 
 @dataclass(slots=True, eq=False)

@@ -22,7 +22,7 @@ from gepf.common.camera import Intrinsics, points_of
 from gepf.coordinator.scene.flatness import Flat, find_flat
 from gepf.coordinator.scene.planes import extents
 from gepf.coordinator.scene.scene import FOREGROUND, SceneView
-from gepf.coordinator.scene.segmentation import label_parts, measure_components
+from gepf.coordinator.scene.segmentation import label_parts, measure_components, reach_of
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,7 +92,7 @@ def candidates(view: SceneView, people_mask: Mask | None = None) -> list[Candida
     rest = free.copy()
     for candidate in found_candidates:
         rest[candidate.part.window] &= ~candidate.part.uncut
-    wider = find_parts(view, rest, limits.reach_m, limits.min_person_m2)
+    wider = find_parts(view, rest, reach_of(limits), limits.min_person_m2)
     found_candidates += [candidate for part in wider if (candidate := candidate_of(view, part))]
     people, taken = list[Candidate](), np.zeros_like(free)
     for candidate in sorted(found_candidates, key=lambda candidate: -candidate.score):

@@ -2,6 +2,10 @@
 
 The subject is the foreground near the posed body, and the foreground connected to it in depth. If several
 bodies are near each other, a pixel belongs to the nearest body.
+
+Other people and things beside the tracked bodies have no model. While there is a gap between them and every
+body, they form separate components of the foreground. Once the gap has closed, whatever is nearer to their
+points in the last frame than to a body's surface still counts as theirs.
 """
 
 from __future__ import annotations
@@ -19,9 +23,11 @@ from gepf.common.compiling import numba
 from gepf.common.frame import EMPTY, HIDDEN, SUBJECT, UNKNOWN, UNMEASURED
 from gepf.coordinator.scene.noise import DepthNoise, margin_at
 from gepf.coordinator.scene.occupancy import Window
-from gepf.coordinator.scene.scene import FOREGROUND, NOT_MEASURED, ON_PLANE, Depth, SceneView
+from gepf.coordinator.scene.scene import FOREGROUND, NOBODY, NOT_MEASURED, ON_PLANE, Depth, SceneView
+from gepf.coordinator.settings import SegmentationSettings
 
 Labels = NDArray[np.uint8]
+Points = NDArray[np.float32]  # (N, 3), camera frame, metres
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,13 +48,18 @@ def slices(window: Window) -> tuple[slice, slice]:
     return slice(top, bottom), slice(left, right)
 
 
+def reach_of(settings: SegmentationSettings) -> float:
+    """The largest distance of the subject from the surface, metres."""
+    return settings.cell_m * settings.reach_cells
+
+
 def measure_distances(view: SceneView, surface: Array) -> Depth:
-    """Distances (H, W) in metres of the pixels' points from a surface (V, 3); infinite beyond `reach_m`.
+    """Distances (H, W) in metres of the pixels' points from a surface (V, 3); infinite beyond `reach_of`.
 
     They come from a distance field: a grid of cells around the surface, filled along one axis after another.
     """
     cell_m, reach_cells = view.settings.segmentation.cell_m, view.settings.segmentation.reach_cells
-    margin = view.settings.segmentation.reach_m + cell_m
+    margin = reach_of(view.settings.segmentation) + cell_m
     low = surface.min(axis=0) - margin
     shape = tuple(((surface.max(axis=0) + margin - low) / cell_m).astype(np.int64) + 1)
     far = (reach_cells + 1) ** 2
@@ -113,7 +124,7 @@ def segment_body(
     for mask in (view.out_of_scope, foreign):
         if mask is not None:
             unclear |= mask[inside]
-    possible = (marks == FOREGROUND) & (near <= limits.reach_m) & ~unclear
+    possible = (marks == FOREGROUND) & (near <= reach_of(limits)) & ~unclear
     parts = label_parts(depth, possible, limits.step_m, limits.step_m, view.noise, view.camera.fx)
     farthest, missing = surface[:, 2].max(), UNMEASURED if view.shows_room else EMPTY
     labels = label_pixels(
@@ -169,7 +180,7 @@ def segment_masks(
     widest one; for a narrower mask, the remaining pixels of the widest one are unknown.
     """
     points = points_of(view.depth, view.camera, masks[-1])
-    reach_m = view.settings.segmentation.reach_m
+    reach_m = reach_of(view.settings.segmentation)
     behind = points * (1.0 + reach_m / points[:, 2:])  # about the thickness of a person
     surface = np.concatenate([points, behind])
     whole = segment_body(view, surface, measure_distances(view, surface), foreign)
@@ -179,8 +190,8 @@ def segment_masks(
 
 
 def window_of(view: SceneView, surface: Array) -> Window:
-    """The window of pixels that can show something within `reach_m` of the points (V, 3)."""
-    width, height, reach_m = view.camera.width, view.camera.height, view.settings.segmentation.reach_m
+    """The window of pixels that can show something within `reach_of` of the points (V, 3)."""
+    width, height, reach_m = view.camera.width, view.camera.height, reach_of(view.settings.segmentation)
     nearest = surface[:, 2] - reach_m
     if nearest.min() <= 0.0:
         return 0, 0, width, height
@@ -265,3 +276,84 @@ def measure_components(
                 window[0], window[1] = min(window[0], u), min(window[1], v)
                 window[2], window[3] = max(window[2], u + 1), max(window[3], v + 1)
     return areas, windows
+
+
+def mark_foreign(view: SceneView, nearest: Depth, nearest_new: Depth) -> Mask:
+    """Pixels (H, W) of other people and things, given their points in the frame before, `view.foreign`.
+
+    nearest: distances (H, W) from the nearest body. nearest_new: the same of the bodies that were detected a
+    short time ago, whose limbs may not be where they should.
+    """
+    foreign = mark_apart(view, nearest)
+    if len(view.foreign):
+        points = view.foreign.astype(np.float64)
+        distances = measure_distances(view, points) + view.settings.segmentation.cell_m
+        foreign |= (view.marks == FOREGROUND) & (distances < nearest) & np.isinf(nearest_new)
+    return foreign
+
+
+def points_beside(view: SceneView, foreign: Mask, surfaces: Sequence[Array]) -> Points:
+    """Some of the foreign points (N, 3) around the surfaces (V, 3) of bodies, camera frame, metres."""
+    if not surfaces or not foreign.any():
+        return NOBODY
+    limits, surface = view.settings.segmentation, np.concatenate(surfaces)
+    points = points_of(view.depth, view.camera, foreign)
+    low, high = surface.min(axis=0) - limits.beside_m, surface.max(axis=0) + limits.beside_m
+    points = points[np.all((points > low) & (points < high), axis=1)]
+    return points[:: 1 + len(points) // limits.beside_points].astype(np.float32)
+
+
+def mark_apart(view: SceneView, nearest: Depth) -> Mask:
+    """Pixels (H, W) of other people and things beside bodies, from the distances to the nearest body.
+
+    They are connected components of the foreground that are farther than `near_m` from every body, come
+    within `reach_m` of a body, extend beyond that distance, and are too large to be a limb.
+    """
+    limits = view.settings.segmentation
+    min_area = limits.min_person_m2 * view.camera.fx * view.camera.fy
+    free = view.marks == FOREGROUND
+    return grow_apart(
+        view.depth, free, nearest, view.noise, limits.near_m, reach_of(limits), limits.step_m, min_area
+    )
+
+
+@numba.njit(cache=True, nogil=True)
+def grow_apart(
+    depth: Depth,
+    free: Mask,
+    distances: Depth,
+    noise: DepthNoise,
+    near_m: float,
+    reach_m: float,
+    step_m: float,
+    min_area: float,
+) -> Mask:
+    """Pixels (H, W) as in `mark_apart`; `min_area` is in pixels times z^2."""
+    rows, columns = depth.shape
+    apart = np.zeros(depth.shape, dtype=np.bool_)
+    grown = np.empty(rows * columns, dtype=np.int64)
+    nearby, unused = distances.ravel(), free.ravel()
+    for start in range(rows * columns):
+        if not unused[start] or nearby[start] <= near_m or nearby[start] > reach_m:
+            continue
+        grown[0], count, place, area, beyond = start, 1, 0, 0.0, False
+        unused[start] = False
+        while place < count:
+            row, column = grown[place] // columns, grown[place] % columns
+            place += 1
+            z = depth[row, column]
+            area += z * z
+            beyond |= distances[row, column] > reach_m
+            step = step_m + margin_at(z, noise)
+            for k in range(4):
+                r, c = row + (k == 1) - (k == 0), column + (k == 3) - (k == 2)
+                if not (0 <= r < rows and 0 <= c < columns) or not free[r, c]:
+                    continue
+                if distances[r, c] > near_m and abs(depth[r, c] - z) < step:
+                    free[r, c] = False
+                    grown[count] = r * columns + c
+                    count += 1
+        if beyond and area >= min_area:
+            for k in range(count):
+                apart[grown[k] // columns, grown[k] % columns] = True
+    return apart

@@ -18,8 +18,8 @@ from gepf.common.errors import ProtocolError
 from gepf.common.frame import Frame, View
 from gepf.common.protocol.frames import decode_colour, decode_live
 from gepf.common.recent import FRAMES_KEPT, put_recent
+from gepf.coordinator.notices import NOTICE_S
 from gepf.coordinator.sources.live_stream import LIMITS, ORDER, LiveCamera, LiveStream
-from gepf.coordinator.stopwatch import NOTICE_S
 
 COUNTED = ("received", "skipped", "rejected", "malformed")
 """Received frames are tracked, skipped because a newer one came, or rejected if they do not fit the stream.

@@ -77,9 +77,9 @@ class Assignment:
             return {}
         undetected = [target for target in self._targets if not isinstance(target.track, Body)]
         searched = [
-            nearest(self._free, middle_of(target.search.person.subject))
+            nearest(self._free, middle_of(person.subject))
             for target in undetected
-            if target.search.person is not None
+            if (person := target.searched_person) is not None
         ]
         possible = confirmed_or_all([candidate for candidate in self._free if candidate not in searched])
         frame = self._segmented.frame
@@ -117,8 +117,8 @@ class Assignment:
             search = target.track.searches - (not is_due)
         rounds, turn = divmod(search, count)
         chosen = possible[turn]
-        if target.search.person is not None:
-            chosen = nearest(self._free, middle_of(target.search.person.subject)) or chosen
+        if (person := target.searched_person) is not None:
+            chosen = nearest(self._free, middle_of(person.subject)) or chosen
         self._free.remove(chosen)
         views = chosen.subject.views
         by_camera = [UntrackedPerson(replace(chosen.subject, views=(view,))) for view in views]

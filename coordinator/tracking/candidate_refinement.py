@@ -24,13 +24,13 @@ from gepf.coordinator.bodies.tracked import coarsen
 from gepf.coordinator.filters.exploration import layout_of
 from gepf.coordinator.filters.priors import pose_prior
 from gepf.coordinator.settings import SearchSettings, Settings
-from gepf.coordinator.tracking.field_of_view import TOP, in_view, truncated_sides, unseen_dofs
-from gepf.coordinator.tracking.gating import Gate, gate_pose
-from gepf.coordinator.tracking.observation import camera_points, thin
+from gepf.coordinator.tracking.judgement import Gate, gate_pose
+from gepf.coordinator.tracking.observation import camera_points, in_view, thin, unseen_dofs
 from gepf.coordinator.tracking.pose_candidates import PoseCandidates, candidates_of, ordered
 from gepf.coordinator.tracking.pose_library import look_straight
 from gepf.coordinator.tracking.refiner import Pending, Refiner, Requests, with_closest_points, with_iterations
 from gepf.coordinator.tracking.state import Start
+from gepf.coordinator.tracking.truncation import TOP, truncated_sides
 
 
 class Effort(NamedTuple):

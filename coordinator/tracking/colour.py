@@ -31,7 +31,7 @@ from gepf.coordinator.tracking.track_state import ROUNDING_S
 
 
 class ColourWatch:
-    """Looks at the people in each frame. Without a finder, or without colour, it sees nobody.
+    """Looks at the people in each frame with colour. Without a finder, it sees nobody.
 
     While live frames are late, it looks at colour only every `late_look_s` seconds, and counts the frames
     left out.
@@ -44,7 +44,7 @@ class ColourWatch:
     def begin(self, frame: Frame, bodies: Sequence[ExpectedBody | None], *, is_late: bool) -> Look | None:
         """Begin to look for people around the expected bodies; None if the frame is not looked at."""
         finder, settings = self._finder, self._settings
-        if finder is None or all(view.colours is None for view in frame.views):
+        if finder is None:
             return None
         if any(bodies) and is_late and frame.time_s < self._looked_s + settings.late_look_s - ROUNDING_S:
             finder.left_out += 1
@@ -72,6 +72,18 @@ class Look:
             else None
             for body, own, usable in zip(bodies, keypoints, is_usable, strict=True)
         ]
+
+    def sight(
+        self,
+        segmented: SegmentedFrame,
+        steps: Sequence[Array | None],
+        interval_s: float,
+        *,
+        finds_candidates: bool,
+    ) -> Sight:
+        """What the segmented frame shows: people, and candidates if somebody is searched for."""
+        people = self.people.result()
+        return Sight(people, self.candidates(segmented, interval_s) if finds_candidates else {}, steps)
 
     def candidates(self, segmented: SegmentedFrame, interval_s: float) -> dict[int, Keypoints]:
         """The keypoints of some candidates, by the candidate's index.
@@ -102,7 +114,7 @@ class Sight:
 
     @classmethod
     def of_nobody(cls, count: int) -> Sight:
-        """The sight of a frame without colour, for this number of people."""
+        """The sight of a frame that is not looked at, for this number of people."""
         return cls(PeopleInColour([{}] * count, [()] * count), {}, [None] * count)
 
 

@@ -29,9 +29,14 @@ from gepf.coordinator.scene.noise import SensorNoise, assume_noise
 from gepf.coordinator.scene.planes import Planes
 from gepf.coordinator.settings import Settings, preset
 from gepf.coordinator.tracking.candidate_refinement import CandidateStages, Query, Search, Shape
-from gepf.coordinator.tracking.field_of_view import in_view
-from gepf.coordinator.tracking.gating import gate_pose
-from gepf.coordinator.tracking.observation import camera_points, middle_of, observed_points, without_flat
+from gepf.coordinator.tracking.judgement import gate_pose, max_distance_m
+from gepf.coordinator.tracking.observation import (
+    camera_points,
+    in_view,
+    middle_of,
+    observed_points,
+    without_flat,
+)
 from gepf.coordinator.tracking.pose_candidates import Detection, PoseCandidates, candidates_of, ordered
 from gepf.coordinator.tracking.pose_library import PoseLibrary, displaced, library_of, upright_rolls
 from gepf.coordinator.tracking.refiner import Refiner, with_iterations
@@ -242,7 +247,7 @@ class Detector:
 
     def _gain(self, query: Query, candidates: PoseCandidates) -> float:
         """Log-likelihood of a subject's pixels with the best candidate, minus that at the gate's limit."""
-        allowed_m = self._settings.gating.max_distance_m(query.settings)
+        allowed_m = max_distance_m(query.settings, self._settings.gating)
         log_likelihood_at_gate = -0.5 * (allowed_m / query.settings.likelihood_scale) ** 2
         log_likelihood = float(candidates.log_posterior[0] - candidates.log_prior[0])
         return query.subject.pixels * (log_likelihood - log_likelihood_at_gate)

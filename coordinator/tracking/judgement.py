@@ -1,8 +1,9 @@
-"""How certain the joints of the reported pose in a frame are, and whether one of them is in doubt."""
+"""Judges a pose in a frame: whether it is accepted, how certain its joints are, and which are in doubt."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -10,12 +11,12 @@ from gepf.common.arrays import Array, Mask
 from gepf.common.body import BodyModel
 from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions, retract
+from gepf.common.settings import SOFT_NOISE_RATIO, RefineSettings
 from gepf.coordinator.colour.matching import ExpectedBody
 from gepf.coordinator.filters.belief import Belief
 from gepf.coordinator.filters.priors import weak_precisions
-from gepf.coordinator.settings import CertaintySettings, Settings
+from gepf.coordinator.settings import CertaintySettings, GatingSettings, Settings
 from gepf.coordinator.tracking.certainty import (
-    Features,
     FrameContext,
     judge,
     measure_features,
@@ -24,8 +25,44 @@ from gepf.coordinator.tracking.certainty import (
     shown_in_colour,
 )
 from gepf.coordinator.tracking.estimate import Certainty
-from gepf.coordinator.tracking.field_of_view import in_view
-from gepf.coordinator.tracking.state import Start
+from gepf.coordinator.tracking.observation import in_view
+
+
+@dataclass(frozen=True, slots=True)
+class Gate:
+    """The normalised residual of a pose, accepted if at most 1. `why` is the main reason against it."""
+
+    normalised_residual: float
+    why: str = ""
+
+    @property
+    def passes(self) -> bool:
+        """Whether the pose is accepted."""
+        return self.normalised_residual <= 1.0
+
+    def rejected_for(self, why: str) -> Self:
+        """The gate of a pose that is ruled out for another reason; unchanged if `why` is empty."""
+        return type(self)(np.inf, self.why or why) if why else self
+
+
+def gate_pose(
+    log_likelihood: float, residual: float, settings: RefineSettings, limits: GatingSettings
+) -> Gate:
+    """The gate of a pose with this log likelihood and mean residual (metres), at the camera's noise."""
+    misfit = 0.0
+    # with far more noise in depth than across, the cost does not tell surface in empty space from noise
+    if settings.noise_depth <= SOFT_NOISE_RATIO * settings.noise_lateral:
+        cost = np.sqrt(max(0.0, -2.0 * log_likelihood)) * settings.likelihood_scale
+        misfit = float(cost / np.hypot(limits.max_misfit_m, settings.noise_lateral))
+    normalised = max(float(residual) / max_distance_m(settings, limits), misfit)
+    if not normalised <= 1.0:
+        return Gate(normalised if normalised > 1.0 else np.inf, "the body does not fit the observed points")
+    return Gate(normalised)
+
+
+def max_distance_m(settings: RefineSettings, limits: GatingSettings) -> float:
+    """The largest mean distance of observed points from a body that is accepted, metres."""
+    return limits.max_residual_m + settings.noise_depth
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,17 +82,18 @@ class Judgement:
 
 
 def judge_pose(
-    start: Start,
+    model: BodyModel,
     belief: Belief,
     normalised_residual: float,
     context: FrameContext,
     all_settings: Settings,
     *,
+    is_exact: bool,
     is_new: bool,
     has_fault: bool,
 ) -> Judgement:
-    """Judge a belief in a frame; `is_new` and `has_fault` are those of `doubted_joints`."""
-    model, pose, settings = start.model, belief.reported, all_settings.certainty
+    """Judge a belief in a frame; `is_exact` is as of the family, the others are as of `doubted_joints`."""
+    pose, settings = belief.reported, all_settings.certainty
     poses, weights = belief.poses[: settings.max_hypotheses], belief.weights[: settings.max_hypotheses]
     joints = joint_positions(model, np.concatenate([pose[None], poses]))
     in_sight = in_view(context.subject, joints[0])
@@ -63,7 +101,11 @@ def judge_pose(
     features = measure_features(model, pose, joints, weights, context, normalised_residual, seen_by, settings)
     farthest = all_settings.colour.same_person_deviations
     shown = shown_in_colour(ExpectedBody(model, pose), context.subject, farthest)
-    certainty = certainty_of(start, belief, features, in_sight, shown, settings)
+    certainty = judge(features, settings, in_sight, shown)
+    if belief.posterior.size and is_exact:
+        deviation = deviations_of_exact_body(model, pose, belief.posterior, settings.information)
+        certainty = replace(certainty, deviation=deviation)
+    certainty = replace(certainty, off_probability=certainty.off_probability * movable_joints(model))
     rivals = has_rival(weights, joints[1:, in_sight], joints[0, in_sight], settings)
     doubted = in_sight & doubted_joints(certainty, settings, is_new=is_new, has_fault=has_fault)
     shares = {view.image.camera: seen for view, seen in zip(context.subject.views, seen_by, strict=True)}
@@ -92,27 +134,6 @@ def has_rival(weights: Array, joints: Array, reported: Array, settings: Certaint
     """
     apart = np.linalg.norm(joints[weights > settings.rival_share * weights[0]] - reported, axis=-1)
     return bool(np.any(apart > settings.wrong_m))
-
-
-def certainty_of(
-    start: Start,
-    belief: Belief,
-    features: Features,
-    in_sight: Mask,
-    shown: Array,
-    settings: CertaintySettings,
-) -> Certainty:
-    """The certainty of each joint of the reported pose.
-
-    `in_sight` (J,): joints in view; `shown` (J,): how well colour confirms them.
-    """
-    certainty = judge(features, settings, in_sight, shown)
-    if belief.posterior.size and start.family.is_exact:
-        deviation = deviations_of_exact_body(
-            start.model, belief.reported, belief.posterior, settings.information
-        )
-        certainty = replace(certainty, deviation=deviation)
-    return replace(certainty, off_probability=certainty.off_probability * movable_joints(start.model))
 
 
 def deviations_of_exact_body(model: BodyModel, pose: Array, covariance: Array, information: float) -> Array:

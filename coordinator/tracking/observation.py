@@ -1,16 +1,24 @@
-"""The subject's pixels of a depth frame, and its observed points (Grest and Krueger, 2007, section 6)."""
+"""What a frame shows of a subject: pixels, observed points (Grest and Krueger, 2007, section 6), and joints.
+
+A person may be truncated by the border of the image, or by a table in front of them. What is not in view is
+not evidence, either for a pose or against it.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gepf.common.arrays import Array, Mask
-from gepf.common.frame import SUBJECT, UNKNOWN, Frame, SubjectFrame, SubjectView, View
+from gepf.common.body import BodyModel
+from gepf.common.camera import pixels_at
+from gepf.common.frame import HIDDEN, SUBJECT, UNKNOWN, Frame, SubjectFrame, SubjectView, View
+from gepf.common.kinematics import joint_positions
 from gepf.coordinator.filters.belief import USUAL_INTERVAL, Observation
 from gepf.coordinator.scene.flatness import find_flat
 from gepf.coordinator.scene.noise import fit_noise
@@ -141,6 +149,46 @@ def observed_points(subject: SubjectFrame, max_points: int | None = None) -> Arr
 def middle_of(subject: SubjectFrame) -> Array:
     """Median (3,) of a part of the observed points, metres."""
     return np.asarray(np.median(observed_points(subject, SAMPLED_POINTS), axis=0))
+
+
+def in_view(subject: SubjectFrame, points: Array) -> Mask:
+    """Which points (..., 3), metres in the rig frame, are in the field of view of at least one camera."""
+    flat = points.reshape(-1, 3)
+    shown = [shows(view, view.image.to_camera(flat)) for view in subject.views]
+    return np.asarray(np.any(shown, axis=0)).reshape(points.shape[:-1])
+
+
+def shows(view: SubjectView, points: Array) -> Mask:
+    """Which points (N, 3) of a camera's frame are in its image and not behind something nearer."""
+    shown = np.zeros(len(points), dtype=np.bool_)
+    ahead = np.flatnonzero(points[:, 2] > 0.0)
+    row, column, inside = pixels_at(points[ahead], view.image.intrinsics)
+    left, top, right, bottom = view.extent
+    free = (left <= column) & (column < right) & (top <= row) & (row < bottom)
+    if view.kinds is not None:
+        free[inside] &= view.kinds[row[inside], column[inside]] != HIDDEN
+    shown[ahead] = free
+    return shown
+
+
+@lru_cache(maxsize=16)
+def moved_joints(model: BodyModel) -> Mask:
+    """Which joints (D, J) each degree of freedom moves; the last joint of its chain if it moves none."""
+    count = len(model.dof_names)
+    bent = np.full(count, 0.3)  # a straight limb hides that a twist moves its end
+    off = joint_positions(model, bent + 0.1 * np.eye(count)) - joint_positions(model, bent[None])
+    moves = np.linalg.norm(off, axis=-1) > 1e-9
+    for dof in range(count):
+        above = dof
+        while not moves[dof].any() and above >= 0:
+            moves[dof] = model.link_dofs[model.joint_links] == above
+            above = int(model.parents[above])
+    return np.asarray(moves)
+
+
+def unseen_dofs(model: BodyModel, seen: Mask) -> Mask:
+    """Which degrees of freedom (D,) move only joints that are out of view; `seen` (J,) are in view."""
+    return np.asarray(~(moved_joints(model) & seen).any(axis=1))
 
 
 def thin(subject: SubjectFrame, points: int) -> SubjectFrame:

@@ -100,7 +100,7 @@ class Live:
         if self._upcoming.is_ahead:
             return
         self._waited = self._frames.is_ready
-        while any(target.search.is_running for target in targets):
+        while any(target.is_searching for target in targets):
             is_needed = any(target.needs_frame for target in targets)
             if not advance_search(targets, wait=not is_needed):
                 self._frames.wait(POLL_S)
@@ -111,4 +111,4 @@ class Live:
 def advance_search(targets: Sequence[TargetTracker], *, wait: bool) -> bool:
     """Advance one search by a stage, preferably for a person who is not tracked; False if none advanced."""
     by_need = sorted(targets, key=lambda target: target.is_tracked)
-    return any(target.search.advance(wait=wait) for target in by_need)
+    return any(target.search.advance(wait=wait) for target in by_need if target.search is not None)

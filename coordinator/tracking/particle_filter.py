@@ -16,17 +16,17 @@ from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import difference, joint_positions, natural_angles
 from gepf.common.refinement import Particles
 from gepf.common.settings import RefineSettings
+from gepf.coordinator.bodies.family import BodyFamily
 from gepf.coordinator.filters.belief import USUAL_INTERVAL, Belief, Proposal
 from gepf.coordinator.filters.methods import METHODS, initial_belief
 from gepf.coordinator.filters.priors import frame_share, pose_prior, updated_precision
 from gepf.coordinator.settings import Settings
 from gepf.coordinator.sources.joint_states import JointStates
-from gepf.coordinator.stopwatch import Stopwatch
 from gepf.coordinator.tracking.certainty import FrameContext
-from gepf.coordinator.tracking.field_of_view import in_view, unseen_dofs
-from gepf.coordinator.tracking.observation import filter_observation
-from gepf.coordinator.tracking.pose_candidates import Detection, PoseCandidates, log_pose_prior
+from gepf.coordinator.tracking.observation import filter_observation, in_view, unseen_dofs
+from gepf.coordinator.tracking.pose_candidates import Detection, PoseCandidates
 from gepf.coordinator.tracking.refiner import Pending, Refiner, with_iterations
+from gepf.coordinator.tracking.reporting import Stopwatch
 from gepf.coordinator.tracking.segmenter import BodyView
 
 if TYPE_CHECKING:  # it loads the bus
@@ -61,8 +61,10 @@ class SubmittedPerson:
 class ParticleFilter:
     """Steps 2 to 7 of Grest and Krueger (2007) for one body, with the method that the settings select."""
 
-    def __init__(self, refiner: Refiner, settings: Settings, motion: Encoders | None) -> None:
-        self._refiner, self._settings, self._motion = refiner, settings, motion
+    def __init__(
+        self, refiner: Refiner, settings: Settings, family: BodyFamily, motion: Encoders | None
+    ) -> None:
+        self._refiner, self._settings, self._family, self._motion = refiner, settings, family, motion
         self._method = METHODS[settings.method]
         self.rng = np.random.default_rng(settings.seed)
 
@@ -178,7 +180,7 @@ class ParticleFilter:
             refined = submitted.pending.result()
         with submitted.clock.stage("merge"):
             poses = natural_angles(model, refined.poses)
-            log_prior = partial(log_pose_prior, model, submitted.settings)
+            log_prior = partial(self._family.log_pose_prior, model, submitted.settings)
             likely = refined.log_likelihood + log_prior(poses)
             refined = replace(refined, poses=poses, log_likelihood=likely)
             proposal = replace(submitted.proposal, log_prior=log_prior)

@@ -15,9 +15,8 @@ from gepf.common.refinement import Refined
 from gepf.common.settings import RefineSettings
 from gepf.coordinator.bodies.families import family_of
 from gepf.coordinator.colour.matching import ExpectedBody, keypoint_cost
-from gepf.coordinator.filters.priors import has_joint_prior
-from gepf.coordinator.tracking.field_of_view import in_view
-from gepf.coordinator.tracking.gating import Gate
+from gepf.coordinator.tracking.judgement import Gate
+from gepf.coordinator.tracking.observation import in_view
 from gepf.coordinator.tracking.state import Start
 
 
@@ -92,24 +91,6 @@ class Detection:
         return self.candidates.depth_log_likelihood(self.start.model, self.subject)
 
 
-def log_pose_prior(model: BodyModel, settings: RefineSettings, poses: Array) -> Array:
-    """Log density (N,) that the family of bodies assigns to poses (N, D), up to a constant.
-
-    The refinement does not include it. It is 0 without a prior of joint angles.
-    """
-    return (
-        family_of(model).log_pose_prior(model, poses) if has_joint_prior(settings) else np.zeros(len(poses))
-    )
-
-
-def depth_log_likelihood_of(
-    log_posterior: float, model: BodyModel, pose: Array, subject: SubjectFrame, settings: RefineSettings
-) -> float:
-    """The log likelihood of a tracked pose (D,) from depth alone, without keypoints and family prior."""
-    prior = log_pose_prior(model, settings, pose[None])[0]
-    return float(log_posterior - prior) + keypoint_cost(ExpectedBody(model, pose), subject)
-
-
 def candidates_of(
     model: BodyModel,
     refined: Refined,
@@ -123,10 +104,11 @@ def candidates_of(
     The prior of shapes counts only until the shape is known.
     """
     after = natural_angles(model, refined.poses)
-    joints, prior = joint_positions(model, after), log_pose_prior(model, settings, after)
+    family, joints = family_of(model), joint_positions(model, after)
+    prior = family.log_pose_prior(model, settings, after)
     if model.shape_count and not knows_shape:
         seen = in_view(subject, joints)
-        prior += family_of(model).log_shape_prior(model.joint_names, after[:, : model.shape_count], seen)
+        prior += family.log_shape_prior(model.joint_names, after[:, : model.shape_count], seen)
     return PoseCandidates(after, refined.log_likelihood + prior, prior, refined.residual, joints)
 
 

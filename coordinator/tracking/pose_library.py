@@ -32,7 +32,8 @@ from gepf.coordinator.tracking.descriptor import (
     move_middle,
     splat,
 )
-from gepf.coordinator.tracking.field_of_view import shows, truncated_sides
+from gepf.coordinator.tracking.observation import shows
+from gepf.coordinator.tracking.truncation import truncated_sides
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -13,7 +15,6 @@ from gepf.common.frame import Frame, SubjectFrame
 from gepf.common.kinematics import joint_positions
 from gepf.coordinator.colour.matching import in_image
 from gepf.coordinator.settings import Settings
-from gepf.coordinator.stopwatch import Stopwatch
 from gepf.coordinator.tracking.cameras import CameraStates, faults_of
 from gepf.coordinator.tracking.certainty import unknown_certainty
 from gepf.coordinator.tracking.estimate import POSE_UNKNOWN, Certainty, Estimate, Status, doubtful_joints_text
@@ -28,6 +29,22 @@ from gepf.coordinator.tracking.track_state import (
     TrackedBefore,
     TrackState,
 )
+
+
+class Stopwatch:
+    """Seconds by stage of one frame: the time that the coordinator works on it or waits for it."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Add the time of a `with` block to a stage."""
+        began = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - began
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,6 +101,8 @@ def report(updated: UpdatedPerson, cameras: CameraStates, settings: Settings) ->
         elif isinstance(track, Searching):
             doubt = Doubt(track.why)
         status = status_of(track, is_ambiguous=doubt.is_ambiguous)
+    subject = None if judgement is None else judgement.subject
+    keypoints = in_image(subject) if subject is not None and subject.has_keypoints else {}
     estimate = Estimate(
         frame=updated.frame.number,
         time_s=updated.frame.time_s,
@@ -98,10 +117,10 @@ def report(updated: UpdatedPerson, cameras: CameraStates, settings: Settings) ->
         stage_seconds=updated.clock.seconds,
         seen_by={} if judgement is None else judgement.seen_by,
         faults=faults_of(cameras, updated.frame.time_s, confirmed_s),
-        keypoints={} if judgement is None else in_image(judgement.subject),
+        keypoints=keypoints,
         certainty=unknown_certainty(len(joints)) if status in POSE_UNKNOWN else certainty,
     )
-    return TrackedPerson(estimate, updated.state, None if judgement is None else judgement.subject)
+    return TrackedPerson(estimate, updated.state, subject)
 
 
 def doubt_of(

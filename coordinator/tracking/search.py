@@ -9,7 +9,7 @@ from gepf.coordinator.tracking.segmenter import UntrackedPerson
 
 
 class BodySearch:
-    """At most one search for a body: running, or ended with a result that is not yet taken.
+    """A search for a body: running, or ended with a result that is not yet taken.
 
     If a recorded frame begins a search, the same frame waits for it and takes its result
     (`TargetTracker.submit`). The search of a live frame advances while the workers refine
@@ -18,47 +18,31 @@ class BodySearch:
     (`TargetTracker.take_search`), or else when a later frame is submitted.
     """
 
-    def __init__(self) -> None:
-        self.person: UntrackedPerson | None = None  # what is searched, if the body may be anywhere
-        self._stages: Search[Detection] | None = None  # None if no search is running
+    def __init__(self, stages: Search[Detection], person: UntrackedPerson | None) -> None:
+        self.person = person  # what is searched, if the body may be anywhere
+        self.detection: Detection | None = None  # the result
+        self._stages: Search[Detection] | None = stages  # None if the search has ended
         self._sent: Requests = ()  # the requests of the present stage
-        self._detection: Detection | None = None
-
-    def begin(self, stages: Search[Detection], person: UntrackedPerson | None) -> None:
-        """Begin another search; `person` is what is searched, if the body may be anywhere."""
-        self.person, self._stages, self._sent, self._detection = person, stages, (), None
 
     @property
     def is_running(self) -> bool:
-        """Whether a search is under way."""
+        """Whether the search is under way."""
         return self._stages is not None
 
     def advance(self, *, wait: bool = True) -> bool:
         """Take the results of a stage and send the next one.
 
-        Returns False if no search is running or, without `wait`, if the workers have not finished the stage.
+        Returns False if the search has ended or, without `wait`, if the workers have not finished the stage.
         """
         if self._stages is None or not (wait or all(request.poll() for request in self._sent)):
             return False
         try:
             self._sent = next(self._stages)
         except StopIteration as end:
-            self._stages, self._detection = None, end.value
+            self._stages, self.detection = None, end.value
         return True
 
     def finish(self) -> None:
-        """Wait for the end of the search, if there is one."""
+        """Wait for the end of the search."""
         while self.advance():
             pass
-
-    def take(self) -> Detection | None:
-        """What was detected; None if no search has ended."""
-        detection = self._detection
-        if detection is not None:
-            self.drop()
-        return detection
-
-    def drop(self) -> None:
-        """Give up the search, if there is one."""
-        self.person = self._stages = self._detection = None
-        self._sent = ()

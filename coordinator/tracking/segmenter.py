@@ -15,15 +15,17 @@ from gepf.common.frame import Frame, SubjectFrame, View
 from gepf.coordinator.colour.matching import Keypoints, with_keypoints
 from gepf.coordinator.scene.candidates import Candidate, candidates, has_moved
 from gepf.coordinator.scene.duplicates import evidence_of, find_duplicates
-from gepf.coordinator.scene.foreign import Points, mark_foreign, points_beside
 from gepf.coordinator.scene.planes import Planes
 from gepf.coordinator.scene.scene import NOBODY, Depth, Scene, SceneChange, SceneChanges, SceneView
 from gepf.coordinator.scene.scope import Scope
 from gepf.coordinator.scene.segmentation import (
+    Points,
     Segmentation,
     is_missing,
+    mark_foreign,
     measure_distances,
     nearest_of,
+    points_beside,
     segment_body,
     segment_masks,
 )
@@ -107,7 +109,7 @@ class UntrackedPerson:
     @property
     def is_confirmed(self) -> bool:
         """Whether colour confirms the person."""
-        return any(view.keypoints is not None for view in self.subject.views)
+        return self.subject.has_keypoints
 
     def with_keypoints(self, keypoints: Keypoints) -> UntrackedPerson:
         """The person with the keypoints that colour shows."""

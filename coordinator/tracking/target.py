@@ -22,25 +22,23 @@ from gepf.common.kinematics import joint_positions, pose_vertices
 from gepf.common.settings import RefineSettings
 from gepf.coordinator.bodies.family import Bodies, BodyFamily
 from gepf.coordinator.colour.clothes import clothes_in
-from gepf.coordinator.colour.matching import ExpectedBody, match_sides
+from gepf.coordinator.colour.matching import NO_MATCH, ExpectedBody, keypoint_cost, match_sides
 from gepf.coordinator.filters.belief import USUAL_INTERVAL, Belief
 from gepf.coordinator.filters.methods import apply_method
 from gepf.coordinator.scene.noise import NO_NOISE, SensorNoise, assume_noise, measure_noise
 from gepf.coordinator.settings import Settings
-from gepf.coordinator.stopwatch import Stopwatch
 from gepf.coordinator.tracking.cameras import CameraStates, camera_residuals, faults_of
 from gepf.coordinator.tracking.certainty import FrameContext
 from gepf.coordinator.tracking.detector import Detector, move_root
-from gepf.coordinator.tracking.gating import Gate, gate_pose
-from gepf.coordinator.tracking.judgement import judge_pose
+from gepf.coordinator.tracking.judgement import Gate, gate_pose, judge_pose, max_distance_m
 from gepf.coordinator.tracking.observation import SAMPLED_POINTS, camera_points, middle_of
 from gepf.coordinator.tracking.particle_filter import Encoders, FrameBudget, ParticleFilter, SubmittedPerson
-from gepf.coordinator.tracking.pose_candidates import Detection, depth_log_likelihood_of
+from gepf.coordinator.tracking.pose_candidates import Detection
 from gepf.coordinator.tracking.refiner import Refiner
-from gepf.coordinator.tracking.reporting import UpdatedPerson
+from gepf.coordinator.tracking.reporting import Stopwatch, UpdatedPerson
 from gepf.coordinator.tracking.returning import LostBody
 from gepf.coordinator.tracking.search import BodySearch
-from gepf.coordinator.tracking.segmenter import BodyView, DetectedBody, UntrackedPerson
+from gepf.coordinator.tracking.segmenter import BodyView, DetectedBody, ExpectedSurface, UntrackedPerson
 from gepf.coordinator.tracking.state import Checkpoint, PersonState
 from gepf.coordinator.tracking.track_state import (
     Body,
@@ -90,10 +88,11 @@ class TargetTracker:
     ) -> None:
         self._refiner = refiner
         self._settings = settings = resolve(settings, bodies.family)
-        self._filter = ParticleFilter(refiner, settings, motion)
+        self._family = bodies.family
+        self._filter = ParticleFilter(refiner, settings, bodies.family, motion)
         self._filter.rng.bit_generator.state = json.loads(state.checkpoint.generator)
         self._detector = Detector(bodies, refiner, settings)
-        self.search = BodySearch()
+        self.search: BodySearch | None = None
         self.start, self.track = state.start, state.track
         self._detected: DetectedBody | None = None
 
@@ -136,11 +135,17 @@ class TargetTracker:
         vertices = np.asarray(pose_vertices(self.model, pose[None])[0])
         return vertices if step_m is None else vertices + step_m
 
-    @property
-    def points_factor(self) -> float:
-        """`soft_points_factor` if the noise measured at the start is heavy, otherwise 1."""
-        is_soft = self._settings_at(self.start.noise.distance).is_soft
-        return self._settings.soft_points_factor if is_soft else 1.0
+    def expected_surface(self, step_m: Array | None = None) -> ExpectedSurface:
+        """Where the body is expected in the next frame; `step_m` is that of `segmentation_surface`."""
+        expected, settings = self.next_segmentation, self._settings
+        is_soft = self._settings_at(self.start.noise.distance).is_soft  # noise at the start is heavy
+        return ExpectedSurface(
+            self.segmentation_surface(step_m),
+            expected.excluded,
+            expected.is_new,
+            settings.soft_points_factor if is_soft else 1.0,
+            expected.followed_s,
+        )
 
     @property
     def expected_body(self) -> ExpectedBody | None:
@@ -193,7 +198,7 @@ class TargetTracker:
 
     def lost_body(self, time_s: float) -> LostBody:
         """A lost body: where it was, or is searched for, and for how long it has not been seen."""
-        track, searched = self.track, self.search.person
+        track, searched = self.track, self.searched_person
         assert isinstance(track, Body)
         if searched is not None:
             place, unseen_s = middle_of(searched.subject), time_s - searched.subject.time_s
@@ -210,7 +215,7 @@ class TargetTracker:
     @property
     def needs_frame(self) -> bool:
         """Whether the body needs the next frame now: it is tracked, or lost and no search is under way."""
-        return self.is_tracked or (isinstance(self.track, Body) and not self.search.is_running)
+        return self.is_tracked or (isinstance(self.track, Body) and not self.is_searching)
 
     @property
     def needs_candidates(self) -> bool:
@@ -218,13 +223,28 @@ class TargetTracker:
 
         A known body may be anywhere in it, or an unknown one has no search under way.
         """
-        return self.track.may_be_anywhere if isinstance(self.track, Body) else not self.search.is_running
+        return self.track.may_be_anywhere if isinstance(self.track, Body) else not self.is_searching
+
+    @property
+    def is_searching(self) -> bool:
+        """Whether a search for the body is under way."""
+        return self.search is not None and self.search.is_running
+
+    @property
+    def searched_person(self) -> UntrackedPerson | None:
+        """The person who is searched for the body, if it may be anywhere; None without a search."""
+        return None if self.search is None else self.search.person
 
     def is_search_due(self, time_s: float) -> bool:
         """Whether the next search for an unknown body may begin in a frame at this time."""
-        if self.search.is_running or isinstance(self.track, Body):
+        if self.is_searching or isinstance(self.track, Body):
             return False
         return not isinstance(self.track, Searching) or self.track.is_due(time_s, self._settings.track)
+
+    @property
+    def has_searched_in_vain(self) -> bool:
+        """Whether many searches have not detected the body."""
+        return isinstance(self.track, Searching) and self.track.searches > self._settings.track.max_searches
 
     @property
     def may_be_anywhere(self) -> bool:
@@ -253,7 +273,7 @@ class TargetTracker:
 
     def end(self) -> None:
         """Give up a search under way."""
-        self.search.drop()
+        self.search = None
         self._step(SearchGivenUp())
 
     def take_detected(self) -> DetectedBody | None:
@@ -296,17 +316,18 @@ class TargetTracker:
             faulty = tuple(faults_of(cameras, submitted.view.frame.time_s, confirmed_s))
             event, context = self._assess(belief, submitted, faulty), submitted.context
             judgement = judge_pose(
-                self.start,
+                self.model,
                 event.belief,
                 event.gate.normalised_residual,
                 context,
                 self._settings,
+                is_exact=self._family.is_exact,
                 is_new=self._is_new,
                 has_fault=any(state.fault for state in cameras.values()),
             )
             todo = self._step(replace(event, is_doubtful=judgement.is_doubtful))
             if "stop searching" in todo:
-                self.search.drop()
+                self.search = None
         count, clock = submitted.particle_count, submitted.clock
         return UpdatedPerson(submitted.view.frame, self.state, count, judgement, clock)
 
@@ -392,8 +413,8 @@ class TargetTracker:
         if "search" in todo:
             noise = self._measure_noise(subject)
             stages = self._detector.detect(subject, noise, view.planes, view.alternatives)
-            self.search.begin(stages, UntrackedPerson(subject, view.alternatives))
-        if wait:
+            self.search = BodySearch(stages, UntrackedPerson(subject, view.alternatives))
+        if wait and self.search is not None:
             self.search.finish()
         self.take_search()
         if self._detected is None:
@@ -408,7 +429,7 @@ class TargetTracker:
         The result is refined in this frame, to be compared with the track.
         """
         if "stop searching" in todo:
-            self.search.drop()
+            self.search = None
         if subject is None:
             return None
         if "search" in todo:
@@ -417,19 +438,25 @@ class TargetTracker:
             stages = self._detector.redetect(
                 subject, self.start, settings, belief.reported, belief.shape_precision, lost=lost
             )
-            self.search.begin(stages, UntrackedPerson(subject) if lost else None)
-        if wait:
+            self.search = BodySearch(stages, UntrackedPerson(subject) if lost else None)
+        if wait and self.search is not None:
             self.search.finish()
-        detection = self.search.take()
+        detection = self._take_detection()
         if detection is None:
             return None
         self._step(SearchEnded())
         return self._detector.transfer(detection, subject, settings)
 
+    def _take_detection(self) -> Detection | None:
+        """The result of a search that has ended, which is then forgotten; None if there is none."""
+        detection = None if self.search is None else self.search.detection
+        if detection is not None:
+            self.search = None
+        return detection
+
     def _end_first_search(self) -> DetectedBody | None:
         """Take over the body that the first search has detected; None if it has detected nothing."""
-        searched = self.search.person  # before `take`, which forgets the person
-        detection = self.search.take()
+        searched, detection = self.searched_person, self._take_detection()
         if searched is None or detection is None:
             return None
         if not detection.gate.passes:
@@ -456,7 +483,7 @@ class TargetTracker:
         settings, detection = self._settings, submitted.detection
         subject, refine = submitted.context.subject, submitted.settings
         depth_log_likelihood = depth_log_likelihood_of(
-            belief.log_weights[0], self.model, belief.poses[0], subject, refine
+            belief.log_weights[0], self._family, self.model, belief.poses[0], subject, refine
         )
         gate = gate_pose(depth_log_likelihood, belief.residual[0], refine, settings.gating)
         if detection is None:
@@ -492,8 +519,10 @@ class TargetTracker:
         chosen = self._choose(belief, submitted)
         belief = chosen.belief
         view, body = submitted.view, ExpectedBody(self.model, belief.poses[0])
-        match = match_sides(body, context.subject, settings.colour)
-        allowed_m = settings.gating.max_distance_m(submitted.settings)
+        match = NO_MATCH
+        if context.subject.has_keypoints:
+            match = match_sides(body, context.subject, settings.colour)
+        allowed_m = max_distance_m(submitted.settings, settings.gating)
         return FrameRefined(
             belief=belief,
             gate=chosen.gate,
@@ -549,6 +578,21 @@ def resolve(settings: Settings, family: BodyFamily) -> Settings:
     settings = apply_method(settings)
     refine = msgspec.structs.replace(settings.refine, outside_weight=family.outside_weight)
     return msgspec.structs.replace(settings, refine=refine)
+
+
+def depth_log_likelihood_of(
+    log_posterior: float,
+    family: BodyFamily,
+    model: BodyModel,
+    pose: Array,
+    subject: SubjectFrame,
+    settings: RefineSettings,
+) -> float:
+    """The log likelihood of a tracked pose (D,) from depth alone, without keypoints and family prior."""
+    log_likelihood = float(log_posterior - family.log_pose_prior(model, settings, pose[None])[0])
+    return log_likelihood + (
+        keypoint_cost(ExpectedBody(model, pose), subject) if subject.has_keypoints else 0.0
+    )
 
 
 def distance_to(subject: SubjectFrame | None) -> float:

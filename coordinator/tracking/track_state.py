@@ -20,7 +20,7 @@ from gepf.coordinator.colour.clothes import Clothes, alike_nats, remember
 from gepf.coordinator.filters.belief import USUAL_INTERVAL, Belief
 from gepf.coordinator.settings import ColourSettings, TrackSettings
 from gepf.coordinator.tracking.cameras import Agreement
-from gepf.coordinator.tracking.gating import Gate
+from gepf.coordinator.tracking.judgement import Gate
 
 ROUNDING_S = 1e-3  # of times in files
 FACING_DOUBT = "front and back look alike: the body may face the other way"

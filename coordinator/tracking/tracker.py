@@ -2,29 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+from gepf.common.arrays import Array
 from gepf.common.frame import Frame
 from gepf.coordinator.bodies.family import Bodies
-from gepf.coordinator.colour.agreement import compare
+from gepf.coordinator.colour.agreement import compare, unused_before
 from gepf.coordinator.colour.finder import KeypointFinder
 from gepf.coordinator.scene.scene import SceneChanges
 from gepf.coordinator.scene.scope import Scope
 from gepf.coordinator.settings import Settings
 from gepf.coordinator.sources.live import LiveFrames
 from gepf.coordinator.tracking.assignment import Assignment
-from gepf.coordinator.tracking.colour import ColouredFrame, ColourWatch
+from gepf.coordinator.tracking.cameras import CameraStates, watch
+from gepf.coordinator.tracking.colour import ColouredFrame, ColourWatch, Look, Sight, with_own_keypoints
 from gepf.coordinator.tracking.pacing import Live, Lookahead, Recorded, advance_search
 from gepf.coordinator.tracking.particle_filter import Encoders, FrameBudget, SubmittedPerson
-from gepf.coordinator.tracking.preparation import FramePreparation, PreparedFrame
 from gepf.coordinator.tracking.refiner import Refiner
-from gepf.coordinator.tracking.reporting import TrackedFrame, UpdatedPerson, report
-from gepf.coordinator.tracking.segmenter import DetectedBody, Segmenter
+from gepf.coordinator.tracking.reporting import Stopwatch, TrackedFrame, UpdatedPerson, report
+from gepf.coordinator.tracking.segmenter import DetectedBody, SegmentedFrame, Segmenter, UntrackedPerson
 from gepf.coordinator.tracking.state import FrameState, TrackerState, first_state
 from gepf.coordinator.tracking.target import TargetTracker
+from gepf.coordinator.tracking.track_state import ROUNDING_S, Body
 from gepf.coordinator.tracking.warm_up import warm_up
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PreparedFrame:
+    """A segmented frame, the state of its cameras, and a stopwatch for each person.
+
+    interval_s: time since the previous frame, seconds; 0 for the first. after_gap: whether that time exceeds
+    `max_lookahead_s`; the next frame is then prepared only after the update, around newer poses. sight: what
+    colour shows; None without colour.
+    """
+
+    segmented: SegmentedFrame
+    cameras: CameraStates
+    interval_s: float
+    after_gap: bool
+    clocks: Sequence[Stopwatch]
+    sight: Sight | None
 
 
 class SubmittedFrame(NamedTuple):
@@ -78,9 +97,9 @@ class Tracker:
             scene_settings = scene_settings.scaled(*extents)
         self._segmenter = Segmenter(settings.points, scene_settings, scope)
         self._segmenter.recall(state.frame.scene_changes)
-        watch = ColourWatch(colour, settings.colour)
-        self._preparation = FramePreparation(self._segmenter, watch, settings.track, state.frame)
-        self._frame = state.frame  # of the last updated frame
+        self._colour_watch = ColourWatch(colour, settings.colour)
+        self._prepared_cameras, self._prepared_s = state.frame.cameras, state.frame.time_s
+        self._frame = state.frame  # of the last updated frame; it may be one frame behind the prepared one
         self._is_late = False  # whether the last submitted live frame was late
         self._targets = [TargetTracker(refiner, settings, bodies, person, motion) for person in state.people]
 
@@ -138,20 +157,69 @@ class Tracker:
         yield from reported(updated, self._settings)
 
     def _prepare(self, frame: Frame) -> PreparedFrame:
-        return self._preparation.prepare(frame, self._targets, self._frame.colours, is_late=self._is_late)
+        """Compare the cameras of a frame, segment it around the people, and look at them in colour.
+
+        First, the results of searches that have ended in the meantime are taken over.
+        """
+        targets, limits = self._targets, self._settings.track
+        clocks = [Stopwatch() for _ in targets]
+        for target in targets:
+            target.take_search()
+        with clocks[0].stage("segment"):
+            excluded_by_any = set[str]().union(*(target.next_segmentation.excluded for target in targets))
+            self._prepared_cameras, frame = watch(self._prepared_cameras, frame, excluded_by_any)
+            last_s, self._prepared_s = self._prepared_s, frame.time_s
+            interval_s = 0.0 if last_s is None else frame.time_s - last_s
+            look, steps = self._begin_look(frame, interval_s, last_s)
+            segmented = self._segmenter.segment(
+                frame,
+                [target.expected_surface(step) for target, step in zip(targets, steps, strict=True)],
+                rejected=any(target.has_searched_in_vain for target in targets),
+                find=any(target.needs_candidates for target in targets),
+            )
+        sight = Sight.of_nobody(len(targets)) if frame.has_colours else None
+        if look is not None:
+            with clocks[0].stage("keypoints"):
+                finds = searches_for_anybody(targets, frame.time_s)
+                sight = look.sight(segmented, steps, interval_s, finds_candidates=finds)
+                segmented = with_own_keypoints(segmented, sight.people.keypoints)
+        after_gap = interval_s > limits.max_lookahead_s + ROUNDING_S
+        return PreparedFrame(segmented, self._prepared_cameras, interval_s, after_gap, clocks, sight)
+
+    def _begin_look(
+        self, frame: Frame, interval_s: float, last_s: float | None
+    ) -> tuple[Look | None, list[Array | None]]:
+        """Begin to look at colour; and the motion (3,) of each person since `last_s`, if it is known.
+
+        None for a frame that is not looked at. While frames are late, colour is looked at less often.
+        """
+        targets, limits, look = self._targets, self._settings.track, None
+        if frame.has_colours:
+            bodies = [target.expected_body for target in targets]
+            look = self._colour_watch.begin(frame, bodies, is_late=self._is_late)
+        # in twice the longest interval for looking ahead, people walk out of reach of their last pose
+        if look is None or interval_s <= 2.0 * limits.max_lookahead_s + ROUNDING_S:
+            return look, [None] * len(targets)
+        # the last frame may be updated or not: either way, what was known before it counts
+        is_trusted = not unused_before(self._frame.colours, last_s)
+        usable = [is_trusted and target.next_segmentation.is_confirmed for target in targets]
+        return look, look.steps(usable, limits.max_motion_m)
 
     def _submit(self, prepared: PreparedFrame, budget: FrameBudget | None) -> SubmittedFrame:
         """Predict the particles of each person, send them to the workers, and learn the scene."""
-        oriented_bodies = [target.body_with_known_orientation for target in self._targets]
-        coloured = ColouredFrame(
-            prepared.segmented, prepared.sight, self._frame.colours, oriented_bodies, self._settings.colour
-        )
-        segmented = coloured.segmented
-        assignment = Assignment(self._targets, self._segmenter, segmented, coloured.free)
+        segmented, coloured = prepared.segmented, None
+        free: Sequence[UntrackedPerson] = segmented.candidates
+        if prepared.sight is not None:
+            oriented = [target.body_with_known_orientation for target in self._targets]
+            states, settings = self._frame.colours, self._settings.colour
+            coloured = ColouredFrame(segmented, prepared.sight, states, oriented, settings)
+            segmented, free = coloured.segmented, coloured.free
+        assignment = Assignment(self._targets, self._segmenter, segmented, free)
         submitted, detected = list[SubmittedPerson | UpdatedPerson](), list[DetectedBody]()
         for person_index, (target, clock) in enumerate(zip(self._targets, prepared.clocks, strict=True)):
             view = replace(assignment.view_of(person_index), after_gap=prepared.after_gap)
-            view = coloured.complete(view, person_index, is_at_last_pose=target.is_segmented_at_last_pose)
+            if coloured is not None:
+                view = coloured.complete(view, person_index, is_at_last_pose=target.is_segmented_at_last_pose)
             submitted.append(target.submit(view, clock, budget))
             if (body := target.take_detected()) is not None:
                 detected.append(body._replace(others=assignment.other_people(person_index, body.searched)))
@@ -183,12 +251,20 @@ class Tracker:
             target.update(person, prepared.cameras) if isinstance(person, SubmittedPerson) else person
             for target, person in zip(self._targets, frame.people, strict=True)
         ]
-        bodies = [target.explained_body for target in self._targets]
-        image, subjects = prepared.segmented.frame, prepared.segmented.subjects
-        keypoints, interval_s = prepared.sight.people.keypoints, prepared.interval_s
-        colours = compare(self._frame.colours, image, bodies, subjects, keypoints, interval_s, settings)
+        image, colours = prepared.segmented.frame, self._frame.colours
+        if prepared.sight is not None:
+            bodies = [target.explained_body for target in self._targets]
+            keypoints, subjects = prepared.sight.people.keypoints, prepared.segmented.subjects
+            colours = compare(colours, image, bodies, subjects, keypoints, prepared.interval_s, settings)
         self._frame = FrameState(frame.scene_changes, prepared.cameras, colours, image.time_s)
         return UpdatedFrame(people, self._frame)
+
+
+def searches_for_anybody(targets: Sequence[TargetTracker], time_s: float) -> bool:
+    """Whether a person is searched for in a frame at this time; unknown people in turns."""
+    unknown = [target for target in targets if not isinstance(target.track, Body)]
+    is_lost = any(target.may_be_anywhere for target in targets)
+    return is_lost or any(target.is_search_due(time_s) for target in unknown[:1])
 
 
 def reported(updated: list[UpdatedFrame], settings: Settings) -> Iterator[TrackedFrame]:

@@ -13,10 +13,9 @@ from gepf.common.refinement import Particles, Refined, triangle_size
 from gepf.coordinator.bodies.family import Bodies
 from gepf.coordinator.scene.planes import Planes
 from gepf.coordinator.settings import Settings
-from gepf.coordinator.stopwatch import Stopwatch
 from gepf.coordinator.tracking.observation import isolate
 from gepf.coordinator.tracking.refiner import LocalRefiner
-from gepf.coordinator.tracking.reporting import UpdatedPerson, report
+from gepf.coordinator.tracking.reporting import Stopwatch, UpdatedPerson, report
 from gepf.coordinator.tracking.segmenter import BodyView, ExpectedSurface, Segmenter
 from gepf.coordinator.tracking.state import first_state
 from gepf.coordinator.tracking.target import TargetTracker

@@ -12,14 +12,13 @@ import pytest
 
 from gepf.common.arrays import Array
 from gepf.common.bounds import LARGEST, LARGEST_LOG_LIKELIHOOD, MOST_PIXELS
-from gepf.common.checks import check_work
 from gepf.common.errors import ProtocolError
 from gepf.common.protocol.messages import decode_refined, encode_refined
 from gepf.common.refinement import Particles, Refined, triangle_size
 from gepf.common.settings import RefineSettings
 from gepf.coordinator.filters.gradient_enhanced import begin
 from gepf.coordinator.settings import preset
-from gepf.worker.kernel.icp import refine
+from gepf.worker.kernel.icp import check_work, refine
 from gepf.worker.kernel.observation import observe, pack_views
 from gepf.worker.kernel.surface import pack_model
 from gepf.worker.kernel.visibility import DepthImage, rasterise

@@ -14,8 +14,7 @@ from gepf.common.kinematics import difference
 from gepf.common.refinement import Refined, lower_triangular
 from gepf.coordinator.filters.belief import Belief
 from gepf.coordinator.filters.gradient_enhanced import begin, propose
-from gepf.coordinator.filters.motion import motion_model
-from gepf.coordinator.filters.priors import fuse_with_prediction
+from gepf.coordinator.filters.priors import fuse_with_prediction, motion_model
 from gepf.coordinator.settings import preset
 from tests.support.bodies import puppet
 from tests.support.filtering import INTERVAL, NOTHING_SEEN, Merging, update_once, update_twice

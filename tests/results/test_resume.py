@@ -19,10 +19,10 @@ from gepf.coordinator.pool.options import Pool, PoolStatistics
 from gepf.coordinator.results.log import Entry, Opening, append_records, read_log
 from gepf.coordinator.scene.planes import Planes
 from gepf.coordinator.settings import preset
-from gepf.coordinator.stopwatch import Stopwatch
 from gepf.coordinator.tracking.estimate import Estimate
 from gepf.coordinator.tracking.observation import isolate
 from gepf.coordinator.tracking.particle_filter import SubmittedPerson
+from gepf.coordinator.tracking.reporting import Stopwatch
 from gepf.coordinator.tracking.segmenter import BodyView
 from gepf.coordinator.tracking.state import TrackerState, first_state
 from gepf.coordinator.tracking.target import TargetTracker

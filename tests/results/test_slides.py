@@ -15,8 +15,6 @@ from gepf.coordinator.pictures.plots import curves_of
 from gepf.coordinator.results.evaluation import Truth
 from gepf.coordinator.results.track import TrackedBody
 from gepf.coordinator.tracking.certainty import unknown_certainty
-from gepf.coordinator.tracking.estimate import Estimate
-from gepf.named import named
 from tests.support.runs import swing, write_run
 
 FRAMES = 6
@@ -46,8 +44,9 @@ def test_the_library_gives_metres_and_never_degrees(gantry: BodyModel, tmp_path:
     run = gepf.load(tmp_path / "run")
     joints = track.joint_positions[0]
     certainty = unknown_certainty(len(joints))
-    plain = Estimate(0, 0.0, "tracked", poses[0], joints, poses[:1], np.ones(1), 0.01, certainty)
-    estimate = named(plain, gantry, np.empty(0), {})
+    estimate = gepf.Estimate(
+        0, 0.0, "tracked", poses[0], joints, poses[:1], np.ones(1), 0.01, certainty, flexible=gantry
+    )
     for name in ("main_lift", "root_tx"):
         at = gantry.dof(name)
         assert np.array_equal(run.angle(name), track.pose[:, at])

@@ -14,7 +14,7 @@ from gepf.common.settings import RefineSettings
 from gepf.coordinator.filters.priors import pose_prior
 from gepf.coordinator.settings import preset
 from gepf.coordinator.tracking.certainty import Features, FrameContext, measure_features, seen_shares
-from gepf.coordinator.tracking.gating import gate_pose
+from gepf.coordinator.tracking.judgement import gate_pose
 from gepf.refiners import DirectRefiner
 
 

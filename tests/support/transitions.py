@@ -16,7 +16,7 @@ from msgspec.structs import replace
 from gepf.coordinator.colour.clothes import Clothes, remember
 from gepf.coordinator.filters.belief import USUAL_INTERVAL, Belief
 from gepf.coordinator.settings import ColourSettings, TrackSettings
-from gepf.coordinator.tracking.gating import Gate
+from gepf.coordinator.tracking.judgement import Gate
 from gepf.coordinator.tracking.reporting import status_of
 from gepf.coordinator.tracking.track_state import (
     Absent,

@@ -17,7 +17,7 @@ from gepf.coordinator.bodies.tracked import name_pose
 from gepf.coordinator.scene.noise import NO_NOISE
 from gepf.coordinator.scene.planes import Planes
 from gepf.coordinator.tracking.detector import Detector
-from gepf.coordinator.tracking.field_of_view import in_view
+from gepf.coordinator.tracking.observation import in_view
 from gepf.refiners import DirectRefiner
 from tests.support.people import (
     CAMERA,

@@ -24,7 +24,7 @@ from gepf.coordinator.scene.noise import NO_NOISE
 from gepf.coordinator.scene.planes import Planes
 from gepf.coordinator.settings import preset
 from gepf.coordinator.tracking.detector import Detector
-from gepf.coordinator.tracking.gating import Gate
+from gepf.coordinator.tracking.judgement import Gate
 from gepf.coordinator.tracking.pose_candidates import Detection, PoseCandidates
 from gepf.coordinator.tracking.refiner import Pending
 from gepf.coordinator.tracking.state import start_at

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from gepf.common.settings import RefineSettings
 from gepf.coordinator.settings import GatingSettings
-from gepf.coordinator.tracking.gating import Gate, gate_pose
+from gepf.coordinator.tracking.judgement import Gate, gate_pose
 
 
 def test_the_noise_of_the_depth_is_no_loss() -> None:

@@ -191,7 +191,7 @@ def test_where_encoders_say_nothing_colour_moves_the_body() -> None:
     settings = resolve(Settings(), PEOPLE)
     moved = []
     for encoders in (None, silent):
-        particles = ParticleFilter(DirectRefiner(), settings, encoders)
+        particles = ParticleFilter(DirectRefiner(), settings, PEOPLE, encoders)
         belief = initial_belief(model, start, settings)
         moved.append(particles.propose(model, belief, subject, 0.0, None, step).poses)
     np.testing.assert_array_equal(moved[0], moved[1])

@@ -7,6 +7,7 @@ import pytest
 
 from gepf.common.camera import Intrinsics
 from gepf.common.frame import Frame, View
+from gepf.coordinator.bodies.human.people import PEOPLE
 from gepf.coordinator.scene.noise import SensorNoise, assume_noise
 from gepf.coordinator.settings import preset
 from gepf.coordinator.tracking.observation import filter_observation
@@ -49,7 +50,7 @@ def test_a_live_frame_after_a_gap_has_the_filter_of_its_rate() -> None:
 
 def filter_of(name: str) -> ParticleFilter:
     """The filter of a preset."""
-    return ParticleFilter(DirectRefiner(), preset(name), None)
+    return ParticleFilter(DirectRefiner(), preset(name), PEOPLE, None)
 
 
 def test_a_sighting_has_the_points_and_the_time_of_its_frame() -> None:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Generator
+from dataclasses import dataclass
 from itertools import count
-from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
@@ -43,6 +43,25 @@ class Shown:
         """It does not come sooner."""
 
 
+@dataclass
+class Person:
+    """What pacing knows of a person."""
+
+    search: BodySearch | None
+    is_tracked: bool
+    begun: list[int]
+
+    @property
+    def needs_frame(self) -> bool:
+        """Whether the person needs the next frame."""
+        return self.is_tracked
+
+    @property
+    def is_searching(self) -> bool:
+        """Whether a search is under way."""
+        return self.search is not None and self.search.is_running
+
+
 def person(*, is_tracked: bool, searches: bool) -> Any:
     """A person, perhaps with a search of some stages under way."""
     begun = list[int]()
@@ -53,10 +72,8 @@ def person(*, is_tracked: bool, searches: bool) -> Any:
             yield (Asked(),)
         return "detected"
 
-    search = BodySearch()
-    if searches:
-        search.begin(cast("Any", stages()), cast("Any", "somebody"))
-    return SimpleNamespace(search=search, is_tracked=is_tracked, needs_frame=is_tracked, begun=begun)
+    search = BodySearch(cast("Any", stages()), None) if searches else None
+    return Person(search, is_tracked, begun)
 
 
 @pytest.mark.parametrize("shown", [None, 5])
@@ -76,4 +93,4 @@ def test_a_search_goes_on_between_the_images_of_a_slow_camera(shown: int | None)
         frames.shown = None
         pacing.end_frame(people)
     assert len(people[1].begun) == STAGES
-    assert found.take() == "detected"
+    assert found.detection == "detected"

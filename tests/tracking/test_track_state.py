@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from gepf.coordinator.filters.belief import Belief
 from gepf.coordinator.results.log import pack_array, unpack_array
 from gepf.coordinator.tracking.estimate import Status
-from gepf.coordinator.tracking.gating import Gate
+from gepf.coordinator.tracking.judgement import Gate
 from gepf.coordinator.tracking.reporting import status_of
 from gepf.coordinator.tracking.track_state import (
     Absent,

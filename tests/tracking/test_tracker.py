@@ -26,13 +26,12 @@ from gepf.coordinator.scene.planes import Planes
 from gepf.coordinator.settings import CertaintySettings, Settings
 from gepf.coordinator.sources.live import LiveFrames
 from gepf.coordinator.sources.live_stream import LiveCamera
-from gepf.coordinator.stopwatch import Stopwatch
 from gepf.coordinator.tracking.detector import Detector
 from gepf.coordinator.tracking.estimate import POSE_UNKNOWN, Estimate
 from gepf.coordinator.tracking.judgement import has_rival
 from gepf.coordinator.tracking.particle_filter import FrameBudget, SubmittedPerson
 from gepf.coordinator.tracking.refiner import Pending
-from gepf.coordinator.tracking.reporting import report
+from gepf.coordinator.tracking.reporting import Stopwatch, report
 from gepf.coordinator.tracking.segmenter import BodyView
 from gepf.coordinator.tracking.state import PersonState, first_state
 from gepf.coordinator.tracking.target import TargetTracker
@@ -278,7 +277,8 @@ def test_a_person_who_moves_during_a_live_search_is_tracked_soon_after(rates: di
     for frame in frames:
         target.take_search()
         submitted = target.submit(BodyView(frame, subject_of(frame, 2000), Planes()), Stopwatch(), budget)
-        target.search.finish()
+        if target.search is not None:
+            target.search.finish()
         if isinstance(submitted, SubmittedPerson):
             estimates.append(report(target.update(submitted, {}), {}, SETTINGS).estimate)
     off = [apart(each, joints[-1]).max() for each in estimates]
@@ -313,6 +313,7 @@ def test_a_live_search_that_fails_counts_as_in_a_recording() -> None:
                 live.submit(view, Stopwatch(), budget)
             elif n == number + 1:
                 live.submit(replace(view, subject=None), Stopwatch(), budget)
+                assert live.search is not None
                 live.search.finish()
             elif n == number + 3:
                 live.submit(view, Stopwatch(), budget)  # it takes the result

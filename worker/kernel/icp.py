@@ -21,11 +21,12 @@ from numpy.typing import NDArray
 
 from gepf.common.arrays import Array, Indices
 from gepf.common.body import BodyModel
-from gepf.common.bounds import LARGEST
-from gepf.common.checks import check_work
+from gepf.common.bounds import LARGEST, MOST_PIXELS, MOST_WORK
 from gepf.common.compiling import numba
+from gepf.common.errors import ProtocolError
 from gepf.common.kinematics.manifold import clamp_to_limits
 from gepf.common.refinement import Particles, PosePrior, Refined, triangle_size
+from gepf.common.settings import RefineSettings
 from gepf.worker.kernel.correspondence import find_correspondences
 from gepf.worker.kernel.gauss_newton import fill_covariance_root, minimise, over_relax
 from gepf.worker.kernel.likelihood import evaluate
@@ -86,6 +87,14 @@ def pack_batch(model: BodyModel, observation: Observation, particles: Particles)
         np.empty(count),
         np.empty((count, triangle_size(dofs) if particles.covariance else 0), np.float32),
     )
+
+
+def check_work(settings: RefineSettings, poses: int, points: int, vertices: int) -> None:
+    """ProtocolError if refining this number of poses on this number of points would take too long."""
+    each = 2.0 * (points * vertices + MOST_PIXELS)  # with soft correspondences
+    work = poses * (1 + settings.icp_iterations) * each
+    if work > MOST_WORK:
+        raise ProtocolError(f"the request takes up to {work:.0e} steps of work, more than {MOST_WORK:.0e}")
 
 
 def pack_prior(model: BodyModel, prior: PosePrior | None) -> tuple[Array, Indices]:

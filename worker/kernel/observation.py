@@ -17,7 +17,7 @@ from gepf.common.camera import Intrinsics
 from gepf.common.compiling import numba
 from gepf.common.frame import EMPTY, SubjectFrame, SubjectView
 from gepf.common.settings import RefineSettings
-from gepf.worker.kernel.neighbourhoods import neighbourhoods
+from gepf.worker.kernel.surface import neighbourhoods
 
 Pixels = NDArray[np.int32]
 

@@ -11,6 +11,7 @@ import numpy as np
 from gepf.common.arrays import Array, Mask
 from gepf.common.body import BodyModel
 from gepf.common.errors import InputError
+from gepf.common.settings import RefineSettings
 from gepf.coordinator.bodies.angles import Angles
 from gepf.coordinator.bodies.family import Bodies, BodyFamily, BodySize, FittedBody, one_body
 from gepf.coordinator.bodies.human.angles import person_angles
@@ -114,8 +115,10 @@ class People(BodyFamily):
         is_small = size.stature <= shape_space().statures[-1]
         return [size._replace(maturity=maturity) for maturity in (0.5, 1.0)] if is_small else []
 
-    def log_pose_prior(self, model: BodyModel, poses: Array) -> Array:
+    def log_pose_prior(self, model: BodyModel, settings: RefineSettings, poses: Array) -> Array:
         """Log density (N,) of the arms of poses (N, D), estimated from recorded poses."""
+        if not settings.has_joint_prior:
+            return np.zeros(len(poses))
         from gepf.coordinator.bodies.human.pose_prior import log_density  # loads the compiler
 
         return log_density(model, poses)

@@ -1,45 +1,17 @@
-"""What a frame can show of a body: nothing outside the image, and nothing behind something nearer.
-
-A person may be truncated by the border of the image, or by a table in front of them. What is not in view is
-not evidence, either for a pose or against it.
-"""
+"""Where a view of a person is truncated: by the border of the image, or by something nearer."""
 
 from __future__ import annotations
-
-from functools import lru_cache
 
 import numpy as np
 
 from gepf.common.arrays import Array, Indices, Mask
-from gepf.common.body import BodyModel
-from gepf.common.camera import pixels_at, points_of
-from gepf.common.frame import EMPTY, HIDDEN, SUBJECT, SubjectFrame, SubjectView
-from gepf.common.kinematics import joint_positions
+from gepf.common.camera import points_of
+from gepf.common.frame import EMPTY, HIDDEN, SUBJECT, SubjectView
 from gepf.coordinator.settings import SearchSettings
 
 DIRECTIONS = ((-1, 0), (1, 0), (0, -1), (0, 1))
 """Columns and rows of a step to the left, right, top and bottom of an image."""
 TOP = 2  # index of the top in DIRECTIONS
-
-
-def in_view(subject: SubjectFrame, points: Array) -> Mask:
-    """Which points (..., 3), metres in the rig frame, are in the field of view of at least one camera."""
-    flat = points.reshape(-1, 3)
-    shown = [shows(view, view.image.to_camera(flat)) for view in subject.views]
-    return np.asarray(np.any(shown, axis=0)).reshape(points.shape[:-1])
-
-
-def shows(view: SubjectView, points: Array) -> Mask:
-    """Which points (N, 3) of a camera's frame are in its image and not behind something nearer."""
-    shown = np.zeros(len(points), dtype=np.bool_)
-    ahead = np.flatnonzero(points[:, 2] > 0.0)
-    row, column, inside = pixels_at(points[ahead], view.image.intrinsics)
-    left, top, right, bottom = view.extent
-    free = (left <= column) & (column < right) & (top <= row) & (row < bottom)
-    if view.kinds is not None:
-        free[inside] &= view.kinds[row[inside], column[inside]] != HIDDEN
-    shown[ahead] = free
-    return shown
 
 
 def truncated_sides(view: SubjectView, turn: Array, settings: SearchSettings) -> Mask:
@@ -97,23 +69,3 @@ def is_stopped(view: SubjectView, rows: Indices, columns: Indices, step: Indices
         stopped |= open_ & (outside | (label == HIDDEN))
         open_ &= ~(outside | (label == HIDDEN) | (label == EMPTY) | (label == SUBJECT))
     return stopped
-
-
-@lru_cache(maxsize=16)
-def moved_joints(model: BodyModel) -> Mask:
-    """Which joints (D, J) each degree of freedom moves; the last joint of its chain if it moves none."""
-    count = len(model.dof_names)
-    bent = np.full(count, 0.3)  # a straight limb hides that a twist moves its end
-    off = joint_positions(model, bent + 0.1 * np.eye(count)) - joint_positions(model, bent[None])
-    moves = np.linalg.norm(off, axis=-1) > 1e-9
-    for dof in range(count):
-        above = dof
-        while not moves[dof].any() and above >= 0:
-            moves[dof] = model.link_dofs[model.joint_links] == above
-            above = int(model.parents[above])
-    return np.asarray(moves)
-
-
-def unseen_dofs(model: BodyModel, seen: Mask) -> Mask:
-    """Which degrees of freedom (D,) move only joints that are out of view; `seen` (J,) are in view."""
-    return np.asarray(~(moved_joints(model) & seen).any(axis=1))
