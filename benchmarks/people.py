@@ -278,7 +278,7 @@ def draw(scores: Sequence[Score], file: Path) -> None:
     """Write a PNG: joints within 10 cm over the number of particles, a curve for each frame rate."""
     particles = {row.name: row.particles for row in ROWS if row.particles and not row.changes}
     with styled():
-        figure = Figure(figsize=(6.0, 3.4))
+        figure = Figure(figsize=(6.0, 3.4), layout="constrained")
         axes = figure.subplots()
         rates = sorted({score.frames_per_second for score in scores}, reverse=True)
         for rate, colour in zip(rates, cycle(COLOURS)):

@@ -46,7 +46,7 @@ def draw(runs: Mapping[str, Run | None], rows: Sequence[RowScore], folder: Path)
 
 def draw_noise(panels: Sequence[tuple[Run, str]], file: Path) -> None:
     """As the paper's Fig. 5: errors of each angle, best hypothesis and gradient, one seed."""
-    figure = Figure(figsize=(8.5, 9.4))
+    figure = Figure(figsize=(8.5, 9.4), layout="constrained")
     axes_of = figure.subplots(len(panels), 1, sharex=True, sharey=True)
     for axes, (run, title) in zip(axes_of, panels, strict=True):
         for a, angle in enumerate(run.angles):
@@ -63,7 +63,7 @@ def draw_noise(panels: Sequence[tuple[Run, str]], file: Path) -> None:
 
 def draw_curves(rows: Sequence[RowScore], file: Path) -> None:
     """Error over evaluations per frame, and over processor time per frame."""
-    figure = Figure(figsize=(8.5, 3.8))
+    figure = Figure(figsize=(8.5, 3.8), layout="constrained")
     left, right = figure.subplots(1, 2, sharey=True)
     for colour, kind in zip(COLOURS, dict.fromkeys(kind_of(row) for row in rows), strict=False):
         of_kind = [row for row in rows if kind_of(row) == kind]

@@ -102,6 +102,10 @@ def plot_curves(track: Track, curves: Sequence[Curve], columns: int | None = Non
                 at.set_axis_off()
             else:
                 curve.draw(at, track)
+        shown = axes.ravel()[: len(curves)]
+        starts, ends = zip(*(at.get_xlim() for at in shown), strict=True) if len(shown) else ((0.0,), (1.0,))
+        for at in shown:
+            at.set_xlim(min(starts), max(ends))
         for at in axes[:-1].ravel():
             at.tick_params(labelbottom=False)
         for at in axes[-1]:
