@@ -1,4 +1,4 @@
-"""Depth images from a source, and the crops of them that workers receive, for one camera or a rig.
+"""Depth images from a source, and the crops of them that workers receive, for one camera or a rig; checks.
 
 The poses of bodies are in the frame of the rig. That of a single camera is the camera's own.
 """
@@ -88,49 +88,6 @@ class Frame:
         return any(view.colours is not None for view in self.views)
 
 
-def check_frame(frame: Frame, cameras: dict[str, Intrinsics]) -> Frame:
-    """Return a user's own frame; InputError if it is invalid, or if a camera's intrinsics have changed.
-
-    `cameras` maps names to intrinsics; new cameras are added.
-    """
-    found = {view.camera: view.intrinsics for view in frame.views}
-    if not found:
-        raise InputError(f"frame {frame.number} has no image; give it one view per camera")
-    if not math.isfinite(frame.time_s):
-        raise InputError(f"frame {frame.number}: time_s is {frame.time_s}; give seconds")
-    if len(found) < len(frame.views):
-        raise InputError(
-            f"frame {frame.number} has two images with the same camera name; give each camera its own name"
-        )
-    for view in frame.views:
-        wrong = find_fault(view)
-        if wrong is None and cameras.get(view.camera, view.intrinsics) != view.intrinsics:
-            wrong = "its intrinsics differ from those of earlier frames; use a new tracker for another camera"
-        if wrong is not None:
-            name = f" of camera '{view.camera}'" if view.camera else ""
-            raise InputError(f"frame {frame.number}{name}: {wrong}")
-    cameras.update(found)
-    return frame
-
-
-def find_fault(view: View) -> str | None:
-    """What is wrong with one image of a frame; None if nothing is."""
-    depth, camera = np.asarray(view.depth), view.intrinsics
-    if depth.dtype != np.uint16 or depth.shape != (camera.height, camera.width):
-        actual = f"{depth.dtype} of shape {depth.shape}"
-        return f"depth is {actual}; give uint16 of shape ({camera.height}, {camera.width}), as in intrinsics"
-    try:
-        check_camera(camera, view.depth_scale)
-    except ProtocolError as error:
-        return f"{error}; correct it"
-    if not math.isfinite(view.time_s):
-        return f"time_s is {view.time_s}; give seconds"
-    placed = np.asarray(view.T_rig_camera)
-    if placed.shape != (4, 4) or not is_rigid(placed):
-        return "T_rig_camera is not a rigid transform; give a rotation and a translation in metres, (4, 4)"
-    return None
-
-
 UNKNOWN, SUBJECT, EMPTY, HIDDEN, UNMEASURED = 0, 1, 2, 3, 4
 """Labels of pixels. UNKNOWN: it is unclear what was measured. SUBJECT: the subject. EMPTY: something farther
 was measured, so the subject is not there. HIDDEN: something nearer was measured, and the subject may be
@@ -183,3 +140,46 @@ class SubjectFrame:
     def has_keypoints(self) -> bool:
         """Whether any of the images has keypoints."""
         return any(view.keypoints is not None for view in self.views)
+
+
+def check_frame(frame: Frame, cameras: dict[str, Intrinsics]) -> Frame:
+    """Return a user's own frame; InputError if it is invalid, or if a camera's intrinsics have changed.
+
+    `cameras` maps names to intrinsics; new cameras are added.
+    """
+    found = {view.camera: view.intrinsics for view in frame.views}
+    if not found:
+        raise InputError(f"frame {frame.number} has no image; give it one view per camera")
+    if not math.isfinite(frame.time_s):
+        raise InputError(f"frame {frame.number}: time_s is {frame.time_s}; give seconds")
+    if len(found) < len(frame.views):
+        raise InputError(
+            f"frame {frame.number} has two images with the same camera name; give each camera its own name"
+        )
+    for view in frame.views:
+        wrong = find_fault(view)
+        if wrong is None and cameras.get(view.camera, view.intrinsics) != view.intrinsics:
+            wrong = "its intrinsics differ from those of earlier frames; use a new tracker for another camera"
+        if wrong is not None:
+            name = f" of camera '{view.camera}'" if view.camera else ""
+            raise InputError(f"frame {frame.number}{name}: {wrong}")
+    cameras.update(found)
+    return frame
+
+
+def find_fault(view: View) -> str | None:
+    """What is wrong with one image of a frame; None if nothing is."""
+    depth, camera = np.asarray(view.depth), view.intrinsics
+    if depth.dtype != np.uint16 or depth.shape != (camera.height, camera.width):
+        actual = f"{depth.dtype} of shape {depth.shape}"
+        return f"depth is {actual}; give uint16 of shape ({camera.height}, {camera.width}), as in intrinsics"
+    try:
+        check_camera(camera, float(view.depth_scale))
+    except ProtocolError as error:
+        return f"{error}; correct it"
+    if not math.isfinite(view.time_s):
+        return f"time_s is {view.time_s}; give seconds"
+    placed = np.asarray(view.T_rig_camera)
+    if placed.shape != (4, 4) or not is_rigid(placed):
+        return "T_rig_camera is not a rigid transform; give a rotation and a translation in metres, (4, 4)"
+    return None

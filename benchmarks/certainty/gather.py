@@ -88,7 +88,7 @@ def gather(
     tracker = TargetTracker(DirectRefiner(), settings, bodies, state)
     rows: list[tuple[Array, Array, Mask, str]] = []
     for frame in frames[::every]:
-        tracker.take_search()
+        tracker.accept_first_detection()
         segmented = segmenter.segment(frame, [ExpectedSurface(tracker.segmentation_surface())])
         segmenter.learn(segmented)
         (subject,) = segmented.subjects

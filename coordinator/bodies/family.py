@@ -160,7 +160,7 @@ class BodyFamily(ABC):
     def log_pose_prior(self, model: BodyModel, settings: RefineSettings, poses: Array) -> Array:
         """Log density (N,) of the angles of poses (N, D), up to a constant; by default all are alike.
 
-        The refinement does not include it. It is 0 if the settings have no prior of joint angles.
+        The refinement does not include it. It must be 0 if the settings have no prior of joint angles.
         """
         del model, settings
         return np.zeros(len(poses))

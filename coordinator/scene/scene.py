@@ -132,7 +132,7 @@ class SceneChange:
         default_factory=lambda: OccupancyChange.of(Occupancy.unknown((0, 0)), NO_PIXELS)
     )
     T_rig_camera: Array = field(default_factory=NOT_MOVED.copy)  # of the frame
-    foreign: NDArray[np.float32] = field(default_factory=lambda: NOBODY)  # (N, 3), see `foreign.py`
+    foreign: NDArray[np.float32] = field(default_factory=lambda: NOBODY)  # (N, 3), see `segmentation`
 
 
 SceneChanges = dict[str, SceneChange]

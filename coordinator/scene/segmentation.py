@@ -54,7 +54,7 @@ def reach_of(settings: SegmentationSettings) -> float:
 
 
 def measure_distances(view: SceneView, surface: Array) -> Depth:
-    """Distances (H, W) in metres of the pixels' points from a surface (V, 3); infinite beyond `reach_of`.
+    """Distances (H, W) in metres of the pixels' points from a surface (V, 3); infinite beyond the reach.
 
     They come from a distance field: a grid of cells around the surface, filled along one axis after another.
     """
@@ -110,18 +110,18 @@ def look_up(
 
 
 def segment_body(
-    view: SceneView, surface: Array, distances: Depth, foreign: Mask | None = None
+    view: SceneView, surface: Array, distances: Depth, not_own: Mask | None = None
 ) -> Segmentation:
     """Label the pixels around the points (V, 3) of a posed body, given distances (H, W) from them, metres.
 
-    `foreign` pixels (H, W), which belong to other people or possible people, are labelled unknown for this
-    body.
+    Pixels (H, W) that are `not_own`, because they belong to other people or possible people, are labelled
+    unknown.
     """
     limits, window = view.settings.segmentation, window_of(view, surface)
     inside = slices(window)
     depth, near, marks = view.depth[inside], distances[inside], view.marks[inside]
     unclear = (marks != FOREGROUND) & (near <= limits.cell_m)
-    for mask in (view.out_of_scope, foreign):
+    for mask in (view.out_of_scope, not_own):
         if mask is not None:
             unclear |= mask[inside]
     possible = (marks == FOREGROUND) & (near <= reach_of(limits)) & ~unclear
@@ -172,7 +172,7 @@ def label_pixels(  # noqa: PLR0913 a kernel
 
 
 def segment_masks(
-    view: SceneView, masks: Sequence[Mask], foreign: Mask | None = None
+    view: SceneView, masks: Sequence[Mask], not_own: Mask | None = None
 ) -> tuple[Segmentation, ...]:
     """Label the pixels for a person without a posed body, once for each mask (H, W) of the person's pixels.
 
@@ -183,14 +183,14 @@ def segment_masks(
     reach_m = reach_of(view.settings.segmentation)
     behind = points * (1.0 + reach_m / points[:, 2:])  # about the thickness of a person
     surface = np.concatenate([points, behind])
-    whole = segment_body(view, surface, measure_distances(view, surface), foreign)
+    whole = segment_body(view, surface, measure_distances(view, surface), not_own)
     around = np.where(whole.labels == SUBJECT, np.uint8(UNKNOWN), whole.labels)
     inside = slices(whole.window)
     return tuple(replace(whole, labels=np.where(mask[inside], np.uint8(SUBJECT), around)) for mask in masks)
 
 
 def window_of(view: SceneView, surface: Array) -> Window:
-    """The window of pixels that can show something within `reach_of` of the points (V, 3)."""
+    """The window of pixels that can show something within reach of the points (V, 3)."""
     width, height, reach_m = view.camera.width, view.camera.height, reach_of(view.settings.segmentation)
     nearest = surface[:, 2] - reach_m
     if nearest.min() <= 0.0:
@@ -307,7 +307,7 @@ def mark_apart(view: SceneView, nearest: Depth) -> Mask:
     """Pixels (H, W) of other people and things beside bodies, from the distances to the nearest body.
 
     They are connected components of the foreground that are farther than `near_m` from every body, come
-    within `reach_m` of a body, extend beyond that distance, and are too large to be a limb.
+    within reach of a body, extend beyond that distance, and are too large to be a limb.
     """
     limits = view.settings.segmentation
     min_area = limits.min_person_m2 * view.camera.fx * view.camera.fy

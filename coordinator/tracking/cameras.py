@@ -132,6 +132,36 @@ def state_by_image(view: View, before: CameraState | None, time_s: float) -> Cam
     )
 
 
+def compare_cameras(
+    model: BodyModel,
+    refined: Array,
+    predicted: Array | None,
+    frame: Frame,
+    used: Sequence[SubjectView],
+    set_aside: Sequence[SubjectView],
+    agreement: Agreement,
+    allowed_m: float,
+) -> dict[str, float]:
+    """The residuals (metres) of the cameras in a frame with this refined pose (D,).
+
+    When cameras that agreed begin to disagree, the refined pose is a compromise between them. The predicted
+    pose (D,) tells which of them has moved, if it explains one of them; it is None if the cameras did not
+    agree before, or if it is not known where the body was. Before a verdict comes into effect, there may be
+    one more such frame, in which cameras are not compared.
+    """
+    contradicting = [view.image.camera in agreement.contradicting for view in used]
+    if any(contradicting) and not all(contradicting):
+        return {}
+    views = (*used, *set_aside)
+    residuals = camera_residuals(model, refined, frame, views, allowed_m)
+    is_compromise = any(residuals.get(view.image.camera, 0.0) > allowed_m for view in used)
+    if is_compromise and predicted is not None:
+        before = camera_residuals(model, predicted, frame, views, allowed_m)
+        if before and min(before.values()) <= allowed_m:
+            return before
+    return residuals
+
+
 def camera_residuals(
     model: BodyModel, pose: Array, frame: Frame, views: Sequence[SubjectView], allowed_m: float
 ) -> dict[str, float]:

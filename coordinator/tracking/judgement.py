@@ -92,7 +92,7 @@ def judge_pose(
     is_new: bool,
     has_fault: bool,
 ) -> Judgement:
-    """Judge a belief in a frame; `is_exact` is as of the family, the others are as of `doubted_joints`."""
+    """Judge a belief in a frame; `is_exact` is that of the family; for the others, see `doubted_joints`."""
     pose, settings = belief.reported, all_settings.certainty
     poses, weights = belief.poses[: settings.max_hypotheses], belief.weights[: settings.max_hypotheses]
     joints = joint_positions(model, np.concatenate([pose[None], poses]))

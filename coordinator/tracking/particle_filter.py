@@ -134,6 +134,19 @@ class ParticleFilter:
             return None
         return with_iterations(settings, early)
 
+    def send_first(
+        self,
+        model: BodyModel,
+        subject: SubjectFrame,
+        proposal: Proposal,
+        settings: RefineSettings,
+        budget: FrameBudget | None,
+    ) -> tuple[Proposal, Pending]:
+        """Send the particles of a frame to the workers, for fewer iterations if they are merged early."""
+        early = None if proposal.expected is None else self.early_settings(settings, budget)
+        proposal = replace(proposal, merges_early=early is not None)
+        return proposal, self.send(model, subject, proposal, early or settings)
+
     def send(
         self, model: BodyModel, subject: SubjectFrame, proposal: Proposal, settings: RefineSettings
     ) -> Pending:

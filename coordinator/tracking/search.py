@@ -15,7 +15,7 @@ class BodySearch:
     (`TargetTracker.submit`). The search of a live frame advances while the workers refine
     (`Tracker.follow`), and at the end of a frame (`Live.end_frame`).
     Its result is taken before a later frame is segmented if the body was unknown
-    (`TargetTracker.take_search`), or else when a later frame is submitted.
+    (`TargetTracker.accept_first_detection`), or else when a later frame is submitted.
     """
 
     def __init__(self, stages: Search[Detection], person: UntrackedPerson | None) -> None:

@@ -330,30 +330,31 @@ class Segmenter:
         nearest = nearest_of(view, [body.distances for body in known])
         near_bodies = nearest <= self._settings.segmentation.near_m
         nearest_new = nearest_of(view, [body.distances for body in known if body.is_new])
-        beside = mark_foreign(view, nearest, nearest_new)
-        foreign = points_beside(view, beside, [body.vertices for body in known])
-        own, may_be_anywhere = list[MaskedView | None](), False  # a body, whose pixels must not be learned
+        foreign = mark_foreign(view, nearest, nearest_new)
+        foreign_points = points_beside(view, foreign, [body.vertices for body in known])
+        own = list[MaskedView | None]()
+        learns_nothing = False  # because the pixels of a body may be anywhere
         for body in surfaces:
             if body is None:
                 own.append(None)
                 continue
-            of_others = (body.distances > nearest) | beside
-            segmentation = segment_body(view, body.vertices, body.distances, of_others)
+            not_own = (body.distances > nearest) | foreign
+            segmentation = segment_body(view, body.vertices, body.distances, not_own)
             own.append(masked_view(image, view, segmentation))
-            may_be_anywhere |= is_missing(view, body.vertices, segmentation)
+            learns_nothing |= is_missing(view, body.vertices, segmentation)
         possible = list[Candidate]()
         if len(known) < len(bodies):
             possible = candidates(view, near_bodies) if find else []
-            may_be_anywhere |= not find and any(body.vertices is None for body in bodies)
+            learns_nothing |= not find and any(body.vertices is None for body in bodies)
         # colour tells which of several candidates is a person
         count = 1 if len(bodies) == 1 and image.colours is None else None
         chosen = scope.choose(view, possible)[:count]
         people = tuple(mask_candidate(image, view, person, near_bodies) for person in chosen)
         moving = [person.widest for person in possible if not rejected or has_moved(view, person)]
         not_learned = reduce(np.logical_or, moving, near_bodies)
-        if may_be_anywhere:
+        if learns_nothing:
             not_learned = np.ones_like(near_bodies)
-        return SegmentedView(image, view, tuple(own), people, not_learned, foreign)
+        return SegmentedView(image, view, tuple(own), people, not_learned, foreign_points)
 
     def _join_people(
         self, frame: Frame, seen: Sequence[Sequence[MaskHypotheses]]

@@ -1,7 +1,7 @@
 """Executes the state machine of one body (`track_state`): searches for it, refines it, and makes the events.
 
-A frame takes three steps. For live input, `take_search` takes over the body that a search has detected,
-before the frame is segmented; in a recording the search ends within `submit`, which then takes over the body.
+A frame takes three steps. For live input, `accept_first_detection` takes over the body that a search has
+detected, before the frame is segmented; in a recording the search ends within `submit`, which does the same.
 `submit` sends the particles of the frame to the workers. `update` waits for the refined ones. In between,
 `continue_refinement` may send the representatives of particles that are merged early, or else `update` does.
 """
@@ -27,7 +27,7 @@ from gepf.coordinator.filters.belief import USUAL_INTERVAL, Belief
 from gepf.coordinator.filters.methods import apply_method
 from gepf.coordinator.scene.noise import NO_NOISE, SensorNoise, assume_noise, measure_noise
 from gepf.coordinator.settings import Settings
-from gepf.coordinator.tracking.cameras import CameraStates, camera_residuals, faults_of
+from gepf.coordinator.tracking.cameras import CameraStates, compare_cameras, faults_of
 from gepf.coordinator.tracking.certainty import FrameContext
 from gepf.coordinator.tracking.detector import Detector, move_root
 from gepf.coordinator.tracking.judgement import Gate, gate_pose, judge_pose, max_distance_m
@@ -232,7 +232,7 @@ class TargetTracker:
 
     @property
     def searched_person(self) -> UntrackedPerson | None:
-        """The person who is searched for the body, if it may be anywhere; None without a search."""
+        """The person in whose pixels the body is searched for, if it may be anywhere."""
         return None if self.search is None else self.search.person
 
     def is_search_due(self, time_s: float) -> bool:
@@ -243,7 +243,7 @@ class TargetTracker:
 
     @property
     def has_searched_in_vain(self) -> bool:
-        """Whether many searches have not detected the body."""
+        """Whether many searches have failed to detect the body."""
         return isinstance(self.track, Searching) and self.track.searches > self._settings.track.max_searches
 
     @property
@@ -266,7 +266,7 @@ class TargetTracker:
         if not isinstance(self.track, Body):
             self._detector.prepare()
 
-    def take_search(self) -> None:
+    def accept_first_detection(self) -> None:
         """Take over the body if a first search has detected it in the meantime."""
         if not isinstance(self.track, Body):
             self._detected = self._end_first_search()
@@ -276,7 +276,7 @@ class TargetTracker:
         self.search = None
         self._step(SearchGivenUp())
 
-    def take_detected(self) -> DetectedBody | None:
+    def pop_detected_body(self) -> DetectedBody | None:
         """The body that has just been detected; returned only once, to update the background."""
         detected, self._detected = self._detected, None
         return detected
@@ -286,19 +286,19 @@ class TargetTracker:
     ) -> SubmittedPerson | UpdatedPerson:
         """Predict particles for the next frame and send them to the workers.
 
-        `take_search` must come first, and `update` must follow. If there is nothing to refine, the frame is
-        updated at once. A frame with a budget does not wait for a search: the search continues during later
-        frames, and this one takes the result of an earlier one.
+        `accept_first_detection` must come first, and `update` must follow. If there is nothing to refine, the
+        frame is updated at once. A frame with a budget does not wait for a search: the search continues
+        during later frames, and this one takes the result of an earlier one.
         """
         waits_for_search = budget is None
         with clock.stage("search"):
             subject = view.subject
-            if not isinstance(self.track, Body):
+            if not isinstance(self.track, Body):  # a search that ends here turns it into a body
                 subject = self._search_first(view, wait=waits_for_search)
             if not isinstance(self.track, Body):
                 return UpdatedPerson(view.frame, self.state, 0, None, clock)
-            todo, distance_m = self._step_segmented(view, subject), distance_to(view.subject)
-            settings = self._settings_at(distance_m)
+            todo = self._step_segmented(view, subject)
+            settings = self._settings_at(distance_to(view.subject))
             detection = self._search_again(subject, settings, todo, wait=waits_for_search)
         if subject is None or "refine" not in todo:
             return UpdatedPerson(view.frame, self.state, 0, None, clock)
@@ -355,15 +355,11 @@ class TargetTracker:
         with clock.stage("refine"):
             interval, count = proposal.interval, len(proposal.poses)
             settings = self._filter.scale_iterations(settings, interval, budget)
-            early = None
-            if proposal.expected is not None:
-                early = self._filter.early_settings(settings, budget)
-            proposal = replace(proposal, merges_early=early is not None)
             predicted = proposal.poses[0] if proposal.expected is None else proposal.expected[0]
             context = FrameContext(
                 subject, belief.reported, predicted, interval, settings.stretch, past_is_guess
             )
-            pending = self._filter.send(self.model, subject, proposal, early or settings)
+            proposal, pending = self._filter.send_first(self.model, subject, proposal, settings, budget)
         return SubmittedPerson(view, settings, count, proposal, pending, context, detection, clock)
 
     def _settings_at(self, distance_m: float) -> RefineSettings:
@@ -407,7 +403,8 @@ class TargetTracker:
 
         That is the detected person after a search in this frame, or else what this frame shows of them.
         """
-        subject, todo = view.subject, self._step_segmented(view, view.subject)
+        subject = view.subject
+        todo = self._step_segmented(view, subject)
         if subject is None:
             return None
         if "search" in todo:
@@ -416,7 +413,7 @@ class TargetTracker:
             self.search = BodySearch(stages, UntrackedPerson(subject, view.alternatives))
         if wait and self.search is not None:
             self.search.finish()
-        self.take_search()
+        self.accept_first_detection()
         if self._detected is None:
             return None
         return self._detected.subject if wait else subject
@@ -441,13 +438,13 @@ class TargetTracker:
             self.search = BodySearch(stages, UntrackedPerson(subject) if lost else None)
         if wait and self.search is not None:
             self.search.finish()
-        detection = self._take_detection()
+        detection = self._pop_detection()
         if detection is None:
             return None
         self._step(SearchEnded())
         return self._detector.transfer(detection, subject, settings)
 
-    def _take_detection(self) -> Detection | None:
+    def _pop_detection(self) -> Detection | None:
         """The result of a search that has ended, which is then forgotten; None if there is none."""
         detection = None if self.search is None else self.search.detection
         if detection is not None:
@@ -456,7 +453,7 @@ class TargetTracker:
 
     def _end_first_search(self) -> DetectedBody | None:
         """Take over the body that the first search has detected; None if it has detected nothing."""
-        searched, detection = self.searched_person, self._take_detection()
+        searched, detection = self.searched_person, self._pop_detection()
         if searched is None or detection is None:
             return None
         if not detection.gate.passes:
@@ -544,30 +541,20 @@ class TargetTracker:
     def _compare_cameras(
         self, choice: Choice, submitted: SubmittedPerson, allowed_m: float
     ) -> dict[str, float]:
-        """The residuals (metres) of the cameras in a frame.
-
-        When cameras that agreed begin to disagree, the pose of the frame is a compromise between them. The
-        predicted pose tells which of them has moved, if it explains one of them. Before a verdict comes into
-        effect, there may be one more such frame, in which cameras are not compared.
-        """
+        """The residuals of the cameras in a frame, see `compare_cameras`."""
         assert isinstance(self.track, Body)  # it was refined
         agreement, context, view = self.track.agreement, submitted.context, submitted.view
-        views = context.subject.views
-        contradicting = [used.image.camera in agreement.contradicting for used in views]
-        if any(contradicting) and not all(contradicting):
-            return {}
-        if view.set_aside is not None:
-            views = (*views, *view.set_aside.views)
-        residuals = camera_residuals(self.model, choice.belief.poses[0], view.frame, views, allowed_m)
-        is_compromise = any(
-            residuals.get(used.image.camera, 0.0) > allowed_m for used in context.subject.views
-        )
         agreed = agreement.agreed_s >= self._settings.track.camera_confirmed_s and not self.track.is_lost
-        if is_compromise and agreed and not choice.redetected:
-            predicted = camera_residuals(self.model, context.predicted, view.frame, views, allowed_m)
-            if predicted and min(predicted.values()) <= allowed_m:
-                return predicted
-        return residuals
+        return compare_cameras(
+            self.model,
+            choice.belief.poses[0],
+            context.predicted if agreed and not choice.redetected else None,
+            view.frame,
+            context.subject.views,
+            () if view.set_aside is None else view.set_aside.views,
+            agreement,
+            allowed_m,
+        )
 
 
 def resolve(settings: Settings, family: BodyFamily) -> Settings:

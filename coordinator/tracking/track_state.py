@@ -60,10 +60,11 @@ class Searching(msgspec.Struct, frozen=True, tag="searching"):
 class NextSegmentation(msgspec.Struct, frozen=True):
     """What is known about a body when the next frame is segmented.
 
-    It is that of the frame being prepared until this frame is segmented (`FrameSegmented`), and then that of
-    the frame after it. It is fixed when a frame is segmented, from the state after the frame before, because
-    the next frame is segmented while the current one is refined. At low frame rates it is fixed again once
-    the current frame is refined.
+    The next frame is segmented while the current one is refined. For frame n + 1:
+
+        frame n is submitted (`FrameSegmented`): it is fixed, from the state after frame n - 1
+        frame n is refined, and meanwhile frame n + 1 is segmented
+        frame n is updated (`FrameRefined`): at low frame rates, it is fixed again, from the state after n
     """
 
     pose: Array | None = None  # (D,), around which the frame is segmented; None: the body may be anywhere

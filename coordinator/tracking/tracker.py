@@ -164,7 +164,7 @@ class Tracker:
         targets, limits = self._targets, self._settings.track
         clocks = [Stopwatch() for _ in targets]
         for target in targets:
-            target.take_search()
+            target.accept_first_detection()
         with clocks[0].stage("segment"):
             excluded_by_any = set[str]().union(*(target.next_segmentation.excluded for target in targets))
             self._prepared_cameras, frame = watch(self._prepared_cameras, frame, excluded_by_any)
@@ -191,7 +191,7 @@ class Tracker:
     ) -> tuple[Look | None, list[Array | None]]:
         """Begin to look at colour; and the motion (3,) of each person since `last_s`, if it is known.
 
-        None for a frame that is not looked at. While frames are late, colour is looked at less often.
+        The look is None if the frame is not looked at. While frames are late, colour is looked at less often.
         """
         targets, limits, look = self._targets, self._settings.track, None
         if frame.has_colours:
@@ -221,7 +221,7 @@ class Tracker:
             if coloured is not None:
                 view = coloured.complete(view, person_index, is_at_last_pose=target.is_segmented_at_last_pose)
             submitted.append(target.submit(view, clock, budget))
-            if (body := target.take_detected()) is not None:
+            if (body := target.pop_detected_body()) is not None:
                 detected.append(body._replace(others=assignment.other_people(person_index, body.searched)))
         with prepared.clocks[0].stage("segment"):
             scene_changes = self._segmenter.learn(segmented, detected)

@@ -61,7 +61,7 @@ def warm_up(settings: Settings, bodies: Bodies) -> None:
         short = replace(whole, depth=whole.depth[:30], intrinsics=CAMERA.crop(0, 0, CAMERA.width, 30))
         for target in (tracked, unknown, truncated):
             frame = Frame.of(short if target is truncated else whole)
-            target.take_search()
+            target.accept_first_detection()
             updated = target.submit(BodyView(frame, isolate(frame, 400), Planes()), Stopwatch())
             report(
                 updated if isinstance(updated, UpdatedPerson) else target.update(updated, {}), {}, settings

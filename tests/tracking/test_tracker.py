@@ -275,7 +275,7 @@ def test_a_person_who_moves_during_a_live_search_is_tracked_soon_after(rates: di
     target = TargetTracker(DirectRefiner(), SETTINGS, known(), first_state(known(), None, SETTINGS))
     budget, estimates = FrameBudget(1 / 30, is_late=True), list[Estimate]()
     for frame in frames:
-        target.take_search()
+        target.accept_first_detection()
         submitted = target.submit(BodyView(frame, subject_of(frame, 2000), Planes()), Stopwatch(), budget)
         if target.search is not None:
             target.search.finish()
