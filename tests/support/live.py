@@ -100,6 +100,8 @@ def publishing(
             for step in steps:  # made when it is sent
                 while not heard():
                     pass
+                if stop.is_set():  # nobody may be left who listens
+                    return
                 for key, message in step.items():
                     publishers[key].put_blocking(message)
                 rest(stop)
