@@ -126,10 +126,8 @@ class ParticleFilter:
         """
         iterations = settings.icp_iterations
         early = round(self._settings.filter.early_share * iterations)
-        is_late, is_usual = (
-            budget is not None and budget.is_late,
-            iterations <= self._settings.refine.icp_iterations,
-        )
+        is_late = budget is not None and budget.is_late
+        is_usual = iterations <= self._settings.refine.icp_iterations
         if is_usual or is_late or settings.is_soft or not 0 < early < iterations:
             return None
         return with_iterations(settings, early)
