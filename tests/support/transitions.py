@@ -325,9 +325,9 @@ TRANSITIONS = [
     ),
     Transition(
         replace(TRACKED, clothes=RED, unlike_s=0.5),
-        "the clothes were unlike those remembered for half a second",
+        "for half a second, the clothes have been unlike those remembered",
         with_fields(FITS, clothes=np.array(BLUE.colour)),
-        "its pose is refined, and the clothes are still unlike",
+        "its pose is refined, and the clothes are still unlike those remembered",
         Tracked,
         {
             **AS_REFINED,
@@ -347,7 +347,7 @@ TRANSITIONS = [
     ),
     Transition(
         replace(UNSURE, doubtful_s=0.5 * LIMITS.check_interval_s),
-        "a joint has been in doubt for half a check interval, and a frame comes late",
+        "a joint has been in doubt for half a check interval, and the next frame comes after a long gap",
         with_fields(CANDIDATE, time_s=LATER_S),
         "the body is seen",
         Tracked,
