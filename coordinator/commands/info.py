@@ -109,14 +109,14 @@ def find_people(source: Source) -> tuple[SceneView, list[Candidate]]:
     The examined frames are spread over the whole recording. If none of them has a likely person, returns the
     last one, with its most likely candidate if there is any.
     """
-    from gepf.coordinator.scene.candidates import candidates
+    from gepf.coordinator.scene.candidates import find_candidates
     from gepf.coordinator.scene.scene import Scene
     from gepf.coordinator.settings import SceneSettings
 
     scene = Scene(SceneSettings(), up=None if source.gravity is None else -source.gravity)
     for number in source.numbers[:: math.ceil(len(source.numbers) / SEARCH.max_frames)]:
-        view = scene.see(source.view(number))
-        found = candidates(view)
+        view = scene.observe(source.view(number))
+        found = find_candidates(view)
         likely = [each for each in found if each.score > SEARCH.min_score]
         if likely:
             return view, likely

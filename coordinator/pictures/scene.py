@@ -16,10 +16,12 @@ from gepf.coordinator.scene.scene import ON_PLANE, SceneView, mark_pixels
 
 def draw_scene(view: SceneView, found: Sequence[Candidate]) -> Image.Image:
     """A frame with green floor, blue walls, and outlined and numbered candidates, the best first."""
-    picture = np.array(shade_depth(view.depth, view.camera))
+    picture = np.array(shade_depth(view.depth, view.intrinsics))
     planes, outlines = view.planes.coefficients, PALETTE.candidates
     for n in range(len(planes)):
-        marks = mark_pixels(view.depth, view.background, view.camera.pinhole, planes[n : n + 1], view.noise)
+        marks = mark_pixels(
+            view.depth, view.background, view.intrinsics.pinhole, planes[n : n + 1], view.noise
+        )
         on = marks == ON_PLANE
         colour = PALETTE.floor if n == 0 and view.planes.has_floor else PALETTE.wall
         picture[on] = picture[on] // 2 + np.array(colour) // 2

@@ -157,7 +157,7 @@ def read_log(path: Path) -> Recorded | None:
                 estimates = [[] for _ in starts]
             last = record
             for camera, change in record.frame.scene_changes.items():
-                scenes.setdefault(camera, Scene(SceneSettings())).recall(change)
+                scenes.setdefault(camera, Scene(SceneSettings())).restore(change)
             for estimates_of_person, estimate in zip(estimates, record.estimates, strict=True):
                 estimates_of_person.append(estimate)
     if last is None:

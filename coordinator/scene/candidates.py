@@ -3,7 +3,7 @@
 A candidate is a connected component of the foreground that has the extent and area of a person and, unlike
 furniture, is not flat. Flat furniture that a person touches is cut off. A limb in front may hide the
 connection between two parts of a body. A candidate is therefore merged with parts above or below it, and the
-remaining foreground is divided again, only at steps that are larger than those between parts of one body.
+remaining foreground is divided again, but only at depth steps larger than those between parts of one body.
 
 A limb may also be separated by a large step, and a flat chest may be taken for furniture. Only a fitted body
 can tell. So a candidate also has wider masks.
@@ -19,7 +19,7 @@ from scipy.ndimage import binary_dilation, binary_erosion, minimum_filter
 
 from gepf.common.arrays import Array, Mask
 from gepf.common.camera import Intrinsics, points_of
-from gepf.coordinator.scene.flatness import Flat, find_flat
+from gepf.coordinator.scene.flatness import FlatPart, find_flat_part
 from gepf.coordinator.scene.planes import extents
 from gepf.coordinator.scene.scene import FOREGROUND, SceneView
 from gepf.coordinator.scene.segmentation import label_parts, measure_components, reach_of
@@ -30,8 +30,8 @@ class Part:
     """A connected component of the foreground.
 
     mask: (H, W) its pixels in a window of the frame. points: (P, 3) their points in the camera frame, metres.
-    middle, heights: their median (3,), and the upper and the lower end of their vertical range, in the level
-    camera frame, in which y points down.
+    middle, y_range: their median (3,), and the upper and the lower end of their vertical range, in the
+    levelled camera frame, in which y points down.
     length: their longest extent along an axis of that frame, metres, without outliers.
     uncut: (H, W) the pixels of the component before flat parts were cut off.
     """
@@ -41,13 +41,13 @@ class Part:
     uncut: Mask
     points: Array
     middle: Array
-    heights: tuple[float, float]
+    y_range: tuple[float, float]
     length: float
 
     @property
     def height(self) -> float:
         """The vertical range, metres."""
-        return self.heights[1] - self.heights[0]
+        return self.y_range[1] - self.y_range[0]
 
     @property
     def pixel(self) -> Array:
@@ -82,20 +82,20 @@ class Candidate:
         return self.wider[-1] if self.wider else self.mask
 
 
-def candidates(view: SceneView, people_mask: Mask | None = None) -> list[Candidate]:
+def find_candidates(view: SceneView, people_mask: Mask | None = None) -> list[Candidate]:
     """Candidates for people, best first; pixels (H, W) of tracked people are excluded."""
-    limits, free = view.settings.segmentation, view.marks == FOREGROUND
+    segmentation, free = view.settings.segmentation, view.marks == FOREGROUND
     if people_mask is not None:
         free &= ~people_mask
-    parts = find_parts(view, free, limits.step_m, view.settings.candidates.min_part_m2)
-    found_candidates = [candidate for part in parts if (candidate := candidate_of(view, part))]
+    parts = find_parts(view, free, segmentation.step_m, view.settings.candidates.min_part_m2)
+    candidates = [candidate for part in parts if (candidate := candidate_of(view, part))]
     rest = free.copy()
-    for candidate in found_candidates:
+    for candidate in candidates:
         rest[candidate.part.window] &= ~candidate.part.uncut
-    wider = find_parts(view, rest, reach_of(limits), limits.min_person_m2)
-    found_candidates += [candidate for part in wider if (candidate := candidate_of(view, part))]
+    rest_parts = find_parts(view, rest, reach_of(segmentation), segmentation.min_person_m2)
+    candidates += [candidate for part in rest_parts if (candidate := candidate_of(view, part))]
     people, taken = list[Candidate](), np.zeros_like(free)
-    for candidate in sorted(found_candidates, key=lambda candidate: -candidate.score):
+    for candidate in sorted(candidates, key=lambda candidate: -candidate.score):
         if 2 * np.count_nonzero(taken & candidate.mask) < np.count_nonzero(candidate.mask):
             unused = [part for part in parts if not (taken[part.window] & part.mask).any()]
             people.append(widen(view, join_parts(view, candidate, unused), unused))
@@ -110,9 +110,9 @@ def find_parts(view: SceneView, free: Mask, step: float, min_area_m2: float) -> 
     area below `min_area_m2`, and those that are still larger than a person after their flat furniture is cut
     off, are left out.
     """
-    limits = view.settings.segmentation
-    labels = label_parts(view.depth, free, step, limits.step_m, view.noise, view.camera.fx)
-    areas, windows = measure_components(labels, view.depth, view.camera.fx, view.camera.fy)
+    segmentation = view.settings.segmentation
+    labels = label_parts(view.depth, free, step, segmentation.step_m, view.noise, view.intrinsics.fx)
+    areas, windows = measure_components(labels, view.depth, view.intrinsics.fx, view.intrinsics.fy)
     parts, candidate_limits = list[Part](), view.settings.candidates
     possible = (areas >= min_area_m2) & (areas <= candidate_limits.max_joined_m2)
     for label in np.flatnonzero(possible).tolist():
@@ -120,30 +120,30 @@ def find_parts(view: SceneView, free: Mask, step: float, min_area_m2: float) -> 
         window = slice(top, bottom), slice(left, right)
         mask = labels[window] == label
         part = part_of(view, mask, window, mask)
-        parts += cut_off_furniture(view, part) if areas[label] >= limits.min_person_m2 else [part]
+        parts += cut_off_furniture(view, part) if areas[label] >= segmentation.min_person_m2 else [part]
     return [part for part in parts if area_of(view, part.points) <= candidate_limits.max_person_m2]
 
 
 def area_of(view: SceneView, points: Array) -> float:
     """The area across the line of sight, square metres, of pixels with these points (P, 3)."""
-    return float(np.sum(points[:, 2] ** 2)) / (view.camera.fx * view.camera.fy)
+    return float(np.sum(points[:, 2] ** 2)) / (view.intrinsics.fx * view.intrinsics.fy)
 
 
 def part_of(view: SceneView, mask: Mask, window: tuple[slice, slice], uncut: Mask) -> Part:
     """The component with these pixels (H, W) of a window."""
-    points = points_of(view.depth[window], camera_of(view, window), mask)
+    points = points_of(view.depth[window], intrinsics_of(view, window), mask)
     level = points @ view.planes.level.T
-    heights = float(level[:, 1].min()), float(level[:, 1].max())
+    y_range = float(level[:, 1].min()), float(level[:, 1].max())
     sampled_points = level[:: 1 + len(level) // view.settings.candidates.flat_points]
     length = float(extents(sampled_points, view.settings.planes.outlier_percent).max())
-    return Part(window, mask, uncut, points, np.median(level, axis=0), heights, length)
+    return Part(window, mask, uncut, points, np.median(level, axis=0), y_range, length)
 
 
-def camera_of(view: SceneView, window: tuple[slice, slice]) -> Intrinsics:
-    """The camera of a window."""
+def intrinsics_of(view: SceneView, window: tuple[slice, slice]) -> Intrinsics:
+    """The intrinsics of a window."""
     rows, columns = window
     width, height = columns.stop - columns.start, rows.stop - rows.start
-    return view.camera.crop(columns.start, rows.start, width, height)
+    return view.intrinsics.crop(columns.start, rows.start, width, height)
 
 
 def cut_off_furniture(view: SceneView, part: Part) -> list[Part]:
@@ -154,42 +154,44 @@ def cut_off_furniture(view: SceneView, part: Part) -> list[Part]:
     seat that the person is sitting on. If that cannot be cut off either, the component is kept whole, or
     dropped if most of it is flat.
     """
-    depth, limits = view.depth[part.window], view.settings.segmentation
+    depth, segmentation = view.depth[part.window], view.settings.segmentation
     candidate_limits = view.settings.candidates
-    flat = find_flat(depth, part.mask, camera_of(view, part.window), view.noise, view.settings)
+    flat = find_flat_part(depth, part.mask, intrinsics_of(view, part.window), view.noise, view.settings)
     remaining_parts = list[Part]()
-    if flat.patch_areas.max() >= limits.min_person_m2:
+    if flat.patch_areas.max() >= segmentation.min_person_m2:
         curved = part.mask & ~flat.grow(flat.patch_areas >= candidate_limits.min_part_m2)
-        labels = label_parts(depth, curved, limits.step_m, limits.step_m, view.noise, view.camera.fx)
-        areas, _ = measure_components(labels, depth, view.camera.fx, view.camera.fy)
-        large = np.flatnonzero(areas >= limits.min_person_m2).tolist()
+        step_m = segmentation.step_m
+        labels = label_parts(depth, curved, step_m, step_m, view.noise, view.intrinsics.fx)
+        areas, _ = measure_components(labels, depth, view.intrinsics.fx, view.intrinsics.fy)
+        large = np.flatnonzero(areas >= segmentation.min_person_m2).tolist()
         remaining_parts = [part_of(view, labels == label, part.window, part.uncut) for label in large]
-    if max((rest.length for rest in remaining_parts), default=0.0) >= min(1.0, part.length):
+    longest = max((rest.length for rest in remaining_parts), default=0.0)
+    if longest >= min(1.0, part.length):  # as long as the whole, or one metre
         return [smaller for rest in remaining_parts for smaller in cut_off_furniture(view, rest)]
-    unseated = part.mask & ~flat.grow(find_seat(view, part, flat))
-    if 0 < np.count_nonzero(unseated) < len(part.points):
-        rest = part_of(view, unseated, part.window, part.uncut)
-        if rest.height >= part.height - limits.cell_m:
+    without_seat = part.mask & ~flat.grow(find_seat(view, part, flat))
+    if 0 < np.count_nonzero(without_seat) < len(part.points):
+        rest = part_of(view, without_seat, part.window, part.uncut)
+        if rest.height >= part.height - segmentation.cell_m:
             kept = cut_off_furniture(view, rest)
             if any(candidate_of(view, smaller) for smaller in kept):
                 return kept
     return [] if flat.share > candidate_limits.max_flat_share else [part]
 
 
-def find_seat(view: SceneView, part: Part, flat: Flat) -> Mask:
+def find_seat(view: SceneView, part: Part, flat: FlatPart) -> Mask:
     """The flat patches (H, W) of a component that reach down to the floor and are wider than a leg.
 
     A leg is assumed to be 9 cm wide per metre of the component's height.
     """
-    limits = view.settings.segmentation
+    segmentation = view.settings.segmentation
     patches = flat.patch_areas >= view.settings.candidates.min_part_m2
-    floor = view.planes.above(part.points) < limits.cell_m
+    floor = view.planes.above(part.points) < segmentation.cell_m
     if not view.planes.has_floor or not floor.any():
         return np.zeros_like(patches)
-    labels = label_parts(
-        view.depth[part.window], patches, limits.step_m, limits.step_m, view.noise, view.camera.fx
-    )
+    depth, step_m = view.depth[part.window], segmentation.step_m
+    labels = label_parts(depth, patches, step_m, step_m, view.noise, view.intrinsics.fx)
     low = labels[part.mask][floor]
+    # `flat.size` is the square root of `min_part_m2` in pixels: 9 cm by default
     wide = labels[minimum_filter(patches, max(1, int(flat.size * part.height)), mode="constant")]
     return np.asarray(patches & np.isin(labels, np.intersect1d(low, wide)))
 
@@ -200,18 +202,23 @@ def join_parts(view: SceneView, person: Candidate, parts: Sequence[Part]) -> Can
     A head, a trunk and legs are such parts if a shoulder or a forearm hides the connection between them.
     Parts that may be two people are not joined.
     """
-    own, mask, joined, limits = person.part, person.mask.copy(), [person.part], view.settings.candidates
-    (upper, lower), half = own.heights, 0.5 * limits.max_length_m
+    own, candidate_limits = person.part, view.settings.candidates
+    mask, joined = person.mask.copy(), [own]
+    (upper, lower), half = own.y_range, 0.5 * candidate_limits.max_length_m
     for part in parts:
-        (top, bottom), across = part.heights, own.middle - part.middle
+        top, bottom = part.y_range
+        offset = own.middle - part.middle
         ends = min(upper, top), max(lower, bottom)
-        far = np.linalg.norm(across[[0, 2]]) >= limits.same_spot_m or ends[1] - ends[0] >= limits.max_length_m
+        far = (
+            np.linalg.norm(offset[[0, 2]]) >= candidate_limits.same_spot_m
+            or ends[1] - ends[0] >= candidate_limits.max_length_m
+        )
         if far or (mask[part.window] & part.mask).any():
             continue
         smaller, larger = sorted((own.height, part.height))
         shared = min(lower, bottom) - max(upper, top)
         adjoins = -view.settings.segmentation.near_m < shared < 0.5 * smaller
-        adjoins = adjoins and (smaller < limits.min_length_m or larger < half)
+        adjoins = adjoins and (smaller < candidate_limits.min_length_m or larger < half)
         if adjoins or has_occluder_between(view, joined, part):
             part.mark(mask)
             joined, (upper, lower) = [*joined, part], ends
@@ -231,7 +238,7 @@ def widen(view: SceneView, person: Candidate, parts: Sequence[Part]) -> Candidat
 
 
 def touches(view: SceneView, mask: Mask, around: Mask, part: Part) -> bool:
-    """Whether a part touches a person in the image, at the depth of a limb.
+    """Whether a part touches a person in the image, with a depth step no larger than that of a limb.
 
     mask: (H, W) the person's pixels. around: the same, dilated.
     """
@@ -249,9 +256,9 @@ def has_moved(view: SceneView, person: Candidate) -> bool:
     permanence = view.permanence((0, 0, view.depth.shape[1], view.depth.shape[0]))
     if permanence is None:
         return False
-    limits = view.settings.candidates
-    moved = binary_erosion(person.widest & (permanence < limits.moved_permanence), np.ones((3, 3)))
-    return area_of(view, points_of(view.depth, view.camera, moved)) >= limits.min_moved_m2
+    candidate_limits = view.settings.candidates
+    moved = binary_erosion(person.widest & (permanence < candidate_limits.moved_permanence), np.ones((3, 3)))
+    return area_of(view, points_of(view.depth, view.intrinsics, moved)) >= candidate_limits.min_moved_m2
 
 
 def dilated(mask: Mask) -> Mask:
@@ -282,19 +289,19 @@ def candidate_of(view: SceneView, part: Part) -> Candidate | None:
 
     The score increases towards the middle of the image and with the height up to one metre.
     """
-    points, limits = part.points, view.settings.candidates
+    points, candidate_limits = part.points, view.settings.candidates
     area_m2 = area_of(view, points)
     if area_m2 < view.settings.segmentation.min_person_m2:
         return None
-    sampled_points = points[:: 1 + len(points) // limits.flat_points]
+    sampled_points = points[:: 1 + len(points) // candidate_limits.flat_points]
     outliers = view.settings.planes.outlier_percent
     across, height, away = extents(sampled_points @ view.planes.level.T, outliers).tolist()
-    if not limits.min_length_m <= max(across, height, away) <= limits.max_length_m:
+    if not candidate_limits.min_length_m <= max(across, height, away) <= candidate_limits.max_length_m:
         return None
     x, y, z = points.mean(axis=0)
     centred = np.exp(-2.0 * (x * x + y * y) / (z * z))
     score = float(centred * min(1.0, height) ** 2)
-    description = f"{height:.2f} m high, {across:.2f} m wide, {away:.2f} m deep, {area_m2:.2f} m2 seen"
+    description = f"{height:.2f} m high, {across:.2f} m wide, {away:.2f} m deep, {area_m2:.2f} m2 visible"
     mask = np.zeros(view.depth.shape, dtype=np.bool_)
     part.mark(mask)
     return Candidate(mask, points, part, score, description)

@@ -1,4 +1,4 @@
-"""Duplicate bodies: everything that is seen of one of them is explained by others.
+"""Duplicate bodies: everything visible of them is explained by other bodies.
 
 Two bodies may come to fit the same person, for example after one person has hidden another. Each explains the
 points of that person, so the points contradict neither of them. But a duplicate adds nothing.
@@ -45,16 +45,16 @@ def find_duplicates(
 ) -> list[bool]:
     """Which bodies are duplicates: others explain all but a share `min_own_share` of the pixels near them.
 
-    Another body explains a pixel if it is near the pixel, and not farther from it than the body, except by
-    the resolution of the distances. Duplicates are removed one after another, because two bodies may explain
-    each other: first the one that has been `followed_s` for the shortest time.
+    Another body explains a pixel if it is near the pixel, and not farther from it than the first body by more
+    than the resolution of the distances. Duplicates are removed one after another, because two bodies may
+    explain each other: first the one with the smallest `followed_s`.
     """
-    left = list(range(len(followed_s)))
+    remaining = list(range(len(followed_s)))
     while True:
-        explained = [n for n in left if is_explained(n, left, views, min_own_share)]
+        explained = [n for n in remaining if is_explained(n, remaining, views, min_own_share)]
         if not explained:
-            return [n not in left for n in range(len(followed_s))]
-        left.remove(min(explained, key=lambda n: (followed_s[n], -n)))
+            return [n not in remaining for n in range(len(followed_s))]
+        remaining.remove(min(explained, key=lambda n: (followed_s[n], -n)))
 
 
 def is_explained(body: int, bodies: Sequence[int], views: Sequence[Evidence], min_own_share: float) -> bool:

@@ -54,7 +54,7 @@ def fit_growth(depth_m: NDArray[np.floating], settings: NoiseSettings) -> float:
     """The growth of the noise of a depth image (H, W) in metres, with 0 for no depth.
 
     It is estimated from second differences of three successive pixels, in which smooth surfaces nearly
-    cancel. The median is not usable: with coarse rounding, more than half of the differences are zero.
+    cancel. The median cannot be used: with coarse quantisation, more than half of the differences are zero.
     """
     left, middle, right = depth_m[:, :-2], depth_m[:, 1:-1], depth_m[:, 2:]
     measured = (left > 0.0) & (middle > 0.0) & (right > 0.0)
@@ -90,9 +90,9 @@ class SensorNoise:
         if not (self.distance > 0.0 and distance > 0.0):
             return self
         step = 0.1
-        share = math.exp(step * round(math.log(distance / self.distance) / step))
-        depth = min(self.depth, floor_m) + max(0.0, self.depth - floor_m) * share * share
-        return SensorNoise(depth, self.lateral * share, self.distance * share)
+        ratio = math.exp(step * round(math.log(distance / self.distance) / step))
+        depth = min(self.depth, floor_m) + max(0.0, self.depth - floor_m) * ratio * ratio
+        return SensorNoise(depth, self.lateral * ratio, self.distance * ratio)
 
 
 NO_NOISE = SensorNoise(0.0, 0.0)
@@ -101,7 +101,7 @@ NO_NOISE = SensorNoise(0.0, 0.0)
 def measure_noise(view: View, settings: NoiseSettings) -> SensorNoise:
     """The noise of an image that is not empty, at the median distance of its pixels.
 
-    Rounding is part of the noise. Errors that are common to neighbouring pixels are not measured.
+    Quantisation is part of the noise. Errors that are common to neighbouring pixels are not measured.
     """
     depth_m = view.metres()
     distance = float(np.median(depth_m[depth_m > 0.0]))

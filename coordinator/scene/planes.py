@@ -20,7 +20,7 @@ from gepf.common.compiling import numba
 from gepf.coordinator.scene.noise import DepthNoise
 from gepf.coordinator.settings import PlaneSettings
 
-SIDES = np.array([[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
+UP_DIRECTIONS = np.array([[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
 """Up in an upright image, and in one that is rotated by a multiple of 90 degrees; camera frame."""
 
 
@@ -91,11 +91,11 @@ def find_planes(rays: Array, approximate_ups: Array, settings: PlaneSettings) ->
     """
     drawn, rest, planes = draw_planes(rays, settings.samples), rays, list[Array]()
     max_beyond = settings.max_beyond_share * len(rays)
-    drawn = drawn[count_points(drawn, rays)[:, 2] <= max_beyond]
+    drawn = drawn[count_rays(drawn, rays)[:, 2] <= max_beyond]
     while len(drawn):
         refined = refine_best(drawn, support(drawn, rest), rest, settings)
         score = support(refined, rest)
-        score[count_points(refined, rays)[:, 2] > max_beyond] = 0
+        score[count_rays(refined, rays)[:, 2] > max_beyond] = 0
         if score.max() < settings.min_points:
             break
         planes.append(refined[score.argmax()])
@@ -134,12 +134,14 @@ def choose_floor(
     things = rays
     for plane in planes:
         things = things[~lie_on(plane, things)]
-    points, resting = to_points(things), np.zeros(len(floors))
+    points = to_points(things)
+    resting = np.zeros(len(floors))
     for n, floor in enumerate(floors):
         if floor is not None and len(points):
             heights = (1.0 - points @ floor) / np.linalg.norm(floor)
             resting[n] = np.mean(np.exp(-np.maximum(heights, 0.0) / settings.resting_height_m))
     if floors[0] is None:
+        # another direction needs at least this share on its floor
         resting[0] = settings.min_resting_share
     best = int(resting.argmax())
     return approximate_ups[best], floors[best]
@@ -147,7 +149,7 @@ def choose_floor(
 
 def support(planes: Array, rays: Array) -> Indices:
     """Number of rays (N, 4) in the inner half of each plane's margin, minus those in its outer half."""
-    counts = count_points(planes, rays)
+    counts = count_rays(planes, rays)
     return np.asarray(2 * counts[:, 0] - counts[:, 1])
 
 
@@ -168,11 +170,12 @@ def draw_planes(rays: Array, count: int) -> Array:
     The distances between the three range from small to large: if only patches of a floor are visible, three
     random rays are rarely all on it.
     """
-    random, tree = np.random.default_rng(0), cKDTree(rays[:, :2])
-    first = rays[random.integers(len(rays), size=count)]
-    apart = 0.5 * random.uniform(size=(count, 1)) ** 2 * np.ptp(rays[:, :2], axis=0)
+    rng = np.random.default_rng(0)
+    tree = cKDTree(rays[:, :2])
+    first = rays[rng.integers(len(rays), size=count)]
+    apart = 0.5 * rng.uniform(size=(count, 1)) ** 2 * np.ptp(rays[:, :2], axis=0)
     second, third = (
-        rays[tree.query(first[:, :2] + apart * random.normal(size=apart.shape))[1], :3] - first[:, :3]
+        rays[tree.query(first[:, :2] + apart * rng.normal(size=apart.shape))[1], :3] - first[:, :3]
         for _ in range(2)
     )
     normal = np.cross(second, third)
@@ -183,7 +186,7 @@ def draw_planes(rays: Array, count: int) -> Array:
 
 
 @numba.njit(cache=True, nogil=True)
-def count_points(planes: Array, rays: Array) -> Indices:
+def count_rays(planes: Array, rays: Array) -> Indices:
     """Numbers (M, 3) of rays (N, 4) near each plane.
 
     They are those within half a margin of the plane, those within one margin, and those more than two margins
@@ -228,19 +231,19 @@ def sum_moments(planes: Array, rays: Array, within: float) -> tuple[Array, Indic
     returns the numbers (M,) of these rays.
     """
     moments, counts = np.zeros((len(planes), 3, 4)), np.zeros(len(planes), dtype=np.int64)
-    x = np.ones(3)
+    v = np.ones(3)
     for m in range(len(planes)):
         a, b, c = planes[m]
         for n in range(len(rays)):
             across, down, inverse, margin = rays[n]
             if abs(a * across + b * down + c - inverse) < within * margin:
-                x[0], x[1] = across, down
+                v[0], v[1] = across, down
                 counts[m] += 1
                 weight = 1.0 / (margin * margin)
                 for i in range(3):
                     for j in range(3):
-                        moments[m, i, j] += weight * x[i] * x[j]
-                    moments[m, i, 3] += weight * x[i] * inverse
+                        moments[m, i, j] += weight * v[i] * v[j]
+                    moments[m, i, 3] += weight * v[i] * inverse
     return moments, counts
 
 

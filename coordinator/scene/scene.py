@@ -1,7 +1,7 @@
 """The scene of a camera: its noise and planes, and the background and occupancy of each pixel.
 
-The background of a pixel is the farthest depth measured there while no person was near. Something nearer that
-stays for `settled_s` replaces it, such as a chair that was moved.
+The background of a pixel is the farthest depth measured there while no person was near. Something nearer,
+such as a chair that was moved, replaces it once it has stayed for `settled_s`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,15 @@ from gepf.common.compiling import numba
 from gepf.common.frame import View
 from gepf.coordinator.scene.noise import DepthNoise, fit_growth, margin_at, noise_of
 from gepf.coordinator.scene.occupancy import Occupancy, OccupancyChange, Window, accumulate, permanence_of
-from gepf.coordinator.scene.planes import SIDES, Planes, extents, find_planes, refit, sample_rays, to_points
+from gepf.coordinator.scene.planes import (
+    UP_DIRECTIONS,
+    Planes,
+    extents,
+    find_planes,
+    refit,
+    sample_rays,
+    to_points,
+)
 from gepf.coordinator.settings import SceneSettings
 
 Depth = NDArray[np.float32]
@@ -26,10 +34,10 @@ Marks = NDArray[np.uint8]
 Pixels = NDArray[np.uint32]  # flat indices (N,)
 
 NO_PIXELS = np.empty(0, np.uint32)
-NOBODY = np.empty((0, 3), np.float32)  # no points of other people and things
+NO_POINTS = np.empty((0, 3), np.float32)  # no points of other people and things
 
-NOT_MEASURED, FOREGROUND, BACKGROUND, ON_PLANE = 0, 1, 2, 3  # marks of a pixel
-SETTLED_STEPS = 30  # steps in `settled_s`; a byte can count to 255; at 30 frames/s, a step is one frame
+NO_DEPTH, FOREGROUND, BACKGROUND, ON_PLANE = 0, 1, 2, 3  # marks of a pixel
+SETTLED_STEPS = 30  # steps in `settled_s`, few enough for a byte; at 30 frames/s and 1 s, a step is one frame
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,20 +47,20 @@ class SceneView:
     depth: (H, W) metres, 0 for pixels without depth or outside the user's scope.
     noise: of the depth.
     background: (H, W) metres, depth without people; 0 if unknown. `Scene.learn` changes it in place.
-    marks: (H, W) NOT_MEASURED, FOREGROUND, BACKGROUND or ON_PLANE.
+    marks: (H, W) NO_DEPTH, FOREGROUND, BACKGROUND or ON_PLANE.
     shows_room: whether the frame shows a room, not only a person; if not, pixels without depth are empty.
     settings: of the segmentation of the frame.
     out_of_scope: (H, W) pixels that the user excluded; they are unknown.
     steps: time since the last frame with depth, in steps; SETTLED_STEPS of them make `settled_s`.
     is_first: whether no earlier frame had depth.
-    occupancy: what pixels have shown, until the next frame; None if the frame shows no room.
+    occupancy: what pixels have shown; valid until the next `observe`. None if the frame shows no room.
     occupied: flat indices (N,) of the pixels whose occupancy the frame changed.
     foreign: points (N, 3) of other people and things in the frame before, camera frame, metres.
     """
 
     number: int
     depth: Depth
-    camera: Intrinsics
+    intrinsics: Intrinsics
     noise: DepthNoise
     planes: Planes
     background: Depth
@@ -64,12 +72,12 @@ class SceneView:
     is_first: bool = False
     occupancy: Occupancy | None = None
     occupied: Pixels = field(default_factory=lambda: NO_PIXELS)
-    foreign: NDArray[np.float32] = field(default_factory=lambda: NOBODY)
+    foreign: NDArray[np.float32] = field(default_factory=lambda: NO_POINTS)
 
     def permanence(self, window: Window) -> Depth | None:
         """The permanence, from 0 to 1, of what a window (h, w) shows; None if the frame shows no room.
 
-        Must be called before the next frame is given to `see`.
+        Must be called before the next frame is given to `observe`.
         """
         if self.occupancy is None:
             return None
@@ -77,12 +85,12 @@ class SceneView:
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def mark_pixels(depth: Depth, background: Depth, lens: Pinhole, planes: Array, noise: DepthNoise) -> Marks:
-    """NOT_MEASURED, FOREGROUND, BACKGROUND or ON_PLANE of each pixel (H, W); planes (P, 3).
+def mark_pixels(depth: Depth, background: Depth, pinhole: Pinhole, planes: Array, noise: DepthNoise) -> Marks:
+    """NO_DEPTH, FOREGROUND, BACKGROUND or ON_PLANE of each pixel (H, W); planes (P, 3).
 
     Depth beyond the background is foreground: a person may come through a door.
     """
-    fx, fy, cx, cy = lens
+    fx, fy, cx, cy = pinhole
     marks = np.empty(depth.shape, dtype=np.uint8)
     x = ((np.arange(depth.shape[1]) - cx) / fx).astype(np.float32)
     nearest = np.empty(depth.shape[1], dtype=np.float32)  # plane in each direction, as 1 / z
@@ -95,10 +103,11 @@ def mark_pixels(depth: Depth, background: Depth, lens: Pinhole, planes: Array, n
         for u in range(depth.shape[1]):  # without branches, so that it is vectorised
             z = depth[v, u]
             margin = np.float32(margin_at(z, noise))
+            # on the plane or beyond it: nearest > 1 / z - margin / z^2
             on_plane = nearest[u] * z * z > z - margin
             is_background = abs(z - background[v, u]) < margin
             mark = ON_PLANE if on_plane else (BACKGROUND if is_background else FOREGROUND)
-            marks[v, u] = mark if z > 0.0 else NOT_MEASURED
+            marks[v, u] = mark if z > 0.0 else NO_DEPTH
     return marks
 
 
@@ -107,10 +116,10 @@ class Learned(NamedTuple):
 
     pixels: Pixels
     depth: Depth  # (N,) metres
-    nearer: Marks  # (N,) for how long something nearer was there, in steps
+    nearer_steps: NDArray[np.uint8]  # (N,) for how long something nearer was there, in steps
 
 
-NOTHING = Learned(NO_PIXELS, np.empty(0, np.float32), np.empty(0, np.uint8))
+NOTHING_LEARNED = Learned(NO_PIXELS, np.empty(0, np.float32), np.empty(0, np.uint8))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -123,16 +132,17 @@ class SceneChange:
     growth: float = 0.0  # of the depth's noise; 0 before the first depth
     planes: Array = field(default_factory=lambda: np.empty((0, 3)))
     has_floor: bool = False
-    approximate_up: Array = field(default_factory=lambda: SIDES[0])  # (3,), of the planes
-    possible_ups: Array = field(default_factory=lambda: SIDES)  # (U, 3); one if the camera measures it
+    approximate_up: Array = field(default_factory=lambda: UP_DIRECTIONS[0])  # (3,), of the planes
+    # (U, 3); a single one if the camera measures it
+    possible_ups: Array = field(default_factory=lambda: UP_DIRECTIONS)
     shows_room: bool = False
-    size: tuple[int, int] = (0, 0)  # rows and columns of the background; none at the start
-    learned: Learned = NOTHING
+    size: tuple[int, int] = (0, 0)  # rows and columns of the background; 0 at the start
+    learned: Learned = NOTHING_LEARNED
     occupancy: OccupancyChange = field(
         default_factory=lambda: OccupancyChange.of(Occupancy.unknown((0, 0)), NO_PIXELS)
     )
     T_rig_camera: Array = field(default_factory=NOT_MOVED.copy)  # of the frame
-    foreign: NDArray[np.float32] = field(default_factory=lambda: NOBODY)  # (N, 3), see `segmentation`
+    foreign: NDArray[np.float32] = field(default_factory=lambda: NO_POINTS)  # (N, 3), see `segmentation`
 
 
 SceneChanges = dict[str, SceneChange]
@@ -142,9 +152,10 @@ SceneChanges = dict[str, SceneChange]
 class Scene:
     """What is known about the scene of one camera.
 
-    Each frame is given to `see` and then to `learn`. The same frames and people's pixels give the same scene,
-    bit for bit; `recall` restores it from the changes alone. If the size of a frame differs from that of
-    earlier frames, or of the background, it counts as from another camera, and the scene starts again.
+    Each frame is given to `observe` and then to `learn`. The same frames and people's pixels give the same
+    scene, bit for bit; `restore` rebuilds it from the changes alone. If the size of a frame differs from that
+    of earlier frames, or of the background, it counts as coming from another camera, and the scene starts
+    again.
 
     Args:
         settings: Settings of the scene and its segmentation.
@@ -158,34 +169,35 @@ class Scene:
     ) -> None:
         self._settings = settings
         self._T_rig_camera = NOT_MOVED
-        self._possible_ups = SIDES if up is None else up[None]
+        self._possible_ups = UP_DIRECTIONS if up is None else up[None]
         self._background: Depth
-        self._nearer: Marks
+        self._nearer_steps: NDArray[np.uint8]
         self._occupancy: Occupancy
-        self._begin(np.zeros((0, 0), np.float32) if background is None else background.copy())
+        self._reset(np.zeros((0, 0), np.float32) if background is None else background.copy())
         self._shows_room = background is not None
 
-    def see(self, image: View, out_of_scope: Mask | None = None) -> SceneView:
+    def observe(self, image: View, out_of_scope: Mask | None = None) -> SceneView:
         """Compare the next image with the known scene; `out_of_scope` (H, W) are excluded pixels."""
         depth, self._T_rig_camera = image.metres(), image.T_rig_camera
         if self._background.shape != depth.shape:
-            self._begin(np.zeros_like(depth))
+            self._reset(np.zeros_like(depth))
         steps, occupied = 0, NO_PIXELS
         if depth.any():
             steps = self._pass_time(image.time_s)
             self._update_noise_and_planes(depth, image.intrinsics, steps)
-        camera, planes, limits = image.intrinsics, self._planes, self._settings.noise
+            self._frames_with_depth += 1
+        intrinsics, planes, limits = image.intrinsics, self._planes, self._settings.noise
         noise = noise_of(self._growth or limits.usual_growth_m, limits)
         if self._shows_room:
             occupied = self._accumulate(depth, noise, steps)
         return SceneView(
             number=image.number,
             depth=depth,
-            camera=camera,
+            intrinsics=intrinsics,
             noise=noise,
             planes=planes,
             background=self._background,
-            marks=mark_pixels(depth, self._background, camera.pinhole, planes.coefficients, noise),
+            marks=mark_pixels(depth, self._background, intrinsics.pinhole, planes.coefficients, noise),
             shows_room=self._shows_room,
             settings=self._settings,
             out_of_scope=out_of_scope,
@@ -200,10 +212,10 @@ class Scene:
         self,
         view: SceneView,
         not_learned: Mask | None = None,
-        foreign: NDArray[np.float32] = NOBODY,
-        learned: Learned = NOTHING,
+        foreign: NDArray[np.float32] = NO_POINTS,
+        learned: Learned = NOTHING_LEARNED,
     ) -> SceneChange:
-        """Learn from the last frame, the `view` that `see` returned, and return the change.
+        """Learn from the last frame, the `view` that `observe` returned, and return the change.
 
         Pixels (H, W) of people and possible people are `not_learned`. The points `foreign` (N, 3), camera
         frame, metres, of other people and things are remembered until the next frame. A frame may be learned
@@ -213,34 +225,40 @@ class Scene:
         self._foreign = foreign
         if not self._shows_room:
             return self._change(NO_PIXELS, NO_PIXELS)
-        left_out = np.zeros(view.depth.shape, np.bool_) if not_learned is None else not_learned
+        if not_learned is None:
+            not_learned = np.zeros(view.depth.shape, np.bool_)
         learned_before = self._background > 0.0
-        pixels = learn_pixels(view.depth, view.noise, left_out, self._background, self._nearer, view.steps)
-        moved = np.count_nonzero(learned_before.ravel()[pixels]) > 0.5 * np.count_nonzero(view.marks)
+        pixels = learn_pixels(
+            view.depth, view.noise, not_learned, self._background, self._nearer_steps, view.steps
+        )
+        measured = np.count_nonzero(view.marks != NO_DEPTH)
+        moved = np.count_nonzero(learned_before.ravel()[pixels]) > 0.5 * measured
         if moved:  # most of the image changed: the camera was moved
-            self._background[:], self._nearer[:] = 0.0, 0
-            self._occupancy, self._foreign = Occupancy.unknown(view.depth.shape), NOBODY
-            learn_pixels(view.depth, view.noise, left_out, self._background, self._nearer, view.steps)
+            self._background[:], self._nearer_steps[:] = 0.0, 0
+            self._occupancy, self._foreign = Occupancy.unknown(view.depth.shape), NO_POINTS
+            learn_pixels(
+                view.depth, view.noise, not_learned, self._background, self._nearer_steps, view.steps
+            )
         if moved or view.is_first:
             return self.whole_change()
         pixels = np.union1d(learned.pixels, pixels) if len(learned.pixels) else pixels
         return self._change(pixels, view.occupied)
 
-    def recall(self, change: SceneChange) -> None:
+    def restore(self, change: SceneChange) -> None:
         """Restore the scene after a frame by applying its change.
 
         The changes of all earlier frames must have been applied first.
         """
         self._possible_ups = change.possible_ups
         if self._background.shape != change.size:
-            self._begin(np.zeros(change.size, np.float32))
+            self._reset(np.zeros(change.size, np.float32))
         self._frames_with_depth, self._shows_room = change.frames_with_depth, change.shows_room
         self._growth = change.growth
         self._time_s, self._elapsed_s = change.time_s, change.elapsed_s
         self._T_rig_camera = change.T_rig_camera
         self._planes = Planes(change.planes, change.has_floor, change.approximate_up)
         self._background.ravel()[change.learned.pixels] = change.learned.depth
-        self._nearer.ravel()[change.learned.pixels] = change.learned.nearer
+        self._nearer_steps.ravel()[change.learned.pixels] = change.learned.nearer_steps
         change.occupancy.apply(self._occupancy)
         self._foreign = change.foreign
 
@@ -249,16 +267,16 @@ class Scene:
         pixels = np.arange(self._background.size, dtype=np.uint32)
         return self._change(pixels, pixels)
 
-    def _begin(self, background: Depth) -> None:
+    def _reset(self, background: Depth) -> None:
         self._frames_with_depth = 0
         self._time_s = self._elapsed_s = 0.0
         self._growth = 0.0
         self._planes = Planes(approximate_up=self._possible_ups[0])
         self._shows_room = False
         self._background = background
-        self._nearer = np.zeros(background.shape, np.uint8)
+        self._nearer_steps = np.zeros(background.shape, np.uint8)
         self._occupancy = Occupancy.unknown(background.shape)
-        self._foreign = NOBODY  # points of other people and things in the last frame
+        self._foreign = NO_POINTS  # points of other people and things in the last frame
 
     def _pass_time(self, time_s: float) -> int:
         """Count the time since the last frame with depth, and return it in steps.
@@ -269,7 +287,7 @@ class Scene:
         if self._frames_with_depth:
             self._elapsed_s += min(max(time_s - self._time_s, 0.0), longest_s)
             if time_s - self._time_s > longest_s:  # other people may be anywhere
-                self._foreign = NOBODY
+                self._foreign = NO_POINTS
         self._time_s = time_s
         return self._step_count - before if self._frames_with_depth else 1
 
@@ -290,7 +308,6 @@ class Scene:
             extent = extents(to_points(rays), limits.outlier_percent).max()
             if extent > settings.candidates.max_length_m:  # more than a person
                 self._planes, self._shows_room = find_planes(rays, self._possible_ups, limits), True
-        self._frames_with_depth += 1
 
     def _accumulate(self, depth: Depth, noise: DepthNoise, steps: int) -> Pixels:
         """Add a depth image (H, W) to the occupancy, if it is due; returns the changed pixels."""
@@ -318,7 +335,7 @@ class Scene:
             possible_ups=self._possible_ups,
             shows_room=self._shows_room,
             size=self._background.shape,
-            learned=Learned(pixels, self._background.ravel()[pixels], self._nearer.ravel()[pixels]),
+            learned=Learned(pixels, self._background.ravel()[pixels], self._nearer_steps.ravel()[pixels]),
             occupancy=OccupancyChange.of(self._occupancy, occupied),
             T_rig_camera=self._T_rig_camera,
             foreign=self._foreign,
@@ -327,7 +344,12 @@ class Scene:
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def learn_pixels(
-    depth: Depth, noise: DepthNoise, left_out: Mask, background: Depth, nearer: Marks, steps: int
+    depth: Depth,
+    noise: DepthNoise,
+    not_learned: Mask,
+    background: Depth,
+    nearer_steps: NDArray[np.uint8],
+    steps: int,
 ) -> NDArray[np.uint32]:
     """Learn a depth image (H, W) in place; returns the flat indices (N,) of the changed pixels.
 
@@ -338,15 +360,16 @@ def learn_pixels(
     for v in range(depth.shape[0]):
         for u in range(depth.shape[1]):  # without branches, so that it is vectorised; few pixels change
             z = depth[v, u]
-            unchanged = (abs(z - background[v, u]) <= np.float32(margin_at(z, noise))) & (nearer[v, u] == 0)
-            changes[u] = (z > 0.0) & (not left_out[v, u]) & (not unchanged)
+            margin = np.float32(margin_at(z, noise))
+            unchanged = (abs(z - background[v, u]) <= margin) & (nearer_steps[v, u] == 0)
+            changes[u] = (z > 0.0) & (not not_learned[v, u]) & (not unchanged)
         for u in range(depth.shape[1]):
             if not changes[u]:
                 continue
             pixels[count] = v * depth.shape[1] + u
             count += 1
             z, known_depth, margin = depth[v, u], background[v, u], np.float32(margin_at(depth[v, u], noise))
-            nearer[v, u] = nearer[v, u] + steps if z < known_depth - margin else 0
-            if z > known_depth + margin or nearer[v, u] >= SETTLED_STEPS:
-                background[v, u], nearer[v, u] = z, 0
+            nearer_steps[v, u] = nearer_steps[v, u] + steps if z < known_depth - margin else 0
+            if z > known_depth + margin or nearer_steps[v, u] >= SETTLED_STEPS:
+                background[v, u], nearer_steps[v, u] = z, 0
     return pixels[:count].copy()

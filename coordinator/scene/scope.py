@@ -58,7 +58,7 @@ class Scope:
     def choose(self, view: SceneView, people: Sequence[Candidate]) -> list[Candidate]:
         """The candidates for the selected person, the most likely first."""
 
-        def moved(candidate: Candidate) -> float:
+        def moved_share(candidate: Candidate) -> float:
             return float(np.mean(view.background[candidate.mask] > 0.0))
 
         if not isinstance(self.person, str):
@@ -72,12 +72,12 @@ class Scope:
             "best": lambda candidate: -candidate.score,
             "nearest": lambda candidate: float(np.median(candidate.points[:, 2])),
             "largest": lambda candidate: -float(np.sum(candidate.points[:, 2] ** 2)),
-            "moving": lambda candidate: -moved(candidate),
+            "moving": lambda candidate: -moved_share(candidate),
         }
         min_share = view.settings.candidates.min_moved_share
         possible = people
         if self.person == "moving":
-            possible = [candidate for candidate in people if moved(candidate) > min_share]
+            possible = [candidate for candidate in people if moved_share(candidate) > min_share]
         return sorted(possible, key=order[self.person])
 
     def of(self, camera: str) -> Scope:
@@ -88,7 +88,7 @@ class Scope:
         return replace(self, region=None, person=person, background=None)
 
     def describe(self) -> dict[str, object]:
-        """All fields by name as JSON values; the background as a hash."""
+        """The scope as JSON values; the region is named `roi`, and the background is a hash."""
         background = self.background
         digest = None if background is None else hashlib.sha256(background.tobytes()).hexdigest()[:12]
         return {

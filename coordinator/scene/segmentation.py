@@ -23,7 +23,7 @@ from gepf.common.compiling import numba
 from gepf.common.frame import EMPTY, HIDDEN, SUBJECT, UNKNOWN, UNMEASURED
 from gepf.coordinator.scene.noise import DepthNoise, margin_at
 from gepf.coordinator.scene.occupancy import Window
-from gepf.coordinator.scene.scene import FOREGROUND, NOBODY, NOT_MEASURED, ON_PLANE, Depth, SceneView
+from gepf.coordinator.scene.scene import FOREGROUND, NO_DEPTH, NO_POINTS, ON_PLANE, Depth, SceneView
 from gepf.coordinator.settings import SegmentationSettings
 
 Labels = NDArray[np.uint8]
@@ -60,13 +60,14 @@ def measure_distances(view: SceneView, surface: Array) -> Depth:
     """
     cell_m, reach_cells = view.settings.segmentation.cell_m, view.settings.segmentation.reach_cells
     margin = reach_of(view.settings.segmentation) + cell_m
-    low = surface.min(axis=0) - margin
-    shape = tuple(((surface.max(axis=0) + margin - low) / cell_m).astype(np.int64) + 1)
+    origin = surface.min(axis=0) - margin
+    shape = tuple(((surface.max(axis=0) + margin - origin) / cell_m).astype(np.int64) + 1)
     far = (reach_cells + 1) ** 2
     squares = np.full(shape, far, dtype=np.uint8)
-    squares[tuple(((surface - low) / cell_m).astype(np.int64).T)] = 0
+    squares[tuple(((surface - origin) / cell_m).astype(np.int64).T)] = 0
     flat = squares.ravel()
-    for stride in (1, shape[2], shape[1] * shape[2]):  # the margin separates lines of the grid
+    # the margin keeps shifts of the flattened grid from reaching the next line
+    for stride in (1, shape[2], shape[1] * shape[2]):
         before = flat.copy()
         for step in range(1, reach_cells + 1):
             shift, more = step * stride, np.uint8(step * step)
@@ -75,35 +76,37 @@ def measure_distances(view: SceneView, surface: Array) -> Depth:
     metres = np.float32(cell_m) * np.sqrt(np.arange(far + 1, dtype=np.float32))
     metres[reach_cells**2 + 1 :] = np.inf
     squares = np.minimum(squares, far)
-    return look_up(view.depth, view.camera.pinhole, window_of(view, surface), low, cell_m, squares, metres)
+    return look_up(
+        view.depth, view.intrinsics.pinhole, window_of(view, surface), origin, cell_m, squares, metres
+    )
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def look_up(
     depth: Depth,
-    lens: Pinhole,
+    pinhole: Pinhole,
     window: Window,
-    low: Array,
+    origin: Array,
     cell_m: float,
     squares: NDArray[np.uint8],
     metres: Depth,
 ) -> Depth:
-    """Distances (H, W) in a window, infinite outside; looked up in a grid with origin `low` (3,).
+    """Distances (H, W) in a window, infinite outside; looked up in a grid that begins at `origin` (3,).
 
     squares: squared distances of the grid's cells, in cells. metres: the distance for each of these values.
     """
     distances = np.full(depth.shape, np.inf, dtype=np.float32)
-    fx, fy, cx, cy = lens
+    fx, fy, cx, cy = pinhole
     left, top, right, bottom = window
     wide, high, deep = squares.shape
-    nearest, farthest = low[2], low[2] + cell_m * deep
+    nearest, farthest = origin[2], origin[2] + cell_m * deep
     for v in range(top, bottom):
         for u in range(left, right):
             z = depth[v, u]
             if not (z > 0.0 and nearest <= z < farthest):
                 continue
-            x, y = (u - cx) / fx * z - low[0], (v - cy) / fy * z - low[1]
-            i, j, k = int(x / cell_m), int(y / cell_m), int((z - low[2]) / cell_m)
+            x, y = (u - cx) / fx * z - origin[0], (v - cy) / fy * z - origin[1]
+            i, j, k = int(x / cell_m), int(y / cell_m), int((z - origin[2]) / cell_m)
             if x >= 0.0 and y >= 0.0 and i < wide and j < high and k < deep:
                 distances[v, u] = metres[squares[i, j, k]]
     return distances
@@ -125,8 +128,9 @@ def segment_body(
         if mask is not None:
             unclear |= mask[inside]
     possible = (marks == FOREGROUND) & (near <= reach_of(limits)) & ~unclear
-    parts = label_parts(depth, possible, limits.step_m, limits.step_m, view.noise, view.camera.fx)
-    farthest, missing = surface[:, 2].max(), UNMEASURED if view.shows_room else EMPTY
+    parts = label_parts(depth, possible, limits.step_m, limits.step_m, view.noise, view.intrinsics.fx)
+    farthest = surface[:, 2].max()
+    missing = UNMEASURED if view.shows_room else EMPTY
     labels = label_pixels(
         view.depth, view.marks, distances, window[:2], unclear, parts, limits.near_m, farthest, missing
     )
@@ -164,7 +168,7 @@ def label_pixels(  # noqa: PLR0913 a kernel
                 labels[v, u] = SUBJECT
             elif unclear[v, u]:
                 labels[v, u] = UNKNOWN
-            elif mark == NOT_MEASURED:
+            elif mark == NO_DEPTH:
                 labels[v, u] = missing
             else:
                 labels[v, u] = HIDDEN if mark != ON_PLANE and depth[top + v, left + u] < farthest else EMPTY
@@ -179,7 +183,7 @@ def segment_masks(
     Each mask contains the previous one. The surroundings of all masks are labelled relative to the last,
     widest one; for a narrower mask, the remaining pixels of the widest one are unknown.
     """
-    points = points_of(view.depth, view.camera, masks[-1])
+    points = points_of(view.depth, view.intrinsics, masks[-1])
     reach_m = reach_of(view.settings.segmentation)
     behind = points * (1.0 + reach_m / points[:, 2:])  # about the thickness of a person
     surface = np.concatenate([points, behind])
@@ -191,11 +195,12 @@ def segment_masks(
 
 def window_of(view: SceneView, surface: Array) -> Window:
     """The window of pixels that can show something within reach of the points (V, 3)."""
-    width, height, reach_m = view.camera.width, view.camera.height, reach_of(view.settings.segmentation)
+    width, height = view.intrinsics.width, view.intrinsics.height
+    reach_m = reach_of(view.settings.segmentation)
     nearest = surface[:, 2] - reach_m
     if nearest.min() <= 0.0:
         return 0, 0, width, height
-    fx, fy, cx, cy = view.camera.pinhole
+    fx, fy, cx, cy = view.intrinsics.pinhole
     u, v = cx + fx * surface[:, 0] / surface[:, 2], cy + fy * surface[:, 1] / surface[:, 2]
     across, along = reach_m * fx / nearest, reach_m * fy / nearest
     left, right = np.clip([(u - across).min(), (u + across).max() + 2.0], 0.0, width).astype(int).tolist()
@@ -205,7 +210,7 @@ def window_of(view: SceneView, surface: Array) -> Window:
 
 def is_missing(view: SceneView, surface: Array, segmentation: Segmentation) -> bool:
     """Whether most of the points (V, 3) of a posed body project to empty pixels."""
-    u, v = (project(surface[surface[:, 2] > 0.0], view.camera) - segmentation.window[:2]).T
+    u, v = (project(surface[surface[:, 2] > 0.0], view.intrinsics) - segmentation.window[:2]).T
     rows, columns = segmentation.labels.shape
     inside = (u >= 0.0) & (u < columns) & (v >= 0.0) & (v < rows)
     labels = segmentation.labels[v[inside].astype(int), u[inside].astype(int)]
@@ -243,6 +248,8 @@ def label_parts(
             max_step, reach = step_m + margin_at(z, noise), 1 + int(gap_m * focal / z)
             for k in range(4):
                 down, right = (k == 1) - (k == 0), (k == 3) - (k == 2)
+                # step over pixels without depth; r, c: the first pixel with depth or outside the image, or
+                # the last within reach
                 for n in range(1, reach + 1):
                     r, c = row + n * down, column + n * right
                     if not (0 <= r < rows and 0 <= c < columns) or depth[r, c] > 0.0:
@@ -281,8 +288,8 @@ def measure_components(
 def mark_foreign(view: SceneView, nearest: Depth, nearest_new: Depth) -> Mask:
     """Pixels (H, W) of other people and things, given their points in the frame before, `view.foreign`.
 
-    nearest: distances (H, W) from the nearest body. nearest_new: the same of the bodies that were detected a
-    short time ago, whose limbs may not be where they should.
+    nearest: distances (H, W) from the nearest body. nearest_new: the same for the bodies that were detected a
+    short time ago, whose limbs may not be where they should be.
     """
     foreign = mark_apart(view, nearest)
     if len(view.foreign):
@@ -295,9 +302,9 @@ def mark_foreign(view: SceneView, nearest: Depth, nearest_new: Depth) -> Mask:
 def points_beside(view: SceneView, foreign: Mask, surfaces: Sequence[Array]) -> Points:
     """Some of the foreign points (N, 3) around the surfaces (V, 3) of bodies, camera frame, metres."""
     if not surfaces or not foreign.any():
-        return NOBODY
+        return NO_POINTS
     limits, surface = view.settings.segmentation, np.concatenate(surfaces)
-    points = points_of(view.depth, view.camera, foreign)
+    points = points_of(view.depth, view.intrinsics, foreign)
     low, high = surface.min(axis=0) - limits.beside_m, surface.max(axis=0) + limits.beside_m
     points = points[np.all((points > low) & (points < high), axis=1)]
     return points[:: 1 + len(points) // limits.beside_points].astype(np.float32)
@@ -310,7 +317,7 @@ def mark_apart(view: SceneView, nearest: Depth) -> Mask:
     within reach of a body, extend beyond that distance, and are too large to be a limb.
     """
     limits = view.settings.segmentation
-    min_area = limits.min_person_m2 * view.camera.fx * view.camera.fy
+    min_area = limits.min_person_m2 * view.intrinsics.fx * view.intrinsics.fy
     free = view.marks == FOREGROUND
     return grow_apart(
         view.depth, free, nearest, view.noise, limits.near_m, reach_of(limits), limits.step_m, min_area
@@ -328,19 +335,21 @@ def grow_apart(
     step_m: float,
     min_area: float,
 ) -> Mask:
-    """Pixels (H, W) as in `mark_apart`; `min_area` is in pixels times z^2."""
+    """Pixels (H, W) as in `mark_apart`; changes `free` in place. `min_area` is in pixels times z^2."""
     rows, columns = depth.shape
     apart = np.zeros(depth.shape, dtype=np.bool_)
     grown = np.empty(rows * columns, dtype=np.int64)
-    nearby, unused = distances.ravel(), free.ravel()
+    flat_distances, flat_free = distances.ravel(), free.ravel()
     for start in range(rows * columns):
-        if not unused[start] or nearby[start] <= near_m or nearby[start] > reach_m:
+        if not flat_free[start] or flat_distances[start] <= near_m or flat_distances[start] > reach_m:
             continue
-        grown[0], count, place, area, beyond = start, 1, 0, 0.0, False
-        unused[start] = False
-        while place < count:
-            row, column = grown[place] // columns, grown[place] % columns
-            place += 1
+        grown[0] = start
+        count, head = 1, 0
+        area, beyond = 0.0, False
+        flat_free[start] = False
+        while head < count:
+            row, column = grown[head] // columns, grown[head] % columns
+            head += 1
             z = depth[row, column]
             area += z * z
             beyond |= distances[row, column] > reach_m

@@ -20,7 +20,7 @@ from gepf.common.camera import pixels_at
 from gepf.common.frame import HIDDEN, SUBJECT, UNKNOWN, Frame, SubjectFrame, SubjectView, View
 from gepf.common.kinematics import joint_positions
 from gepf.coordinator.filters.belief import USUAL_INTERVAL, Observation
-from gepf.coordinator.scene.flatness import find_flat
+from gepf.coordinator.scene.flatness import find_flat_part
 from gepf.coordinator.scene.noise import fit_noise
 from gepf.coordinator.scene.occupancy import Window
 from gepf.coordinator.scene.segmentation import Labels, slices
@@ -206,7 +206,7 @@ def without_flat(subject: SubjectFrame, settings: SceneSettings) -> SubjectFrame
     view, limits = subject.largest, settings.candidates
     depth = view.image.metres()
     noise = fit_noise(depth, settings.noise)
-    flat = find_flat(depth, depth > 0.0, view.image.intrinsics, noise, settings)
+    flat = find_flat_part(depth, depth > 0.0, view.image.intrinsics, noise, settings)
     flat_mask = flat.grow(flat.patch_areas >= limits.min_part_m2)
     picked = flat_mask.ravel()[view.picked]
     if not 0.0 < picked.mean() <= limits.max_flat_share:

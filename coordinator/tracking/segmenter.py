@@ -13,10 +13,10 @@ from gepf.common.arrays import Array, Mask
 from gepf.common.camera import points_of
 from gepf.common.frame import Frame, SubjectFrame, View
 from gepf.coordinator.colour.matching import Keypoints, with_keypoints
-from gepf.coordinator.scene.candidates import Candidate, candidates, has_moved
+from gepf.coordinator.scene.candidates import Candidate, find_candidates, has_moved
 from gepf.coordinator.scene.duplicates import evidence_of, find_duplicates
 from gepf.coordinator.scene.planes import Planes
-from gepf.coordinator.scene.scene import NOBODY, Depth, Scene, SceneChange, SceneChanges, SceneView
+from gepf.coordinator.scene.scene import NO_POINTS, Depth, Scene, SceneChange, SceneChanges, SceneView
 from gepf.coordinator.scene.scope import Scope
 from gepf.coordinator.scene.segmentation import (
     Points,
@@ -88,7 +88,7 @@ class SegmentedView:
     bodies: tuple[MaskedView | None, ...]
     people: tuple[MaskHypotheses, ...]
     not_learned: Mask | None = None
-    foreign: Points = field(default_factory=lambda: NOBODY)
+    foreign: Points = field(default_factory=lambda: NO_POINTS)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -198,13 +198,13 @@ class Segmenter:
         self._scope = scope or Scope()
         self._scenes = dict[str, Scene]()
 
-    def recall(self, changes: SceneChanges) -> None:
+    def restore(self, changes: SceneChanges) -> None:
         """Restore what was known after a frame by applying its changes.
 
         Those of all earlier frames must have been applied first.
         """
         for camera, change in changes.items():
-            self._scene_of(camera, change.T_rig_camera, None).recall(change)
+            self._scene_of(camera, change.T_rig_camera, None).restore(change)
 
     def _scene_of(self, camera: str, T_rig_camera: Array, gravity: Array | None) -> Scene:
         """The scene of a camera, created in its first frame; `gravity` (3,) is as the camera measures it."""
@@ -257,7 +257,7 @@ class Segmenter:
             distances = [measure_distances(view, image.to_camera(body)) for body in tracked]
             near_bodies = nearest_of(view, distances) <= self._settings.segmentation.near_m
             scope = self._scope.of(image.camera)
-            people = scope.choose(view, candidates(view, near_bodies))
+            people = scope.choose(view, find_candidates(view, near_bodies))
             seen.append([mask_candidate(image, view, person, near_bodies) for person in people])
         return self._join_people(segmented.frame, seen)
 
@@ -285,7 +285,7 @@ class Segmenter:
         """One image of a frame with the bodies that are expected in it."""
         scene = self._scene_of(image.camera, image.T_rig_camera, image.gravity)
         image, out_of_scope = self._scope.of(image.camera).limit(image)
-        view = scene.see(image, out_of_scope)
+        view = scene.observe(image, out_of_scope)
         if shows_one_body(view, len(bodies)):
             return ExpectedView(image, view, [])
         return ExpectedView(image, view, [posed_surface(view, image, body) for body in bodies])
@@ -344,7 +344,7 @@ class Segmenter:
             learns_nothing |= is_missing(view, body.vertices, segmentation)
         possible = list[Candidate]()
         if len(known) < len(bodies):
-            possible = candidates(view, near_bodies) if find else []
+            possible = find_candidates(view, near_bodies) if find else []
             learns_nothing |= not find and any(body.vertices is None for body in bodies)
         # colour tells which of several candidates is a person
         count = 1 if len(bodies) == 1 and image.colours is None else None

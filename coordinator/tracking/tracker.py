@@ -96,7 +96,7 @@ class Tracker:
         if extents is not None:
             scene_settings = scene_settings.scaled(*extents)
         self._segmenter = Segmenter(settings.points, scene_settings, scope)
-        self._segmenter.recall(state.frame.scene_changes)
+        self._segmenter.restore(state.frame.scene_changes)
         self._colour_watch = ColourWatch(colour, settings.colour)
         self._prepared_cameras, self._prepared_s = state.frame.cameras, state.frame.time_s
         self._frame = state.frame  # of the last updated frame; it may be one frame behind the prepared one

@@ -184,8 +184,8 @@ def test_a_camera_on_its_side_finds_its_floor_where_gravity_is_known() -> None:
         camera.height, camera.width, camera.fy, camera.fx, camera.cy, camera.width - 1 - camera.cx
     )
     side = dataclasses.replace(frame, depth=np.ascontiguousarray(np.rot90(frame.depth)), intrinsics=lens)
-    assert not Scene(SceneSettings()).see(side).planes.has_floor
-    view = Scene(SceneSettings(), up=np.array([-1.0, 0.0, 0.0])).see(side)
+    assert not Scene(SceneSettings()).observe(side).planes.has_floor
+    view = Scene(SceneSettings(), up=np.array([-1.0, 0.0, 0.0])).observe(side)
     assert view.planes.camera_height == pytest.approx(HEIGHT, abs=0.02)
     assert upright_rolls(view.planes, (0.0, 0.5 * np.pi), 0.3)[0] % (2 * np.pi) == pytest.approx(
         0.5 * np.pi, abs=0.02

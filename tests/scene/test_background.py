@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gepf.common.arrays import Mask
 from gepf.common.frame import SUBJECT
-from gepf.coordinator.scene.candidates import candidates
+from gepf.coordinator.scene.candidates import find_candidates
 from gepf.coordinator.scene.scene import Scene, SceneView
 from gepf.coordinator.scene.segmentation import measure_distances, segment_body, slices
 from gepf.coordinator.settings import SceneSettings
@@ -27,13 +27,13 @@ def people(view: SceneView, room: Room, person: tuple[float, float] = PERSON) ->
 def watch(scene: Scene, room: Room, frames: int, person: tuple[float, float] = PERSON) -> None:
     """Frames of a room, in which the body is known."""
     for number in range(frames):
-        view = scene.see(room.see(person, number).view)
+        view = scene.observe(room.see(person, number).view)
         scene.learn(view, people(view, room, person))
 
 
 def known(scene: Scene) -> NDArray[np.float32]:
     """The background (H, W), metres."""
-    return scene.see(Room().see(None).view).background.copy()
+    return scene.observe(Room().see(None).view).background.copy()
 
 
 def test_what_is_outside_the_body_is_known_at_once_and_the_body_never() -> None:
@@ -82,11 +82,11 @@ def test_changes_alone_lead_to_the_same_knowledge(up: tuple[float, ...] | None) 
     room = Room((CABINET,), noise=0.002)
     for number in range(8):
         person = (PERSON[0] + 0.05 * number, PERSON[1])
-        view = first.see(room.see(person, number).view)
-        second.recall(first.learn(view, people(view, room, person)))
-    third.recall(second.whole_change())
+        view = first.observe(room.see(person, number).view)
+        second.restore(first.learn(view, people(view, room, person)))
+    third.restore(second.whole_change())
     frame = room.see(PERSON, 9).view
-    views = [scene.see(frame) for scene in (first, second, third)]
+    views = [scene.observe(frame) for scene in (first, second, third)]
     for view in views[1:]:
         np.testing.assert_array_equal(view.background, views[0].background)
         np.testing.assert_array_equal(view.planes.coefficients, views[0].planes.coefficients)
@@ -94,7 +94,7 @@ def test_changes_alone_lead_to_the_same_knowledge(up: tuple[float, ...] | None) 
         assert view.noise == views[0].noise
     changes = [scene.learn(view) for scene, view in zip((first, second, third), views, strict=True)]
     for change in changes[1:]:
-        for name in ("pixels", "depth", "nearer"):
+        for name in ("pixels", "depth", "nearer_steps"):
             np.testing.assert_array_equal(getattr(change.learned, name), getattr(changes[0].learned, name))
 
 
@@ -109,7 +109,7 @@ def test_a_part_of_the_room_that_is_given_is_kept_with_the_rest() -> None:
     frame = room.see(None).view
     for number in range(3):
         units = np.rint(1000.0 * shown).astype(np.uint16)
-        view = scene.see(replace(frame, number=number, depth=units))
+        view = scene.observe(replace(frame, number=number, depth=units))
         scene.learn(view, people(view, room))
     np.testing.assert_array_equal(known(scene)[leg], empty[leg])
     assert np.mean(known(scene) > 0.0) > 0.8
@@ -122,7 +122,7 @@ def test_a_camera_that_was_moved_forgets() -> None:
     turned = Room((CABINET,), pitch=0.5)
     watch(scene, turned, 1)
     truth = turned.see(PERSON)
-    background = scene.see(turned.see(None).view).background
+    background = scene.observe(turned.see(None).view).background
     learned = background > 0.0
     assert learned[~truth.mask].mean() > 0.9
     np.testing.assert_allclose(background[learned], turned.see(None).view.metres()[learned], atol=0.03)
@@ -135,7 +135,7 @@ def test_who_comes_through_a_door_is_seen() -> None:
     watch(scene, Room((door,)), 3, (1.2, 2.4))
     for number in range(6):
         frame, truth = Room().see(behind, number)
-        view = scene.see(frame)
+        view = scene.observe(frame)
         surface = Room().surface(behind)
         found = segment_body(view, surface, measure_distances(view, surface))
         scene.learn(view, people(view, Room(), behind))
@@ -150,8 +150,8 @@ def test_a_person_who_is_not_found_yet_is_not_learned_as_the_room() -> None:
     room, scene = Room((CABINET,), noise=0.0015), Scene(SceneSettings())
     for number in range(40):
         frame, truth = room.see(PERSON, number)
-        view = scene.see(frame)
-        found = candidates(view)
+        view = scene.observe(frame)
+        found = find_candidates(view)
         scene.learn(view, np.logical_or.reduce([each.mask for each in found]))
         assert np.sum(found[0].mask & truth) / truth.sum() > 0.95
     assert np.mean(view.background[~truth] > 0.0) > 0.9
@@ -170,18 +170,18 @@ def test_a_frame_of_another_size_begins_a_new_scene(*, background: bool) -> None
     camera = large.intrinsics.crop(10, 5, 120, 90)
     small = replace(large, depth=np.ascontiguousarray(large.depth[5:95, 10:130]), intrinsics=camera)
     for frame in (large, large, small, small, small):
-        view = scene.see(frame)
-        recorded.recall(scene.learn(view, people(view, room)))
+        view = scene.observe(frame)
+        recorded.restore(scene.learn(view, people(view, room)))
         if frame is small:
-            fresh.learn(fresh.see(frame), people(view, room))
+            fresh.learn(fresh.observe(frame), people(view, room))
     for other in (fresh, recorded):
-        seen = other.see(small)
-        np.testing.assert_array_equal(seen.background, scene.see(small).background)
-        np.testing.assert_array_equal(seen.planes.coefficients, scene.see(small).planes.coefficients)
+        seen = other.observe(small)
+        np.testing.assert_array_equal(seen.background, scene.observe(small).background)
+        np.testing.assert_array_equal(seen.planes.coefficients, scene.observe(small).planes.coefficients)
         assert seen.background.shape == (90, 120)
     resumed = Scene(SceneSettings(), room.see(None).view.metres() if background else None)
-    resumed.recall(scene.whole_change())
-    np.testing.assert_array_equal(resumed.see(small).background, scene.see(small).background)
+    resumed.restore(scene.whole_change())
+    np.testing.assert_array_equal(resumed.observe(small).background, scene.observe(small).background)
 
 
 @pytest.mark.parametrize("pitch", [0.0, 0.5])
@@ -195,8 +195,8 @@ def test_a_log_knows_the_background_that_was_given(pitch: float) -> None:
         Scene(SceneSettings()),
         Scene(SceneSettings(), given),
     )
-    recorded.recall(watching.learn(watching.see(replace(frame, depth=dark))))
-    resumed.recall(recorded.whole_change())
+    recorded.restore(watching.learn(watching.observe(replace(frame, depth=dark))))
+    resumed.restore(recorded.whole_change())
     assert known(watching)[:, :20].any() == (pitch == 0.0)
     np.testing.assert_array_equal(known(resumed), known(watching))
 
@@ -207,10 +207,10 @@ def test_what_comes_to_stay_is_taken_in_after_the_same_time_at_any_rate(fps: flo
     scene, empty, furnished = Scene(SceneSettings()), Room().see(None).view, Room((CHAIR,)).see(None).view
     shown = furnished.metres() < empty.metres() - 0.2
     for number in range(4):
-        scene.learn(scene.see(replace(empty, time_s=number / fps)))
+        scene.learn(scene.observe(replace(empty, time_s=number / fps)))
     taken_in = []
     for number in range(4, 4 + round(1.5 * fps)):
-        view = scene.see(replace(furnished, time_s=number / fps))
+        view = scene.observe(replace(furnished, time_s=number / fps))
         scene.learn(view)
         taken_in.append(np.mean(np.abs(view.background - view.depth)[shown] < 0.03) > 0.95)
     first_s = (taken_in.index(True) + 1) / fps
@@ -222,6 +222,6 @@ def test_what_has_come_during_a_gap_is_not_taken_in_at_once() -> None:
     """A chair in the first frame after a minute without any."""
     scene, empty, furnished = Scene(SceneSettings()), Room().see(None).view, Room((CHAIR,)).see(None).view
     shown = furnished.metres() < empty.metres() - 0.2
-    scene.learn(scene.see(empty))
-    scene.learn(scene.see(replace(furnished, time_s=60.0)))
+    scene.learn(scene.observe(empty))
+    scene.learn(scene.observe(replace(furnished, time_s=60.0)))
     np.testing.assert_allclose(known(scene)[shown], empty.metres()[shown], atol=0.03)

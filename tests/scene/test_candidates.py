@@ -10,8 +10,8 @@ import pytest
 from gepf.common.arrays import Mask
 from gepf.common.camera import Intrinsics, back_project
 from gepf.common.frame import UNKNOWN
-from gepf.coordinator.scene.candidates import Candidate, candidates, has_moved
-from gepf.coordinator.scene.flatness import find_flat
+from gepf.coordinator.scene.candidates import Candidate, find_candidates, has_moved
+from gepf.coordinator.scene.flatness import find_flat_part
 from gepf.coordinator.scene.noise import noise_of
 from gepf.coordinator.scene.scene import Scene
 from gepf.coordinator.scene.scope import Scope
@@ -23,7 +23,7 @@ from tests.support.rooms import CABINET, HEIGHT, PERSON, TABLE, Room, of_ellipso
 
 def found_in(room: Room, person: tuple[float, float] | None) -> list[Candidate]:
     """Candidates of a first frame."""
-    return candidates(Scene(SceneSettings()).see(room.see(person).view))
+    return find_candidates(Scene(SceneSettings()).observe(room.see(person).view))
 
 
 def overlap(mask: Mask, truth: Mask) -> tuple[float, float]:
@@ -58,7 +58,7 @@ def test_a_leg_that_is_separated_in_depth_is_in_a_wider_mask() -> None:
     leg = truth.copy()
     leg[: int(np.median(rows)) + 15] = leg[:, : int(np.median(columns))] = False
     depth = np.where(leg, frame.depth - 600, frame.depth).astype(np.uint16)
-    (found,) = candidates(Scene(SceneSettings()).see(replace(frame, depth=depth)))
+    (found,) = find_candidates(Scene(SceneSettings()).observe(replace(frame, depth=depth)))
     assert overlap(found.mask, leg)[1] < 0.1
     assert overlap(found.wider[0], truth)[1] > 0.95
 
@@ -77,7 +77,7 @@ def test_halves_that_are_separated_in_depth_are_one_candidate(scale: float, near
     depth[truth & (rows > middle)] -= 1000.0 * nearer
     if not nearer:
         depth[truth & (rows == middle)] = 0.0
-    (found,) = candidates(Scene(SceneSettings()).see(replace(frame, depth=depth.astype(np.uint16))))
+    (found,) = find_candidates(Scene(SceneSettings()).observe(replace(frame, depth=depth.astype(np.uint16))))
     assert overlap(found.mask, truth)[1] > 0.95
 
 
@@ -87,7 +87,7 @@ def test_a_child_before_an_adult_is_another_candidate(monkeypatch: pytest.Monkey
     monkeypatch.setattr(rooms, "PARTS", 0.72 * np.array(rooms.PARTS))
     child = Room(noise=0.001).see((PERSON[0], PERSON[1] - 0.3)).view
     both = replace(adult, depth=np.minimum(adult.depth, child.depth))
-    assert len(candidates(Scene(SceneSettings()).see(both))) == 2
+    assert len(find_candidates(Scene(SceneSettings()).observe(both))) == 2
 
 
 def test_a_person_behind_a_table_comes_before_the_table() -> None:
@@ -114,7 +114,7 @@ def test_a_line_of_pixels_has_no_flat_part() -> None:
     depth[10] = 6.0
     settings = SceneSettings()
     camera, noise = Intrinsics(40, 20, 65.0, 65.0, 19.5, 9.5), noise_of(0.002, settings.noise)
-    flat = find_flat(depth, depth > 0.0, camera, noise, settings)
+    flat = find_flat_part(depth, depth > 0.0, camera, noise, settings)
     assert flat.share == 0.0
     assert not flat.patch_areas.any()
     assert not flat.grow(flat.patch_areas > 0.0).any()
@@ -125,16 +125,16 @@ def test_one_of_two_is_chosen_as_asked() -> None:
     near, far = Room(noise=0.001).see((-0.5, 2.2)), Room(noise=0.001).see((0.7, 3.0))
     both = np.where(near.mask, near.view.depth, far.view.depth)
     frame = type(near.view)(0, 0.0, both, 1000.0, near.view.intrinsics)
-    view = Scene(SceneSettings()).see(frame)
-    found = candidates(view)
+    view = Scene(SceneSettings()).observe(frame)
+    found = find_candidates(view)
     assert len(found) == 2
     row, column = np.argwhere(far.mask & ~near.mask).mean(axis=0).astype(int).tolist()
     assert Scope(person="nearest").choose(view, found)[0].mask[near.mask].mean() > 0.9
     assert Scope(person=(column, row)).choose(view, found)[0].mask[far.mask].mean() > 0.9
     assert Scope(person="moving").choose(view, found) == []
     scene = Scene(SceneSettings(), Room(noise=0.001).see(None).view.metres())
-    view = scene.see(near.view)
-    assert len(Scope(person="moving").choose(view, candidates(view))) == 1
+    view = scene.observe(near.view)
+    assert len(Scope(person="moving").choose(view, find_candidates(view))) == 1
 
 
 def test_limits_leave_nothing_else() -> None:
@@ -155,7 +155,7 @@ def test_what_limits_leave_out_says_nothing_of_the_body() -> None:
     room, scope = Room(), Scope(region=(0, 0, 66, 120))
     frame = room.see(PERSON).view
     frame, excluded = scope.limit(frame)
-    view = Scene(SceneSettings()).see(frame, excluded)
+    view = Scene(SceneSettings()).observe(frame, excluded)
     surface = room.surface(PERSON, 2000)
     cut = segment_body(view, surface, measure_distances(view, surface))
     left, top, right, bottom = cut.window
@@ -171,8 +171,8 @@ def test_who_moves_is_told_from_what_stands_still(moves: bool) -> None:
     scene, moved = Scene(SceneSettings()), []
     for number in range(20):
         place = (PERSON[0] + 0.05 * np.sin(0.5 * number) * moves, PERSON[1])
-        view = scene.see(Room(noise=0.002).see(place, number).view)
-        (person,) = candidates(view)
+        view = scene.observe(Room(noise=0.002).see(place, number).view)
+        (person,) = find_candidates(view)
         scene.learn(view, person.widest)
         moved.append(has_moved(view, person))
     assert moved[-1] == moves
@@ -193,7 +193,7 @@ def test_somebody_lying_is_told_from_the_bed() -> None:
     depth = np.min([of_ellipsoid(rays, np.array(m), np.array(axes)) for m, axes in lying], axis=0)
     mask = depth < image.metres()
     shown = replace(image, depth=np.where(mask, np.rint(1000.0 * depth), image.depth).astype(np.uint16))
-    best = candidates(Scene(SceneSettings()).see(shown))[0]
+    best = find_candidates(Scene(SceneSettings()).observe(shown))[0]
     precision, recall = overlap(best.mask, mask)
     assert precision > 0.8
     assert recall > 0.8

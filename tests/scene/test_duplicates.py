@@ -22,7 +22,9 @@ def evidence(people: list[Place], bodies: list[Place | None]) -> Evidence:
     """The evidence for bodies in a room with people."""
     room = Room(noise=0.001)
     seen = [room.see(place).view for place in people]
-    view = Scene(SceneSettings()).see(replace(seen[0], depth=np.minimum.reduce([one.depth for one in seen])))
+    view = Scene(SceneSettings()).observe(
+        replace(seen[0], depth=np.minimum.reduce([one.depth for one in seen]))
+    )
     surfaces = [None if place is None else room.surface(place) for place in bodies]
     return evidence_of(view, [None if one is None else measure_distances(view, one) for one in surfaces])
 

@@ -72,7 +72,7 @@ def test_changes_alone_restore_what_is_foreign(first: int) -> None:
         frame = Frame.of(room_of(number).see(PERSON, number).view)
         segmented = segmenter.segment(frame, [ExpectedSurface(surface)])
         if number < first:
-            resumed.recall(segmenter.learn(segmented))
+            resumed.restore(segmenter.learn(segmented))
             continue
         segmented_again = resumed.segment(frame, [ExpectedSurface(surface)])
         segmenter.learn(segmented)

@@ -85,7 +85,7 @@ def test_who_walks_is_told_from_furniture() -> None:
     for number in range(12):
         person = (PERSON[0] - 0.08 * number, PERSON[1])
         image, mask = room.see(person, number)
-        view = scene.see(image)
+        view = scene.observe(image)
         scene.learn(view)
     permanence = view.permanence((0, 0, mask.shape[1], mask.shape[0]))
     assert permanence is not None
@@ -98,8 +98,8 @@ def test_a_smaller_image_starts_again() -> None:
     """Another camera: nothing of the former one is left, also while its frames are empty."""
     scene, room = Scene(SceneSettings()), Room((CABINET,), noise=0.001)
     image, _ = room.see(PERSON)
-    scene.learn(scene.see(image))
+    scene.learn(scene.observe(image))
     small = replace(image, number=1, time_s=0.1, depth=np.zeros((30, 40), np.uint16))
-    change = scene.learn(scene.see(small))
+    change = scene.learn(scene.observe(small))
     assert change.size == (30, 40)
     assert len(change.occupancy.pixels) == 0

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gepf.common.arrays import Array
 from gepf.common.camera import Intrinsics
 from gepf.coordinator.scene.noise import fit_growth, fit_noise
-from gepf.coordinator.scene.planes import SIDES, Planes, find_planes, refit, sample_rays
+from gepf.coordinator.scene.planes import UP_DIRECTIONS, Planes, find_planes, refit, sample_rays
 from gepf.coordinator.settings import SceneSettings
 from tests.support.rooms import CABINET, CAMERA, HEIGHT, PERSON, TABLE, WALL, Box, Room
 
@@ -22,7 +22,7 @@ CEILING: Box = ((-3.0, -1.4, 0.3), (3.0, -1.3, WALL))
 def planes_of(room: Room) -> Planes:
     """What is found with a person in the room."""
     depth = room.see(PERSON).view.metres()
-    return find_planes(rays_of(depth), SIDES, SceneSettings().planes)
+    return find_planes(rays_of(depth), UP_DIRECTIONS, SceneSettings().planes)
 
 
 def rays_of(depth: NDArray[np.float32]) -> Array:
@@ -60,7 +60,7 @@ def test_a_person_alone_has_no_planes() -> None:
     """If only a person is measured, no part of it becomes a wall or a floor."""
     seen = Room().see(PERSON)
     depth = np.where(seen.mask, seen.view.metres(), np.float32(0.0))
-    assert len(find_planes(rays_of(depth), SIDES, SceneSettings().planes).coefficients) == 0
+    assert len(find_planes(rays_of(depth), UP_DIRECTIONS, SceneSettings().planes).coefficients) == 0
 
 
 @pytest.mark.parametrize("growth", [0.001, 0.004])
@@ -90,7 +90,7 @@ def test_no_floor_is_made_up() -> None:
     rows = (np.arange(CAMERA.height) - CAMERA.cy)[:, None] / CAMERA.fy
     shown = (np.abs(rows * depth - HEIGHT) > 0.05) | (rows < 0)  # without the floor itself
     above = np.where(shown, depth, np.float32(0.0))
-    found = find_planes(rays_of(above), SIDES, SceneSettings().planes)
+    found = find_planes(rays_of(above), UP_DIRECTIONS, SceneSettings().planes)
     assert not found.has_floor
 
 
@@ -124,7 +124,9 @@ def test_the_floor_of_a_rotated_camera_is_that_on_which_things_stand(
         middle = camera.cy, camera.width - 1 - camera.cx
         camera = Intrinsics(camera.height, camera.width, camera.fy, camera.fx, *middle)
     found = find_planes(
-        sample_rays(depth, camera, fit_noise(depth, SceneSettings().noise), 80), SIDES, SceneSettings().planes
+        sample_rays(depth, camera, fit_noise(depth, SceneSettings().noise), 80),
+        UP_DIRECTIONS,
+        SceneSettings().planes,
     )
     assert found.up @ up > np.cos(np.radians(1.0))
     assert found.camera_height == pytest.approx(HEIGHT, abs=0.02)
@@ -135,4 +137,4 @@ def test_a_wall_beside_is_no_floor_if_the_floor_is_not_visible() -> None:
     seen = Room((SIDE_WALL,), noise=0.002).see(PERSON)
     depth = seen.view.metres()
     depth[85:] = 0.0  # the floor starts there
-    assert not find_planes(rays_of(depth), SIDES, SceneSettings().planes).has_floor
+    assert not find_planes(rays_of(depth), UP_DIRECTIONS, SceneSettings().planes).has_floor

@@ -37,7 +37,7 @@ def whole(cut: Segmentation, shape: tuple[int, int]) -> NDArray[np.uint8]:
 
 def cut_from(room: Room, frame: View, off: float = 0.0) -> NDArray[np.uint8]:
     """Labels of a frame's pixels, segmented with a body that has this offset, metres."""
-    view = Scene(SceneSettings()).see(frame)
+    view = Scene(SceneSettings()).observe(frame)
     surface = room.surface((PERSON[0] + off, PERSON[1]))
     return whole(segment_body(view, surface, measure_distances(view, surface)), view.depth.shape)
 
@@ -75,7 +75,7 @@ def test_what_is_not_measured_is_told_apart_in_a_room_and_empty_where_nothing_el
     kinds = cut_from(room, replace(frame, depth=np.where(shadow, np.uint16(0), frame.depth)))
     assert set(kinds[shadow]) == {UNMEASURED}
     alone = replace(frame, depth=np.where(truth, frame.depth, np.uint16(0)))
-    view = Scene(SceneSettings()).see(alone)
+    view = Scene(SceneSettings()).observe(alone)
     assert not view.shows_room
     surface = room.surface(PERSON)
     assert set(segment_body(view, surface, measure_distances(view, surface)).labels.ravel()) == {
@@ -90,7 +90,7 @@ def test_pixels_that_are_known_are_the_subject() -> None:
     frame, truth = room.see(PERSON)
     part = truth & (np.arange(truth.shape[1]) < np.argwhere(truth)[:, 1].mean())
     for mask, segmentation in zip(
-        (part, truth), segment_masks(Scene(SceneSettings()).see(frame), [part, truth]), strict=True
+        (part, truth), segment_masks(Scene(SceneSettings()).observe(frame), [part, truth]), strict=True
     ):
         kinds = whole(segmentation, truth.shape)
         np.testing.assert_array_equal(kinds == SUBJECT, mask)
@@ -106,7 +106,7 @@ def test_of_two_people_each_has_the_nearest_pixels() -> None:
     seen = [room.see(place) for place in places]
     depth = np.minimum(seen[0].view.depth, seen[1].view.depth)
     truth = [one.mask & (one.view.depth == depth) for one in seen]
-    view = Scene(SceneSettings()).see(replace(seen[0].view, depth=depth))
+    view = Scene(SceneSettings()).observe(replace(seen[0].view, depth=depth))
     surfaces = [room.surface(place) for place in places]
     distances = [measure_distances(view, surface) for surface in surfaces]
     nearest = nearest_of(view, distances)
@@ -137,7 +137,7 @@ def segment_everywhere() -> None:
         surface = cloud + np.array([x, 0.0, z])
         frame = View(0, 0.0, np.full((12, 16), units, np.uint16), 1000.0, camera)
         scene = Scene(SceneSettings(), np.full((12, 16), 3.0, np.float32))
-        view = scene.see(frame)
+        view = scene.observe(frame)
         distances = [measure_distances(view, surface), measure_distances(view, surface + 0.1)]
         nearest = nearest_of(view, distances)
         scene.learn(view, np.isfinite(nearest))

@@ -40,7 +40,7 @@ def test_what_is_no_person_is_learned_as_room_at_once() -> None:
     segmenter, again = Segmenter(300, SceneSettings()), Segmenter(300, SceneSettings())
     segmented = segmenter.segment(Frame.of(seen.view), [ExpectedSurface()])
     (person,) = segmented.candidates
-    again.recall(segmenter.learn(segmented, [DetectedBody(person, person.subject)]))
+    again.restore(segmenter.learn(segmented, [DetectedBody(person, person.subject)]))
     following = Frame.of(room.see((-0.15, 2.6), 1).view)
     views = [each.segment(following, [ExpectedSurface()]).views[0].scene for each in (segmenter, again)]
     box = (Room().see(None).view.depth > room.see(None).view.depth + 60) & ~seen.mask

@@ -71,10 +71,10 @@ def test_the_scene_obeys_its_settings() -> None:
     left = []
     for scene in scenes:
         for number in range(8):
-            view = scene.see((furnished if number > 1 else empty).see(None, number).view)
+            view = scene.observe((furnished if number > 1 else empty).see(None, number).view)
             scene.learn(view)
         last = furnished.see(None, 8).view
         appeared = np.abs(last.metres() - empty.see(None, 8).view.metres()) > 0.1
-        left.append(int(np.count_nonzero((scene.see(last).background < last.metres() + 0.1)[appeared])))
+        left.append(int(np.count_nonzero((scene.observe(last).background < last.metres() + 0.1)[appeared])))
     assert left[0] == np.count_nonzero(appeared)
     assert left[1] == 0
