@@ -21,8 +21,8 @@ class Assignment:
     """Assigns the pixels of one segmented frame to people.
 
     `free` are the candidates that may still be assigned, most likely first; each is assigned at most once,
-    first to the lost bodies. `view_of` is called for each person in turn, once the previous person has been
-    submitted, so a person who has just been detected is already a body.
+    first to the lost bodies. `view_of` is called for each person in turn, after the previous person has been
+    submitted, so the track of a person who has just been detected is already a `Body`.
     """
 
     def __init__(
@@ -38,7 +38,11 @@ class Assignment:
         self._returned = self._assign_lost()
 
     def view_of(self, person_index: int) -> BodyView:
-        """What the frame shows of a person: a free candidate if the person is undetected or lost."""
+        """What the frame shows of a person: their own pixels, nothing for a duplicate, or else a candidate.
+
+        People who are undetected or lost get a free candidate, if there is one; a body that is mostly missing
+        may get one found elsewhere.
+        """
         segmented, target, is_elsewhere = self._segmented, self._targets[person_index], False
         subject, alternatives = segmented.subjects[person_index], tuple[SubjectFrame, ...]()
         if not isinstance(target.track, Body):
@@ -136,7 +140,7 @@ class Assignment:
         return pixels < whole and target.policy.recovers
 
     def _candidate_elsewhere(self, person_index: int) -> UntrackedPerson | None:
-        """A candidate with more pixels than the present subject, which is probably the same person.
+        """A candidate that has more pixels than the present subject and is probably the same person, or None.
 
         It must be near, unless the subject has too few pixels to show a body. Candidates are found here,
         because a frame comes with candidates only if a body may be anywhere.

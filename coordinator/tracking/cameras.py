@@ -8,9 +8,9 @@ evidence. At least one camera is always kept.
 
 After a frame, `Agreement.after` says which cameras contradict the pose of a body. When the next frame is
 segmented, the body excludes these (`NextSegmentation.excluded`): what they show of it is set aside, and
-compared again. `watch` marks a camera as faulty for all bodies if any body excludes it or if its image is at
-fault. `faults_of` returns the faults that last: estimates name them, and a track is checked when one of them
-ends.
+compared again. `watch` marks a camera as faulty for all bodies if any body excludes it or if its image is
+faulty. `faults_of` returns the faults that have lasted long enough: estimates name them, and a track is
+checked when one of them ends.
 """
 
 from __future__ import annotations
@@ -146,8 +146,8 @@ def compare_cameras(
 
     When cameras that agreed begin to disagree, the refined pose is a compromise between them. The predicted
     pose (D,) tells which of them has moved, if it explains one of them; it is None if the cameras did not
-    agree before, or if it is not known where the body was. Before a verdict comes into effect, there may be
-    one more such frame, in which cameras are not compared.
+    agree before, or if it is not known where the body was. A frame that was segmented before a verdict
+    may still use both the contradicting cameras and others; in that frame, cameras are not compared.
     """
     contradicting = [view.image.camera in agreement.contradicting for view in used]
     if any(contradicting) and not all(contradicting):
@@ -165,7 +165,10 @@ def compare_cameras(
 def camera_residuals(
     model: BodyModel, pose: Array, frame: Frame, views: Sequence[SubjectView], allowed_m: float
 ) -> dict[str, float]:
-    """How far (metres) the image of each camera, judged by its crop of the body, is from a pose (D,).
+    """The residual (metres) of each camera for a pose (D,).
+
+    It is the larger of two distances: that of the camera's crop of the body from the pose, and that by
+    which its depth lies behind the pose.
 
     A camera whose image has no crop of the body is included only if it contradicts the pose by more than
     `allowed_m`.

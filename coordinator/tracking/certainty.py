@@ -1,4 +1,4 @@
-"""The certainty of each joint in a frame: a logistic function of nine features, fitted to people.
+"""The certainty of each joint in a frame: a logistic function of nine features, fitted to data of people.
 
 Three features come from the frame: the visible share of the surface around the joint that faces the camera,
 the normalised residual of the body, and the share of the points within reach of the joint that no surface
@@ -53,9 +53,9 @@ class Features(NamedTuple):
     residual: Array  # normalised residual of the body
     unexplained: Array  # log of the share of the points within reach that are not near the surface
     spread: Array  # log of the weighted RMS distance of the hypotheses from the reported joint, metres
-    speed: Array  # logarithm, metres per second
+    speed: Array  # log of the speed of the joint, metres per second
     bend: Array  # sum of the squared angles from the root to the joint, rad^2
-    folding: Array  # of the body: mean difference of the distances between joints from those at rest, metres
+    folding: Array  # of the body: mean deviation of inter-joint distances from those at rest, metres
     crowding: Array  # number of nearby joints minus that in the rest pose
     protrusion: Array  # metres in front of or behind the mean joint
 
@@ -221,11 +221,11 @@ def log_unexplained_shares(
     stretch: float,
     settings: CertaintySettings,
 ) -> Array:
-    """Logarithm of the share (J,) of the observed points within reach of each joint that pose (D,) misses.
+    """For each joint (J,), the log of the share of points within its reach that pose (D,) does not explain.
 
-    A limb that is elsewhere, or under loose clothes, leaves points without a surface. A point is missed if
-    the nearest vertex is far away, with lengths along the line of sight scaled by `stretch`. `joints` (J, 3)
-    are those of the pose.
+    A limb that is elsewhere, or under loose clothes, leaves points without a surface. A point is unexplained
+    if the nearest vertex is far away, with lengths along the line of sight scaled by `stretch`. `joints`
+    (J, 3) are those of the pose.
     """
     vertices, scale = pose_vertices(model, pose[None]), np.array([1.0, 1.0, stretch])
     weights, missed = np.ones(len(joints)), np.zeros(len(joints))
@@ -289,7 +289,7 @@ def add_areas(
 def is_measured(
     x: float, y: float, z: float, depth: NDArray[np.uint16], scale: float, lens: Pinhole, tolerance: Tolerance
 ) -> bool:
-    """Whether the subject's depth (H, W) was measured at a point or next to it."""
+    """Whether the subject's measured depth (H, W) agrees with a point, at its pixel or next to it."""
     aside_m = tolerance.aside_m
     fx, fy, cx, cy = lens
     for aside in (-aside_m, 0.0, aside_m):

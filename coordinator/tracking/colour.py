@@ -31,7 +31,7 @@ from gepf.coordinator.tracking.track_state import ROUNDING_S
 
 
 class ColourWatch:
-    """Looks at the people in each frame with colour. Without a finder, it sees nobody.
+    """Starts the search for keypoints in each frame that has colour; without a finder, in none.
 
     While live frames are late, it looks at colour only every `late_look_s` seconds, and counts the frames
     left out.
@@ -102,7 +102,7 @@ class Look:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sight:
-    """What was seen in a frame.
+    """What the keypoint network found in a frame.
 
     candidates: keypoints of the candidates that were looked at, by index. steps: the motion (3,) of each
     person since the last pose, metres; None if unknown.
@@ -185,7 +185,7 @@ def possible_people(candidates: Sequence[UntrackedPerson], trusted: Collection[s
 
 
 def take_turns(number: int, count: int, turns: int) -> list[int]:
-    """Whose turn it is in the frame with this number: at most `turns` of `count` candidates.
+    """The candidates drawn in the frame with this number: at most `turns` of `count`.
 
     They are drawn at random, so that no candidate waits for ever, however the frames are numbered.
     """

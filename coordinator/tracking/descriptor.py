@@ -137,7 +137,7 @@ def compare_part(cells: Cells, image: Image, in_view: Mask, ends: Any, bound: fl
     Each body is first moved by whole cells (columns, rows) and in depth, metres. Along an axis with
     a visible end (`ends`, see `move_middle`), these ends are aligned; along other axes, the centres of the
     visible cells. Only cells that are `in_view` (ROWS, COLUMNS) count. The difference is the sum of
-    `fill_differences`, divided by the number of cells that are not empty in both images.
+    `fill_differences`, divided by the number of non-empty cells in the one image plus that in the other.
     """
     rows, columns = np.nonzero(image < VACANT)
     extent = np.array([columns.min(), columns.max(), rows.min(), rows.max()])

@@ -83,7 +83,7 @@ class Detector:
         """Detect an unknown body in a frame, given the camera's noise and the planes of the room.
 
         `alternatives` are the same frame with successively wider masks of the person; the mask in which a
-        body explains the most pixels is used. In the alternatives, only the best poses so far and a few of
+        body explains the most pixels is used. In the alternatives, only the best poses so far and a few from
         the library, in the first orientation, are refined. If no body explains the frame, its largest flat
         part may be a seat. The search is then repeated without the points of that part.
         """

@@ -42,7 +42,7 @@ class Certainty:
 
     seen: Array  # visible share of the camera-facing surface around it, in the camera that sees it best
     off_probability: Array  # probability of an error above `wrong_m` of the settings, by default 15 cm
-    deviation: Array  # expected distance from the true joint, one standard deviation, metres
+    deviation: Array  # one standard deviation of the error of the joint, metres
 
 
 @dataclass(frozen=True, slots=True, eq=False)

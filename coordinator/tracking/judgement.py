@@ -50,7 +50,7 @@ def gate_pose(
 ) -> Gate:
     """The gate of a pose with this log likelihood and mean residual (metres), at the camera's noise."""
     misfit = 0.0
-    # with far more noise in depth than across, the cost does not tell surface in empty space from noise
+    # with far more noise in depth than across, the cost cannot tell surface in empty space apart from noise
     if settings.noise_depth <= SOFT_NOISE_RATIO * settings.noise_lateral:
         cost = np.sqrt(max(0.0, -2.0 * log_likelihood)) * settings.likelihood_scale
         misfit = float(cost / np.hypot(limits.max_misfit_m, settings.noise_lateral))
@@ -137,7 +137,7 @@ def has_rival(weights: Array, joints: Array, reported: Array, settings: Certaint
 
 
 def deviations_of_exact_body(model: BodyModel, pose: Array, covariance: Array, information: float) -> Array:
-    """Expected distance (J,) from a robot's or object's true joints, one standard deviation, metres.
+    """One standard deviation (J,) of the error of each joint of a robot or object, metres.
 
     The `covariance` (D, D) of the pose (D,) is from the refinement, which treats all points together as one
     observation with an error of 1 cm, because people's shape is not known exactly. For a known body the

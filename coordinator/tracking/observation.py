@@ -147,7 +147,7 @@ def observed_points(subject: SubjectFrame, max_points: int | None = None) -> Arr
 
 
 def middle_of(subject: SubjectFrame) -> Array:
-    """Median (3,) of a part of the observed points, metres."""
+    """Median (3,) of a sample of the observed points, rig frame, metres."""
     return np.asarray(np.median(observed_points(subject, SAMPLED_POINTS), axis=0))
 
 
@@ -201,7 +201,7 @@ def thin(subject: SubjectFrame, points: int) -> SubjectFrame:
 def without_flat(subject: SubjectFrame, settings: SceneSettings) -> SubjectFrame:
     """The frame without the largest flat part of its largest view; the pixels of this part become unknown.
 
-    Returns the same frame if no flat part is large enough, or if it is most of the frame.
+    Returns the same frame if no flat part is large enough, or if the flat parts are most of the subject.
     """
     view, limits = subject.largest, settings.candidates
     depth = view.image.metres()

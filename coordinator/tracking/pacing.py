@@ -9,13 +9,13 @@ from gepf.coordinator.sources.live import LiveFrames
 from gepf.coordinator.tracking.particle_filter import FrameBudget
 from gepf.coordinator.tracking.target import TargetTracker
 
-POLL_S = 0.002  # between looks at the workers
+POLL_S = 0.002  # between polls of the workers
 
 Item = TypeVar("Item")
 
 
 class Lookahead(Generic[Item]):
-    """Iterates over items, computing each at its turn; `peek` computes the next item ahead of time."""
+    """Iterates over items, computing each when its turn comes; `peek` computes the next one ahead of time."""
 
     def __init__(self, items: Iterable[Item]) -> None:
         self._items = iter(items)
@@ -38,7 +38,7 @@ class Lookahead(Generic[Item]):
         return item
 
     def peek(self) -> Item | None:
-        """The next item; None at the end, or after an error, which is raised at the item's turn."""
+        """The next item; None at the end, or after an error, which is raised when the item is due."""
         if not self.is_ahead:
             try:
                 self._next = next(self._items, None)
@@ -96,7 +96,7 @@ class Live:
         return self._frames.is_ready and self._is_tracked
 
     def end_frame(self, targets: Sequence[TargetTracker]) -> None:
-        """Continue the searches until they end or, if a body needs the next frame, until it is waiting."""
+        """Continue the searches until they end or, if a body needs the next frame, until that frame waits."""
         if self._upcoming.is_ahead:
             return
         self._waited = self._frames.is_ready

@@ -29,7 +29,7 @@ from gepf.coordinator.tracking.refiner import Pending, Refiner, with_iterations
 from gepf.coordinator.tracking.reporting import Stopwatch
 from gepf.coordinator.tracking.segmenter import BodyView
 
-if TYPE_CHECKING:  # it loads the bus
+if TYPE_CHECKING:  # importing this module loads ROS 2
     from gepf.coordinator.sources.ros2_input import JointTopic
 
 Encoders = Union[JointStates, "JointTopic"]
@@ -49,7 +49,7 @@ class SubmittedPerson:
     """A person in a frame, whose particles are with the workers."""
 
     view: BodyView
-    settings: RefineSettings  # of their refinement; if they are merged early, of that of the representatives
+    settings: RefineSettings  # to refine the particles; if merged early, to refine their representatives
     particle_count: int
     proposal: Proposal
     pending: Pending
@@ -118,10 +118,10 @@ class ParticleFilter:
         return pace_iterations(settings, interval, self._settings)
 
     def early_settings(self, settings: RefineSettings, budget: FrameBudget | None) -> RefineSettings | None:
-        """Settings for the first iterations of particles that are merged early, given those for all.
+        """Settings for the first iterations of particles that are merged early, from those for all.
 
-        None if particles are merged only once: if there are not more iterations than usual, which a second
-        request would not be worth; if the frame is late, and so has few particles; or if correspondences are
+        None if particles are merged only once: if there are no more iterations than usual, so that a second
+        request would not pay off; if the frame is late, and so has few particles; or if correspondences are
         soft.
         """
         iterations = settings.icp_iterations

@@ -1,4 +1,4 @@
-"""Candidates of a detection: refined poses and shapes, which are distinct, and which face the other way."""
+"""Candidates of a detection: refined poses and shapes. Tells the distinct ones, and those that face away."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class PoseCandidates:
     log_posterior: Array  # (N,) log likelihood plus `log_prior`
     log_prior: Array  # (N,) log prior of pose and shape, given by the family of bodies
     residual: Array  # (N,) metres
-    joints: Array  # (N, J, 3) camera frame, metres
+    joints: Array  # (N, J, 3) rig frame, metres
 
     @property
     def is_visible(self) -> bool:

@@ -260,7 +260,7 @@ def upright_rolls(planes: Planes, rolls: tuple[float, ...], min_upright: float) 
     """Rotations of the image, radians, in which a body is searched for; in the first the room is upright.
 
     If the vertical projects into the image plane with a length below `min_upright`, no image direction is
-    upright.
+    upright, and `rolls` are returned unchanged.
     """
     across, down, _ = planes.up
     if len(rolls) == 1 or np.hypot(across, down) < min_upright:

@@ -90,6 +90,6 @@ def with_iterations(settings: RefineSettings, count: int) -> RefineSettings:
 
 
 def with_closest_points(settings: RefineSettings) -> RefineSettings:
-    """Settings with the lateral noise raised until correspondences are closest points; soft ones are slow."""
+    """Settings with enough lateral noise for closest-point correspondences; soft correspondences are slow."""
     least = settings.noise_depth / SOFT_NOISE_RATIO
     return msgspec.structs.replace(settings, noise_lateral=max(settings.noise_lateral, least))

@@ -49,7 +49,7 @@ class Stopwatch:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UpdatedPerson:
-    """One person in a frame that is not reported yet."""
+    """One person in a frame that has not been reported yet."""
 
     frame: Frame
     state: PersonState  # after the frame
@@ -126,7 +126,7 @@ def report(updated: UpdatedPerson, cameras: CameraStates, settings: Settings) ->
 def doubt_of(
     track: TrackedBefore, judgement: Judgement, joint_names: tuple[str, ...], settings: Settings
 ) -> Doubt:
-    """Doubt: cameras disagree, front and back look alike, clothes are unlike, or joints may be wrong."""
+    """The doubt: cameras disagree, front and back look alike, clothes differ, or joints may be wrong."""
     disputed = track.agreement.dispute(list(judgement.seen_by), settings.track.camera_confirmed_s)
     joints = explain_doubt(joint_names, judgement.certainty, judgement.doubted, settings.certainty.wrong_m)
     is_sure = track.knows_facing(settings.colour) and not track.is_unlike(settings.colour)

@@ -1,4 +1,4 @@
-"""Which candidate is which lost body: decided by place and by the colour of the clothes."""
+"""Re-identifies lost bodies among the candidates, by position and by the colour of their clothes."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ def assign_lost(
 ) -> list[int | None]:
     """The index of the candidate of each lost body: the most likely assignment of all of them.
 
-    The place of a lost body is normally distributed; its deviation grows with time, up to `room_m`. With
-    `may_refuse` (a candidate may be somebody new), a body whose clothes were seen for `unlike_s` refuses
-    candidates in other clothes.
+    The place of a lost body is normally distributed; its standard deviation grows with time, up to
+    `room_m`. With `may_refuse` (a candidate may be somebody new), a body whose clothes were seen for
+    `unlike_s` refuses candidates in other clothes.
     """
     if not (lost and seen):
         return [None] * len(lost)

@@ -9,7 +9,7 @@ from gepf.coordinator.tracking.segmenter import UntrackedPerson
 
 
 class BodySearch:
-    """A search for a body: running, or ended with a result that is not yet taken.
+    """A search for a body: running, or ended with a result that has not been taken yet.
 
     If a recorded frame begins a search, the same frame waits for it and takes its result
     (`TargetTracker.submit`). The search of a live frame advances while the workers refine

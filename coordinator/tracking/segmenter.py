@@ -125,7 +125,7 @@ class SegmentedFrame:
 
     subjects: one per body; None if nothing of the body is visible, or if it may be anywhere.
     set_aside: for each body, its crops from the cameras that are not used for it.
-    duplicates: whether each body is a duplicate, because others explain everything that is seen of it.
+    duplicates: whether each body is a duplicate, because others explain everything visible of it.
     candidates: people who are not tracked, the most likely first; empty unless a body may be anywhere.
     """
 
@@ -166,7 +166,7 @@ class BodyView:
 
     alternatives: see `UntrackedPerson`; used only for a body that is not known yet. set_aside: the crops from
     the cameras that are not used for this body. is_own: the subject was segmented around the body, and is
-    not a candidate. is_duplicate: others explain everything that is seen of the body. is_elsewhere: not where
+    not a candidate. is_duplicate: others explain everything visible of the body. is_elsewhere: not where
     the body was expected. after_gap: the gap since the last frame is long, so the next frame is not segmented
     until this one has been refined. is_looked_at: the keypoint network has looked for this person in a
     trusted colour image. step_m: the motion (3,) since the last pose according to colour; None if unknown.
@@ -264,8 +264,8 @@ class Segmenter:
     def learn(self, segmented: SegmentedFrame, detected: Sequence[DetectedBody] = ()) -> SceneChanges:
         """Learn the scenes from the last segmented frame, and return what it changed in them.
 
-        What was searched for the bodies that have just been `detected`, but is not covered by them, is added
-        to the background as well.
+        Pixels that were searched when the `detected` bodies were found, but that these do not cover, are
+        added to the background as well.
         """
         return {view.image.camera: self._learn_view(view, detected) for view in segmented.views}
 
@@ -333,7 +333,7 @@ class Segmenter:
         foreign = mark_foreign(view, nearest, nearest_new)
         foreign_points = points_beside(view, foreign, [body.vertices for body in known])
         own = list[MaskedView | None]()
-        learns_nothing = False  # because the pixels of a body may be anywhere
+        learns_nothing = False  # set if the pixels of a body may be anywhere
         for body in surfaces:
             if body is None:
                 own.append(None)
@@ -392,7 +392,7 @@ def mask_candidate(image: View, view: SceneView, person: Candidate, near_bodies:
 
 
 def shows_one_body(view: SceneView, body_count: int) -> bool:
-    """Whether everything that an image shows is the only body."""
+    """Whether an image shows nothing but the one tracked body."""
     return not view.shows_room and body_count == 1
 
 

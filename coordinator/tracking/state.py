@@ -93,7 +93,7 @@ def start_at(
 def read_start(path: Path, dof_names: Collection[str], remedy: str = "") -> dict[str, float]:
     """The values of a start, by name; a name that is missing counts as zero.
 
-    InputError for an unknown name, or for a value above LARGEST.
+    Raises InputError for an unknown name, or for a value whose magnitude is above LARGEST.
     """
     fix_hint, missing_hint = "write {degree of freedom: number}", "give --init a file, or auto"
     values = read_json(path, dict[str, float], fix_hint, missing_hint)
@@ -101,7 +101,7 @@ def read_start(path: Path, dof_names: Collection[str], remedy: str = "") -> dict
         if name not in dof_names:
             raise InputError(f"{path}: {unknown_dof(name, dof_names)}{remedy}")
         if abs(value) > LARGEST:
-            raise InputError(f"{path}: {name} is {value:g}, above {LARGEST:g}; give radians and metres")
+            raise InputError(f"{path}: {name} is {value:g}, beyond +-{LARGEST:g}; give radians and metres")
     return values
 
 
@@ -110,14 +110,14 @@ class Checkpoint:
     """The part of a person's state that changes with every frame and is recorded."""
 
     track: TrackState
-    generator: str  # state of the random generator as JSON, which allows integers of any size
+    generator: str  # state of the random number generator as JSON, which allows integers of any size
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PersonState:
     """The whole state of a person or another body between two frames."""
 
-    start: Start  # is recorded only when it changes
+    start: Start  # recorded only when it changes
     checkpoint: Checkpoint
 
     @property

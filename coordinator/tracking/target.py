@@ -1,4 +1,4 @@
-"""Executes the state machine of one body (`track_state`): searches for it, refines it, and makes the events.
+"""Executes the state machine of one body (`track_state`): searches for it, refines it, and emits events.
 
 A frame takes three steps. For live input, `accept_first_detection` takes over the body that a search has
 detected, before the frame is segmented; in a recording the search ends within `submit`, which does the same.
@@ -59,7 +59,7 @@ from gepf.coordinator.tracking.track_state import (
 
 
 class Choice(NamedTuple):
-    """The hypotheses about a frame: the tracked ones, or those of a search.
+    """The hypotheses for a frame: the tracked ones, or those of a search.
 
     `redetected`: the pose is that of a search, and not where the body was tracked. `ambiguous_facing`: front
     and back look alike in that search; None without a search.
@@ -138,7 +138,7 @@ class TargetTracker:
     def expected_surface(self, step_m: Array | None = None) -> ExpectedSurface:
         """Where the body is expected in the next frame; `step_m` is that of `segmentation_surface`."""
         expected, settings = self.next_segmentation, self._settings
-        is_soft = self._settings_at(self.start.noise.distance).is_soft  # noise at the start is heavy
+        is_soft = self._settings_at(self.start.noise.distance).is_soft  # it is if the start is noisy
         return ExpectedSurface(
             self.segmentation_surface(step_m),
             expected.excluded,
@@ -155,7 +155,7 @@ class TargetTracker:
 
     @property
     def explained_body(self) -> ExpectedBody | None:
-        """The person in the last frame's pose; None if that does not explain depth, or for other bodies."""
+        """The person in the last frame's pose; None if it does not explain depth, or is not a person's."""
         track = self.track
         if not isinstance(track, Tracked) or track.unexplained_s or track.normalised_residual > 1.0:
             return None
@@ -192,7 +192,7 @@ class TargetTracker:
 
     @property
     def last_seen(self) -> Array:
-        """The last known centre (3,) of the body, camera frame, metres."""
+        """The last known centre (3,) of the body, rig frame, metres."""
         pose = self.track.belief.reported if isinstance(self.track, Body) else self.start.pose
         return np.asarray(joint_positions(self.model, pose[None])[0].mean(axis=0))
 
@@ -221,7 +221,7 @@ class TargetTracker:
     def needs_candidates(self) -> bool:
         """Whether the next frame needs candidates.
 
-        A known body may be anywhere in it, or an unknown one has no search under way.
+        It does if a known body may be anywhere in it, or if no search is under way for an unknown one.
         """
         return self.track.may_be_anywhere if isinstance(self.track, Body) else not self.is_searching
 
@@ -372,7 +372,7 @@ class TargetTracker:
         return todo
 
     def _step_segmented(self, view: BodyView, subject: SubjectFrame | None) -> Instructions:
-        """Execute the event of a segmented frame; measures the noise when a given start is first seen."""
+        """Handle the event of a segmented frame; measure the noise when a given start is first seen."""
         has_depth = any(image.depth.any() for image in view.frame.views)
         if subject is None:
             event = FrameSegmented(view.frame.time_s, has_depth=has_depth, is_duplicate=view.is_duplicate)
@@ -487,7 +487,7 @@ class TargetTracker:
             return Choice(belief, gate)
         joints = joint_positions(self.model, belief.poses[:1])[0]
         before, after = belief.log_weights[0], detection.candidates.log_posterior[0]
-        if detection.faces_away(joints)[0] and self._knows_facing:  # a frame's keypoints may be swapped
+        if detection.faces_away(joints)[0] and self._knows_facing:  # left and right may be swapped in colour
             before, after = depth_log_likelihood, detection.depth_log_likelihood[0]
         if not after > before + settings.search.surer_nats:
             return Choice(

@@ -1,7 +1,7 @@
 """The state of a track, and how events change it: a state machine without a clock, images or workers.
 
 `step` returns the state after an event, and instructions; if there are none, the frame is done.
-`coordinator/tracking/target.py` executes them, and makes the events. The table of transitions is in
+`coordinator/tracking/target.py` executes them, and generates the events. The table of transitions is in
 docs/states.md.
 """
 
@@ -22,9 +22,9 @@ from gepf.coordinator.settings import ColourSettings, TrackSettings
 from gepf.coordinator.tracking.cameras import Agreement
 from gepf.coordinator.tracking.judgement import Gate
 
-ROUNDING_S = 1e-3  # of times in files
+ROUNDING_S = 1e-3  # tolerance for times that were rounded when they were written to a file
 FACING_DOUBT = "front and back look alike: the body may face the other way"
-DUPLICATE = "everything that is seen of the body belongs to other bodies"
+DUPLICATE = "everything visible of the body belongs to other bodies"
 CLOTHES_DOUBT = "the clothes are a different colour than before: this may be somebody else"
 
 Instruction = Literal["search", "stop searching", "update the background", "refine"]
@@ -39,11 +39,11 @@ Visibility = Literal["body", "something", "nothing"]
 
 
 class Absent(msgspec.Struct, frozen=True, tag="absent"):
-    """The body is unknown, and nothing that may be one is seen."""
+    """The body is unknown, and nothing that might be a body is visible."""
 
 
 class Searching(msgspec.Struct, frozen=True, tag="searching"):
-    """The body is unknown, and something that may be one is seen."""
+    """The body is unknown, and something that might be a body is visible."""
 
     searches: int = 1  # number of searches that have begun
     searched_s: float = 0.0  # time of the frame in which the last one began
@@ -62,9 +62,9 @@ class NextSegmentation(msgspec.Struct, frozen=True):
 
     The next frame is segmented while the current one is refined. For frame n + 1:
 
-        frame n is submitted (`FrameSegmented`): it is fixed, from the state after frame n - 1
+        frame n is submitted (`FrameSegmented`): this struct is set, from the state after frame n - 1
         frame n is refined, and meanwhile frame n + 1 is segmented
-        frame n is updated (`FrameRefined`): at low frame rates, it is fixed again, from the state after n
+        frame n is updated (`FrameRefined`): at low frame rates, it is set again, from the state after n
     """
 
     pose: Array | None = None  # (D,), around which the frame is segmented; None: the body may be anywhere
@@ -95,7 +95,7 @@ class Body(msgspec.Struct, frozen=True, kw_only=True):
 class Found(Body, frozen=True, kw_only=True, tag="found"):
     """A body that was detected, or whose start is given, before it is tracked in a first frame.
 
-    A detected body has a place (3,), the median of its observed points in the frame of the search, metres,
+    A detected body has a place (3,), the median of its observed points in the searched image, metres,
     and a number of pixels there.
     """
 
@@ -131,7 +131,7 @@ class TrackedBefore(Body, frozen=True, kw_only=True):
     """Time for which the clothes were unlike those remembered, minus the time for which they were alike."""
     followed_s: float = 0.0  # time for which the pose has explained the frames since the body was last lost
     was_established: bool = False  # whether this has ever been longer than a check interval
-    faulty: tuple[str, ...] = ()  # cameras at fault in the last frame that showed the body
+    faulty: tuple[str, ...] = ()  # cameras with a fault in the last frame that showed the body
     visibility: Visibility = "body"  # in the last frame
 
     def is_new(self, settings: TrackSettings) -> bool:
@@ -149,7 +149,7 @@ class TrackedBefore(Body, frozen=True, kw_only=True):
         return self.unlike_s >= settings.clothes.unlike_s - ROUNDING_S
 
     def doubt(self, settings: ColourSettings) -> str:
-        """Why the pose, or who the person is, is doubtful, as text."""
+        """Why the pose, or the identity of the person, is in doubt; empty if neither is."""
         if self.why or not self.knows_facing(settings):
             return self.why or FACING_DOUBT
         return CLOTHES_DOUBT if self.is_unlike(settings) else ""
@@ -177,7 +177,7 @@ class FrameSegmented:
     Both are 0 if nothing shows it. `has_depth`: whether the frame shows anything at all. `is_elsewhere`:
     whether these pixels are not where the body was expected. `moved`: the belief about a detected body, moved
     to where the body is now. `is_duplicate`: whether the body gets no pixels, because others explain
-    everything that is seen of it.
+    everything visible of it.
     """
 
     time_s: float
@@ -213,10 +213,10 @@ class FrameRefined:
     `redetected`: the pose is that of a search, and not where the body was tracked. `ambiguous_facing`: front
     and back look alike in that search; None without a search. `is_doubtful`: a joint in view may be wrong.
     `is_shown`: whether colour confirms the person; None if unknown. `sides`: 1 if colour shows left and right
-    correctly, -1 if swapped, 0 if unknown. `clothes`: their colour (3,); None if unknown. `faulty` cameras
-    are left out; the other cameras have `residuals` in metres (see `Agreement.after`), measured over
-    `interval_s` seconds, and count as agreeing up to `allowed_m`. `after_gap`: the next frame is not
-    segmented yet.
+    correctly, -1 if swapped, 0 if unknown. `clothes`: their colour (3,); None if unknown. `faulty`: cameras
+    whose fault has lasted (`faults_of`). `residuals`: of each compared camera, metres; cameras agree up to
+    `allowed_m`, and the frame stands for `interval_s` seconds of agreement (see `Agreement.after`).
+    `after_gap`: the next frame has not been segmented yet.
     """
 
     belief: Belief
@@ -361,7 +361,7 @@ def _check_due(state: Tracked | Lost, time_s: float, policy: Policy) -> bool:
 
 
 def _doubt_is_due(doubtful_s: float, interval_s: float, settings: TrackSettings) -> bool:
-    """Whether the time in doubt reaches an interval in this frame, or twice, four times, ... as much."""
+    """Whether the time in doubt reaches 1, 2, 4, ... check intervals in this frame."""
     if not doubtful_s:
         return False
     before, after = (
@@ -414,7 +414,7 @@ def _search_given_up(state: TrackState) -> TrackState:
 def _refined(
     state: Found | Tracked | Lost, event: FrameRefined, policy: Policy
 ) -> tuple[TrackState, Instructions]:
-    """A body is tracked if it explains the frame, and lost if it has not for some frames."""
+    """A body is tracked if it explains the frame, and lost if it has not done so for some frames."""
     settings, agreement = policy.settings, state.agreement
     before, interval = _as_tracked_before(state, settings), _interval(state, event.time_s)
     if state.is_lost and not agreement.contradicting:
@@ -467,7 +467,7 @@ def _unshown(
 
 
 def _sides(before_s: float, sides: int, interval_s: float, settings: ColourSettings) -> float:
-    """Time for which colour showed left and right correctly minus time swapped, seconds, after a frame."""
+    """`TrackedBefore.sides_s` after a frame, seconds."""
     after_s = before_s + sides * min(interval_s, settings.max_step_s)
     return min(max(after_s, -settings.exchanged_s), max(settings.facing_s, settings.exchanged_s))
 
@@ -482,7 +482,7 @@ def _clothes(
 
 
 def _unlike(before: TrackedBefore, event: FrameRefined, interval_s: float, settings: ColourSettings) -> float:
-    """Time for which clothes were unlike those remembered minus time alike, seconds, after a frame."""
+    """`TrackedBefore.unlike_s` after a frame, seconds."""
     if before.clothes is None or event.clothes is None:
         return before.unlike_s
     step_s = min(interval_s, settings.max_step_s)
@@ -498,7 +498,7 @@ def _as_tracked_before(state: Found | Tracked | Lost, settings: TrackSettings) -
 
 
 def _lose(state: Found | Tracked | Lost, policy: Policy) -> Tracked | Lost:
-    """The body may be anywhere."""
+    """The body as a lost one, without doubts about its old pose."""
     return _become(
         Lost,
         _as_tracked_before(state, policy.settings),

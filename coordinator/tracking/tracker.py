@@ -55,7 +55,7 @@ class SubmittedFrame(NamedTuple):
 
 
 class UpdatedFrame(NamedTuple):
-    """A frame that is not reported yet."""
+    """A frame that has not been reported yet."""
 
     people: list[UpdatedPerson]
     state: FrameState
@@ -126,19 +126,19 @@ class Tracker:
         """Track frames; each frame is reported while the workers refine the next one.
 
         The results are those of `track`. If a frame fails, the previous frame is still reported. Without
-        `look_ahead`, each frame is reported at once. So is each `live` frame, see `Live`. A frame is
+        `look_ahead`, each frame is reported at once. So is each `live` frame (see `Live`). A frame is
         segmented around the pose from two frames earlier; at low rates, around that from the previous frame.
         """
-        # a frame is read and prepared at its turn; or by `peek`, while the workers refine the frame before
+        # a frame is prepared when its turn comes, or earlier by `peek`, while workers refine the previous one
         upcoming = Lookahead(map(self._prepare, frames))
         pacing = Recorded(look_ahead=look_ahead) if live is None else Live(live, upcoming)
-        updated = list[UpdatedFrame]()  # at most one frame, which is not reported yet
+        updated = list[UpdatedFrame]()  # at most one frame, which has not been reported yet
         try:
             for prepared in upcoming:
                 budget = pacing.begin_frame(self._targets)
                 self._is_late = budget is not None and budget.is_late
                 submitted = self._submit(prepared, budget)  # predict, refine
-                # the workers are busy from here until the update, but for the merging of particles
+                # the workers are busy from here until the update, except while particles are merged
                 yield from reported(updated, self._settings)
                 if pacing.looks_ahead and not prepared.after_gap:
                     self._send_ahead(upcoming.peek())
@@ -189,7 +189,7 @@ class Tracker:
     def _begin_look(
         self, frame: Frame, interval_s: float, last_s: float | None
     ) -> tuple[Look | None, list[Array | None]]:
-        """Begin to look at colour; and the motion (3,) of each person since `last_s`, if it is known.
+        """Begin to look at colour; return the look, and each person's motion (3,) since `last_s`, if known.
 
         The look is None if the frame is not looked at. While frames are late, colour is looked at less often.
         """
@@ -200,7 +200,7 @@ class Tracker:
         # in twice the longest interval for looking ahead, people walk out of reach of their last pose
         if look is None or interval_s <= 2.0 * limits.max_lookahead_s + ROUNDING_S:
             return look, [None] * len(targets)
-        # the last frame may be updated or not: either way, what was known before it counts
+        # whether or not the last frame has been updated yet, what was known before it counts
         is_trusted = not unused_before(self._frame.colours, last_s)
         usable = [is_trusted and target.next_segmentation.is_confirmed for target in targets]
         return look, look.steps(usable, limits.max_motion_m)
@@ -261,7 +261,7 @@ class Tracker:
 
 
 def searches_for_anybody(targets: Sequence[TargetTracker], time_s: float) -> bool:
-    """Whether a person is searched for in a frame at this time; unknown people in turns."""
+    """Whether anybody is searched for in a frame at this time; of unknown people, only the first is."""
     unknown = [target for target in targets if not isinstance(target.track, Body)]
     is_lost = any(target.may_be_anywhere for target in targets)
     return is_lost or any(target.is_search_due(time_s) for target in unknown[:1])

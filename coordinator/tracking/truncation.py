@@ -43,7 +43,7 @@ def truncated_sides(view: SubjectView, turn: Array, settings: SearchSettings) ->
 
 
 def ends_of(mask: Mask, rows: Indices, columns: Indices, step: Indices) -> Indices:
-    """The person's outermost pixels in the direction of a step (columns, rows)."""
+    """Indices of the person's pixels that are outermost in the direction of a step (columns, rows)."""
     position = rows * step[1] + columns * step[0]
     line = columns if step[1] else rows
     last = np.full(max(mask.shape), np.iinfo(np.int64).min)

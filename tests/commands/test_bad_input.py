@@ -66,7 +66,7 @@ def with_file(name: str, content: str) -> Damage:
             "init.json: unknown degree of freedom 'elbow'; gepf model dofs lists all; check --model",
         ),
         (with_file("init.json", '{"root_tz": NaN}'), "init.json: JSON is malformed"),
-        (with_file("init.json", '{"root_tz": 1e300}'), "init.json: root_tz is 1e+300, above 100000"),
+        (with_file("init.json", '{"root_tz": 1e300}'), "init.json: root_tz is 1e+300, beyond +-100000"),
         (with_file("truth.npz", "truth"), "truth.npz is damaged"),
     ],
 )

@@ -66,7 +66,7 @@ INTERVAL_S = 1 / 32
 NEXT_S, LATER_S = 1.0 + INTERVAL_S, 2.0
 CANDIDATE = FrameSegmented(NEXT_S, pixels=900, points=500)
 NOTHING, DARK = FrameSegmented(NEXT_S), FrameSegmented(NEXT_S, has_depth=False)
-REASON = "everything that is seen of the body belongs to other bodies"
+REASON = "everything visible of the body belongs to other bodies"
 DUPLICATE = FrameSegmented(NEXT_S, is_duplicate=True)
 FITS = FrameRefined(AFTER, Gate(0.8), pixels=800, time_s=NEXT_S)
 AS_REFINED = {
@@ -413,7 +413,7 @@ TRANSITIONS = [
         replace(TRACKED, awaits_search=True),
         "",
         DUPLICATE,
-        "other bodies explain everything that is seen of it",
+        "other bodies explain everything visible of it",
         Lost,
         {"next_segmentation": None, "awaits_search": False, "visibility": "something"},
         ("stop searching",),
@@ -422,7 +422,7 @@ TRANSITIONS = [
         replace(TRACKED, followed_s=0.1, was_established=False),
         "never followed for a check interval",
         DUPLICATE,
-        "other bodies explain everything that is seen of it",
+        "other bodies explain everything visible of it",
         Searching,
         {"searched_s": NEXT_S, "why": REASON, "visibility": "something"},
         ("stop searching",),
@@ -431,7 +431,7 @@ TRANSITIONS = [
         DETECTED,
         "it was detected",
         DUPLICATE,
-        "other bodies explain everything that is seen of it",
+        "other bodies explain everything visible of it",
         Searching,
         {"searched_s": NEXT_S, "why": REASON},
         ("stop searching",),
@@ -440,7 +440,7 @@ TRANSITIONS = [
         GIVEN,
         "the start pose was given",
         DUPLICATE,
-        "other bodies explain everything that is seen of it",
+        "other bodies explain everything visible of it",
         Found,
         {"next_segmentation": None},
         (),
@@ -449,7 +449,7 @@ TRANSITIONS = [
         replace(LOST, next_segmentation=AT_POSE),
         "seen in the last frame",
         DUPLICATE,
-        "other bodies explain everything that is seen of it",
+        "other bodies explain everything visible of it",
         Lost,
         {"next_segmentation": None, "visibility": "something"},
         ("stop searching",),
@@ -477,7 +477,7 @@ TRANSITIONS = [
         TRACKED,
         "lost bodies are not searched for",
         DUPLICATE,
-        "other bodies explain everything that is seen of it",
+        "other bodies explain everything visible of it",
         Lost,
         {"visibility": "something"},
         (),
