@@ -100,17 +100,17 @@ class SubjectView:
 
     image: the crop, without colours. picked: flat indices (P,) into its depth, ascending: the pixels that
     become observed points. extent: (left, top, right, bottom) of the camera's whole image in pixels of the
-    crop, half-open. Pixels outside are unknown; pixels inside it but outside the crop are empty. kinds:
-    labels (H, W) of the crop, uint8; None if all pixels but the subject's are empty. delay_s: from the time
-    of the frame until the time of this image, seconds. keypoints: the keypoints (`gepf.common.body`) in the
-    camera's colour image: column and row in the crop, and inverse variance (1 / pixels^2), 0 for a keypoint
-    that was not seen.
+    crop, half-open. Pixels outside are unknown; pixels inside it but outside the crop are empty. labels:
+    (H, W) of the crop, uint8; None if all pixels but the subject's are empty. delay_s: from the time of the
+    frame until the time of this image, seconds. keypoints: the keypoints (`gepf.common.body`) in the camera's
+    colour image: column and row in the crop, and inverse variance (1 / pixels^2), 0 for a keypoint that was
+    not seen.
     """
 
     image: View
     picked: NDArray[np.uint32]  # (P,)
     extent: tuple[int, int, int, int]
-    kinds: NDArray[np.uint8] | None = None  # (H, W)
+    labels: NDArray[np.uint8] | None = None  # (H, W)
     delay_s: float = 0.0
     keypoints: NDArray[np.float32] | None = None  # (K, 3)
 

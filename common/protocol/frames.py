@@ -95,7 +95,7 @@ def view_message(view: SubjectView) -> ViewMessage:
         depth=pack(image.depth),
         picked=pack(view.picked),
         view=view.extent,
-        kinds=None if view.kinds is None else pack(view.kinds),
+        kinds=None if view.labels is None else pack(view.labels),
         T_rig_camera=pack(image.T_rig_camera),
         delay_s=view.delay_s,
         keypoints=None if view.keypoints is None else pack(view.keypoints),
@@ -124,16 +124,16 @@ def decode_view(frame: FrameMessage, message: ViewMessage) -> SubjectView:
     left, top, right, bottom = message.view
     if left > right or top > bottom:
         raise ProtocolError(f"view {message.view} ends before it begins")
-    kinds = None
+    labels = None
     if message.kinds is not None:
-        kinds = unpack("kinds", message.kinds, "|u1", image.depth.shape, 0, UNMEASURED)
-        if not np.array_equal(kinds == SUBJECT, image.depth > 0):
+        labels = unpack("kinds", message.kinds, "|u1", image.depth.shape, 0, UNMEASURED)
+        if not np.array_equal(labels == SUBJECT, image.depth > 0):
             raise ProtocolError("kinds and depth disagree about the subject's pixels")
     image, keypoints = replace(image, T_rig_camera=placed), None
     if message.keypoints is not None:
         keypoints = unpack("keypoints", message.keypoints, "<f4", (len(KEYPOINTS), 3), -LARGEST, LARGEST)
         check_range("the precisions of keypoints", keypoints[:, 2], 0.0, LARGEST)
-    return SubjectView(image, picked, message.view, kinds, message.delay_s, keypoints)
+    return SubjectView(image, picked, message.view, labels, message.delay_s, keypoints)
 
 
 def number_of(payload: bytes) -> int:

@@ -49,31 +49,31 @@ class ExpectedBody:
 class Match(NamedTuple):
     """How keypoints in images compare with those of a body.
 
-    is_shown: the keypoints are where the body is, whichever way the person faces. sides: 1 if they show left
-    and right as the body does, -1 if swapped, 0 if they do not tell.
+    is_confirmed: the keypoints are where the body is, whichever way the person faces. sides: 1 if they show
+    left and right as the body does, -1 if swapped, 0 if they do not tell.
     """
 
-    is_shown: bool
+    is_confirmed: bool
     sides: int
 
 
-NO_MATCH = Match(is_shown=False, sides=0)
+NO_MATCH = Match(is_confirmed=False, sides=0)
 """Without keypoints."""
 
 
 def match_sides(body: ExpectedBody, subject: SubjectFrame, settings: ColourSettings) -> Match:
     """Compare the keypoints of a subject with a body."""
-    is_shown, farthest = False, settings.same_person_deviations
+    is_confirmed, farthest = False, settings.same_person_deviations
     for view in subject.views:
         if view.keypoints is not None:
             pixels = body.pixels(view.image)
             as_is, exchanged = (
                 distance_of(pixels, view.keypoints[order]) for order in (slice(None), EXCHANGED)
             )
-            is_shown |= min(as_is, exchanged) < farthest
+            is_confirmed |= min(as_is, exchanged) < farthest
             if min(as_is, exchanged) < farthest < max(as_is, exchanged):
-                return Match(is_shown, 1 if as_is < exchanged else -1)
-    return Match(is_shown, 0)
+                return Match(is_confirmed, 1 if as_is < exchanged else -1)
+    return Match(is_confirmed, 0)
 
 
 def distance_of(pixels: NDArray[np.floating], keypoints: NDArray[np.float32]) -> float:

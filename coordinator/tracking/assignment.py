@@ -10,8 +10,8 @@ import numpy as np
 from gepf.common.arrays import Array
 from gepf.common.frame import SubjectFrame
 from gepf.coordinator.colour.clothes import clothes_in
-from gepf.coordinator.tracking.observation import middle_of
-from gepf.coordinator.tracking.returning import SeenBody, assign_lost
+from gepf.coordinator.tracking.observation import median_point
+from gepf.coordinator.tracking.reidentification import SeenCandidate, assign_lost
 from gepf.coordinator.tracking.segmenter import BodyView, SegmentedFrame, Segmenter, UntrackedPerson
 from gepf.coordinator.tracking.target import TargetTracker
 from gepf.coordinator.tracking.track_state import Body, Found, Searching
@@ -43,7 +43,8 @@ class Assignment:
         People who are undetected or lost get a free candidate, if there is one; a body that is mostly missing
         may get one found elsewhere.
         """
-        segmented, target, is_elsewhere = self._segmented, self._targets[person_index], False
+        segmented, target = self._segmented, self._targets[person_index]
+        is_elsewhere = False
         subject, alternatives = segmented.subjects[person_index], tuple[SubjectFrame, ...]()
         if not isinstance(target.track, Body):
             subject, candidate = None, self._candidate_to_search(person_index)
@@ -81,7 +82,7 @@ class Assignment:
             return {}
         undetected = [target for target in self._targets if not isinstance(target.track, Body)]
         searched = [
-            nearest(self._free, middle_of(person.subject))
+            nearest(self._free, median_point(person.subject))
             for target in undetected
             if (person := target.searched_person) is not None
         ]
@@ -90,7 +91,7 @@ class Assignment:
         returned = assign_lost(
             [target.lost_body(frame.time_s) for target in lost.values()],
             [
-                SeenBody(middle_of(candidate.subject), clothes_in(frame, candidate.subject))
+                SeenCandidate(median_point(candidate.subject), clothes_in(frame, candidate.subject))
                 for candidate in possible
             ],
             self._targets[0].policy,
@@ -115,29 +116,31 @@ class Assignment:
         count = len(possible)
         if not count or not all(isinstance(earlier.track, Body) for earlier in self._targets[:person_index]):
             return None
-        search = 0
+        search_number = 0
         if isinstance(target.track, Searching):
             is_due = target.track.is_due(self._segmented.frame.time_s, target.policy.settings)
-            search = target.track.searches - (not is_due)
-        rounds, turn = divmod(search, count)
+            search_number = target.track.searches if is_due else target.track.searches - 1
+        round_number, turn = divmod(search_number, count)
         chosen = possible[turn]
         if (person := target.searched_person) is not None:
-            chosen = nearest(self._free, middle_of(person.subject)) or chosen
+            chosen = nearest(self._free, median_point(person.subject)) or chosen
         self._free.remove(chosen)
         views = chosen.subject.views
         by_camera = [UntrackedPerson(replace(chosen.subject, views=(view,))) for view in views]
         options = [chosen, *by_camera] if len(views) > 1 else [chosen]
-        return options[rounds % len(options)]
+        return options[round_number % len(options)]
 
     def _is_mostly_missing(self, person_index: int) -> bool:
         """Whether so few pixels of the body are visible that it is looked for elsewhere."""
         target, pixels = self._targets[person_index], self._segmented.pixels(person_index)
         if isinstance(target.track, Found):
-            whole = target.policy.settings.whole_share * target.track.detected_pixels
+            min_pixels = target.policy.settings.whole_share * target.track.detected_pixels
         else:
             assert isinstance(target.track, Body)
-            whole = max(target.policy.min_points, target.policy.settings.gone_share * target.track.pixels)
-        return pixels < whole and target.policy.recovers
+            min_pixels = max(
+                target.policy.min_points, target.policy.settings.gone_share * target.track.pixels
+            )
+        return pixels < min_pixels and target.policy.recovers
 
     def _candidate_elsewhere(self, person_index: int) -> UntrackedPerson | None:
         """A candidate that has more pixels than the present subject and is probably the same person, or None.
@@ -153,12 +156,13 @@ class Assignment:
             self._segmented, [surface for surface in surfaces if surface is not None]
         )
         if isinstance(target.track, Found) and target.track.place is not None:
-            candidate, near = nearest(candidates, target.track.place), True
+            candidate = nearest(candidates, target.track.place)
+            near = True  # a detected body was seen recently: the nearest candidate counts, however far away
         else:
             candidate = next(iter(candidates), None)
             near = (
                 candidate is not None
-                and distance(candidate.subject, target.last_seen) < target.policy.settings.max_motion_m
+                and distance(candidate.subject, target.last_position) < target.policy.settings.max_motion_m
             )
         if candidate is None or candidate.subject.pixels <= pixels:
             return None
@@ -185,4 +189,4 @@ def nearest(candidates: Sequence[UntrackedPerson], position: Array) -> Untracked
 
 def distance(subject: SubjectFrame, position: Array) -> float:
     """Distance in metres from the median of a person's observed points to a position (3,)."""
-    return float(np.linalg.norm(middle_of(subject) - position))
+    return float(np.linalg.norm(median_point(subject) - position))

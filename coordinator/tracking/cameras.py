@@ -8,9 +8,9 @@ evidence. At least one camera is always kept.
 
 After a frame, `Agreement.after` says which cameras contradict the pose of a body. When the next frame is
 segmented, the body excludes these (`NextSegmentation.excluded`): what they show of it is set aside, and
-compared again. `watch` marks a camera as faulty for all bodies if any body excludes it or if its image is
-faulty. `faults_of` returns the faults that have lasted long enough: estimates name them, and a track is
-checked when one of them ends.
+compared again. `update_camera_states` marks a camera as faulty for all bodies if any body excludes it or if
+its image is faulty. `faults_of` returns the faults that have lasted long enough: estimates name them, and a
+track is checked when one of them ends.
 """
 
 from __future__ import annotations
@@ -75,13 +75,13 @@ class Agreement:
             return self
         allowed = max(allowed_m, min(residuals.values()))
         contradicting = [name for name, residual in residuals.items() if residual > allowed]
-        unseen = [name for name in self.contradicting if name not in residuals]
+        not_compared = [name for name in self.contradicting if name not in residuals]
         agreed_s = self.agreed_s
         if len(residuals) > len(contradicting) + 1:
             agreed_s += interval_s
         elif agreed_s < confirmed_s:
             agreed_s = 0.0
-        return type(self)((*unseen, *contradicting), agreed_s)
+        return type(self)((*not_compared, *contradicting), agreed_s)
 
     def dispute(self, cameras: Sequence[str], confirmed_s: float) -> str:
         """Why a pose estimated from these `cameras` may be wrong; empty if there is no dispute.
@@ -96,7 +96,7 @@ class Agreement:
         return f"{names} {verb} with {supporting_names}: one of them may have a wrong T_rig_camera"
 
 
-def watch(
+def update_camera_states(
     states: Mapping[str, CameraState], frame: Frame, contradicting: Collection[str]
 ) -> tuple[CameraStates, Frame]:
     """The states of all cameras after a frame, and the frame with the depth of repeated images set to 0.
@@ -111,7 +111,8 @@ def watch(
             replace(state, last_good_s=frame.time_s, fault=None) if state.fault == tolerated_fault else state
             for state in by_image
         ]
-    after, views = {name: replace(state, fault=state.fault or NO_DEPTH) for name, state in states.items()}, []
+    after = {name: replace(state, fault=state.fault or NO_DEPTH) for name, state in states.items()}
+    views = []
     for view, state in zip(frame.views, by_image, strict=True):
         depth = np.zeros_like(view.depth) if state.fault == REPEATS else view.depth
         views.append(replace(view, depth=depth))
@@ -124,11 +125,11 @@ def watch(
 
 def state_by_image(view: View, before: CameraState | None, time_s: float) -> CameraState:
     """The state of a camera at the time of a frame, judged by its image alone."""
-    image = zlib.crc32(view.depth[::8].tobytes())  # every eighth row
-    if view.depth.any() and (before is None or before.image != image):
-        return CameraState(image, time_s)
+    checksum = zlib.crc32(view.depth[::8].tobytes())  # every eighth row
+    if view.depth.any() and (before is None or before.image != checksum):
+        return CameraState(checksum, time_s)
     return CameraState(
-        image, before.last_good_s if before else time_s, REPEATS if view.depth.any() else NO_DEPTH
+        checksum, before.last_good_s if before else time_s, REPEATS if view.depth.any() else NO_DEPTH
     )
 
 
@@ -146,8 +147,8 @@ def compare_cameras(
 
     When cameras that agreed begin to disagree, the refined pose is a compromise between them. The predicted
     pose (D,) tells which of them has moved, if it explains one of them; it is None if the cameras did not
-    agree before, or if it is not known where the body was. A frame that was segmented before a verdict
-    may still use both the contradicting cameras and others; in that frame, cameras are not compared.
+    agree before, or if it is not known where the body was. A frame that was segmented before a verdict may
+    still use both the contradicting cameras and others; in that frame, cameras are not compared.
     """
     contradicting = [view.image.camera in agreement.contradicting for view in used]
     if any(contradicting) and not all(contradicting):
@@ -167,22 +168,21 @@ def camera_residuals(
 ) -> dict[str, float]:
     """The residual (metres) of each camera for a pose (D,).
 
-    It is the larger of two distances: that of the camera's crop of the body from the pose, and that by
-    which its depth lies behind the pose.
-
-    A camera whose image has no crop of the body is included only if it contradicts the pose by more than
-    `allowed_m`.
+    It is the larger of two distances: that of the camera's crop of the body from the pose, and that by which
+    its depth lies behind the pose. A camera whose image has no crop of the body is included only if it
+    contradicts the pose by more than `allowed_m`.
 
     Empty for a single camera. Cameras that cannot be compared are left out.
     """
     if len(frame.views) < 2:
         return {}
-    surface, second, third = pose_vertices(model, pose[None])[0][model.triangles[::3].T]
-    normals = np.cross(second - surface, third - surface)
-    offsets = np.sum(normals * surface, axis=1)
+    # the corners of every third triangle
+    first, second, third = pose_vertices(model, pose[None])[0][model.triangles[::3].T]
+    normals = np.cross(second - first, third - first)
+    offsets = np.sum(normals * first, axis=1)
     views_by_camera, residuals = {view.image.camera: view for view in views}, dict[str, float]()
     for image in frame.views:
-        facing = surface[normals @ image.T_rig_camera[:3, 3] > offsets]
+        facing = first[normals @ image.T_rig_camera[:3, 3] > offsets]
         through = seen_through(image, facing)
         if image.camera in views_by_camera:
             residuals[image.camera] = max(through, mean_distance(views_by_camera[image.camera], facing))
@@ -201,6 +201,7 @@ def seen_through(image: View, surface: Array) -> float:
     row, column, inside = pixels_at(points, image.intrinsics)
     behind = np.zeros(len(surface))
     depth = image.depth[row[inside], column[inside]] / image.depth_scale
+    # only the median counts, so order does not matter; points outside the image count as 0
     behind[: len(depth)] = np.maximum(depth - points[inside, 2], 0.0)
     return float(np.median(behind)) if len(behind) else 0.0
 

@@ -27,8 +27,8 @@ from gepf.coordinator.settings import SearchSettings, Settings
 from gepf.coordinator.tracking.judgement import Gate, gate_pose
 from gepf.coordinator.tracking.observation import camera_points, in_view, thin, unseen_dofs
 from gepf.coordinator.tracking.pose_candidates import PoseCandidates, candidates_of, ordered
-from gepf.coordinator.tracking.pose_library import look_straight
-from gepf.coordinator.tracking.refiner import Pending, Refiner, Requests, with_closest_points, with_iterations
+from gepf.coordinator.tracking.pose_library import rotation_to_optical_axis
+from gepf.coordinator.tracking.refiner import Refiner, Request, Requests, with_closest_points, with_iterations
 from gepf.coordinator.tracking.state import Start
 from gepf.coordinator.tracking.truncation import TOP, truncated_sides
 
@@ -69,7 +69,7 @@ class Query:
         """Sides at which the largest view truncates the body; all false if any other view shows it whole."""
         if self.roll is None:
             return np.zeros(4, dtype=np.bool_)
-        straight = [look_straight(middle_in(view), self.roll) for view in self.subject.views]
+        straight = [rotation_to_optical_axis(mean_point(view), self.roll) for view in self.subject.views]
         pairs = zip(self.subject.views, straight, strict=True)
         sides_of_views = [truncated_sides(view, turn, self.limits) for view, turn in pairs]
         return sides_of_views[0] & all(sides.any() for sides in sides_of_views)
@@ -112,8 +112,11 @@ class CandidateStages:
 
     def on_few_points(self, query: Query, groups: Iterable[Array], effort: Effort) -> Search[PoseCandidates]:
         """The best distinct candidates after one stage on few points, with a coarse surface."""
-        model, closest = self.coarse, with_iterations(with_closest_points(query.settings), effort.iterations)
-        refined = yield from self._refine(query.thinned_subject, model, groups, closest, query.precision)
+        model = self.coarse
+        coarse_settings = with_iterations(with_closest_points(query.settings), effort.iterations)
+        refined = yield from self._refine(
+            query.thinned_subject, model, groups, coarse_settings, query.precision
+        )
         if not query.truncated.any() or not len(refined.poses):
             return refined.distinct(model, effort.kept, self._search_settings.distinct_m)
         seen = in_view(query.subject, refined.joints)
@@ -188,10 +191,10 @@ class CandidateStages:
                 taken[:, j] = poses[:, searched.dof(name)]
         if shape is not None:
             taken[:, : model.shape_count] = shape.coefficients
-        last = with_iterations(settings, self._search_settings.iterations // 2)
+        last_settings = with_iterations(settings, self._search_settings.iterations // 2)
         groups = taken[::2], taken[1::2]  # two requests for two workers
         precision = None if shape is None else shape.precision
-        refined = yield from self._refine(subject, model, groups, last, precision)
+        refined = yield from self._refine(subject, model, groups, last_settings, precision)
         depth_log_likelihood = refined.depth_log_likelihood(model, subject)[0]
         return refined, gate_pose(depth_log_likelihood, refined.residual[0], settings, self._settings.gating)
 
@@ -209,7 +212,7 @@ class CandidateStages:
         known.
         """
         poses_per_request = max(1, self._search_settings.request_iterations // (settings.icp_iterations + 1))
-        sent = list[Pending]()
+        sent = list[Request]()
         for poses in groups:
             for first in range(0, len(poses), poses_per_request):
                 part = poses[first : first + poses_per_request]
@@ -218,13 +221,13 @@ class CandidateStages:
                 sent.append(self._refiner.submit(subject, model, particles))
         try:
             yield tuple(sent)
-            refined, knows_shape = [pending.result() for pending in sent], precision is not None
+            refined, knows_shape = [request.result() for request in sent], precision is not None
             return ordered(
                 [candidates_of(model, part, subject, settings, knows_shape=knows_shape) for part in refined]
             )
         finally:
-            for pending in sent:
-                pending.cancel()
+            for request in sent:
+                request.cancel()
 
 
 def with_shape_of(pose: Array, shape: Array) -> Array:
@@ -245,6 +248,6 @@ def with_top_at(family: BodyFamily, model: BodyModel, pose: Array, joints: Array
     return after
 
 
-def middle_in(view: SubjectView) -> Array:
+def mean_point(view: SubjectView) -> Array:
     """The mean (3,) of the observed points of one camera, in its own frame, metres."""
     return np.asarray(camera_points(view).mean(axis=0))

@@ -63,25 +63,31 @@ class Features(NamedTuple):
 def log_odds(features: Features, settings: CertaintySettings) -> Array:
     """Log odds that joints are wrong, for features of any shape."""
     weights = msgspec.structs.asdict(settings.fit.weights)
-    odds = sum((weight * getattr(features, name) for name, weight in weights.items()), settings.fit.intercept)
-    return np.asarray(np.clip(odds, -settings.max_nats, settings.max_nats))
+    logit = sum(
+        (weight * getattr(features, name) for name, weight in weights.items()), settings.fit.intercept
+    )
+    return np.asarray(np.clip(logit, -settings.max_nats, settings.max_nats))
 
 
 def judge(
-    features: Features, settings: CertaintySettings, in_sight: Mask | None = None, shown: Array | None = None
+    features: Features,
+    settings: CertaintySettings,
+    joints_in_view: Mask | None = None,
+    shown: Array | None = None,
 ) -> Certainty:
-    """The certainty of joints (J,); those that are not `in_sight` are outside the image, or hidden.
+    """The certainty of joints (J,).
 
-    `shown` is how well colour confirms the position of each joint, from 0 to 1.
+    Joints that are not among `joints_in_view` are outside the image, or hidden. `shown` is how well colour
+    confirms the position of each joint, from 0 to 1.
     """
-    fit, odds = settings.fit, log_odds(features, settings)
+    fit, logit = settings.fit, log_odds(features, settings)
     hidden = fit.log_deviation_hidden * (1.0 - features.seen)
-    deviation = np.exp(fit.log_deviation + fit.log_deviation_odds * odds + hidden)
-    if in_sight is not None:
-        odds = odds + np.where(in_sight, 0.0, settings.out_of_view_nats)
+    deviation = np.exp(fit.log_deviation + fit.log_deviation_odds * logit + hidden)
+    if joints_in_view is not None:
+        logit = logit + np.where(joints_in_view, 0.0, settings.out_of_view_nats)
     if shown is not None:
-        odds = odds - settings.shown_nats * shown
-    return Certainty(features.seen, 1.0 / (1.0 + np.exp(-odds)), deviation)
+        logit = logit - settings.shown_nats * shown
+    return Certainty(features.seen, 1.0 / (1.0 + np.exp(-logit)), deviation)
 
 
 def unknown_certainty(joints: int) -> Certainty:
@@ -104,28 +110,30 @@ def measure_features(
     `seen_by` is (C, J). `joints` (1 + M, J, 3) are the joints of the pose and of the hypotheses, which have
     `weights` (M,).
     """
-    (at_rest, upstream), past = rest_geometry(model), joint_positions(model, context.past[None])[0]
-    joints, hypotheses = joints[0], joints[1:]
-    squares = np.sum((hypotheses - joints) ** 2, axis=-1)
+    distances_at_rest, upstream = rest_geometry(model)
+    past = joint_positions(model, context.past[None])[0]
+    reported, hypotheses = joints[0], joints[1:]
+    squares = np.sum((hypotheses - reported) ** 2, axis=-1)
     spread = np.sqrt(weights @ squares / weights.sum())
-    speed = np.linalg.norm(joints - past, axis=1) / context.interval
-    distances = joint_distances(joints)
-    ahead = context.subject.largest.image.to_camera(joints)[:, 2]
-    folding = np.sqrt(np.mean((distances - at_rest) ** 2, axis=1)).mean()
+    speed = np.linalg.norm(reported - past, axis=1) / context.interval
+    distances = joint_distances(reported)
+    depths = context.subject.largest.image.to_camera(reported)[:, 2]
+    folding = np.sqrt(np.mean((distances - distances_at_rest) ** 2, axis=1)).mean()
     return Features(
         seen=seen_by.max(axis=0),
-        residual=np.full(len(joints), residual),
-        unexplained=log_unexplained_shares(model, pose, joints, context.subject, context.stretch, settings),
+        residual=np.full(len(reported), residual),
+        unexplained=log_unexplained_shares(model, pose, reported, context.subject, context.stretch, settings),
         spread=np.log(spread + settings.spread_floor_m),
         speed=np.log(speed + settings.speed_floor_m_s),
         bend=upstream @ pose**2,
-        folding=np.full(len(joints), folding),
-        crowding=count_near(distances, settings.crowded_m) - count_near(at_rest, settings.crowded_m),
-        protrusion=np.abs(ahead - ahead.mean()),
+        folding=np.full(len(reported), folding),
+        crowding=count_near(distances, settings.crowded_m)
+        - count_near(distances_at_rest, settings.crowded_m),
+        protrusion=np.abs(depths - depths.mean()),
     )
 
 
-def shown_in_colour(body: ExpectedBody, subject: SubjectFrame, farthest_deviations: float) -> Array:
+def shown_in_colour(body: ExpectedBody, subject: SubjectFrame, max_deviations: float) -> Array:
     """How well colour confirms the position of each joint (J,) of a body, from 0 to 1; 0 without colour.
 
     The precision of the keypoint of the same name, relative to the most precise keypoint of the body; 0 if
@@ -140,7 +148,7 @@ def shown_in_colour(body: ExpectedBody, subject: SubjectFrame, farthest_deviatio
             precision = view.keypoints[:, 2].astype(np.float64)
             precision = precision / np.maximum(precision.max(), np.finfo(np.float64).tiny)
             off = deviations_of(body.pixels(view.image), view.keypoints)
-            here = np.where(off < farthest_deviations, precision, 0.0)
+            here = np.where(off < max_deviations, precision, 0.0)
             shown[joints] = np.maximum(shown[joints], here[points])
     return shown
 
@@ -228,20 +236,22 @@ def log_unexplained_shares(
     (J, 3) are those of the pose.
     """
     vertices, scale = pose_vertices(model, pose[None]), np.array([1.0, 1.0, stretch])
-    weights, missed = np.ones(len(joints)), np.zeros(len(joints))
+    weights, unexplained = np.ones(len(joints)), np.zeros(len(joints))
     stride = max(1, sum(len(view.picked) for view in subject.views) // SAMPLED_POINTS)
     for view in subject.views:
         points = camera_points(view, stride) * scale
         explained = mark_near(points, view.image.to_camera(vertices) * scale, settings.unexplained_m)[0]
-        add_near(points, explained, view.image.to_camera(joints) * scale, settings.reach_m, weights, missed)
-    return np.log(missed / weights + settings.share_floor)
+        add_near(
+            points, explained, view.image.to_camera(joints) * scale, settings.reach_m, weights, unexplained
+        )
+    return np.log(unexplained / weights + settings.share_floor)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def add_near(
-    points: Array, explained: Mask, joints: Array, reach_m: float, weights: Array, missed: Array
+    points: Array, explained: Mask, joints: Array, reach_m: float, weights: Array, unexplained: Array
 ) -> None:
-    """Add each point's weight near a joint to weights (J,) and, if it is not explained, to missed (J,)."""
+    """Add each point's weight near a joint to weights (J,) and, if not explained, to unexplained (J,)."""
     scale = -0.5 / (reach_m * reach_m)
     for p in range(len(points)):
         for j in range(len(joints)):
@@ -250,7 +260,7 @@ def add_near(
             if exponent > NEGLIGIBLE:
                 near = np.exp(exponent)
                 weights[j] += near
-                missed[j] += 0.0 if explained[p] else near
+                unexplained[j] += 0.0 if explained[p] else near
 
 
 @numba.njit(cache=True, nogil=True)
@@ -260,7 +270,7 @@ def add_areas(
     regions: Array,
     depth: NDArray[np.uint16],
     scale: float,
-    lens: Pinhole,
+    pinhole: Pinhole,
     tolerance: Tolerance,
     areas: Array,
 ) -> None:
@@ -275,29 +285,35 @@ def add_areas(
         x, y, z = middle
         if z <= 0.0:
             continue
-        towards = -(normal[0] * x + normal[1] * y + normal[2] * z)
-        if towards <= 0.0:
+        facing_area = -(normal[0] * x + normal[1] * y + normal[2] * z)
+        if facing_area <= 0.0:
             continue
-        towards /= np.sqrt(x * x + y * y + z * z)
-        shown = 1.0 if is_measured(x, y, z, depth, scale, lens, tolerance) else 0.0
+        facing_area /= np.sqrt(x * x + y * y + z * z)
+        shown = 1.0 if agrees_with_depth(x, y, z, depth, scale, pinhole, tolerance) else 0.0
         for joint in range(regions.shape[1]):
-            areas[0, joint] += regions[t, joint] * towards
-            areas[1, joint] += regions[t, joint] * towards * shown
+            areas[0, joint] += regions[t, joint] * facing_area
+            areas[1, joint] += regions[t, joint] * facing_area * shown
 
 
 @numba.njit(cache=True, nogil=True)
-def is_measured(
-    x: float, y: float, z: float, depth: NDArray[np.uint16], scale: float, lens: Pinhole, tolerance: Tolerance
+def agrees_with_depth(
+    x: float,
+    y: float,
+    z: float,
+    depth: NDArray[np.uint16],
+    scale: float,
+    pinhole: Pinhole,
+    tolerance: Tolerance,
 ) -> bool:
     """Whether the subject's measured depth (H, W) agrees with a point, at its pixel or next to it."""
     aside_m = tolerance.aside_m
-    fx, fy, cx, cy = lens
-    for aside in (-aside_m, 0.0, aside_m):
-        row = int(np.floor(cy + fy * (y + aside) / z + 0.5))
+    fx, fy, cx, cy = pinhole
+    for dy in (-aside_m, 0.0, aside_m):
+        row = int(np.floor(cy + fy * (y + dy) / z + 0.5))
         if row < 0 or row >= depth.shape[0]:
             continue
-        for along in (-aside_m, 0.0, aside_m):
-            column = int(np.floor(cx + fx * (x + along) / z + 0.5))
+        for dx in (-aside_m, 0.0, aside_m):
+            column = int(np.floor(cx + fx * (x + dx) / z + 0.5))
             if column < 0 or column >= depth.shape[1] or depth[row, column] == 0:
                 continue
             if abs(depth[row, column] / scale - z) * tolerance.stretch <= tolerance.agrees_m:
@@ -313,9 +329,9 @@ def regions_of(model: BodyModel, region_m: float) -> Array:
     """
     joints = joint_positions(model, np.zeros((1, len(model.kinds))))[0]
     middles, links = model.vertices[model.triangles].mean(axis=1), model.skin_links[model.triangles[:, 0], 0]
-    carried = np.unique(links)
-    # for each degree of freedom, the first link with triangles that it moves
-    first = {int(model.link_dofs[link]): int(link) for link in carried[::-1]}
+    links_with_triangles = np.unique(links)
+    # for each degree of freedom, the first link with triangles that it moves; the last assignment wins
+    first = {int(model.link_dofs[link]): int(link) for link in links_with_triangles[::-1]}
     dofs = model.link_dofs.tolist()
     # for each link, the nearest ancestor degree of freedom that moves a link with triangles
     ends = [d if d < 0 else nearest_in(model, first, int(model.parents[d])) for d in dofs]

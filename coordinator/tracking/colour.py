@@ -30,7 +30,7 @@ from gepf.coordinator.tracking.segmenter import BodyView, SegmentedFrame, Untrac
 from gepf.coordinator.tracking.track_state import ROUNDING_S
 
 
-class ColourWatch:
+class KeypointScheduler:
     """Starts the search for keypoints in each frame that has colour; without a finder, in none.
 
     While live frames are late, it looks at colour only every `late_look_s` seconds, and counts the frames
@@ -41,8 +41,10 @@ class ColourWatch:
         self._finder, self._settings = finder, settings
         self._looked_s = -math.inf
 
-    def begin(self, frame: Frame, bodies: Sequence[ExpectedBody | None], *, is_late: bool) -> Look | None:
-        """Begin to look for people around the expected bodies; None if the frame is not looked at."""
+    def begin(
+        self, frame: Frame, bodies: Sequence[ExpectedBody | None], *, is_late: bool
+    ) -> KeypointSearch | None:
+        """Begin to search for keypoints around the expected bodies; None if the frame is not searched."""
         finder, settings = self._finder, self._settings
         if finder is None:
             return None
@@ -50,11 +52,11 @@ class ColourWatch:
             finder.left_out += 1
             return None
         self._looked_s = frame.time_s
-        return Look(frame, bodies, finder, finder.submit(frame, bodies, settings), settings)
+        return KeypointSearch(frame, bodies, finder, finder.submit(frame, bodies, settings), settings)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Look:
+class KeypointSearch:
     """The search for people in the colour of a frame, under way on another thread."""
 
     frame: Frame
@@ -73,17 +75,18 @@ class Look:
             for body, own, usable in zip(bodies, keypoints, is_usable, strict=True)
         ]
 
-    def sight(
+    def detections(
         self,
         segmented: SegmentedFrame,
         steps: Sequence[Array | None],
         interval_s: float,
         *,
         finds_candidates: bool,
-    ) -> Sight:
+    ) -> KeypointDetections:
         """What the segmented frame shows: people, and candidates if somebody is searched for."""
         people = self.people.result()
-        return Sight(people, self.candidates(segmented, interval_s) if finds_candidates else {}, steps)
+        candidates = self.candidates(segmented, interval_s) if finds_candidates else {}
+        return KeypointDetections(people, candidates, steps)
 
     def candidates(self, segmented: SegmentedFrame, interval_s: float) -> dict[int, Keypoints]:
         """The keypoints of some candidates, by the candidate's index.
@@ -94,14 +97,14 @@ class Look:
         candidates, count = segmented.candidates, len(segmented.candidates)
         if interval_s > 0.0:
             count = max(1, round(self.settings.looks_per_s * interval_s))
-        turns = take_turns(self.frame.number, len(candidates), count)
-        chosen = {n: (candidates[n].subject, candidates[n].widest) for n in turns}
+        drawn = draw_candidates(self.frame.number, len(candidates), count)
+        chosen = {n: (candidates[n].subject, candidates[n].widest) for n in drawn}
         upward = {view.image.camera: view.scene.planes.up for view in segmented.views}
         return self.finder.look_at(chosen, self.frame, upward, self.settings)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sight:
+class KeypointDetections:
     """What the keypoint network found in a frame.
 
     candidates: keypoints of the candidates that were looked at, by index. steps: the motion (3,) of each
@@ -113,8 +116,8 @@ class Sight:
     steps: Sequence[Array | None]
 
     @classmethod
-    def of_nobody(cls, count: int) -> Sight:
-        """The sight of a frame that is not looked at, for this number of people."""
+    def of_nobody(cls, count: int) -> KeypointDetections:
+        """The detections in a frame that is not searched, for this number of people."""
         return cls(PeopleInColour([{}] * count, [()] * count), {}, [None] * count)
 
 
@@ -133,14 +136,14 @@ class ColouredFrame:
     def __init__(
         self,
         segmented: SegmentedFrame,
-        sight: Sight,
+        detections: KeypointDetections,
         states: ColourStates,
         oriented_bodies: Sequence[ExpectedBody | None],
         settings: ColourSettings,
     ) -> None:
-        self._sight, self._distrusted = sight, unused(states)
+        self._detections, self._distrusted = detections, unused(states)
         coloured = {view.camera for view in segmented.frame.views if view.colours is not None}
-        self._shows_people = coloured & trusted(states, segmented.frame.time_s, settings)
+        self._trusted_cameras = coloured & trusted(states, segmented.frame.time_s, settings)
         before = [
             without_keypoints(subject, self._distrusted) if subject and self._distrusted else subject
             for subject in segmented.subjects
@@ -149,42 +152,45 @@ class ColouredFrame:
             with_sides_of(subject, body, settings) if subject and body else subject
             for subject, body in zip(before, oriented_bodies, strict=True)
         ]
+        # `with_sides_of` returns the same object unless it swaps
         self._is_swapped = [sided is not own for sided, own in zip(subjects, before, strict=True)]
-        keypoints = {} if self._distrusted else sight.candidates
+        keypoints = {} if self._distrusted else detections.candidates
         people = [
             candidate.with_keypoints(keypoints.get(n, {})) for n, candidate in enumerate(segmented.candidates)
         ]
         self.segmented = replace(segmented, subjects=tuple(subjects), candidates=tuple(people))
-        self.free = possible_people(people, self._shows_people)
+        self.free = possible_people(people, self._trusted_cameras)
 
     def complete(self, view: BodyView, person_index: int, *, is_at_last_pose: bool) -> BodyView:
         """The view of the body with this index, with what colour reveals about it."""
         if view.subject is None or not view.is_own:
             return view
-        looked_in = self._shows_people.intersection(self._sight.people.looked_in[person_index])
+        looked_in = self._trusted_cameras.intersection(self._detections.people.looked_in[person_index])
         return replace(
             view,
-            step_m=self._sight.steps[person_index] if is_at_last_pose else None,
+            motion_m=self._detections.steps[person_index] if is_at_last_pose else None,
             is_looked_at=any(own.image.camera in looked_in for own in view.subject.views),
             is_swapped=self._is_swapped[person_index],
         )
 
 
-def possible_people(candidates: Sequence[UntrackedPerson], trusted: Collection[str]) -> list[UntrackedPerson]:
+def possible_people(
+    candidates: Sequence[UntrackedPerson], trusted_cameras: Collection[str]
+) -> list[UntrackedPerson]:
     """Candidates confirmed by colour (those with keypoints), followed by the others.
 
-    The others are left out if they are in the image of a `trusted` camera.
+    The others are left out if they are in the image of one of the `trusted_cameras`.
     """
     confirmed, unconfirmed = list[UntrackedPerson](), list[UntrackedPerson]()
     for candidate in candidates:
         if candidate.is_confirmed:
             confirmed.append(candidate)
-        elif all(view.image.camera not in trusted for view in candidate.subject.views):
+        elif all(view.image.camera not in trusted_cameras for view in candidate.subject.views):
             unconfirmed.append(candidate)
     return confirmed + unconfirmed
 
 
-def take_turns(number: int, count: int, turns: int) -> list[int]:
+def draw_candidates(number: int, count: int, turns: int) -> list[int]:
     """The candidates drawn in the frame with this number: at most `turns` of `count`.
 
     They are drawn at random, so that no candidate waits for ever, however the frames are numbered.

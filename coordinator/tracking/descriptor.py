@@ -17,7 +17,7 @@ from gepf.common.compiling import numba
 Image = NDArray[np.float32]
 ROWS, COLUMNS = 40, 36
 VACANT = np.float32(1e3)  # depth of an empty cell
-FIRST_CELL = 2.5  # where the visible end of a truncated body is placed, in cells from the border
+END_MARGIN_CELLS = 2.5  # where the visible end of a truncated body is placed, in cells from the border
 
 
 @numba.njit(cache=True, nogil=True)
@@ -83,6 +83,7 @@ def fill_differences(cells: Image, occupied: Image, image: Image, bound: float, 
     """
     worst, depths, zero = np.float32(bound * bound), image.ravel(), np.float32(0.0)
     for n in range(len(out)):
+        # a cell that is empty in one of the two counts as bound^2; begin with all cells of the descriptor
         out[n] = worst * occupied[n]
     for k in range(len(depths)):
         if depths[k] < VACANT:
@@ -95,7 +96,7 @@ def fill_differences(cells: Image, occupied: Image, image: Image, bound: float, 
 
 @numba.njit(cache=True, nogil=True)
 def move_middle(points: Any, cell: float, ends: Any, middle: Array) -> None:
-    """Move middle (3,) of points (P, 3) so that the visible end is at `FIRST_CELL` of the image.
+    """Move middle (3,) of points (P, 3) so that the visible end is `END_MARGIN_CELLS` from the border.
 
     ends: for columns and rows, 0 to keep the middle, -1 if the end with the smallest coordinate is in view, 1
     if that with the largest is (in rows: the bottom).
@@ -106,7 +107,7 @@ def move_middle(points: Any, cell: float, ends: Any, middle: Array) -> None:
             for i in range(len(points)):
                 end = min(end, points[i, a]) if ends[a] < 0 else max(end, points[i, a])
             size = COLUMNS if a == 0 else ROWS
-            place = FIRST_CELL if ends[a] < 0 else size - FIRST_CELL
+            place = END_MARGIN_CELLS if ends[a] < 0 else size - END_MARGIN_CELLS
             middle[a] = end - (place - 0.5 * size) * cell
 
 
@@ -140,39 +141,40 @@ def compare_part(cells: Cells, image: Image, in_view: Mask, ends: Any, bound: fl
     `fill_differences`, divided by the number of non-empty cells in the one image plus that in the other.
     """
     rows, columns = np.nonzero(image < VACANT)
-    extent = np.array([columns.min(), columns.max(), rows.min(), rows.max()])
+    part_extent = np.array([columns.min(), columns.max(), rows.min(), rows.max()])
     centre = np.array([np.mean(columns), np.mean(rows)])
     depths = np.full((3 * ROWS, 3 * COLUMNS), VACANT, dtype=np.float32)  # a moved body stays inside
     depths[ROWS : 2 * ROWS, COLUMNS : 2 * COLUMNS] = image
-    counts = np.zeros(depths.shape, dtype=np.int64)
-    counts[ROWS : 2 * ROWS, COLUMNS : 2 * COLUMNS] = in_view
+    visible = np.zeros(depths.shape, dtype=np.int64)
+    visible[ROWS : 2 * ROWS, COLUMNS : 2 * COLUMNS] = in_view
     count, worst = len(cells.extents), np.float32(bound * bound)
     differences, steps = np.empty(count, dtype=np.float32), np.empty((count, 3))
     apart = np.empty(ROWS * COLUMNS, dtype=np.float32)
     for n in range(count):
-        across, down = align_part(cells, n, extent, centre, ends)
-        shared, filled, ahead = 0, 0, np.float32(0.0)
+        across, down = align_part(cells, n, part_extent, centre, ends)
+        shared, filled, depth_step = 0, 0, np.float32(0.0)
         for k in range(cells.offsets[n], cells.offsets[n + 1]):
             r, c = ROWS + cells.row[k] + down, COLUMNS + cells.column[k] + across
-            filled += counts[r, c]
+            filled += visible[r, c]
             if depths[r, c] < VACANT:
                 apart[shared] = depths[r, c] - cells.depth[k]
-                ahead += apart[shared]
+                depth_step += apart[shared]
                 shared += 1
-        ahead /= np.float32(max(shared, 1))
+        depth_step /= np.float32(max(shared, 1))
+        # cells that are empty in one of the two images
         total = worst * np.float32(len(rows) + filled - 2 * shared)
         for k in range(shared):
-            total += min((apart[k] - ahead) * (apart[k] - ahead), worst)
+            total += min((apart[k] - depth_step) * (apart[k] - depth_step), worst)
         differences[n] = total / np.float32(len(rows) + filled)
-        steps[n, 0], steps[n, 1], steps[n, 2] = across, down, ahead
+        steps[n, 0], steps[n, 1], steps[n, 2] = across, down, depth_step
     return differences, steps
 
 
 @numba.njit(cache=True, nogil=True)
-def align_part(cells: Cells, n: int, shown: Indices, centre: Array, ends: Any) -> tuple[int, int]:
+def align_part(cells: Cells, n: int, part_extent: Indices, centre: Array, ends: Any) -> tuple[int, int]:
     """The step, in columns and rows, from the image of the n-th whole body to that of a part.
 
-    shown: first and last column, first and last row of the part. centre: its mean column and row.
+    part_extent: first and last column, first and last row of the part. centre: its mean column and row.
     """
     extent = cells.extents[n]
     step = [0, 0]
@@ -180,9 +182,9 @@ def align_part(cells: Cells, n: int, shown: Indices, centre: Array, ends: Any) -
     for a in range(2):
         if ends[a] != 0:
             k = 2 * a + int(ends[a] > 0)
-            step[a] = shown[k] - extent[k]
-            low[a] = max(low[a], shown[2 * a] - step[a])
-            high[a] = min(high[a], shown[2 * a + 1] - step[a])
+            step[a] = part_extent[k] - extent[k]
+            low[a] = max(low[a], part_extent[2 * a] - step[a])
+            high[a] = min(high[a], part_extent[2 * a + 1] - step[a])
     if ends[0] != 0 and ends[1] != 0:
         return step[0], step[1]
     count, right, below = 0, 0, 0

@@ -33,12 +33,12 @@ from gepf.coordinator.tracking.judgement import gate_pose, max_distance_m
 from gepf.coordinator.tracking.observation import (
     camera_points,
     in_view,
-    middle_of,
+    median_point,
     observed_points,
     without_flat,
 )
 from gepf.coordinator.tracking.pose_candidates import Detection, PoseCandidates, candidates_of, ordered
-from gepf.coordinator.tracking.pose_library import PoseLibrary, displaced, library_of, upright_rolls
+from gepf.coordinator.tracking.pose_library import PoseLibrary, at_quarter_turns, library_of, upright_rolls
 from gepf.coordinator.tracking.refiner import Refiner, with_iterations
 from gepf.coordinator.tracking.state import Start, start_at
 
@@ -91,15 +91,15 @@ class Detector:
         rolls = upright_rolls(planes, self._rolls, limits.min_upright_share)
         settings = assume_noise(self._refine_settings, noise)
         shapes = np.array([self._bodies.shape_of(size) for size in self._bodies.sizes])
-        query = Query(subject, settings, self._family, shapes, limits, self._upright(rolls))
+        query = Query(subject, settings, self._family, shapes, limits, self._first_roll(rolls))
         best = yield from self._stages.shortlist(query, self._match(query, rolls))
         best_query = query
         for wider in alternatives:
-            more = replace(query, subject=wider)
-            groups = best.poses, self._similar(more, rolls[0], limits.further_candidates)
-            refined = yield from self._stages.shortlist(more, groups)
-            if self._gain(more, refined) > self._gain(best_query, best):
-                best_query, best = more, refined
+            wider_query = replace(query, subject=wider)
+            groups = best.poses, self._similar(wider_query, rolls[0], limits.further_candidates)
+            refined = yield from self._stages.shortlist(wider_query, groups)
+            if self._gain(wider_query, refined) > self._gain(best_query, best):
+                best_query, best = wider_query, refined
         detected = yield from self._detect(best_query, best, noise, planes)
         if detected.gate.passes or self._family.has_flat_sides:
             return detected
@@ -151,10 +151,10 @@ class Detector:
         orientation is searched.
         """
         turn = subject.largest.image.T_camera_rig[:3, :3]
-        upright = self._family.roll(start.model, start.pose, turn)
-        first = upright or 0.0
+        start_roll = self._family.roll(start.model, start.pose, turn)
+        first = start_roll or 0.0
         rolls = (first, *(roll for roll in self._rolls if roll != first))
-        if not lost and upright is not None and self._family.roll(start.model, last_pose, turn) == first:
+        if not lost and start_roll is not None and self._family.roll(start.model, last_pose, turn) == first:
             rolls = rolls[:1]
         refine = msgspec.structs.replace(
             self._refine_settings, noise_depth=settings.noise_depth, noise_lateral=settings.noise_lateral
@@ -171,7 +171,7 @@ class Detector:
             self._family,
             present[None, : model.shape_count],
             self._settings.search,
-            self._upright(rolls),
+            self._first_roll(rolls),
             precision if len(precision) else None,
         )
         matched = self._match(query, rolls, present)
@@ -198,7 +198,7 @@ class Detector:
         model = detection.start.model
         search = self._settings.search
         best = detection.candidates.distinct(model, 1, search.distinct_m)
-        poses = move_root(model, best.poses, middle_of(current) - middle_of(detection.subject))
+        poses = move_root(model, best.poses, median_point(current) - median_point(detection.subject))
         prior = pose_prior(model, settings, poses[:, : model.shape_count])
         particles = Particles(poses, with_iterations(settings, search.iterations), prior=prior)
         pending = self._refiner.submit(current, model, particles)
@@ -224,7 +224,7 @@ class Detector:
             T_rig_camera = query.subject.largest.image.T_rig_camera
             points = camera_points(query.subject.largest)
             cell_m, truncating_view = self._library.cell_m, self._truncating_view(query.subject)
-            poses = displaced(
+            poses = at_quarter_turns(
                 body, last_pose[len(shape) :], points, cell_m, search, T_rig_camera, truncating_view
             )
             further.append(np.column_stack([np.tile(shape, (len(poses), 1)), poses]))
@@ -233,13 +233,13 @@ class Detector:
 
     def _similar(self, query: Query, roll: float, count: int) -> Array:
         """Poses (N, D) of the library that are similar to the observed points."""
-        usual = self._family.length(self._bodies.library_size)
-        scales = [self._length(shape) / usual for shape in query.shapes]
+        library_length = self._family.length(self._bodies.library_size)
+        scales = [self._length(shape) / library_length for shape in query.shapes]
         stride = 2 if query.truncated.any() else 1  # for a truncated body, all sizes are tried later
         points, T_rig_camera = camera_points(query.subject.largest), query.subject.largest.image.T_rig_camera
         view = self._truncating_view(query.subject)
-        poses, scale_of = self._library.match(points, scales[::stride], roll, count, T_rig_camera, view)
-        return np.column_stack([query.shapes[::stride][scale_of], poses])
+        poses, scale_index = self._library.match(points, scales[::stride], roll, count, T_rig_camera, view)
+        return np.column_stack([query.shapes[::stride][scale_index], poses])
 
     def _length(self, shape: Array) -> float:
         """A length that is proportional to the size of a body with this shape (S,)."""
@@ -252,7 +252,7 @@ class Detector:
         log_likelihood = float(candidates.log_posterior[0] - candidates.log_prior[0])
         return query.subject.pixels * (log_likelihood - log_likelihood_at_gate)
 
-    def _upright(self, rolls: Sequence[float]) -> float | None:
+    def _first_roll(self, rolls: Sequence[float]) -> float | None:
         """The first orientation; None for a body without an axis."""
         return None if self._family.axis is None else rolls[0]
 
@@ -279,10 +279,10 @@ def fitted(query: Query, start: Start, candidates: PoseCandidates, planes: Plane
     )
 
 
-def move_root(model: BodyModel, poses: Array, step_m: Array) -> Array:
-    """Poses (N, D) with the root moved by `step_m` (3,)."""
+def move_root(model: BodyModel, poses: Array, motion_m: Array) -> Array:
+    """Poses (N, D) with the root moved by `motion_m` (3,)."""
     after = poses.copy()
-    for name, step in zip(ROOT_DOFS[:3], step_m, strict=True):
+    for name, step in zip(ROOT_DOFS[:3], motion_m, strict=True):
         if name in model.dof_names:
             after[:, model.dof(name)] += step
     return after

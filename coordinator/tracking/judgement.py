@@ -55,7 +55,7 @@ def gate_pose(
         cost = np.sqrt(max(0.0, -2.0 * log_likelihood)) * settings.likelihood_scale
         misfit = float(cost / np.hypot(limits.max_misfit_m, settings.noise_lateral))
     normalised = max(float(residual) / max_distance_m(settings, limits), misfit)
-    if not normalised <= 1.0:
+    if not normalised <= 1.0:  # also if it is NaN
         return Gate(normalised if normalised > 1.0 else np.inf, "the body does not fit the observed points")
     return Gate(normalised)
 
@@ -72,7 +72,7 @@ class Judgement:
     subject: SubjectFrame  # the crop in which the pose is judged
     certainty: Certainty
     seen_by: dict[str, Array]  # by camera: the share (J,) of the surface around each joint that it sees
-    doubted: Mask  # (J,) joints in sight that are too likely to be wrong
+    doubted: Mask  # (J,) joints in view that are too likely to be wrong
     has_rival: bool  # whether a comparably likely hypothesis places a joint in view elsewhere
 
     @property
@@ -96,18 +96,18 @@ def judge_pose(
     pose, settings = belief.reported, all_settings.certainty
     poses, weights = belief.poses[: settings.max_hypotheses], belief.weights[: settings.max_hypotheses]
     joints = joint_positions(model, np.concatenate([pose[None], poses]))
-    in_sight = in_view(context.subject, joints[0])
-    seen_by = seen_shares(model, pose, context.subject, context.stretch, settings) * in_sight
+    joints_in_view = in_view(context.subject, joints[0])
+    seen_by = seen_shares(model, pose, context.subject, context.stretch, settings) * joints_in_view
     features = measure_features(model, pose, joints, weights, context, normalised_residual, seen_by, settings)
-    farthest = all_settings.colour.same_person_deviations
-    shown = shown_in_colour(ExpectedBody(model, pose), context.subject, farthest)
-    certainty = judge(features, settings, in_sight, shown)
+    max_deviations = all_settings.colour.same_person_deviations
+    shown = shown_in_colour(ExpectedBody(model, pose), context.subject, max_deviations)
+    certainty = judge(features, settings, joints_in_view, shown)
     if belief.posterior.size and is_exact:
         deviation = deviations_of_exact_body(model, pose, belief.posterior, settings.information)
         certainty = replace(certainty, deviation=deviation)
     certainty = replace(certainty, off_probability=certainty.off_probability * movable_joints(model))
-    rivals = has_rival(weights, joints[1:, in_sight], joints[0, in_sight], settings)
-    doubted = in_sight & doubted_joints(certainty, settings, is_new=is_new, has_fault=has_fault)
+    rivals = has_rival(weights, joints[1:, joints_in_view], joints[0, joints_in_view], settings)
+    doubted = joints_in_view & doubted_joints(certainty, settings, is_new=is_new, has_fault=has_fault)
     shares = {view.image.camera: seen for view, seen in zip(context.subject.views, seen_by, strict=True)}
     return Judgement(context.subject, certainty, shares, doubted, rivals)
 

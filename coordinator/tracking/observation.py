@@ -45,16 +45,17 @@ class MaskedView(NamedTuple):
 
 def isolate(frame: Frame, points: int) -> SubjectFrame | None:
     """Crop a frame that shows only the subject to the pixels with depth; None if there are none."""
-    return subject_of(frame, [masked for view in frame.views for masked in whole_view(view)], points)
+    views = [masked for view in frame.views if (masked := whole_view(view)) is not None]
+    return subject_of(frame, views, points)
 
 
-def whole_view(view: View) -> list[MaskedView]:
-    """One view of all pixels of an image that have depth; no view if there are none."""
+def whole_view(view: View) -> MaskedView | None:
+    """All pixels of an image that have depth; None if there are none."""
     rows, columns = (np.flatnonzero(view.depth.any(axis=axis)) for axis in (1, 0))
     if not len(rows):
-        return []
+        return None
     window = int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
-    return [MaskedView(view, window, None)]
+    return MaskedView(view, window, None)
 
 
 def subject_of(frame: Frame, views: Sequence[MaskedView], points: int) -> SubjectFrame | None:
@@ -92,7 +93,7 @@ def crop(frame: Frame, masked: MaskedView, depth: NDArray[np.uint16], max_points
         image=replace(image, depth=depth, intrinsics=window, colours=None),
         picked=pick(np.flatnonzero(depth).astype(np.uint32), max_points, weights),
         extent=(-left, -top, camera.width - left, camera.height - top),
-        kinds=labels,
+        labels=labels,
         delay_s=image.time_s - frame.time_s,
     )
 
@@ -146,7 +147,7 @@ def observed_points(subject: SubjectFrame, max_points: int | None = None) -> Arr
     return np.concatenate([view.image.to_rig(camera_points(view, stride)) for view in subject.views])
 
 
-def middle_of(subject: SubjectFrame) -> Array:
+def median_point(subject: SubjectFrame) -> Array:
     """Median (3,) of a sample of the observed points, rig frame, metres."""
     return np.asarray(np.median(observed_points(subject, SAMPLED_POINTS), axis=0))
 
@@ -165,8 +166,8 @@ def shows(view: SubjectView, points: Array) -> Mask:
     row, column, inside = pixels_at(points[ahead], view.image.intrinsics)
     left, top, right, bottom = view.extent
     free = (left <= column) & (column < right) & (top <= row) & (row < bottom)
-    if view.kinds is not None:
-        free[inside] &= view.kinds[row[inside], column[inside]] != HIDDEN
+    if view.labels is not None:
+        free[inside] &= view.labels[row[inside], column[inside]] != HIDDEN
     shown[ahead] = free
     return shown
 
@@ -211,11 +212,11 @@ def without_flat(subject: SubjectFrame, settings: SceneSettings) -> SubjectFrame
     picked = flat_mask.ravel()[view.picked]
     if not 0.0 < picked.mean() <= limits.max_flat_share:
         return subject
-    image, kinds = view.image, view.kinds
-    if kinds is not None:
+    image, labels = view.image, view.labels
+    if labels is not None:
         image = replace(image, depth=np.where(flat_mask, np.uint16(0), image.depth))
-        kinds = np.where(flat_mask, np.uint8(UNKNOWN), kinds)
-    clear = replace(view, image=image, kinds=kinds, picked=view.picked[~picked].copy())
+        labels = np.where(flat_mask, np.uint8(UNKNOWN), labels)
+    clear = replace(view, image=image, labels=labels, picked=view.picked[~picked].copy())
     return replace(subject, views=(clear, *subject.views[1:]))
 
 

@@ -48,7 +48,7 @@ class Lookahead(Generic[Item]):
         return self._next
 
 
-class Recorded:
+class RecordedPacing:
     """Recorded frames wait for their searches.
 
     With `look_ahead`, the next frame is segmented while the workers refine this one, and this one is reported
@@ -66,7 +66,7 @@ class Recorded:
         """Nothing is left to do: all searches have ended."""
 
 
-class Live:
+class LivePacing:
     """Live frames wait for no search, and are reported at once.
 
     The next frame is segmented ahead only if it is waiting and a body was tracked before this one. Searches

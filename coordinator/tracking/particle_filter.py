@@ -25,7 +25,7 @@ from gepf.coordinator.sources.joint_states import JointStates
 from gepf.coordinator.tracking.certainty import FrameContext
 from gepf.coordinator.tracking.observation import filter_observation, in_view, unseen_dofs
 from gepf.coordinator.tracking.pose_candidates import Detection, PoseCandidates
-from gepf.coordinator.tracking.refiner import Pending, Refiner, with_iterations
+from gepf.coordinator.tracking.refiner import Refiner, Request, with_iterations
 from gepf.coordinator.tracking.reporting import Stopwatch
 from gepf.coordinator.tracking.segmenter import BodyView
 
@@ -52,7 +52,7 @@ class SubmittedPerson:
     settings: RefineSettings  # to refine the particles; if merged early, to refine their representatives
     particle_count: int
     proposal: Proposal
-    pending: Pending
+    pending: Request
     context: FrameContext
     detection: Detection | None  # result of a search for the body, if any
     clock: Stopwatch
@@ -89,14 +89,14 @@ class ParticleFilter:
         subject: SubjectFrame,
         time_s: float | None,
         budget: FrameBudget | None,
-        step_m: Array | None = None,
+        motion_m: Array | None = None,
     ) -> Proposal:
         """Particles for a frame; fewer if it is late, unless the method needs all of them.
 
-        `time_s` is the time of the last frame that showed the body, `step_m` (3,) the motion of the whole
+        `time_s` is the time of the last frame that showed the body, `motion_m` (3,) the motion of the whole
         body since then, if it is known.
         """
-        step = None if step_m is None else root_step(model, step_m)
+        step = None if motion_m is None else root_step(model, motion_m)
         if self._motion is not None:
             measured = encoder_step(self._motion, model, belief.reported, time_s, subject.time_s)
             step = step if measured is None else measured
@@ -139,7 +139,7 @@ class ParticleFilter:
         proposal: Proposal,
         settings: RefineSettings,
         budget: FrameBudget | None,
-    ) -> tuple[Proposal, Pending]:
+    ) -> tuple[Proposal, Request]:
         """Send the particles of a frame to the workers, for fewer iterations if they are merged early."""
         early = None if proposal.expected is None else self.early_settings(settings, budget)
         proposal = replace(proposal, merges_early=early is not None)
@@ -147,7 +147,7 @@ class ParticleFilter:
 
     def send(
         self, model: BodyModel, subject: SubjectFrame, proposal: Proposal, settings: RefineSettings
-    ) -> Pending:
+    ) -> Request:
         """Send particles to the workers."""
         covariance, velocity = proposal.asks_covariance(settings), proposal.past.velocity
         error_time_s = self._settings.shape.error_time_s
@@ -192,8 +192,8 @@ class ParticleFilter:
         with submitted.clock.stage("merge"):
             poses = natural_angles(model, refined.poses)
             log_prior = partial(self._family.log_pose_prior, model, submitted.settings)
-            likely = refined.log_likelihood + log_prior(poses)
-            refined = replace(refined, poses=poses, log_likelihood=likely)
+            log_posterior = refined.log_likelihood + log_prior(poses)
+            refined = replace(refined, poses=poses, log_likelihood=log_posterior)  # the weight
             proposal = replace(submitted.proposal, log_prior=log_prior)
             return self._method.update(model, proposal, refined, self._settings.filter, self.rng)
 
@@ -211,10 +211,10 @@ def pace_iterations(refine: RefineSettings, interval: float, settings: Settings)
     return msgspec.structs.replace(refine, icp_iterations=max(usual, paced))
 
 
-def root_step(model: BodyModel, step_m: Array) -> Array:
-    """The motion (D,) of a body whose root is translated by `step_m` (3,), metres; NaN for unknown parts."""
+def root_step(model: BodyModel, motion_m: Array) -> Array:
+    """The motion (D,) of a body whose root moves by `motion_m` (3,), metres; NaN for unknown parts."""
     step = np.full(len(model.dof_names), np.nan)
-    for name, metres in zip(ROOT_DOFS[:3], step_m, strict=True):
+    for name, metres in zip(ROOT_DOFS[:3], motion_m, strict=True):
         if name in model.dof_names:
             step[model.dof(name)] = metres
     return step

@@ -73,18 +73,19 @@ class PoseLibrary:
         relative to the library. If the `view` that shows the points truncates the body, only the part of each
         pose that would be in view is compared.
         """
-        turn = look_straight(points.mean(axis=0), roll)
+        turn = rotation_to_optical_axis(points.mean(axis=0), roll)
         if view is not None and (truncated := truncated_sides(view, turn, self.settings)).any():
             roots, difference = self._compare_part(points @ turn.T, scales, truncated, view, turn)
-            chosen, scale_of = most_similar(difference, count)
-            places = roots[scale_of, chosen]
+            chosen, scale_index = most_similar(difference, count)
+            places = roots[scale_index, chosen]
         else:
             centres, difference = self._compare(points @ turn.T, scales)
-            chosen, scale_of = most_similar(difference, count)
-            places = centres[scale_of] - self.centres[chosen]
-        places = places * np.take(scales, scale_of)[:, None]
-        places, to_rig = moved(places @ turn, T_rig_camera), T_rig_camera[:3, :3] @ turn.T
-        return turned_to(self.root, self.poses[chosen], places, to_rig), scale_of
+            chosen, scale_index = most_similar(difference, count)
+            places = centres[scale_index] - self.centres[chosen]
+        places = places * np.take(scales, scale_index)[:, None]
+        places = moved(places @ turn, T_rig_camera)
+        to_rig = T_rig_camera[:3, :3] @ turn.T
+        return turned_to(self.root, self.poses[chosen], places, to_rig), scale_index
 
     def _compare(self, points: Array, scales: Sequence[float]) -> tuple[Array, NDArray[np.float32]]:
         """Centres (S, 3) per scale, in library units, and differences (S, N) from a whole body's points."""
@@ -139,10 +140,10 @@ def cell_points(cell_m: float, middle: Array) -> Array:
 
 def most_similar(difference: NDArray[np.float32], count: int) -> tuple[Indices, Indices]:
     """The poses (count,) with the least difference (S, N) at any scale, and the indices of that scale."""
-    scale_of = np.argmin(difference, axis=0)
-    best = difference[scale_of, np.arange(len(scale_of))]
+    scale_index = np.argmin(difference, axis=0)
+    best = difference[scale_index, np.arange(len(scale_index))]
     chosen = np.argsort(best, kind="stable")[:count]
-    return chosen, scale_of[chosen]
+    return chosen, scale_index[chosen]
 
 
 @lru_cache(maxsize=4)
@@ -156,7 +157,7 @@ def library_of(bodies: Bodies, size: BodySize, settings: SearchSettings) -> Pose
     return describe_poses(model, poses, cell_m, settings)
 
 
-def look_straight(at: Array, roll: float) -> Array:
+def rotation_to_optical_axis(at: Array, roll: float) -> Array:
     """Rotation (3, 3) that moves a point (3,) to the optical axis of the camera and then rolls by `roll`."""
     ahead = at / np.linalg.norm(at)
     across = np.cross([0.0, 1.0, 0.0], ahead)
@@ -178,7 +179,7 @@ def turned_to(root: Indices, poses: Array, places: Array, turn: Array) -> Array:
     return after
 
 
-def displaced(
+def at_quarter_turns(
     model: BodyModel,
     pose: Array,
     points: Array,
@@ -193,7 +194,7 @@ def displaced(
     `view` that shows the points truncates the body, the part of the pose that would be in view is moved
     there.
     """
-    straight = look_straight(points.mean(axis=0), 0.0)
+    straight = rotation_to_optical_axis(points.mean(axis=0), 0.0)
     turn = straight @ T_rig_camera[:3, :3].T
     poses, place, angles = np.tile(pose, (4, 1)), model.root[:3], model.root[3:]
     for n, rotated in enumerate(poses):

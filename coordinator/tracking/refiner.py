@@ -15,7 +15,7 @@ from gepf.common.refinement import Particles, Refined
 from gepf.common.settings import SOFT_NOISE_RATIO, RefineSettings
 
 
-class Pending(Protocol):
+class Request(Protocol):
     """Particles that are being refined."""
 
     def poll(self) -> bool:
@@ -61,7 +61,7 @@ class Refiner(ABC):
         """Send a frame to the workers, so that they have it when its particles are submitted."""
 
     @abstractmethod
-    def submit(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Pending:
+    def submit(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Request:
         """Start to refine particles on a frame."""
 
 
@@ -75,12 +75,12 @@ class LocalRefiner(Refiner):
     def publish(self, subject: SubjectFrame) -> None:
         """Do nothing: there are no workers."""
 
-    def submit(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Pending:
+    def submit(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Request:
         """Keep the particles until their result is needed."""
         return LocalRequest(partial(self.refine, subject, model, particles))
 
 
-Requests = tuple[Pending, ...]
+Requests = tuple[Request, ...]
 """The requests of one stage of a search that were sent to the workers."""
 
 
@@ -91,5 +91,5 @@ def with_iterations(settings: RefineSettings, count: int) -> RefineSettings:
 
 def with_closest_points(settings: RefineSettings) -> RefineSettings:
     """Settings with enough lateral noise for closest-point correspondences; soft correspondences are slow."""
-    least = settings.noise_depth / SOFT_NOISE_RATIO
-    return msgspec.structs.replace(settings, noise_lateral=max(settings.noise_lateral, least))
+    min_lateral = settings.noise_depth / SOFT_NOISE_RATIO
+    return msgspec.structs.replace(settings, noise_lateral=max(settings.noise_lateral, min_lateral))

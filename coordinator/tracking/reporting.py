@@ -53,7 +53,7 @@ class UpdatedPerson:
 
     frame: Frame
     state: PersonState  # after the frame
-    particles: int  # number of refined particles
+    particle_count: int  # number of refined particles
     judgement: Judgement | None  # of the pose; None if nothing was refined
     clock: Stopwatch
 
@@ -87,8 +87,9 @@ def report(updated: UpdatedPerson, cameras: CameraStates, settings: Settings) ->
     with updated.clock.stage("report"):
         start, track, judgement = updated.state.start, updated.state.track, updated.judgement
         limits, confirmed_s = settings.certainty, settings.track.camera_confirmed_s
-        model, followed = start.model, track if isinstance(track, TrackedBefore) else None
-        pose, poses, weights = start.pose, np.empty((0, len(start.pose))), np.empty(0)
+        model, pose = start.model, start.pose
+        followed = track if isinstance(track, TrackedBefore) else None
+        poses, weights = np.empty((0, len(pose))), np.empty(0)
         if followed is not None:
             pose, poses = followed.belief.reported, followed.belief.poses[: limits.max_hypotheses]
             weights = followed.belief.weights[: limits.max_hypotheses]
@@ -112,7 +113,7 @@ def report(updated: UpdatedPerson, cameras: CameraStates, settings: Settings) ->
         hypothesis_pose=poses[:, model.moves],
         hypothesis_weight=weights,
         residual=np.nan if followed is None else float(followed.belief.residual[0]),
-        particles=updated.particles,
+        particles=updated.particle_count,
         why=doubt.why,
         stage_seconds=updated.clock.seconds,
         seen_by={} if judgement is None else judgement.seen_by,
@@ -127,11 +128,11 @@ def doubt_of(
     track: TrackedBefore, judgement: Judgement, joint_names: tuple[str, ...], settings: Settings
 ) -> Doubt:
     """The doubt: cameras disagree, front and back look alike, clothes differ, or joints may be wrong."""
-    disputed = track.agreement.dispute(list(judgement.seen_by), settings.track.camera_confirmed_s)
+    dispute = track.agreement.dispute(list(judgement.seen_by), settings.track.camera_confirmed_s)
     joints = explain_doubt(joint_names, judgement.certainty, judgement.doubted, settings.certainty.wrong_m)
-    is_sure = track.knows_facing(settings.colour) and not track.is_unlike(settings.colour)
-    is_ambiguous = disputed or judgement.is_doubtful or not is_sure
-    return Doubt(disputed or track.doubt(settings.colour) or joints, bool(is_ambiguous))
+    is_sure = track.is_facing_known(settings.colour) and not track.has_other_clothes(settings.colour)
+    is_ambiguous = dispute or judgement.is_doubtful or not is_sure
+    return Doubt(dispute or track.doubt(settings.colour) or joints, bool(is_ambiguous))
 
 
 def status_of(track: TrackState, *, is_ambiguous: bool) -> Status:

@@ -13,7 +13,7 @@ class BodySearch:
 
     If a recorded frame begins a search, the same frame waits for it and takes its result
     (`TargetTracker.submit`). The search of a live frame advances while the workers refine
-    (`Tracker.follow`), and at the end of a frame (`Live.end_frame`).
+    (`Tracker.follow`), and at the end of a frame (`LivePacing.end_frame`).
     Its result is taken before a later frame is segmented if the body was unknown
     (`TargetTracker.accept_first_detection`), or else when a later frame is submitted.
     """

@@ -169,7 +169,7 @@ class BodyView:
     not a candidate. is_duplicate: others explain everything visible of the body. is_elsewhere: not where
     the body was expected. after_gap: the gap since the last frame is long, so the next frame is not segmented
     until this one has been refined. is_looked_at: the keypoint network has looked for this person in a
-    trusted colour image. step_m: the motion (3,) since the last pose according to colour; None if unknown.
+    trusted colour image. motion_m: the motion (3,) since the last pose according to colour; None if unknown.
     is_swapped: left and right in colour were swapped, to agree with the body.
     """
 
@@ -183,7 +183,7 @@ class BodyView:
     is_elsewhere: bool = False
     after_gap: bool = False
     is_looked_at: bool = False
-    step_m: Array | None = None
+    motion_m: Array | None = None
     is_swapped: bool = False
 
 
@@ -223,10 +223,10 @@ class Segmenter:
         Other people are not added to the background, unless they have been `rejected` for a while and do not
         move. Without `find`, they are not searched for, and nothing is learned while a body may be anywhere.
         """
-        seen = [self._expect_in(view, bodies) for view in frame.views]
-        duplicates = self._find_duplicates(seen, bodies)
+        expected = [self._expected_view(view, bodies) for view in frame.views]
+        duplicates = self._find_duplicates(expected, bodies)
         views = tuple(
-            self._segment_view(view, bodies, duplicates, rejected=rejected, find=find) for view in seen
+            self._segment_view(view, bodies, duplicates, rejected=rejected, find=find) for view in expected
         )
         subjects, set_aside = list[SubjectFrame | None](), list[SubjectFrame | None]()
         for n, body in enumerate(bodies):
@@ -248,18 +248,19 @@ class Segmenter:
         self, segmented: SegmentedFrame, tracked: Sequence[Array]
     ) -> tuple[UntrackedPerson, ...]:
         """People in a segmented frame, most likely first, without those at the vertices `tracked` (V, 3)."""
-        seen = list[Sequence[MaskHypotheses]]()
+        masks_by_image = list[Sequence[MaskHypotheses]]()
         for segmented_view in segmented.views:
             image, view = segmented_view.image, segmented_view.scene
             if shows_one_body(view, len(segmented.subjects)):
-                seen.append([(everything,) for everything in whole_view(image)])
+                everything = whole_view(image)
+                masks_by_image.append([] if everything is None else [(everything,)])
                 continue
             distances = [measure_distances(view, image.to_camera(body)) for body in tracked]
             near_bodies = nearest_of(view, distances) <= self._settings.segmentation.near_m
             scope = self._scope.of(image.camera)
             people = scope.choose(view, find_candidates(view, near_bodies))
-            seen.append([mask_candidate(image, view, person, near_bodies) for person in people])
-        return self._join_people(segmented.frame, seen)
+            masks_by_image.append([mask_candidate(image, view, person, near_bodies) for person in people])
+        return self._join_people(segmented.frame, masks_by_image)
 
     def learn(self, segmented: SegmentedFrame, detected: Sequence[DetectedBody] = ()) -> SceneChanges:
         """Learn the scenes from the last segmented frame, and return what it changed in them.
@@ -281,7 +282,7 @@ class Segmenter:
             change = scene.learn(view.scene, ~things, change.foreign, change.learned)
         return change
 
-    def _expect_in(self, image: View, bodies: Sequence[ExpectedSurface]) -> ExpectedView:
+    def _expected_view(self, image: View, bodies: Sequence[ExpectedSurface]) -> ExpectedView:
         """One image of a frame with the bodies that are expected in it."""
         scene = self._scene_of(image.camera, image.T_rig_camera, image.gravity)
         image, out_of_scope = self._scope.of(image.camera).limit(image)
@@ -290,7 +291,9 @@ class Segmenter:
             return ExpectedView(image, view, [])
         return ExpectedView(image, view, [posed_surface(view, image, body) for body in bodies])
 
-    def _find_duplicates(self, seen: Sequence[ExpectedView], bodies: Sequence[ExpectedSurface]) -> list[bool]:
+    def _find_duplicates(
+        self, expected: Sequence[ExpectedView], bodies: Sequence[ExpectedSurface]
+    ) -> list[bool]:
         """Which bodies are duplicates in the images of all cameras together."""
         if sum(body.vertices is not None for body in bodies) < 2:
             return [False] * len(bodies)
@@ -302,14 +305,14 @@ class Segmenter:
                     for shown, body in zip(view.bodies, bodies, strict=True)
                 ],
             )
-            for view in seen
+            for view in expected
         ]
         followed_s = [body.followed_s for body in bodies]
         return find_duplicates(evidence, followed_s, self._settings.segmentation.min_own_share)
 
     def _segment_view(
         self,
-        seen: ExpectedView,
+        expected: ExpectedView,
         bodies: Sequence[ExpectedSurface],
         duplicates: Sequence[bool],
         *,
@@ -317,59 +320,54 @@ class Segmenter:
         find: bool,
     ) -> SegmentedView:
         """Segment one image of a frame; duplicates get no pixels."""
-        scope, image, view = self._scope.of(seen.image.camera), seen.image, seen.scene
-        if not seen.bodies:
-            everything = tuple(whole_view(image))
+        image, view = expected.image, expected.scene
+        if not expected.bodies:
+            everything = whole_view(image)
             if bodies[0].vertices is None:
-                return SegmentedView(image, view, (None,), (everything,) if everything else ())
-            return SegmentedView(image, view, everything or (None,), ())
+                return SegmentedView(image, view, (None,), () if everything is None else ((everything,),))
+            return SegmentedView(image, view, (everything,), ())
         surfaces = [
-            None if is_double else body for body, is_double in zip(seen.bodies, duplicates, strict=True)
+            None if is_duplicate else body
+            for body, is_duplicate in zip(expected.bodies, duplicates, strict=True)
         ]
-        known = [body for body in surfaces if body is not None]
-        nearest = nearest_of(view, [body.distances for body in known])
+        posed_bodies = [body for body in surfaces if body is not None]
+        nearest = nearest_of(view, [body.distances for body in posed_bodies])
         near_bodies = nearest <= self._settings.segmentation.near_m
-        nearest_new = nearest_of(view, [body.distances for body in known if body.is_new])
+        nearest_new = nearest_of(view, [body.distances for body in posed_bodies if body.is_new])
         foreign = mark_foreign(view, nearest, nearest_new)
-        foreign_points = points_beside(view, foreign, [body.vertices for body in known])
-        own = list[MaskedView | None]()
-        learns_nothing = False  # set if the pixels of a body may be anywhere
-        for body in surfaces:
-            if body is None:
-                own.append(None)
-                continue
-            not_own = (body.distances > nearest) | foreign
-            segmentation = segment_body(view, body.vertices, body.distances, not_own)
-            own.append(masked_view(image, view, segmentation))
-            learns_nothing |= is_missing(view, body.vertices, segmentation)
+        foreign_points = points_beside(view, foreign, [body.vertices for body in posed_bodies])
+        own, learns_nothing = segment_bodies(expected, surfaces, nearest, foreign)
         possible = list[Candidate]()
-        if len(known) < len(bodies):
+        if len(posed_bodies) < len(bodies):
             possible = find_candidates(view, near_bodies) if find else []
             learns_nothing |= not find and any(body.vertices is None for body in bodies)
-        # colour tells which of several candidates is a person
-        count = 1 if len(bodies) == 1 and image.colours is None else None
-        chosen = scope.choose(view, possible)[:count]
-        people = tuple(mask_candidate(image, view, person, near_bodies) for person in chosen)
+        people = self._choose_people(expected, possible, near_bodies)
         moving = [person.widest for person in possible if not rejected or has_moved(view, person)]
         not_learned = reduce(np.logical_or, moving, near_bodies)
-        if learns_nothing:
+        if learns_nothing:  # the pixels of a body may be anywhere
             not_learned = np.ones_like(near_bodies)
-        return SegmentedView(image, view, tuple(own), people, not_learned, foreign_points)
+        return SegmentedView(image, view, own, people, not_learned, foreign_points)
+
+    def _choose_people(
+        self, expected: ExpectedView, candidates: Sequence[Candidate], near_bodies: Mask
+    ) -> tuple[MaskHypotheses, ...]:
+        """The masks of the candidates for the selected person, the most likely first."""
+        image, view = expected.image, expected.scene
+        # colour tells which of several candidates is a person
+        count = 1 if len(expected.bodies) == 1 and image.colours is None else None
+        chosen = self._scope.of(image.camera).choose(view, candidates)[:count]
+        return tuple(mask_candidate(image, view, person, near_bodies) for person in chosen)
 
     def _join_people(
-        self, frame: Frame, seen: Sequence[Sequence[MaskHypotheses]]
+        self, frame: Frame, masks_by_image: Sequence[Sequence[MaskHypotheses]]
     ) -> tuple[UntrackedPerson, ...]:
         """The people that the masks in all images show; masks at the same place are one person."""
-        people, farthest = list[list[MaskHypotheses]](), self._settings.candidates.same_person_m
-        for in_image in seen:
+        people, max_distance_m = list[list[MaskHypotheses]](), self._settings.candidates.same_person_m
+        for in_image in masks_by_image:
             for masks in in_image:
-
-                def distance(person: list[MaskHypotheses], masks: MaskHypotheses = masks) -> float:
-                    return distance_between(person[0][0], masks[0])
-
-                elsewhere = [p for p in people if all(m[0].image is not masks[0].image for m in p)]
-                near = (person for person in elsewhere if distance(person) < farthest)
-                same = min(near, key=distance, default=None)
+                not_in_image = [p for p in people if all(m[0].image is not masks[0].image for m in p)]
+                near = (person for person in not_in_image if distance_of(person, masks) < max_distance_m)
+                same = min(near, key=lambda person: distance_of(person, masks), default=None)
                 if same is None:
                     people.append([masks])
                 else:
@@ -383,6 +381,27 @@ class Segmenter:
         masked = [[masks[min(level, len(masks) - 1)] for masks in images] for level in levels]
         subject, *wider = [subject_of(frame, views, self._points) for views in masked]
         return UntrackedPerson(subject, tuple(filter(None, wider))) if subject else None
+
+
+def segment_bodies(
+    expected: ExpectedView, surfaces: Sequence[PosedSurface | None], nearest: Depth, foreign: Mask
+) -> tuple[tuple[MaskedView | None, ...], bool]:
+    """The mask of each body, None without a surface, and whether the pixels of a body may be anywhere.
+
+    nearest: distances (H, W) from the nearest body. foreign: pixels (H, W) of other people and things.
+    """
+    image, view = expected.image, expected.scene
+    own = list[MaskedView | None]()
+    may_be_anywhere = False
+    for body in surfaces:
+        if body is None:
+            own.append(None)
+            continue
+        not_own = (body.distances > nearest) | foreign
+        segmentation = segment_body(view, body.vertices, body.distances, not_own)
+        own.append(masked_view(image, view, segmentation))
+        may_be_anywhere |= is_missing(view, body.vertices, segmentation)
+    return tuple(own), may_be_anywhere
 
 
 def mask_candidate(image: View, view: SceneView, person: Candidate, near_bodies: Mask) -> MaskHypotheses:
@@ -410,6 +429,11 @@ def masked_view(image: View, view: SceneView, segmentation: Segmentation) -> Mas
     if (permanence := view.permanence(segmentation.window)) is not None:
         weights = np.maximum(1.0 - permanence, view.settings.segmentation.permanent_weight)
     return MaskedView(image, segmentation.window, segmentation.labels, weights)
+
+
+def distance_of(person: Sequence[MaskHypotheses], masks: MaskHypotheses) -> float:
+    """Distance in metres between a person's masks in their first image and masks in another image."""
+    return distance_between(person[0][0], masks[0])
 
 
 def distance_between(first: MaskedView, second: MaskedView) -> float:

@@ -31,12 +31,12 @@ from gepf.coordinator.tracking.cameras import CameraStates, compare_cameras, fau
 from gepf.coordinator.tracking.certainty import FrameContext
 from gepf.coordinator.tracking.detector import Detector, move_root
 from gepf.coordinator.tracking.judgement import Gate, gate_pose, judge_pose, max_distance_m
-from gepf.coordinator.tracking.observation import SAMPLED_POINTS, camera_points, middle_of
+from gepf.coordinator.tracking.observation import SAMPLED_POINTS, camera_points, median_point
 from gepf.coordinator.tracking.particle_filter import Encoders, FrameBudget, ParticleFilter, SubmittedPerson
 from gepf.coordinator.tracking.pose_candidates import Detection
 from gepf.coordinator.tracking.refiner import Refiner
+from gepf.coordinator.tracking.reidentification import LostBody
 from gepf.coordinator.tracking.reporting import Stopwatch, UpdatedPerson
-from gepf.coordinator.tracking.returning import LostBody
 from gepf.coordinator.tracking.search import BodySearch
 from gepf.coordinator.tracking.segmenter import BodyView, DetectedBody, ExpectedSurface, UntrackedPerson
 from gepf.coordinator.tracking.state import Checkpoint, PersonState
@@ -123,24 +123,24 @@ class TargetTracker:
         """What is known about the body when the next frame is segmented."""
         return self.track.next_segmentation if isinstance(self.track, Body) else NextSegmentation()
 
-    def segmentation_surface(self, step_m: Array | None = None) -> Array | None:
+    def segmentation_surface(self, motion_m: Array | None = None) -> Array | None:
         """The vertices (V, 3) around which the next frame is segmented; None if the body may be anywhere.
 
         The current frame may still be in refinement, so the pose is that of the frame before it, unless
-        frames are slow. `step_m` (3,) is the motion since then, if it is known.
+        frames are slow. `motion_m` (3,) is the motion since then, if it is known.
         """
         pose = self.next_segmentation.pose
         if pose is None:
             return None
         vertices = np.asarray(pose_vertices(self.model, pose[None])[0])
-        return vertices if step_m is None else vertices + step_m
+        return vertices if motion_m is None else vertices + motion_m
 
-    def expected_surface(self, step_m: Array | None = None) -> ExpectedSurface:
-        """Where the body is expected in the next frame; `step_m` is that of `segmentation_surface`."""
+    def expected_surface(self, motion_m: Array | None = None) -> ExpectedSurface:
+        """Where the body is expected in the next frame; `motion_m` is that of `segmentation_surface`."""
         expected, settings = self.next_segmentation, self._settings
         is_soft = self._settings_at(self.start.noise.distance).is_soft  # it is if the start is noisy
         return ExpectedSurface(
-            self.segmentation_surface(step_m),
+            self.segmentation_surface(motion_m),
             expected.excluded,
             expected.is_new,
             settings.soft_points_factor if is_soft else 1.0,
@@ -169,7 +169,7 @@ class TargetTracker:
         is_sure = (
             isinstance(track, Tracked)
             and not track.is_new(self._settings.track)
-            and track.knows_facing(self._settings.colour)
+            and track.is_facing_known(self._settings.colour)
         )
         return body if is_sure else None
 
@@ -182,8 +182,8 @@ class TargetTracker:
         )
 
     @property
-    def _knows_facing(self) -> bool:
-        return isinstance(self.track, TrackedBefore) and self.track.knows_facing(self._settings.colour)
+    def _is_facing_known(self) -> bool:
+        return isinstance(self.track, TrackedBefore) and self.track.is_facing_known(self._settings.colour)
 
     @property
     def is_just_detected(self) -> bool:
@@ -191,7 +191,7 @@ class TargetTracker:
         return isinstance(self.track, Found) and not self.track.is_given
 
     @property
-    def last_seen(self) -> Array:
+    def last_position(self) -> Array:
         """The last known centre (3,) of the body, rig frame, metres."""
         pose = self.track.belief.reported if isinstance(self.track, Body) else self.start.pose
         return np.asarray(joint_positions(self.model, pose[None])[0].mean(axis=0))
@@ -201,9 +201,9 @@ class TargetTracker:
         track, searched = self.track, self.searched_person
         assert isinstance(track, Body)
         if searched is not None:
-            place, unseen_s = middle_of(searched.subject), time_s - searched.subject.time_s
+            place, unseen_s = median_point(searched.subject), time_s - searched.subject.time_s
         else:
-            place, unseen_s = self.last_seen, 0.0 if track.time_s is None else time_s - track.time_s
+            place, unseen_s = self.last_position, 0.0 if track.time_s is None else time_s - track.time_s
             unseen_s += track.unexplained_s if isinstance(track, TrackedBefore) else 0.0
         return LostBody(place, max(0.0, unseen_s), track.clothes)
 
@@ -271,7 +271,7 @@ class TargetTracker:
         if not isinstance(self.track, Body):
             self._detected = self._end_first_search()
 
-    def end(self) -> None:
+    def cancel_search(self) -> None:
         """Give up a search under way."""
         self.search = None
         self._step(SearchGivenUp())
@@ -350,7 +350,7 @@ class TargetTracker:
             self._refiner.publish(subject)
         with clock.stage("draw"):
             proposal = self._filter.propose(
-                self.model, belief, subject, self.track.time_s, budget, view.step_m
+                self.model, belief, subject, self.track.time_s, budget, view.motion_m
             )
         with clock.stage("refine"):
             interval, count = proposal.interval, len(proposal.poses)
@@ -382,15 +382,15 @@ class TargetTracker:
             if self.track.place is None:  # the start is given
                 self.start = replace(self.start, noise=self._measure_noise(subject))
             else:
-                moved = self._move(self.track.belief, middle_of(subject) - self.track.place)
+                moved = self._move(self.track.belief, median_point(subject) - self.track.place)
         pixels, points = subject.pixels, len(subject.largest.picked)
         return self._step(
             FrameSegmented(view.frame.time_s, pixels, points, has_depth, view.is_elsewhere, moved)
         )
 
-    def _move(self, belief: Belief, step_m: Array) -> Belief:
-        """The belief about a body that has moved by `step_m` (3,) since its detection."""
-        poses = move_root(self.model, np.vstack([belief.reported, belief.poses]), step_m)
+    def _move(self, belief: Belief, motion_m: Array) -> Belief:
+        """The belief about a body that has moved by `motion_m` (3,) since its detection."""
+        poses = move_root(self.model, np.vstack([belief.reported, belief.poses]), motion_m)
         return replace(belief, reported=poses[0], poses=poses[1:])
 
     def _measure_noise(self, subject: SubjectFrame) -> SensorNoise:
@@ -462,14 +462,14 @@ class TargetTracker:
         self.start, person = detection.start, detection.subject
         belief = self._filter.belief_from(self.model, detection.candidates)
         body = ExpectedBody(self.model, belief.reported)
-        is_shown = match_sides(body, person, self._settings.colour).is_shown
+        is_confirmed = match_sides(body, person, self._settings.colour).is_confirmed
         detected = Found(
             belief=belief,
             time_s=person.time_s,
-            next_segmentation=NextSegmentation(belief.reported, is_confirmed=is_shown),
-            place=middle_of(person),
+            next_segmentation=NextSegmentation(belief.reported, is_confirmed=is_confirmed),
+            place=median_point(person),
             detected_pixels=person.pixels,
-            unshown_s=None if is_shown else 0.0,
+            unshown_s=None if is_confirmed else 0.0,
         )
         todo = self._step(SearchEnded(detected))
         return DetectedBody(searched, person) if "update the background" in todo else None
@@ -487,9 +487,10 @@ class TargetTracker:
             return Choice(belief, gate)
         joints = joint_positions(self.model, belief.poses[:1])[0]
         before, after = belief.log_weights[0], detection.candidates.log_posterior[0]
-        if detection.faces_away(joints)[0] and self._knows_facing:  # left and right may be swapped in colour
+        # left and right may be swapped in colour
+        if detection.faces_away(joints)[0] and self._is_facing_known:
             before, after = depth_log_likelihood, detection.depth_log_likelihood[0]
-        if not after > before + settings.search.surer_nats:
+        if not after > before + settings.search.surer_nats:  # also if it is NaN
             return Choice(
                 belief,
                 gate,
@@ -501,12 +502,9 @@ class TargetTracker:
         chosen = replace(
             self._filter.belief_from(self.model, detection.candidates), shape_precision=belief.shape_precision
         )
-        joints, depth_log_likelihood = (
-            joint_positions(self.model, chosen.poses[:1])[0],
-            detection.depth_log_likelihood[0],
-        )
+        chosen_joints = joint_positions(self.model, chosen.poses[:1])[0]
         ambiguous_facing = detection.facing_is_ambiguous(
-            joints, depth_log_likelihood, settings.search.alike_nats
+            chosen_joints, detection.depth_log_likelihood[0], settings.search.alike_nats
         )
         return Choice(chosen, detection.gate, redetected, ambiguous_facing)
 
@@ -533,9 +531,10 @@ class TargetTracker:
             # the interval of the first frame includes the search, in which no cameras were compared
             interval_s=USUAL_INTERVAL if context.past_is_guess else submitted.proposal.interval,
             after_gap=view.after_gap,
-            is_shown=match.is_shown or (False if view.is_looked_at else None),
+            # None: colour was not looked at, so the person is neither confirmed nor refuted
+            is_confirmed=match.is_confirmed or (False if view.is_looked_at else None),
             sides=-1 if view.is_swapped else match.sides,
-            clothes=clothes_in(view.frame, context.subject) if match.is_shown else None,
+            clothes=clothes_in(view.frame, context.subject) if match.is_confirmed else None,
         )
 
     def _compare_cameras(

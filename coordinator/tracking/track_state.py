@@ -138,21 +138,22 @@ class TrackedBefore(Body, frozen=True, kw_only=True):
         """Whether the body was detected, or a camera came back, a short time ago."""
         return self.check_clock_s < settings.check_interval_s - ROUNDING_S
 
-    def knows_facing(self, settings: ColourSettings) -> bool:
+    def is_facing_known(self, settings: ColourSettings) -> bool:
         """Whether front and back are told apart, by depth, or by colour over a sufficiently long time."""
         if self.ambiguous_facing:
             return self.sides_s >= settings.facing_s - ROUNDING_S
-        return self.sides_s > ROUNDING_S - settings.exchanged_s
+        is_swapped = self.sides_s <= ROUNDING_S - settings.exchanged_s
+        return not is_swapped
 
-    def is_unlike(self, settings: ColourSettings) -> bool:
+    def has_other_clothes(self, settings: ColourSettings) -> bool:
         """Whether the clothes are those of somebody else."""
         return self.unlike_s >= settings.clothes.unlike_s - ROUNDING_S
 
     def doubt(self, settings: ColourSettings) -> str:
         """Why the pose, or the identity of the person, is in doubt; empty if neither is."""
-        if self.why or not self.knows_facing(settings):
+        if self.why or not self.is_facing_known(settings):
             return self.why or FACING_DOUBT
-        return CLOTHES_DOUBT if self.is_unlike(settings) else ""
+        return CLOTHES_DOUBT if self.has_other_clothes(settings) else ""
 
 
 class Tracked(TrackedBefore, frozen=True, kw_only=True, tag="tracked"):
@@ -212,10 +213,10 @@ class FrameRefined:
 
     `redetected`: the pose is that of a search, and not where the body was tracked. `ambiguous_facing`: front
     and back look alike in that search; None without a search. `is_doubtful`: a joint in view may be wrong.
-    `is_shown`: whether colour confirms the person; None if unknown. `sides`: 1 if colour shows left and right
-    correctly, -1 if swapped, 0 if unknown. `clothes`: their colour (3,); None if unknown. `faulty`: cameras
-    whose fault has lasted (`faults_of`). `residuals`: of each compared camera, metres; cameras agree up to
-    `allowed_m`, and the frame stands for `interval_s` seconds of agreement (see `Agreement.after`).
+    `is_confirmed`: whether colour confirms the person; None if unknown. `sides`: 1 if colour shows left and
+    right correctly, -1 if swapped, 0 if unknown. `clothes`: their colour (3,); None if unknown. `faulty`:
+    cameras whose fault has lasted (`faults_of`). `residuals`: of each compared camera, metres; cameras agree
+    up to `allowed_m`, and the frame stands for `interval_s` seconds of agreement (see `Agreement.after`).
     `after_gap`: the next frame has not been segmented yet.
     """
 
@@ -226,7 +227,7 @@ class FrameRefined:
     redetected: bool = False
     ambiguous_facing: bool | None = None
     is_doubtful: bool = False
-    is_shown: bool | None = None
+    is_confirmed: bool | None = None
     sides: int = 0
     clothes: Array | None = None
     faulty: tuple[str, ...] = ()
@@ -252,17 +253,19 @@ def step(state: TrackState, event: Event, policy: Policy) -> tuple[TrackState, I
     """The state after an event, and what to do now."""
     match event:
         case FrameSegmented():
-            return _segmented(state, event, policy)
+            return _on_segmented(state, event, policy)
         case SearchEnded():
-            return _search_ended(state, event)
+            return _on_search_ended(state, event)
         case SearchGivenUp():
-            return _search_given_up(state), ()
+            return _on_search_given_up(state), ()
         case FrameRefined():
             assert isinstance(state, Found | Tracked | Lost)  # only a body is refined
-            return _refined(state, event, policy)
+            return _on_refined(state, event, policy)
 
 
-def _segmented(state: TrackState, event: FrameSegmented, policy: Policy) -> tuple[TrackState, Instructions]:
+def _on_segmented(
+    state: TrackState, event: FrameSegmented, policy: Policy
+) -> tuple[TrackState, Instructions]:
     if not isinstance(state, Body):
         return _look_for_anybody(state, event, policy)
     if policy.recovers and (state.unshown_s or 0.0) > policy.colour.unshown_s - ROUNDING_S:
@@ -353,11 +356,11 @@ def _check_due(state: Tracked | Lost, time_s: float, policy: Policy) -> bool:
     settings, interval = policy.settings, _interval(state, time_s)
     before = state.check_clock_s + ROUNDING_S
     after = before + interval
-    new = before < settings.search_interval_s <= after
+    is_first_check = before < settings.search_interval_s <= after
     due = after // settings.check_interval_s > before // settings.check_interval_s
-    is_bad = state.normalised_residual > 1.0 or not state.knows_facing(policy.colour)
+    is_bad = state.normalised_residual > 1.0 or not state.is_facing_known(policy.colour)
     in_doubt = _doubt_is_due(state.doubtful_s, interval, settings)
-    return state.is_lost or new or (due and is_bad) or in_doubt
+    return state.is_lost or is_first_check or (due and is_bad) or in_doubt
 
 
 def _doubt_is_due(doubtful_s: float, interval_s: float, settings: TrackSettings) -> bool:
@@ -367,6 +370,7 @@ def _doubt_is_due(doubtful_s: float, interval_s: float, settings: TrackSettings)
     before, after = (
         (time_s + ROUNDING_S) / settings.check_interval_s for time_s in (doubtful_s, doubtful_s + interval_s)
     )
+    # the binary exponent grows when a power of two is reached
     return after >= 1.0 and (before < 1.0 or math.frexp(after)[1] > math.frexp(before)[1])
 
 
@@ -389,7 +393,7 @@ def _next_segmentation(state: Found | Tracked | Lost, policy: Policy) -> NextSeg
     )
 
 
-def _search_ended(state: TrackState, event: SearchEnded) -> tuple[TrackState, Instructions]:
+def _on_search_ended(state: TrackState, event: SearchEnded) -> tuple[TrackState, Instructions]:
     """A first search has detected a body or nothing; a repeated one is over."""
     if isinstance(state, Body):
         return replace(state, awaits_search=False), ()
@@ -400,7 +404,7 @@ def _search_ended(state: TrackState, event: SearchEnded) -> tuple[TrackState, In
     return replace(state, why=event.why, awaits_search=False), ()
 
 
-def _search_given_up(state: TrackState) -> TrackState:
+def _on_search_given_up(state: TrackState) -> TrackState:
     """A first search that is given up does not count."""
     if isinstance(state, Body):
         return replace(state, awaits_search=False)
@@ -411,11 +415,11 @@ def _search_given_up(state: TrackState) -> TrackState:
     return replace(state, searches=state.searches - 1, searched_s=-math.inf, awaits_search=False)
 
 
-def _refined(
+def _on_refined(
     state: Found | Tracked | Lost, event: FrameRefined, policy: Policy
 ) -> tuple[TrackState, Instructions]:
     """A body is tracked if it explains the frame, and lost if it has not done so for some frames."""
-    settings, agreement = policy.settings, state.agreement
+    settings, colour, agreement = policy.settings, policy.colour, state.agreement
     before, interval = _as_tracked_before(state, settings), _interval(state, event.time_s)
     if state.is_lost and not agreement.contradicting:
         agreement = Agreement()
@@ -443,10 +447,10 @@ def _refined(
         followed_s=followed_s,
         was_established=before.was_established or followed_s > settings.check_interval_s - ROUNDING_S,
         faulty=event.faulty,
-        unshown_s=_unshown(0.0 if event.redetected else before.unshown_s, event, interval, policy.colour),
-        sides_s=0.0 if event.redetected else _sides(before.sides_s, event.sides, interval, policy.colour),
-        clothes=_clothes(before, event, interval, policy.colour) if is_explained else before.clothes,
-        unlike_s=0.0 if event.redetected else _unlike(before, event, interval, policy.colour),
+        unshown_s=_next_unshown_s(0.0 if event.redetected else before.unshown_s, event, interval, colour),
+        sides_s=0.0 if event.redetected else _next_sides_s(before.sides_s, event.sides, interval, colour),
+        clothes=_next_clothes(before, event, interval, colour) if is_explained else before.clothes,
+        unlike_s=0.0 if event.redetected else _next_unlike_s(before, event, interval, colour),
     )
     if event.after_gap:
         after = replace(after, next_segmentation=_next_segmentation(after, policy))
@@ -457,22 +461,22 @@ def _refined(
     return after, ()
 
 
-def _unshown(
+def _next_unshown_s(
     before_s: float | None, event: FrameRefined, interval_s: float, settings: ColourSettings
 ) -> float | None:
     """Seconds since a body's detection without confirmation by colour; None once colour has confirmed it."""
-    if event.is_shown or before_s is None:
+    if event.is_confirmed or before_s is None:
         return None
-    return before_s if event.is_shown is None else before_s + min(interval_s, settings.max_step_s)
+    return before_s if event.is_confirmed is None else before_s + min(interval_s, settings.max_step_s)
 
 
-def _sides(before_s: float, sides: int, interval_s: float, settings: ColourSettings) -> float:
+def _next_sides_s(before_s: float, sides: int, interval_s: float, settings: ColourSettings) -> float:
     """`TrackedBefore.sides_s` after a frame, seconds."""
     after_s = before_s + sides * min(interval_s, settings.max_step_s)
     return min(max(after_s, -settings.exchanged_s), max(settings.facing_s, settings.exchanged_s))
 
 
-def _clothes(
+def _next_clothes(
     before: TrackedBefore, event: FrameRefined, interval_s: float, settings: ColourSettings
 ) -> Clothes | None:
     """What is remembered about the clothes after a frame."""
@@ -481,7 +485,9 @@ def _clothes(
     return remember(before.clothes, event.clothes, min(interval_s, settings.max_step_s), settings.clothes)
 
 
-def _unlike(before: TrackedBefore, event: FrameRefined, interval_s: float, settings: ColourSettings) -> float:
+def _next_unlike_s(
+    before: TrackedBefore, event: FrameRefined, interval_s: float, settings: ColourSettings
+) -> float:
     """`TrackedBefore.unlike_s` after a frame, seconds."""
     if before.clothes is None or event.clothes is None:
         return before.unlike_s

@@ -16,9 +16,15 @@ from gepf.coordinator.scene.scope import Scope
 from gepf.coordinator.settings import Settings
 from gepf.coordinator.sources.live import LiveFrames
 from gepf.coordinator.tracking.assignment import Assignment
-from gepf.coordinator.tracking.cameras import CameraStates, watch
-from gepf.coordinator.tracking.colour import ColouredFrame, ColourWatch, Look, Sight, with_own_keypoints
-from gepf.coordinator.tracking.pacing import Live, Lookahead, Recorded, advance_search
+from gepf.coordinator.tracking.cameras import CameraStates, update_camera_states
+from gepf.coordinator.tracking.colour import (
+    ColouredFrame,
+    KeypointDetections,
+    KeypointScheduler,
+    KeypointSearch,
+    with_own_keypoints,
+)
+from gepf.coordinator.tracking.pacing import LivePacing, Lookahead, RecordedPacing, advance_search
 from gepf.coordinator.tracking.particle_filter import Encoders, FrameBudget, SubmittedPerson
 from gepf.coordinator.tracking.refiner import Refiner
 from gepf.coordinator.tracking.reporting import Stopwatch, TrackedFrame, UpdatedPerson, report
@@ -34,8 +40,8 @@ class PreparedFrame:
     """A segmented frame, the state of its cameras, and a stopwatch for each person.
 
     interval_s: time since the previous frame, seconds; 0 for the first. after_gap: whether that time exceeds
-    `max_lookahead_s`; the next frame is then prepared only after the update, around newer poses. sight: what
-    colour shows; None without colour.
+    `max_lookahead_s`; the next frame is then prepared only after the update, around newer poses. detections:
+    what colour shows; None without colour.
     """
 
     segmented: SegmentedFrame
@@ -43,7 +49,7 @@ class PreparedFrame:
     interval_s: float
     after_gap: bool
     clocks: Sequence[Stopwatch]
-    sight: Sight | None
+    detections: KeypointDetections | None
 
 
 class SubmittedFrame(NamedTuple):
@@ -97,7 +103,7 @@ class Tracker:
             scene_settings = scene_settings.scaled(*extents)
         self._segmenter = Segmenter(settings.points, scene_settings, scope)
         self._segmenter.restore(state.frame.scene_changes)
-        self._colour_watch = ColourWatch(colour, settings.colour)
+        self._keypoint_scheduler = KeypointScheduler(colour, settings.colour)
         self._prepared_cameras, self._prepared_s = state.frame.cameras, state.frame.time_s
         self._frame = state.frame  # of the last updated frame; it may be one frame behind the prepared one
         self._is_late = False  # whether the last submitted live frame was late
@@ -126,12 +132,12 @@ class Tracker:
         """Track frames; each frame is reported while the workers refine the next one.
 
         The results are those of `track`. If a frame fails, the previous frame is still reported. Without
-        `look_ahead`, each frame is reported at once. So is each `live` frame (see `Live`). A frame is
+        `look_ahead`, each frame is reported at once. So is each `live` frame (see `LivePacing`). A frame is
         segmented around the pose from two frames earlier; at low rates, around that from the previous frame.
         """
         # a frame is prepared when its turn comes, or earlier by `peek`, while workers refine the previous one
         upcoming = Lookahead(map(self._prepare, frames))
-        pacing = Recorded(look_ahead=look_ahead) if live is None else Live(live, upcoming)
+        pacing = RecordedPacing(look_ahead=look_ahead) if live is None else LivePacing(live, upcoming)
         updated = list[UpdatedFrame]()  # at most one frame, which has not been reported yet
         try:
             for prepared in upcoming:
@@ -139,22 +145,22 @@ class Tracker:
                 self._is_late = budget is not None and budget.is_late
                 submitted = self._submit(prepared, budget)  # predict, refine
                 # the workers are busy from here until the update, except while particles are merged
-                yield from reported(updated, self._settings)
+                yield from pop_reports(updated, self._settings)
                 if pacing.looks_ahead and not prepared.after_gap:
                     self._send_ahead(upcoming.peek())
                     advance_search(self._targets, wait=False)
                 submitted = self._continue_refinement(submitted)
                 updated = [self._update(submitted)]  # update, assess
                 if pacing.reports_at_once:
-                    yield from reported(updated, self._settings)
+                    yield from pop_reports(updated, self._settings)
                 pacing.end_frame(self._targets)
         except (Exception, KeyboardInterrupt):
-            yield from reported(updated, self._settings)
+            yield from pop_reports(updated, self._settings)
             raise
         finally:
             for target in self._targets:
-                target.end()
-        yield from reported(updated, self._settings)
+                target.cancel_search()
+        yield from pop_reports(updated, self._settings)
 
     def _prepare(self, frame: Frame) -> PreparedFrame:
         """Compare the cameras of a frame, segment it around the people, and look at them in colour.
@@ -167,52 +173,54 @@ class Tracker:
             target.accept_first_detection()
         with clocks[0].stage("segment"):
             excluded_by_any = set[str]().union(*(target.next_segmentation.excluded for target in targets))
-            self._prepared_cameras, frame = watch(self._prepared_cameras, frame, excluded_by_any)
+            self._prepared_cameras, frame = update_camera_states(
+                self._prepared_cameras, frame, excluded_by_any
+            )
             last_s, self._prepared_s = self._prepared_s, frame.time_s
             interval_s = 0.0 if last_s is None else frame.time_s - last_s
-            look, steps = self._begin_look(frame, interval_s, last_s)
+            keypoint_search, steps = self._begin_keypoint_search(frame, interval_s, last_s)
             segmented = self._segmenter.segment(
                 frame,
                 [target.expected_surface(step) for target, step in zip(targets, steps, strict=True)],
                 rejected=any(target.has_searched_in_vain for target in targets),
                 find=any(target.needs_candidates for target in targets),
             )
-        sight = Sight.of_nobody(len(targets)) if frame.has_colours else None
-        if look is not None:
+        detections = KeypointDetections.of_nobody(len(targets)) if frame.has_colours else None
+        if keypoint_search is not None:
             with clocks[0].stage("keypoints"):
                 finds = searches_for_anybody(targets, frame.time_s)
-                sight = look.sight(segmented, steps, interval_s, finds_candidates=finds)
-                segmented = with_own_keypoints(segmented, sight.people.keypoints)
+                detections = keypoint_search.detections(segmented, steps, interval_s, finds_candidates=finds)
+                segmented = with_own_keypoints(segmented, detections.people.keypoints)
         after_gap = interval_s > limits.max_lookahead_s + ROUNDING_S
-        return PreparedFrame(segmented, self._prepared_cameras, interval_s, after_gap, clocks, sight)
+        return PreparedFrame(segmented, self._prepared_cameras, interval_s, after_gap, clocks, detections)
 
-    def _begin_look(
+    def _begin_keypoint_search(
         self, frame: Frame, interval_s: float, last_s: float | None
-    ) -> tuple[Look | None, list[Array | None]]:
-        """Begin to look at colour; return the look, and each person's motion (3,) since `last_s`, if known.
+    ) -> tuple[KeypointSearch | None, list[Array | None]]:
+        """Begin the search for keypoints; return it, and each person's motion (3,) since `last_s`, if known.
 
-        The look is None if the frame is not looked at. While frames are late, colour is looked at less often.
+        The search is None if the frame is not searched. While frames are late, fewer frames are searched.
         """
-        targets, limits, look = self._targets, self._settings.track, None
+        targets, limits, keypoint_search = self._targets, self._settings.track, None
         if frame.has_colours:
             bodies = [target.expected_body for target in targets]
-            look = self._colour_watch.begin(frame, bodies, is_late=self._is_late)
+            keypoint_search = self._keypoint_scheduler.begin(frame, bodies, is_late=self._is_late)
         # in twice the longest interval for looking ahead, people walk out of reach of their last pose
-        if look is None or interval_s <= 2.0 * limits.max_lookahead_s + ROUNDING_S:
-            return look, [None] * len(targets)
+        if keypoint_search is None or interval_s <= 2.0 * limits.max_lookahead_s + ROUNDING_S:
+            return keypoint_search, [None] * len(targets)
         # whether or not the last frame has been updated yet, what was known before it counts
         is_trusted = not unused_before(self._frame.colours, last_s)
         usable = [is_trusted and target.next_segmentation.is_confirmed for target in targets]
-        return look, look.steps(usable, limits.max_motion_m)
+        return keypoint_search, keypoint_search.steps(usable, limits.max_motion_m)
 
     def _submit(self, prepared: PreparedFrame, budget: FrameBudget | None) -> SubmittedFrame:
         """Predict the particles of each person, send them to the workers, and learn the scene."""
         segmented, coloured = prepared.segmented, None
         free: Sequence[UntrackedPerson] = segmented.candidates
-        if prepared.sight is not None:
+        if prepared.detections is not None:
             oriented = [target.body_with_known_orientation for target in self._targets]
             states, settings = self._frame.colours, self._settings.colour
-            coloured = ColouredFrame(segmented, prepared.sight, states, oriented, settings)
+            coloured = ColouredFrame(segmented, prepared.detections, states, oriented, settings)
             segmented, free = coloured.segmented, coloured.free
         assignment = Assignment(self._targets, self._segmenter, segmented, free)
         submitted, detected = list[SubmittedPerson | UpdatedPerson](), list[DetectedBody]()
@@ -252,9 +260,9 @@ class Tracker:
             for target, person in zip(self._targets, frame.people, strict=True)
         ]
         image, colours = prepared.segmented.frame, self._frame.colours
-        if prepared.sight is not None:
+        if prepared.detections is not None:
             bodies = [target.explained_body for target in self._targets]
-            keypoints, subjects = prepared.sight.people.keypoints, prepared.segmented.subjects
+            keypoints, subjects = prepared.detections.people.keypoints, prepared.segmented.subjects
             colours = compare(colours, image, bodies, subjects, keypoints, prepared.interval_s, settings)
         self._frame = FrameState(frame.scene_changes, prepared.cameras, colours, image.time_s)
         return UpdatedFrame(people, self._frame)
@@ -267,7 +275,7 @@ def searches_for_anybody(targets: Sequence[TargetTracker], time_s: float) -> boo
     return is_lost or any(target.is_search_due(time_s) for target in unknown[:1])
 
 
-def reported(updated: list[UpdatedFrame], settings: Settings) -> Iterator[TrackedFrame]:
+def pop_reports(updated: list[UpdatedFrame], settings: Settings) -> Iterator[TrackedFrame]:
     """The reports of updated frames, if there are any; they are removed from the list."""
     while updated:
         people, state = updated.pop(0)

@@ -35,8 +35,8 @@ def truncated_sides(view: SubjectView, turn: Array, settings: SearchSettings) ->
         end = np.flatnonzero(along > along.max() - settings.end_m)
         rows, columns = (indices[end] for indices in np.nonzero(mask))
         outer = ends_of(mask, rows, columns, step)
-        gap_m, distance_m = settings.cut_gap_m, float(np.median(points[end, 2]))
-        gap_px = int(gap_m * view.image.intrinsics.fx / distance_m)
+        distance_m = float(np.median(points[end, 2]))
+        gap_px = int(settings.cut_gap_m * view.image.intrinsics.fx / distance_m)
         stopped = is_stopped(view, rows[outer], columns[outer], step, gap_px)
         truncated[side] = stopped.mean() >= settings.cut_share
     return truncated
@@ -58,14 +58,14 @@ def is_stopped(view: SubjectView, rows: Indices, columns: Indices, step: Indices
     """
     left, top, right, bottom = view.extent
     height, width = view.image.depth.shape
-    stopped, open_ = np.zeros(len(rows), dtype=np.bool_), np.ones(len(rows), dtype=np.bool_)
+    stopped, undecided = np.zeros(len(rows), dtype=np.bool_), np.ones(len(rows), dtype=np.bool_)
     for n in range(1, 2 + gap_px):
         row, column = rows + n * step[1], columns + n * step[0]
         outside = (column < left) | (column >= right) | (row < top) | (row >= bottom)
         inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
         label = np.full(len(rows), EMPTY)
-        if view.kinds is not None:
-            label[inside] = view.kinds[row[inside], column[inside]]
-        stopped |= open_ & (outside | (label == HIDDEN))
-        open_ &= ~(outside | (label == HIDDEN) | (label == EMPTY) | (label == SUBJECT))
+        if view.labels is not None:
+            label[inside] = view.labels[row[inside], column[inside]]
+        stopped |= undecided & (outside | (label == HIDDEN))
+        undecided &= ~(outside | (label == HIDDEN) | (label == EMPTY) | (label == SUBJECT))
     return stopped

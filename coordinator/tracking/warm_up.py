@@ -23,7 +23,7 @@ from gepf.coordinator.tracking.target import TargetTracker
 CAMERA = Intrinsics(80, 60, 60.0, 60.0, 39.5, 29.5)
 
 
-class NoRefiner(LocalRefiner):
+class IdentityRefiner(LocalRefiner):
     """A refiner that leaves particles as they are."""
 
     def refine(self, _subject: SubjectFrame, _model: BodyModel, particles: Particles) -> Refined:
@@ -50,7 +50,7 @@ def warm_up(settings: Settings, bodies: Bodies) -> None:
     depth[10:40, 30:45] = 1e3 * distance_m + 5 * (np.arange(15) - 7) ** 2  # something in front of the wall
     start = {"root_tz": distance_m} if "root_tz" in bodies.dof_names else {}
     tracked, unknown, truncated = (
-        TargetTracker(NoRefiner(), settings, bodies, first_state(bodies, values, settings))
+        TargetTracker(IdentityRefiner(), settings, bodies, first_state(bodies, values, settings))
         for values in (start, None, None)
     )
     segmenter = Segmenter(1, settings.scene)

@@ -64,7 +64,7 @@ def test_a_person_shows_head_and_legs_unless_something_hides_them(
     depth = np.where(gone, np.uint16(0), image.depth)
     kinds = np.where(depth > 0, SUBJECT, np.where(gone, label, EMPTY)).astype(np.uint8)
     whole, extent = subject_of(frame, 1_000).largest, (0, 0, CAMERA.width, CAMERA.height)
-    subject = alone(replace(whole, image=replace(image, depth=depth), extent=extent, kinds=kinds))
+    subject = alone(replace(whole, image=replace(image, depth=depth), extent=extent, labels=kinds))
     said = reject_parts(model, pose, subject, 1.82)
     assert word in said
     assert bool(said) == bool(word)

@@ -115,7 +115,7 @@ LATER = replace(BESIDE_ALL, image=replace(BESIDE_ALL.image, time_s=0.01), delay_
     ("sent", "encode", "decode"),
     [
         (FRAME, encode_frame, decode_frame),
-        (replace(FRAME, views=(replace(SEEN, kinds=KINDS_OF_PIXELS),)), encode_frame, decode_frame),
+        (replace(FRAME, views=(replace(SEEN, labels=KINDS_OF_PIXELS),)), encode_frame, decode_frame),
         (replace(FRAME, views=(BESIDE_ALL,)), encode_frame, decode_frame),
         (replace(FRAME, views=(replace(SEEN, keypoints=KEYPOINTS_SEEN),)), encode_frame, decode_frame),
         (replace(FRAME, views=(SEEN, LATER)), encode_frame, decode_frame),

@@ -80,5 +80,5 @@ def test_changes_alone_restore_what_is_foreign(first: int) -> None:
         mine, again = segmented.subjects[0], segmented_again.subjects[0]
         assert mine is not None
         assert again is not None
-        np.testing.assert_array_equal(mine.largest.kinds, again.largest.kinds)
+        np.testing.assert_array_equal(mine.largest.labels, again.largest.labels)
         np.testing.assert_array_equal(mine.largest.picked, again.largest.picked)

@@ -21,7 +21,7 @@ from gepf.coordinator.bodies.human.template import human
 from gepf.coordinator.bodies.tracked import name_pose
 from gepf.coordinator.cli import main
 from gepf.coordinator.pool.options import Pool, PoolStatistics
-from gepf.coordinator.tracking.refiner import LocalRefiner, Pending
+from gepf.coordinator.tracking.refiner import LocalRefiner, Request
 from gepf.coordinator.tracking.warm_up import unmoved
 from gepf.refiners import DirectRefiner
 from tests.support.people import rendered
@@ -80,7 +80,7 @@ class StillWorkers(StandIn):
         self.asked = Pool()
         self.before: Callable[[int], object] = lambda _: None  # a frame
 
-    def submit(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Pending:
+    def submit(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Request:
         """Keep the particles; or fail, if it is time."""
         number = subject.number
         self.before(number)

@@ -504,7 +504,7 @@ TRANSITIONS = [
     Transition(
         TRACKED,
         "",
-        with_fields(FITS, is_shown=False),
+        with_fields(FITS, is_confirmed=False),
         "its pose is refined, and colour shows other people but not this body",
         Tracked,
         {**AS_REFINED, "unshown_s": INTERVAL_S},
@@ -513,7 +513,7 @@ TRANSITIONS = [
     Transition(
         replace(TRACKED, unshown_s=COLOUR.unshown_s),
         "since its detection, colour has not shown this body",
-        with_fields(FITS, is_shown=True),
+        with_fields(FITS, is_confirmed=True),
         "its pose is refined, and colour shows the body",
         Tracked,
         {**AS_REFINED, "unshown_s": None},

@@ -22,7 +22,7 @@ from gepf.coordinator.tracking.cameras import (
     camera_residuals,
     describe_changes,
     faults_of,
-    watch,
+    update_camera_states,
 )
 from gepf.coordinator.tracking.estimate import Estimate
 from gepf.coordinator.tracking.observation import isolate
@@ -49,7 +49,7 @@ def watched(frames: list[Frame], contradicting: dict[int, str] | None = None) ->
     """The lasting faults after each frame."""
     states = CameraStates()
     for frame in frames:
-        states, _ = watch(states, frame, (contradicting or {}).get(frame.number, ""))
+        states, _ = update_camera_states(states, frame, (contradicting or {}).get(frame.number, ""))
         yield {
             name: f"{kind} {since:.2f}"
             for name, (kind, since) in faults_of(states, frame.time_s, 0.5).items()
@@ -111,15 +111,15 @@ def test_a_camera_that_comes_back_is_used_again() -> None:
     assert not any(found[50:])
     states, lines, before = CameraStates(), list[str](), dict[str, tuple[str, float]]()
     for frame in frames:
-        states, _ = watch(states, frame, ())
+        states, _ = update_camera_states(states, frame, ())
         lines += describe_changes(before, before := faults_of(states, frame.time_s, 0.5))  # type: ignore[arg-type, assignment]
     assert lines == ["camera b has had a fault since t = 0.33 s: it gives no depth", "camera b is used again"]
 
 
 def test_only_new_images_reach_the_tracker() -> None:
     """A repeated one has no depth; the others and its camera, time and number stay."""
-    states, _ = watch({}, shown(0, a=5, b=7), ())
-    states, frame = watch(states, shown(1, a=6, b=7), ())
+    states, _ = update_camera_states({}, shown(0, a=5, b=7), ())
+    states, frame = update_camera_states(states, shown(1, a=6, b=7), ())
     assert [view.camera for view in frame.views] == ["a", "b"]
     assert [bool(view.depth.any()) for view in frame.views] == [True, False]
 

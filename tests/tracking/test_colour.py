@@ -36,7 +36,7 @@ from gepf.coordinator.results.log import Entry, Opening, append_records, assembl
 from gepf.coordinator.settings import ColourSettings
 from gepf.coordinator.sources.live import LiveFrames
 from gepf.coordinator.sources.live_stream import LiveCamera
-from gepf.coordinator.tracking.colour import possible_people, take_turns
+from gepf.coordinator.tracking.colour import draw_candidates, possible_people
 from gepf.coordinator.tracking.observation import isolate
 from gepf.coordinator.tracking.segmenter import UntrackedPerson
 from gepf.coordinator.tracking.track_state import Tracked
@@ -267,10 +267,10 @@ def test_candidates_whom_colour_shows_come_first() -> None:
 def test_every_candidate_has_its_turn(step: int) -> None:
     """Whichever frames are looked at: live, some are left out. The turn follows from the frame's number."""
     for count, most in ((2, 1), (6, 1), (6, 2), (3, 5)):
-        turns = [take_turns(number, count, most) for number in range(0, 40 * step, step)]
+        turns = [draw_candidates(number, count, most) for number in range(0, 40 * step, step)]
         assert {place for turn in turns for place in turn} == set(range(count))
         assert {len(set(turn)) for turn in turns} == {min(count, most)}
-        assert turns[-1] == take_turns(39 * step, count, most)
+        assert turns[-1] == draw_candidates(39 * step, count, most)
 
 
 def moved_pose() -> Array:

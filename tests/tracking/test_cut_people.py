@@ -150,7 +150,7 @@ def test_a_board_before_the_legs_is_no_evidence_against_them() -> None:
     depth[row:], kinds[row:] = 0, HIDDEN
     kinds[depth > 0] = SUBJECT
     picked = np.flatnonzero(depth).astype(np.uint32)[::4]
-    behind = alone(replace(view, image=replace(view.image, depth=depth), kinds=kinds, picked=picked))
+    behind = alone(replace(view, image=replace(view.image, depth=depth), labels=kinds, picked=picked))
     search = Detector(people(), DirectRefiner(), SETTINGS).detect(behind, NO_NOISE, Planes())
     found = complete(search)
     seen = in_view(behind, whole.joints[0])

@@ -26,7 +26,7 @@ from gepf.coordinator.settings import preset
 from gepf.coordinator.tracking.detector import Detector
 from gepf.coordinator.tracking.judgement import Gate
 from gepf.coordinator.tracking.pose_candidates import Detection, PoseCandidates
-from gepf.coordinator.tracking.refiner import Pending
+from gepf.coordinator.tracking.refiner import Request
 from gepf.coordinator.tracking.state import start_at
 from gepf.coordinator.tracking.warm_up import unmoved
 from gepf.refiners import DirectRefiner
@@ -59,7 +59,7 @@ NO_SHAPE = np.empty((0, 0))
 class Plain(DirectRefiner):
     """Is never asked for a covariance."""
 
-    def submit(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Pending:
+    def submit(self, subject: SubjectFrame, model: BodyModel, particles: Particles) -> Request:
         """As in the base class."""
         assert not particles.covariance
         return super().submit(subject, model, particles)

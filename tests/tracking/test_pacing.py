@@ -10,7 +10,7 @@ from typing import Any, cast
 import pytest
 
 from gepf.coordinator.sources.live import LiveFrames
-from gepf.coordinator.tracking.pacing import Live, Lookahead
+from gepf.coordinator.tracking.pacing import LivePacing, Lookahead
 from gepf.coordinator.tracking.search import BodySearch
 
 STAGES = 8
@@ -84,7 +84,7 @@ def test_a_search_goes_on_between_the_images_of_a_slow_camera(shown: int | None)
     """
     frames = Shown(shown)
     people = [person(is_tracked=True, searches=False), person(is_tracked=False, searches=True)]
-    pacing = Live(cast("LiveFrames", frames), Lookahead(iter([])))
+    pacing = LivePacing(cast("LiveFrames", frames), Lookahead(iter([])))
     pacing.end_frame(people)
     found = people[1].search
     if shown is not None:

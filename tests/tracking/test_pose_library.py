@@ -15,7 +15,7 @@ from gepf.coordinator.bodies.human.typical_poses import people_poses
 from gepf.coordinator.bodies.tracked import name_pose
 from gepf.coordinator.settings import SearchSettings
 from gepf.coordinator.tracking.descriptor import COLUMNS, ROWS, VACANT, describe, fill_differences
-from gepf.coordinator.tracking.pose_library import describe_poses, displaced, look_straight
+from gepf.coordinator.tracking.pose_library import at_quarter_turns, describe_poses, rotation_to_optical_axis
 from tests.support.people import SITTING, STANDING
 
 MODEL = human(1.75)
@@ -87,7 +87,7 @@ def test_a_pose_of_the_library_is_the_one_most_like_itself(roll: float) -> None:
     """Seen at any place, turned by the given roll, it comes first, at its place and its size."""
     library = describe_poses(MODEL, people_poses(MODEL, 200), CELL, SearchSettings())
     place = np.array([0.3, -0.2, 3.0])
-    turn = look_straight(place, roll)
+    turn = rotation_to_optical_axis(place, roll)
     for n in range(0, 200, 9):
         visible = visible_points(MODEL, library.poses[n])
         middle = visible.mean(axis=0)
@@ -111,7 +111,7 @@ def test_a_pose_that_was_seen_is_tried_where_points_are_seen_now() -> None:
     pose = name_pose(MODEL, STANDING)
     moved = pose.copy()
     moved[[0, 2]] += (0.5, 0.4)
-    tried = displaced(MODEL, pose, visible_points(MODEL, moved), CELL, SearchSettings())
+    tried = at_quarter_turns(MODEL, pose, visible_points(MODEL, moved), CELL, SearchSettings())
     off = joint_positions(MODEL, tried) - joint_positions(MODEL, moved[None])
     assert len(tried) == 4
     assert np.linalg.norm(off, axis=-1).mean(axis=1).min() < 0.12

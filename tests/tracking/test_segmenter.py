@@ -25,11 +25,11 @@ def test_a_person_is_found_whose_body_is_not_known() -> None:
     segmented = segmenter.segment(Frame.of(image), [ExpectedSurface()])
     (person,) = segmented.candidates
     (view,) = person.subject.views
-    assert view.kinds is not None
+    assert view.labels is not None
     assert len(view.picked) == 300
-    assert np.all(view.kinds.ravel()[view.picked] == SUBJECT)
-    assert np.any(view.kinds == HIDDEN)
-    assert np.sum(view.kinds == SUBJECT) / truth.sum() > 0.9
+    assert np.all(view.labels.ravel()[view.picked] == SUBJECT)
+    assert np.any(view.labels == HIDDEN)
+    assert np.sum(view.labels == SUBJECT) / truth.sum() > 0.9
     assert segmenter.learn(segmented)[""].shows_room
 
 

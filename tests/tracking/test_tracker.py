@@ -30,7 +30,7 @@ from gepf.coordinator.tracking.detector import Detector
 from gepf.coordinator.tracking.estimate import POSE_UNKNOWN, Estimate
 from gepf.coordinator.tracking.judgement import has_rival
 from gepf.coordinator.tracking.particle_filter import FrameBudget, SubmittedPerson
-from gepf.coordinator.tracking.refiner import Pending
+from gepf.coordinator.tracking.refiner import Request
 from gepf.coordinator.tracking.reporting import Stopwatch, report
 from gepf.coordinator.tracking.segmenter import BodyView
 from gepf.coordinator.tracking.state import PersonState, first_state
@@ -142,7 +142,7 @@ def test_an_estimate_is_whole() -> None:
 class WatchedRequest:
     """A request whose result is marked."""
 
-    pending: Pending
+    pending: Request
     events: list[str]
 
     def poll(self) -> bool:
@@ -350,17 +350,17 @@ def test_nothing_is_loaded_while_a_frame_waits_for_it() -> None:
 import gc
 from numba.core.dispatcher import Dispatcher
 from gepf.coordinator.tracking.pose_library import library_of
-from gepf.coordinator.tracking.warm_up import NoRefiner
+from gepf.coordinator.tracking.warm_up import IdentityRefiner
 from gepf.coordinator.tracking.tracker import Tracker
 from tests.support.people import SETTINGS, STANDING, people, shown
 from tests.support.rooms import in_a_room
 bodies = people()
-Tracker(NoRefiner(), SETTINGS, bodies).prepare()
+Tracker(IdentityRefiner(), SETTINGS, bodies).prepare()
 built = library_of.cache_info().misses
 new = [each for each in gc.get_objects() if isinstance(each, Dispatcher) and not each.signatures]
 frames = [in_a_room(frame) for frame in shown("standing").frames]
 for start in (None, STANDING):
-    list(Tracker(NoRefiner(), SETTINGS, bodies, start=start).follow(frames))
+    list(Tracker(IdentityRefiner(), SETTINGS, bodies, start=start).follow(frames))
 print([each.__name__ for each in new if each.signatures], library_of.cache_info().misses - built)
 """
     assert subprocess.check_output([sys.executable, "-c", script], text=True) == "[] 0\n"

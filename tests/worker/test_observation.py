@@ -72,10 +72,10 @@ def test_what_may_hide_the_subject_is_no_evidence_against_it(seed: int) -> None:
     """The body is excluded from empty pixels only; the nearest pixel is the nearest that is not empty."""
     depth = some_depth(seed)
     other = np.random.default_rng(seed).choice([UNKNOWN, EMPTY, HIDDEN, UNMEASURED], size=depth.shape)
-    kinds = np.where(depth > 0, SUBJECT, other).astype(np.uint8)
+    labels = np.where(depth > 0, SUBJECT, other).astype(np.uint8)
     frame = frame_of(depth, np.flatnonzero(depth).astype(np.uint32))
     (plain,) = observe(frame).views
-    (observed,) = observe(replace(frame, views=(replace(frame.largest, kinds=kinds),))).views
-    np.testing.assert_array_equal(observed.empty, kinds == EMPTY)
-    np.testing.assert_array_equal(observed.nearest, nearest_occupied_pixels(kinds != EMPTY))
+    (observed,) = observe(replace(frame, views=(replace(frame.largest, labels=labels),))).views
+    np.testing.assert_array_equal(observed.empty, labels == EMPTY)
+    np.testing.assert_array_equal(observed.nearest, nearest_occupied_pixels(labels != EMPTY))
     np.testing.assert_array_equal(observed.points, plain.points)

@@ -105,7 +105,7 @@ def observe_view(view: SubjectView) -> ObservedView:
     z = depth.ravel()[picked].astype(np.float64)
     points = np.column_stack([(columns - camera.cx) / camera.fx * z, (rows - camera.cy) / camera.fy * z, z])
     ordered = points[neighbourhoods(points, TILE)].astype(np.float32)
-    empty = view.image.depth == 0 if view.kinds is None else view.kinds == EMPTY
+    empty = view.image.depth == 0 if view.labels is None else view.labels == EMPTY
     return ObservedView(
         points=np.concatenate([ordered, np.repeat(ordered[-1:], -len(points) % TILE, axis=0)]),
         count=len(points),

@@ -133,7 +133,7 @@ def agreeing_points(surface: Array, view: SubjectView, cell_m: float) -> tuple[I
     empty = ~inside & (left <= column) & (column < right) & (top <= row) & (row < bottom)
     pixels, depth = (row[inside], column[inside]), np.zeros(len(inner))
     depth[inside] = view.image.depth[pixels] / view.image.depth_scale
-    empty[inside] = (depth[inside] == 0.0) & (True if view.kinds is None else view.kinds[pixels] == EMPTY)
+    empty[inside] = (depth[inside] == 0.0) & (True if view.labels is None else view.labels[pixels] == EMPTY)
     return ahead[inner], ~empty & ((depth == 0.0) | (np.abs(depth - z[inner]) < LIMITS.agrees_m))
 
 

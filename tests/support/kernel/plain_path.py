@@ -181,7 +181,7 @@ def nearest_outline(seen: Array, facing: Mask, subject: SubjectFrame) -> tuple[A
     cells = np.floor(pixels + 0.5).astype(int)
     viewed = np.all((cells >= (left, top)) & (cells < (right, bottom)), axis=1)
     inside = np.clip(cells, 0, np.array(depth.shape[::-1]) - 1)
-    empty = depth == 0 if subject.largest.kinds is None else subject.largest.kinds == EMPTY
+    empty = depth == 0 if subject.largest.labels is None else subject.largest.labels == EMPTY
     nearest = distance_transform_edt(empty, return_distances=False, return_indices=True)
     outline = nearest[::-1, inside[:, 1], inside[:, 0]].T  # (Q, 2) column, row
     off = outline - pixels

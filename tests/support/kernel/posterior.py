@@ -90,7 +90,7 @@ def in_a_room(subject: SubjectFrame) -> SubjectFrame:
     patches = rng.choice([EMPTY, EMPTY, UNMEASURED, HIDDEN], size=-(-np.array(depth.shape) // 6))
     beside = np.kron(patches, np.ones((6, 6), dtype=np.uint8))[: depth.shape[0], : depth.shape[1]]
     kinds = np.where(depth > 0, SUBJECT, beside).astype(np.uint8)
-    return alone(replace(subject.largest, kinds=kinds))
+    return alone(replace(subject.largest, labels=kinds))
 
 
 def random_poses(of: PosteriorCase, count: int) -> Array:

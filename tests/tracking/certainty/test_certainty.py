@@ -87,7 +87,7 @@ def test_a_table_hides_what_is_behind_it() -> None:
     kinds = np.where(depth > 0, np.uint8(SUBJECT), np.uint8(HIDDEN))
     picked = np.flatnonzero(depth).astype(np.uint32)[::8]
     view = subject.largest
-    behind = alone(replace(view, image=replace(view.image, depth=depth), kinds=kinds, picked=picked))
+    behind = alone(replace(view, image=replace(view.image, depth=depth), labels=kinds, picked=picked))
     whole, hidden = certainty_of(STANDING, subject), certainty_of(STANDING, behind)
     assert hidden.seen[knee] < 0.05
     assert hidden.off_probability[knee] > 10.0 * whole.off_probability[knee]

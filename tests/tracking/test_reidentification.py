@@ -8,7 +8,7 @@ import pytest
 from gepf.common.arrays import Array
 from gepf.coordinator.colour.clothes import Clothes
 from gepf.coordinator.settings import ColourSettings, TrackSettings
-from gepf.coordinator.tracking.returning import LostBody, SeenBody, assign_lost
+from gepf.coordinator.tracking.reidentification import LostBody, SeenCandidate, assign_lost
 from gepf.coordinator.tracking.track_state import Policy
 
 POLICY = Policy(min_points=100, settings=TrackSettings(), colour=ColourSettings())
@@ -21,9 +21,9 @@ def lost(x_m: float, clothes: Array | None = None, unseen_s: float = 10.0, seen_
     return LostBody(np.array([x_m, 0.0, 3.0]), unseen_s, remembered)
 
 
-def seen(x_m: float, clothes: Array | None = None) -> SeenBody:
+def seen(x_m: float, clothes: Array | None = None) -> SeenCandidate:
     """A candidate here, in these clothes."""
-    return SeenBody(np.array([x_m, 0.0, 3.0]), clothes)
+    return SeenCandidate(np.array([x_m, 0.0, 3.0]), clothes)
 
 
 def test_without_colour_places_decide() -> None:

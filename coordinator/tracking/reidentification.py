@@ -21,7 +21,7 @@ class LostBody(NamedTuple):
     clothes: Clothes | None = None
 
 
-class SeenBody(NamedTuple):
+class SeenCandidate(NamedTuple):
     """A candidate: where it is, and the colour (3,) of the clothes; None if unknown."""
 
     place: Array  # (3,) metres
@@ -29,7 +29,7 @@ class SeenBody(NamedTuple):
 
 
 def assign_lost(
-    lost: Sequence[LostBody], seen: Sequence[SeenBody], policy: Policy, *, may_refuse: bool = False
+    lost: Sequence[LostBody], seen: Sequence[SeenCandidate], policy: Policy, *, may_refuse: bool = False
 ) -> list[int | None]:
     """The index of the candidate of each lost body: the most likely assignment of all of them.
 
