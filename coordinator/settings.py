@@ -107,10 +107,10 @@ class SceneSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     candidates: CandidateSettings = CandidateSettings()
 
     def scaled(self, smallest_m: float, largest_m: float) -> SceneSettings:
-        """The settings for bodies from the smallest to the largest extent, if these are not like people's."""
+        """The settings for bodies from the smallest to the largest extent, in metres, that are not people."""
         segmentation, candidates = self.segmentation, self.candidates
         smallest = min(1.0, smallest_m / candidates.person_m)
-        largest = max(1.0, largest_m / candidates.person_m)
+        largest = largest_m / candidates.person_m
         return msgspec.structs.replace(
             self,
             segmentation=msgspec.structs.replace(

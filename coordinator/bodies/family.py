@@ -23,6 +23,7 @@ from gepf.coordinator.bodies.angles import Angles
 from gepf.coordinator.bodies.tracked import activate_at, choose_active, name_pose
 
 SIZES = 64  # bodies that are kept
+EXTENT_POSES = 30  # in which the largest extent of a body is measured
 
 BodySize = tuple[float, ...]
 """Measures by which the bodies of a family differ; empty if their shape is known."""
@@ -141,16 +142,21 @@ class BodyFamily(ABC):
         return 1.0
 
     def extents(self, bodies: Bodies) -> tuple[float, float] | None:
-        """The extents at rest of the smallest and the largest body that is searched for, metres.
+        """The extent at rest of the smallest body that is searched for, and that of the largest in any pose.
 
-        None if the settings of candidates are for bodies of this family.
+        Both in metres. None if the settings of candidates are for bodies of this family.
         """
         from gepf.common.kinematics import pose_vertices  # loads the compiler
+        from gepf.coordinator.bodies.random_poses import draw_joints
 
-        models = [bodies.tracked(size, {})[0] for size in bodies.sizes]
-        vertices = [pose_vertices(model, np.zeros((1, len(model.dof_names))))[0] for model in models]
-        extents = [float(np.ptp(each, axis=0).max()) for each in vertices]
-        return min(extents), max(extents)
+        smallest, largest = np.inf, 0.0
+        for size in bodies.sizes:
+            model = bodies.tracked(size, {})[0]
+            at_rest = np.zeros((1, len(model.dof_names)))
+            poses = np.concatenate([at_rest, draw_joints(model, EXTENT_POSES, np.random.default_rng(0))])
+            extents = np.ptp(pose_vertices(model, poses), axis=1).max(axis=-1)
+            smallest, largest = min(smallest, float(extents[0])), max(largest, float(extents.max()))
+        return smallest, largest
 
     def alternatives(self, size: BodySize) -> Sequence[BodySize]:
         """Other sizes that look much like this one, but that refinement does not reach from it."""

@@ -37,6 +37,7 @@ logger = logging.getLogger(__name__)
 
 MOVING = {"revolute": ROTATION, "continuous": ROTATION, "prismatic": TRANSLATION}
 BASE = len(ROOT_DOFS) - 1
+FLAT_SPREAD = 8.0  # of `rest_spreads`: so wide that poses within the limits are about equally likely
 
 
 class Extents(msgspec.Struct, frozen=True):
@@ -78,7 +79,7 @@ def read_urdf(path: Path) -> BodyModel:
         parents=parents,
         axes=axes,
         points=points,
-        rest_spreads=np.ones(len(kinds)),
+        rest_spreads=np.full(len(kinds), FLAT_SPREAD),
         limits=np.array([(-np.inf, np.inf)] * 6 + [limits_of(path, j) for j in moving]),
         balls=find_balls(kinds, parents, axes, points, surface_carriers(link_dofs, skin_links, skin_weights)),
         link_names=(base, *(j.child for j in moving)),

@@ -12,6 +12,7 @@ import trimesh
 import gepf
 from gepf.coordinator.cli import main
 from gepf.coordinator.results.track import read_track
+from tests.support.people import changed
 from tests.support.stand_ins import Direct
 
 FRAMES = "4"
@@ -74,27 +75,29 @@ def test_a_robot_of_meshes_is_tracked(robot: Path, capsys: pytest.CaptureFixture
     assert np.ptp(track.joint_positions[:, track.joint_names.index("lift")], axis=0).max() < 1e-12
 
 
-def test_a_robot_much_smaller_than_a_person_is_detected_in_a_room(tmp_path: Path) -> None:
-    """A lamp on the floor: what may be the body is as large as the body, not as a person."""
-    path, seq = tmp_path / "lamp.urdf", tmp_path / "seq"
+def lamp_in_a_room(folder: Path) -> tuple[Path, Path]:
+    """The URDF file of a lamp, and a recording of it in a room."""
+    path, seq = folder / "lamp.urdf", folder / "seq"
     path.write_text(SMALL)
-    synth = [
-        "synth",
-        "roam",
-        "--model",
-        str(path),
-        "--room",
-        "--kinect",
-        "--frames",
-        FRAMES,
-        "--out",
-        str(seq),
-        "-q",
-    ]
-    assert main(synth) == 0
+    shown = ("roam", "--model", str(path), "--room", "--kinect", "--frames", FRAMES)
+    assert main(["synth", *shown, "--out", str(seq), "-q"]) == 0
+    return path, seq
+
+
+@pytest.mark.parametrize("wall_m", [None, 1.3])
+def test_a_robot_much_smaller_than_a_person_is_detected_in_a_room(
+    tmp_path: Path, wall_m: float | None
+) -> None:
+    """A lamp on the floor, or close to a wall: what may be the body is as large as the body, not as a person."""
+    path, seq = lamp_in_a_room(tmp_path)
     source, truth = gepf.open_source(seq), np.load(seq / "truth.npz")
     with gepf.Tracker(model=path) as tracker:
         for number, joints in enumerate(truth["joint_positions"]):
-            estimate = tracker.track(source.frame(number))
+            frame = source.frame(number)
+            if wall_m is not None:
+                depth, units = frame.views[0].depth, wall_m * frame.views[0].depth_scale
+                near = np.where((depth == 0) | (depth > units), units, depth).astype(depth.dtype)
+                frame = changed(frame, depth=near)
+            estimate = tracker.track(frame)
             assert estimate.status in {"tracked", "ambiguous"}
             assert np.linalg.norm(estimate.joint_positions - joints, axis=1).max() < 0.05
