@@ -1,57 +1,52 @@
 """What colour brings and what wrong keypoints cost, on rendered people: python -m benchmarks.colour.
 
-People in random clothes who move fast, with the noise of a Kinect and exact truth. Each row disturbs the
-keypoints that the network finds. A joint is off if its error is above 15 cm.
+People in random clothes who move fast, with the noise of a Kinect and exact truth. The rows after the first
+two disturb the keypoints that the network finds. A joint is off if its error is above 15 cm; all joints of
+a body that is not known are off.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
 
+from benchmarks import gestures
+from benchmarks.coloured import Film, film
 from benchmarks.running import command_line, keep
-from benchmarks.tracking import bodies_of, follow, prepare
-from gepf.common.arrays import Array
-from gepf.common.frame import Frame, View
-from gepf.common.kinematics import joint_positions, pose_vertices
+from benchmarks.tracking import bodies_of, prepare
+from gepf.common.arrays import Array, Indices, Mask
+from gepf.common.frame import Frame
 from gepf.coordinator.colour.finder import KeypointFinder, PeopleInColour
+from gepf.coordinator.colour.keypoints import TRUNK
 from gepf.coordinator.colour.matching import EXCHANGED, ExpectedBody
 from gepf.coordinator.filters.methods import settings_for
-from gepf.coordinator.scene.noise import SensorNoise
 from gepf.coordinator.settings import CertaintySettings, ColourSettings
-from gepf.coordinator.sources.source import to_units
 from gepf.coordinator.synthesis.clothes import dress
-from gepf.coordinator.synthesis.noise import add_noise
+from gepf.coordinator.synthesis.noise import SensorModel
 from gepf.coordinator.synthesis.person_scene import person
-from gepf.coordinator.synthesis.rendering import ColouredSurface, DepthRenderer
 from gepf.coordinator.synthesis.scenes import Scene, turn
 from gepf.coordinator.tracking.estimate import POSE_UNKNOWN
 from gepf.coordinator.tracking.tracker import Tracker
 from gepf.refiners import DirectRefiner
 
-SCENES: dict[str, Callable[[int], Scene]] = {"person": person, "turn": lambda _: turn()}
-BACKGROUND, LIGHT = np.array([0.6, 0.6, 0.5]), np.array([0.3, -0.5, -1.0])
-IMAGE_NOISE = 4.0  # of 255
+SCENES: dict[str, Callable[[int], Scene]] = {"person": person, "turn": lambda _: turn(), **gestures.SCENES}
+IN_ROOMS = SensorModel(jump_m=0.1)
+"""With 3 cm, the rows of a floor three metres away would be edges, and half of them without depth."""
+LIMBS = ("elbow", "wrist", "knee", "ankle")
+FARTHEST_M = 0.5  # error above which a body does not follow a person
 SHARE, MOVED_M, LATE_S, MIRRORED_S = 0.15, 0.26, 1.0, (1.0, 4.0)
 SHIFTED_M = 0.1  # of colour that is not registered
 Seen = NDArray[np.float32]
 """Keypoints (17, 3) of an image."""
-
-
-@dataclass(frozen=True, eq=False)
-class Rendered:
-    """Frames of a person with colour, and the true joints (F, J, 3)."""
-
-    frames: list[Frame]
-    joints: Array
 
 
 class Moment(NamedTuple):
@@ -67,6 +62,7 @@ class Moment(NamedTuple):
 class Score(NamedTuple):
     """Of a run: shares of joints off, mean error in metres, and shares of frames."""
 
+    limbs_off: float  # elbows, wrists, knees and ankles
     off: float
     error_m: float
     known: float
@@ -119,11 +115,11 @@ ROWS: dict[str, Disturb | None] = {
 
 
 class DisturbedFinder(KeypointFinder):
-    """Finds keypoints of one person, and disturbs them."""
+    """Finds the keypoints of people in the images of one camera, and disturbs them."""
 
     def __init__(self, disturb: Disturb, seed: int) -> None:
         super().__init__()
-        self._disturb, self._past = disturb, dict[float, Seen]()
+        self._disturb, self._past = disturb, dict[int, dict[float, Seen]]()
         self._rng = np.random.default_rng([seed, 59])
 
     def submit(
@@ -131,57 +127,58 @@ class DisturbedFinder(KeypointFinder):
     ) -> Future[PeopleInColour]:
         """Disturbed keypoints."""
         people = super().submit(frame, bodies, settings).result()
-        (found,) = people.keypoints
         future = Future[PeopleInColour]()
-        if "" in found:
-            self._past[frame.time_s] = found[""]
-            (view,) = frame.views
-            per_metre = view.intrinsics.fx / float(np.median(view.metres()[view.depth > 0]))
-            seen = self._disturb(Moment(frame, found[""], self._past, per_metre, self._rng))
-            found = {} if seen is None else {"": seen.astype(np.float32)}
-        future.set_result(people._replace(keypoints=[found]))
+        disturbed = [self._disturbed(frame, n, seen) for n, seen in enumerate(people.keypoints)]
+        future.set_result(people._replace(keypoints=disturbed))
         return future
+
+    def _disturbed(self, frame: Frame, person: int, seen: Mapping[str, Seen]) -> dict[str, Seen]:
+        """The keypoints of a person by camera."""
+        (view,) = frame.views
+        if view.camera not in seen:
+            return {}
+        past = self._past.setdefault(person, {})
+        past[frame.time_s] = seen[view.camera]
+        places = np.rint(seen[view.camera][TRUNK, :2]).astype(int)
+        columns, rows = np.clip(places, 0, np.array(view.depth.shape[::-1]) - 1).T
+        depth = view.metres()[rows, columns]
+        per_metre = view.intrinsics.fx / float(np.median(depth[depth > 0.0])) if depth.any() else 0.0
+        after = self._disturb(Moment(frame, seen[view.camera], past, per_metre, self._rng))
+        return {} if after is None else {view.camera: after.astype(np.float32)}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Render, track, print a line for each row."""
     parser = command_line("colour", __doc__)
     parser.add_argument("--seeds", nargs=2, type=int, default=[0, 3], metavar=("A", "B"))
-    parser.add_argument("--scene", choices=list(SCENES), default="person")
+    parser.add_argument("--scenes", nargs="+", choices=list(SCENES), default=["person"], metavar="SCENE")
     parser.add_argument("--frames", type=int, default=None, metavar="N")
     parser.add_argument("--only", nargs="+", choices=list(ROWS), default=list(ROWS), metavar="ROW")
     chosen: argparse.Namespace = parser.parse_args(arguments)
     prepare()
-    lines = [f"{'':26}{'joints off':>12}{'mean':>9}{'known':>8}{'tracked and wrong':>19}{'keypoints':>11}"]
+    columns = ("limbs off", "joints off", "mean", "known", "tracked and wrong", "keypoints")
+    lines = [f"{'':36}" + "".join(f"{column:>19}" for column in columns)]
     print(lines[0], flush=True)
-    for name in chosen.only:
-        runs = (rendered(chosen.scene, seed, chosen.frames) for seed in range(*chosen.seeds))
-        scores = [score(run, ROWS[name], seed) for seed, run in enumerate(runs, chosen.seeds[0])]
-        mean = Score(*np.mean(scores, axis=0))
-        line = f"{name:26}{100 * mean.off:10.1f} %{100 * mean.error_m:6.1f} cm{100 * mean.known:6.0f} %"
-        line += f"{100 * mean.wrong:17.1f} %{100 * mean.used:9.0f} %"
-        lines.append(line)
-        print(line, flush=True)
+    for scene in chosen.scenes:
+        for name in chosen.only:
+            runs = (rendered(scene, seed, chosen.frames) for seed in range(*chosen.seeds))
+            scores = [score(run, ROWS[name], seed) for seed, run in enumerate(runs, chosen.seeds[0])]
+            values = 100.0 * np.mean(scores, axis=0)
+            units = [" cm" if field == "error_m" else " %" for field in Score._fields]
+            cells = [f"{value:.1f}{unit}" for value, unit in zip(values, units, strict=True)]
+            lines.append(f"{scene:10}{name:26}" + "".join(f"{cell:>19}" for cell in cells))
+            print(lines[-1], flush=True)
     keep(lines, chosen.out)
     return 0
 
 
 @cache
-def rendered(scene: str, seed: int, frames: int | None) -> Rendered:
+def rendered(scene: str, seed: int, frames: int | None) -> Film:
     """The first frames of a scene, in random clothes."""
     shown, rng = SCENES[scene](seed), np.random.default_rng([seed, 7])
-    model, camera, poses = shown.model, shown.camera, shown.poses[:frames]
-    clothes, images, vertices = dress(model, rng), list[Frame](), pose_vertices(model, poses)
-    with DepthRenderer(camera) as renderer:
-        for number, surface in enumerate(vertices):
-            clean = renderer.depth(surface, model.triangles).astype(np.float64)
-            depth = to_units(add_noise(clean, camera, SensorNoise(0.0, 0.0), rng, kinect=True), 1000.0)
-            seen = renderer.colours(ColouredSurface(surface, model.triangles, clothes), BACKGROUND, LIGHT)
-            noisy = seen + rng.normal(0.0, IMAGE_NOISE, seen.shape)
-            colours = np.clip(noisy, 0, 255).astype(np.uint8)
-            view = View(number, number / shown.fps, depth, 1000.0, camera, colours=colours)
-            images.append(Frame.of(view))
-    return Rendered(images, joint_positions(model, poses))
+    people = [replace(each, poses=each.poses[:frames].copy()) for each in (shown, *shown.others)]
+    first = replace(people[0], others=tuple(people[1:]))
+    return film(first, [dress(each.model, rng) for each in people], rng, IN_ROOMS)
 
 
 def without_colours(frame: Frame) -> Frame:
@@ -189,20 +186,37 @@ def without_colours(frame: Frame) -> Frame:
     return Frame.of(*(replace(view, colours=None) for view in frame.views))
 
 
-def score(of: Rendered, disturb: Disturb | None, seed: int) -> Score:
+def score(of: Film, disturb: Disturb | None, seed: int) -> Score:
     """Track the frames, by depth alone without a disturbance."""
     settings = settings_for("gepf", "default", seed=seed)
     finder = None if disturb is None else DisturbedFinder(disturb, seed)
     frames = of.frames if finder is not None else list(map(without_colours, of.frames))
-    tracker = Tracker(DirectRefiner(), settings, bodies_of(settings.preset), colour=finder)
-    estimates = [person.estimate for person in follow(tracker, frames)[0]]
-    known = np.array([each.status not in POSE_UNKNOWN for each in estimates])
-    apart = np.linalg.norm(np.array([each.joint_positions for each in estimates]) - of.joints, axis=-1)
-    off = (apart > CertaintySettings().wrong_m) | ~known[:, None]
-    tracked = np.array([each.status == "tracked" for each in estimates])
-    used = float(np.mean([bool(each.keypoints) for each in estimates]))
-    wrong = float(np.mean(tracked & off.any(axis=1)))
-    return Score(float(off.mean()), float(apart[known].mean()), float(known.mean()), wrong, used)
+    people, bodies = of.joints.shape[1], bodies_of(settings.preset)
+    tracker = Tracker(DirectRefiner(), settings, bodies, people=people, colour=finder)
+    reports = [[person.estimate for person in frame.people] for frame in tracker.follow(frames)]
+    known = np.array([[each.status not in POSE_UNKNOWN for each in report] for report in reports])
+    joints = np.array([[each.joint_positions for each in report] for report in reports])
+    order = bodies_in_order(joints, known, of.joints)
+    known, apart = known[:, order], np.linalg.norm(joints[:, order] - of.joints, axis=-1)
+    off = (apart > CertaintySettings().wrong_m) | ~known[..., None]
+    tracked = np.array([[report[n].status == "tracked" for n in order] for report in reports])
+    limbs = [any(part in name for part in LIMBS) for name in of.names]
+    used = np.mean([[bool(each.keypoints) for each in report] for report in reports])
+    return Score(
+        float(off[..., limbs].mean()),
+        float(off.mean()),
+        float(apart[known].mean()),
+        float(known.mean()),
+        float(np.mean(tracked & off.any(axis=-1))),
+        float(used),
+    )
+
+
+def bodies_in_order(joints: Array, known: Mask, truth: Array) -> Indices:
+    """For each of N true people (F, N, J, 3), the body (F, N, J, 3) that follows them best in all frames."""
+    apart = np.linalg.norm(joints[:, :, None] - truth[:, None], axis=-1).mean(axis=-1)
+    costs = np.where(known[:, :, None], np.minimum(apart, FARTHEST_M), FARTHEST_M).sum(axis=0)
+    return np.asarray(linear_sum_assignment(costs.T)[1])
 
 
 if __name__ == "__main__":

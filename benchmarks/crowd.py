@@ -12,29 +12,23 @@ import argparse
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 
-from benchmarks.colour import BACKGROUND, IMAGE_NOISE, LIGHT
+from benchmarks.coloured import Film, film
 from benchmarks.running import add_changes, command_line, keep, measured, settings_with
 from benchmarks.tracking import bodies_of, prepare
 from gepf.common.arrays import Array
 from gepf.common.body import BodyModel
 from gepf.common.camera import points_of
-from gepf.common.frame import Frame, View
-from gepf.common.kinematics import joint_positions, pose_vertices
+from gepf.common.kinematics import pose_vertices
 from gepf.coordinator.colour.finder import KeypointFinder
-from gepf.coordinator.scene.noise import SensorNoise
-from gepf.coordinator.sources.source import to_units
 from gepf.coordinator.synthesis.clothes import dress
-from gepf.coordinator.synthesis.noise import add_noise
 from gepf.coordinator.synthesis.person_scene import SHOT, grounded, random_person, swing_limbs
-from gepf.coordinator.synthesis.rendering import ColouredSurface, DepthRenderer
 from gepf.coordinator.synthesis.scenes import Scene
 from gepf.coordinator.synthesis.surround import Room, furnished
 from gepf.coordinator.tracking.estimate import POSE_UNKNOWN
@@ -49,20 +43,6 @@ REACH, PERIOD_S = 0.36, 8.0  # of a walk, as a share of the lane's distance; to 
 SAME_PERSON_M = 0.5  # largest distance of a body from the person whom it follows
 EXPLAINED_M = 0.08  # largest distance of a point from the body that explains it
 IN_VIEW, MAX_OF_OTHERS = 1.0 / 3.0, 0.05  # shares of a person's pixels
-
-
-@dataclass(frozen=True, eq=False)
-class Crowd:
-    """Frames of N people.
-
-    joints (F, N, J, 3) are true. owners: (F, H, W) the person at each pixel, -1 for none. in_view (F, N): the
-    share of each person that is not hidden by others.
-    """
-
-    frames: list[Frame]
-    joints: Array
-    owners: NDArray[np.int8]
-    in_view: Array
 
 
 class Score(NamedTuple):
@@ -110,38 +90,16 @@ def measure(chosen: argparse.Namespace) -> int:
     return 0
 
 
-def rendered(people: int, seed: int, frames: int, in_room: bool) -> Crowd:
+def rendered(people: int, seed: int, frames: int, in_room: bool) -> Film:
     """Frames of people who walk past each other."""
     rng = np.random.default_rng([seed, 58])
     scenes = [walk(n, random_person(rng), frames, rng) for n in range(people)]
     clothes = [dress(scene.model, rng) for scene in scenes]
-    camera, images = SHOT.camera, list[Frame]()
-    owners = np.full((frames, camera.height, camera.width), -1, np.int8)
-    in_view, room = np.zeros((frames, people)), None
+    crowd = replace(scenes[0], others=tuple(scenes[1:]))
     if in_room:
-        middle = Scene(scenes[0].model, camera, FPS, scenes[len(scenes) // 2].poses, None, tuple(scenes))
-        room = furnished(middle, Room(wall_m=4.0)).room
-    with DepthRenderer(camera) as renderer:
-        for number in range(frames):
-            depth = np.zeros(owners.shape[1:])
-            if room is not None:
-                depth[:] = renderer.depth(*room)
-            colours, pixels = np.tile(255.0 * BACKGROUND, (*depth.shape, 1)), np.zeros(people)
-            for n, scene in enumerate(scenes):
-                surface = pose_vertices(scene.model, scene.poses[number, None])[0]
-                seen = renderer.depth(surface, scene.model.triangles)
-                nearer = (seen > 0.0) & ((depth == 0.0) | (seen < depth))
-                depth[nearer], owners[number][nearer] = seen[nearer], n
-                dressed = ColouredSurface(surface, scene.model.triangles, clothes[n])
-                colours[nearer] = renderer.colours(dressed, BACKGROUND, LIGHT)[nearer]
-                pixels[n] = np.sum(seen > 0.0)
-            in_view[number] = [np.sum(owners[number] == n) / max(1.0, pixels[n]) for n in range(people)]
-            noisy = add_noise(depth, camera, SensorNoise(0.0, 0.0), rng, kinect=True)
-            image = np.clip(colours + rng.normal(0.0, IMAGE_NOISE, colours.shape), 0, 255).astype(np.uint8)
-            view = View(number, number / FPS, to_units(noisy, 1000.0), 1000.0, camera, colours=image)
-            images.append(Frame.of(view))
-    joints = np.stack([joint_positions(scene.model, scene.poses) for scene in scenes], axis=1)
-    return Crowd(images, joints, owners, in_view)
+        middle = replace(scenes[len(scenes) // 2], others=tuple(scenes))
+        crowd = replace(crowd, room=furnished(middle, Room(wall_m=4.0)).room)
+    return film(crowd, clothes, rng)
 
 
 def walk(number: int, model: BodyModel, frames: int, rng: np.random.Generator) -> Scene:
@@ -163,7 +121,7 @@ def walk(number: int, model: BodyModel, frames: int, rng: np.random.Generator) -
     return Scene(model, SHOT.camera, FPS, grounded(model, poses), None)
 
 
-def score(crowd: Crowd, every: int, seed: int, changes: Sequence[str], *, in_colour: bool) -> Score:
+def score(crowd: Film, every: int, seed: int, changes: Sequence[str], *, in_colour: bool) -> Score:
     """Track every n-th frame."""
     settings, finder = settings_with(changes, seed=seed), KeypointFinder() if in_colour else None
     tracker = Tracker(
@@ -237,7 +195,7 @@ def matched(frame: TrackedFrame, bodies: Sequence[int], joints: Array) -> Iterat
 
 
 def explained_by_others(
-    crowd: Crowd, number: int, frame: TrackedFrame, pairs: dict[int, int]
+    crowd: Film, number: int, frame: TrackedFrame, pairs: dict[int, int]
 ) -> Iterator[bool]:
     """Whether too many points of each followed person are explained by another body than its own."""
     (view,), bodies = crowd.frames[number].views, known_bodies(frame)
