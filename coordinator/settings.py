@@ -230,16 +230,16 @@ class SearchSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class FeatureWeights(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Log odds that a joint is wrong, for each unit of a feature, see `coordinator/tracking/certainty.py`."""
 
-    seen: float = -4.285  #: visible share of the surface around the joint
-    residual: float = 3.699  #: normalised residual of the body
-    unexplained: float = 0.4731
+    seen: float = -4.436  #: visible share of the surface around the joint
+    residual: float = 3.288  #: normalised residual of the body
+    unexplained: float = 0.4479
     """Logarithm of the share of the points within reach of the joint that no surface explains."""
-    spread: float = 0.2504  #: logarithm of the spread of the hypotheses
-    speed: float = 0.1845  #: logarithm of the joint's speed
-    bend: float = 0.2201  #: sum of the squared angles above the joint
-    folding: float = 2.446  #: folding of the body
-    crowding: float = 1.012  #: number of joints nearby
-    protrusion: float = 2.938  #: distance in front of or behind the mean joint
+    spread: float = 0.1229  #: logarithm of the spread of the hypotheses
+    speed: float = 0.2606  #: logarithm of the joint's speed
+    bend: float = 0.1967  #: sum of the squared angles above the joint
+    folding: float = 2.4  #: folding of the body
+    crowding: float = 0.9285  #: number of joints nearby
+    protrusion: float = 4.54  #: distance in front of or behind the mean joint
 
 
 class CertaintyFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -248,11 +248,11 @@ class CertaintyFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     Fitted by `python -m benchmarks.certainty --fit`.
     """
 
-    intercept: float = -0.5084  #: log odds
+    intercept: float = -0.7709  #: log odds
     weights: FeatureWeights = FeatureWeights()
-    log_deviation: float = -1.785  #: logarithm of the deviation in metres
-    log_deviation_odds: float = 0.2788  #: change of that logarithm per unit of the log odds
-    log_deviation_hidden: float = 0.2941  #: change of that logarithm with the hidden share
+    log_deviation: float = -1.704  #: logarithm of the deviation in metres
+    log_deviation_odds: float = 0.2992  #: change of that logarithm per unit of the log odds
+    log_deviation_hidden: float = 0.15  #: change of that logarithm with the hidden share
 
 
 class CertaintySettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

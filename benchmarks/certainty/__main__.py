@@ -6,9 +6,9 @@ table shows how many joints lie within one and two deviations, and how many of t
 
 With --fit, the functions are fitted first and printed as CertaintyFit of coordinator/settings.py.
 The data are subjects 1 and 2 (also tracked with --method gradient, and in images that end at the knees),
-rendered people tracked with --method gradient, skinned people, alone and in rooms, and every second clothed
-person. To measure how often
-one particle detects a lost limb: --demo 12 --set method=gradient.
+rendered people tracked with --method gradient, rendered people with fast arms who are seen from the front and
+from behind, skinned people, alone and in rooms, and every second clothed person. To measure how often one
+particle detects a lost limb: --demo 12 --set method=gradient.
 
 Progress on stderr, a table on stdout, numbers in a JSON file. Exit code 1 if a recording crashed.
 """
@@ -30,6 +30,7 @@ from benchmarks.certainty.gather import (
     find_hard,
     find_rendered,
     gather,
+    render_gestures,
     render_people,
 )
 from benchmarks.certainty.scores import Score, score, score_table
@@ -54,15 +55,17 @@ from gepf.coordinator.settings import CertaintyFit
 
 EVERY = [1, 2, 3]  # n-th frame
 FIT_SUBJECTS = (1, 2)
-KINDS = PEOPLE, GRADIENT, CUT, RENDERED, SKINNED, CLOTHED = (
+KINDS = PEOPLE, GRADIENT, CUT, RENDERED, SKINNED, CLOTHED, GESTURES = (
     "people",
     "gradient",
     "cut",
     "rendered",
     "skinned",
     "clothed",
+    "gestures",
 )
 FIRST_RENDERED, RENDERED_FOR_FIT = 20, range(100, 112)  # seeds that the demo does not use
+GESTURES_FOR_FIT = range(10, 14)  # seeds that the benchmark of colour does not use
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -118,6 +121,7 @@ def gather_to_fit(choice: Namespace, folder: Path, bodies: Bodies, crashes: list
     """Recordings of each kind, to which certainty is fitted."""
     people, rendered = find_hard(choice.data, FIT_SUBJECTS), render_people(folder, RENDERED_FOR_FIT)
     skinned, clothed = find_rendered(choice.data), find_clothed(choice.data)[::2]
+    gestures = render_gestures(folder, GESTURES_FOR_FIT)
     plain = Namespace(**{**vars(choice), "cut": None})
     gradient = Namespace(**{**vars(plain), "changes": [*choice.changes, "method=gradient"]})
     cut = Namespace(**{**vars(plain), "cut": 0.0})
@@ -128,6 +132,7 @@ def gather_to_fit(choice: Namespace, folder: Path, bodies: Bodies, crashes: list
         *track_all(RENDERED, rendered, Namespace(**{**vars(gradient), "every": [1]}), bodies, crashes),
         *track_all(SKINNED, skinned, Namespace(**{**vars(plain), "every": EVERY[::2]}), bodies, crashes),
         *track_all(CLOTHED, clothed, Namespace(**{**vars(plain), "every": [1]}), bodies, crashes),
+        *track_all(GESTURES, gestures, Namespace(**{**vars(plain), "every": [1]}), bodies, crashes),
     ]
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks import gestures
 from benchmarks.recordings import Recording, choose, find_people, read_frames, read_reference
 from gepf.common.arrays import Array, Mask
 from gepf.common.camera import Intrinsics
@@ -18,8 +19,9 @@ from gepf.common.kinematics import joint_positions
 from gepf.coordinator.bodies.family import Bodies
 from gepf.coordinator.files import TRUTH_FILE
 from gepf.coordinator.results.evaluation import positions
+from gepf.coordinator.scene.noise import NO_NOISE
 from gepf.coordinator.settings import Settings
-from gepf.coordinator.synthesis.sequence import PERSON, synthesise
+from gepf.coordinator.synthesis.sequence import PERSON, synthesise, write_depth, write_facts
 from gepf.coordinator.tracking.certainty import Features, measure_features, seen_shares
 from gepf.coordinator.tracking.estimate import POSE_UNKNOWN
 from gepf.coordinator.tracking.reporting import Stopwatch, UpdatedPerson, report
@@ -69,6 +71,19 @@ def render_people(folder: Path, seeds: Sequence[int]) -> list[Recording]:
     for seed in seeds:
         synthesise(PERSON, folder / str(seed), FRAMES, seed=seed, kinect=True)
     return [Recording(str(s), folder / str(s), folder / str(s) / TRUTH_FILE) for s in seeds]
+
+
+def render_gestures(folder: Path, seeds: Sequence[int]) -> list[Recording]:
+    """Render people who move their arms fast, from the front, in front of a wall, and from behind."""
+    recordings = list[Recording]()
+    for scene in (gestures.arms, gestures.wall, gestures.back):
+        for seed in seeds:
+            out, shown = folder / f"{scene.__name__}{seed}", scene(seed)
+            for _ in write_depth(shown, NO_NOISE, seed, out / "depth", kinect=True):
+                pass
+            write_facts(shown, out)
+            recordings.append(Recording(out.name, out, out / TRUTH_FILE))
+    return recordings
 
 
 def gather(
