@@ -447,7 +447,9 @@ def _on_refined(
         followed_s=followed_s,
         was_established=before.was_established or followed_s > settings.check_interval_s - ROUNDING_S,
         faulty=event.faulty,
-        unshown_s=_next_unshown_s(0.0 if event.redetected else before.unshown_s, event, interval, colour),
+        unshown_s=_next_unshown_s(
+            0.0 if event.redetected and state.is_lost else before.unshown_s, event, interval, colour
+        ),
         sides_s=0.0 if event.redetected else _next_sides_s(before.sides_s, event.sides, interval, colour),
         clothes=_next_clothes(before, event, interval, colour) if is_explained else before.clothes,
         unlike_s=0.0 if event.redetected else _next_unlike_s(before, event, interval, colour),
