@@ -88,7 +88,7 @@ def lamp_in_a_room(folder: Path) -> tuple[Path, Path]:
 def test_a_robot_much_smaller_than_a_person_is_detected_in_a_room(
     tmp_path: Path, wall_m: float | None
 ) -> None:
-    """A lamp on the floor, or close to a wall: what may be the body is as large as the body, not as a person."""
+    """A lamp on the floor, or close to a wall: a candidate is as large as the body, not as a person."""
     path, seq = lamp_in_a_room(tmp_path)
     source, truth = gepf.open_source(seq), np.load(seq / "truth.npz")
     with gepf.Tracker(model=path) as tracker:
