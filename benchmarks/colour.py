@@ -39,8 +39,8 @@ from gepf.coordinator.tracking.tracker import Tracker
 from gepf.refiners import DirectRefiner
 
 SCENES: dict[str, Callable[[int], Scene]] = {"person": person, "turn": lambda _: turn(), **gestures.SCENES}
-IN_ROOMS = SensorModel(jump_m=0.1)
-"""With 3 cm, the rows of a floor three metres away would be edges, and half of them without depth."""
+SENSOR = SensorModel(jump_m=0.1)
+"""A Kinect. With gaps at steps of 3 cm, the rows of a floor three metres away would be edges, too."""
 LIMBS = ("elbow", "wrist", "knee", "ankle")
 FARTHEST_M = 0.5  # error above which a body does not follow a person
 SHARE, MOVED_M, LATE_S, MIRRORED_S = 0.15, 0.26, 1.0, (1.0, 4.0)
@@ -178,7 +178,7 @@ def rendered(scene: str, seed: int, frames: int | None) -> Film:
     shown, rng = SCENES[scene](seed), np.random.default_rng([seed, 7])
     people = [replace(each, poses=each.poses[:frames].copy()) for each in (shown, *shown.others)]
     first = replace(people[0], others=tuple(people[1:]))
-    return film(first, [dress(each.model, rng) for each in people], rng, IN_ROOMS)
+    return film(first, [dress(each.model, rng) for each in people], rng, SENSOR)
 
 
 def without_colours(frame: Frame) -> Frame:

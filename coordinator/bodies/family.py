@@ -23,7 +23,7 @@ from gepf.coordinator.bodies.angles import Angles
 from gepf.coordinator.bodies.tracked import activate_at, choose_active, name_pose
 
 SIZES = 64  # bodies that are kept
-EXTENT_POSES = 30  # in which the largest extent of a body is measured
+EXTENT_POSES = 30  # in which the extents of a body are measured
 
 BodySize = tuple[float, ...]
 """Measures by which the bodies of a family differ; empty if their shape is known."""
@@ -125,7 +125,8 @@ class BodyFamily(ABC):
         """Poses (N, D) in which a body is searched for, with the root at the origin.
 
         A pose includes the view: headings, and tilts of the camera, in its axes (x right, y down). The pose
-        of zeros is that at rest: the prior of joint angles, and limbs that are out of view, tend to it.
+        of zeros is that at rest, to which limbs that are out of view tend. So does the prior of joint angles,
+        as far as `rest_spreads` says.
         """
 
     @abstractmethod
@@ -142,9 +143,11 @@ class BodyFamily(ABC):
         return 1.0
 
     def extents(self, bodies: Bodies) -> tuple[float, float] | None:
-        """The extent at rest of the smallest body that is searched for, and that of the largest in any pose.
+        """The least extent of the smallest body that is searched for, and the largest of the largest one.
 
-        Both in metres. None if the settings of candidates are for bodies of this family.
+        In metres; over poses with joints anywhere within their ranges. The largest is the diagonal of the
+        bounding box, whichever way the body is turned. None if the settings of candidates are for bodies of
+        this family.
         """
         from gepf.common.kinematics import pose_vertices  # loads the compiler
         from gepf.coordinator.bodies.random_poses import draw_joints
@@ -154,8 +157,9 @@ class BodyFamily(ABC):
             model = bodies.tracked(size, {})[0]
             at_rest = np.zeros((1, len(model.dof_names)))
             poses = np.concatenate([at_rest, draw_joints(model, EXTENT_POSES, np.random.default_rng(0))])
-            extents = np.ptp(pose_vertices(model, poses), axis=1).max(axis=-1)
-            smallest, largest = min(smallest, float(extents[0])), max(largest, float(extents.max()))
+            sides = np.ptp(pose_vertices(model, poses), axis=1)
+            smallest = min(smallest, float(sides.max(axis=1).min()))
+            largest = max(largest, float(np.linalg.norm(sides, axis=1).max()))
         return smallest, largest
 
     def alternatives(self, size: BodySize) -> Sequence[BodySize]:

@@ -37,7 +37,7 @@ logger = logging.getLogger(__name__)
 
 MOVING = {"revolute": ROTATION, "continuous": ROTATION, "prismatic": TRANSLATION}
 BASE = len(ROOT_DOFS) - 1
-FLAT_SPREAD = 8.0  # of `rest_spreads`: so wide that poses within the limits are about equally likely
+FLAT_SPREAD = 8.0  # of `rest_spreads`: 13 rad by default, so poses within the limits are equally likely
 
 
 class Extents(msgspec.Struct, frozen=True):

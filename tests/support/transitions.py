@@ -529,6 +529,15 @@ TRANSITIONS = [
         (),
     ),
     Transition(
+        replace(TRACKED, unshown_s=0.5),
+        "for half a second, colour has not shown this body",
+        with_fields(FITS, redetected=True, is_confirmed=False),
+        "a search has found another pose of it, and colour shows other people",
+        Tracked,
+        {**AS_REFINED, "unshown_s": 0.5 + INTERVAL_S, "check_clock_s": 0.0},
+        (),
+    ),
+    Transition(
         replace(LOST, unshown_s=None),
         "colour has shown this body",
         with_fields(FITS, redetected=True, is_confirmed=False),
