@@ -142,7 +142,7 @@ class CandidateStages:
         return np.array(poses).reshape(-1, best.poses.shape[1])
 
     def _completed(self, query: Query, best: PoseCandidates) -> Array:
-        """The candidates (N, D) with every shape, once as they are and once with the unseen limbs at rest.
+        """Each candidate (N, D) with each shape, once in its pose and once with the unseen limbs at rest.
 
         The upper end of each body stays in place. A visible part fits a range of sizes
         and gives no information about the other limbs.

@@ -118,7 +118,7 @@ class ParticleFilter:
         return pace_iterations(settings, interval, self._settings)
 
     def early_settings(self, settings: RefineSettings, budget: FrameBudget | None) -> RefineSettings | None:
-        """Settings for the first iterations of particles that are merged early, from those for all.
+        """Settings for the first iterations of particles that are merged early, made from those for all.
 
         None if particles are merged only once: if there are no more iterations than usual, so that a second
         request would not pay off; if the frame is late, and so has few particles; or if correspondences are

@@ -1,4 +1,4 @@
-"""Candidates of a detection: refined poses and shapes. Tells the distinct ones, and those that face away."""
+"""Candidates of a detection: refined poses and shapes; which are distinct, and which face the other way."""
 
 from __future__ import annotations
 

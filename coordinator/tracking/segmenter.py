@@ -95,7 +95,7 @@ class SegmentedView:
 class UntrackedPerson:
     """The crop of a person who is not tracked.
 
-    alternatives: the same frame with successively wider masks of the person.
+    alternatives: the crop of the person with successively wider masks.
     """
 
     subject: SubjectFrame
