@@ -16,12 +16,6 @@ WEAK_TURN, WEAK_SLIDE, WEAK_SHAPE = float(np.radians(30.0)), 0.05, 1.0
 KEYPOINT_OUTLIER = 3.0
 """Scale of the robust kernel of keypoints, in their standard deviations."""
 
-KEYPOINT_TOLERANCE = 1.5
-"""Distance that costs nothing, in standard deviations of the most precise keypoint of an image.
-
-A network and the body place a joint differently, always in the same way, so depth is more exact than that.
-"""
-
 KEYPOINT_WEIGHT = 0.25
 """Weight of a keypoint in the log posterior: the 17 errors in an image share causes, and count as four."""
 

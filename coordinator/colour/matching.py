@@ -16,7 +16,7 @@ from gepf.common.body import KEYPOINTS, BodyModel
 from gepf.common.camera import project
 from gepf.common.frame import Frame, SubjectFrame, SubjectView, View
 from gepf.common.kinematics import keypoint_positions
-from gepf.common.refinement import KEYPOINT_OUTLIER, KEYPOINT_TOLERANCE, KEYPOINT_WEIGHT
+from gepf.common.refinement import KEYPOINT_OUTLIER, KEYPOINT_WEIGHT
 from gepf.coordinator.settings import ColourSettings
 
 SIDES = {"left": "right", "right": "left"}
@@ -211,9 +211,7 @@ def keypoint_cost(body: ExpectedBody, subject: SubjectFrame) -> float:
             ahead, seen = places[:, 2] > 0.0, view.keypoints.astype(np.float64)
             squared = np.full(len(places), np.inf)
             off = project(places[ahead], view.image.intrinsics) - seen[ahead, :2]
-            tolerance = KEYPOINT_TOLERANCE / np.sqrt(np.maximum(seen[:, 2].max(), np.finfo(float).tiny))
-            beyond = np.maximum(0.0, np.linalg.norm(off, axis=1) - tolerance)
-            squared[ahead] = seen[ahead, 2] * beyond**2
+            squared[ahead] = seen[ahead, 2] * np.sum(off**2, axis=1)
             farther = np.where(np.isfinite(squared), scale * squared / (scale + squared), scale)
             total += 0.5 * float(np.sum(farther[seen[:, 2] > 0.0]))
     return KEYPOINT_WEIGHT * total

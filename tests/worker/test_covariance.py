@@ -13,7 +13,6 @@ from gepf.common.arrays import Array
 from gepf.common.body import ROTATION, BodyModel
 from gepf.common.refinement import (
     KEYPOINT_OUTLIER,
-    KEYPOINT_TOLERANCE,
     KEYPOINT_WEIGHT,
     Particles,
     lower_triangular,
@@ -86,22 +85,17 @@ def hard_information(of: PosteriorCase, pose: Array) -> Array:
 
 
 def keypoint_information(of: PosteriorCase, pose: Array) -> Array:
-    """J^T W J (D, D) of the keypoints: W has robust weights, and the second derivatives of half r^2."""
+    """J^T W J (D, D) of the keypoints, of which W has the robust weights at the pose."""
     if of.subject.largest.keypoints is None:
         return np.zeros((len(pose), len(pose)))
     slopes = tangents(of.model, pose, lambda at: keypoint_offsets(of.model, at[None], of.subject)[0])
-    offsets, precision = (
-        keypoint_offsets(of.model, pose[None], of.subject)[0],
-        of.subject.largest.keypoints[:, 2],
+    squared = of.subject.largest.keypoints[:, 2] * np.sum(
+        keypoint_offsets(of.model, pose[None], of.subject)[0] ** 2, axis=1
     )
-    distances = np.linalg.norm(offsets, axis=1)
-    beyond = np.maximum(0.0, distances - KEYPOINT_TOLERANCE / np.sqrt(precision.max()))
-    assert 0 < np.count_nonzero(beyond) < len(beyond)
-    weights = precision * (KEYPOINT_OUTLIER**2 / (KEYPOINT_OUTLIER**2 + precision * beyond**2)) ** 2
-    ahead = offsets / distances[:, None]
-    along = np.einsum("ka,kb->kab", ahead, ahead)
-    second = along * (beyond > 0.0)[:, None, None] + (beyond / distances)[:, None, None] * (np.eye(2) - along)
-    return np.asarray(KEYPOINT_WEIGHT * np.einsum("kad,k,kab,kbe->de", slopes, weights, second, slopes))
+    weights = (
+        of.subject.largest.keypoints[:, 2] * (KEYPOINT_OUTLIER**2 / (KEYPOINT_OUTLIER**2 + squared)) ** 2
+    )
+    return np.asarray(KEYPOINT_WEIGHT * np.einsum("kad,k,kae->de", slopes, weights, slopes))
 
 
 def soft_information(of: PosteriorCase, pose: Array, drawn: tuple[DepthImage, Surface]) -> Array:

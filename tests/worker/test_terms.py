@@ -53,7 +53,7 @@ def soft(held: Held, _: PosePrior, poses: Array) -> Array:
 
 
 def keypoints(held: Held, _: PosePrior, poses: Array) -> Array:
-    """Half the robust squared distances in the image beyond the tolerance, in deviations."""
+    """Half the robust squared distances in the image, in deviations."""
     return keypoint_cost(held, poses)
 
 

@@ -16,7 +16,7 @@ from gepf.common.body import ROTATION, BodyModel
 from gepf.common.camera import Intrinsics, project
 from gepf.common.frame import EMPTY, HIDDEN, SUBJECT, UNMEASURED, SubjectFrame
 from gepf.common.kinematics import keypoint_positions, link_transforms, pose_vertices, retract, within_limits
-from gepf.common.refinement import KEYPOINT_OUTLIER, KEYPOINT_TOLERANCE, KEYPOINT_WEIGHT
+from gepf.common.refinement import KEYPOINT_OUTLIER, KEYPOINT_WEIGHT
 from gepf.common.settings import RefineSettings
 from gepf.coordinator.bodies.human.template import DEFAULT_ACTIVE, human
 from gepf.coordinator.bodies.tracked import name_pose
@@ -76,7 +76,7 @@ def posterior_case(body: str, name: str) -> PosteriorCase:
 def seen_keypoints(model: BodyModel, pose: Array, camera: Intrinsics) -> NDArray[np.float32]:
     """Keypoints (K, 3) of a pose (D,) with errors, two of them exchanged, and one that was not seen."""
     rng, pixels = np.random.default_rng(4), project(keypoint_positions(model, pose[None])[0], camera)
-    deviations = rng.uniform(3.0, 6.0, len(pixels))
+    deviations = rng.uniform(1.0, 6.0, len(pixels))
     pixels += deviations[:, None] * rng.normal(size=pixels.shape)
     pixels[[7, 8]] = pixels[[8, 7]]
     precisions = deviations**-2.0
@@ -187,13 +187,11 @@ def log_posterior(held: Held, poses: Array) -> Array:
 
 
 def keypoint_cost(held: Held, poses: Array) -> Array:
-    """Half the robust squared distances (N,) of the keypoints beyond the tolerance, in deviations."""
+    """Half the robust squared distances (N,) of the keypoints, in deviations."""
     if held.subject.largest.keypoints is None:
         return np.zeros(len(poses))
     offsets = keypoint_offsets(held.model, poses, held.subject)
-    precision = held.subject.largest.keypoints[:, 2]
-    tolerance = KEYPOINT_TOLERANCE / np.sqrt(precision.max())
-    squared = precision * np.maximum(0.0, np.linalg.norm(offsets, axis=-1) - tolerance) ** 2
+    squared = held.subject.largest.keypoints[:, 2] * np.sum(offsets**2, axis=-1)
     costs = KEYPOINT_OUTLIER**2 * squared / (KEYPOINT_OUTLIER**2 + squared)
     return np.asarray(0.5 * KEYPOINT_WEIGHT * np.sum(costs, axis=1))
 

@@ -1,8 +1,7 @@
 """Keypoints: points of the body that a network has seen in a camera's colour image.
 
-The cost is half the sum of rho(r_k^2), with r_k the distance in the image by which a keypoint exceeds a
-tolerance, in standard deviations of the keypoint, and rho a robust kernel: left and right may be swapped, or
-a keypoint may be another person's. The tolerance, a length in the image, is the same for all keypoints. A
+The cost is half the sum of rho(r_k), with r_k the distance in the image, in standard deviations of the
+keypoint, and rho a robust kernel: left and right may be swapped, or a keypoint may be another person's. A
 keypoint whose point on the body is behind the camera counts as infinitely far.
 """
 
@@ -12,7 +11,7 @@ import numpy as np
 
 from gepf.common.arrays import Array
 from gepf.common.compiling import numba
-from gepf.common.refinement import KEYPOINT_OUTLIER, KEYPOINT_TOLERANCE
+from gepf.common.refinement import KEYPOINT_OUTLIER
 from gepf.worker.kernel.shape import fill_drifts, place_fields
 from gepf.worker.kernel.terms.robust import robust_cost, robust_weight
 from gepf.worker.kernel.visibility import NEAREST_M
@@ -27,12 +26,11 @@ def cost(view: CameraView) -> float:
     keypoints, seen, total = view.problem.keypoints, view.observed.keypoints, 0.0
     if view.weights.keypoints == 0.0 or len(seen) == 0 or len(keypoints.links) == 0:
         return 0.0
-    forces, place, tolerance = np.empty((2, 3)), np.empty(3), tolerance_of(seen)
+    forces, place = np.empty((2, 3)), np.empty(3)
     for k in range(len(keypoints.links)):
         right, down, z = residual_of(k, view, forces, place)
         if z > NEAREST_M:
-            beyond = max(0.0, np.sqrt(right * right + down * down) - tolerance)
-            total += robust_cost(seen[k, 2] * beyond * beyond, PER_OUTLIER_SQUARED)
+            total += robust_cost(seen[k, 2] * (right * right + down * down), PER_OUTLIER_SQUARED)
         elif seen[k, 2] > 0.0:
             total += KEYPOINT_OUTLIER**2
     return 0.5 * view.weights.keypoints * total
@@ -40,11 +38,7 @@ def cost(view: CameraView) -> float:
 
 @numba.njit(cache=True, nogil=True)
 def linearise(view: CameraView) -> None:
-    """Add to the link of each keypoint the wrench of its residual, and the Gauss-Newton matrix.
-
-    With r the residual and d the distance, both in pixels, half of r^2 has the second derivative 1 along the
-    offset and r / d across it.
-    """
+    """Add to the link of each keypoint the wrenches of its two residuals, and the products of their rows."""
     keypoints, seen, skeleton = view.problem.keypoints, view.observed.keypoints, view.problem.skeleton
     if view.weights.keypoints == 0.0 or len(seen) == 0 or len(keypoints.links) == 0:
         return
@@ -52,57 +46,32 @@ def linearise(view: CameraView) -> None:
     drifts, fields, links = equations.drifts, equations.fields, equations.links
     fill_drifts(skeleton.kinds, skeleton.parents, skeleton.shape_points, workspace.of_rig, drifts)
     forces, place, row = np.empty((2, 3)), np.empty(3), np.empty(links.shape[1])
-    tolerance = tolerance_of(seen)
     for k in range(len(keypoints.links)):
         link = keypoints.links[k]
         j = skeleton.link_dofs[link]
         right, down, z = residual_of(k, view, forces, place)
-        distance = np.sqrt(right * right + down * down)
-        beyond = distance - tolerance
-        if seen[k, 2] == 0.0 or z <= NEAREST_M or j < 0 or beyond <= 0.0:
+        if seen[k, 2] == 0.0 or z <= NEAREST_M or j < 0:
             continue
-        squared = seen[k, 2] * beyond * beyond
+        squared = seen[k, 2] * (right * right + down * down)
         pull = view.weights.keypoints * seen[k, 2] * robust_weight(squared, PER_OUTLIER_SQUARED)
-        right, down = right / distance, down / distance
         place_fields(workspace.of_rig[j], skeleton.shape_fields[link], drifts[j], fields)
-        point = keypoints.points[k]
-        fill_row(right * forces[0] + down * forces[1], place, fields, point, row)
-        add_row(row, beyond, pull, links[link])
-        fill_row(right * forces[1] - down * forces[0], place, fields, point, row)
-        add_row(row, 0.0, pull * beyond / distance, links[link])
-
-
-@numba.njit(cache=True, nogil=True)
-def fill_row(force: Array, place: Array, fields: Array, point: Array, row: Array) -> None:
-    """Fill row (6 + S,) with the wrench of a force (3,) at a place (3,), and its work along the shape fields.
-
-    `point` (3,) is the place at rest.
-    """
-    for b in range(3):
-        c, d = (b + 1) % 3, (b + 2) % 3
-        row[b] = place[c] * force[d] - place[d] * force[c]
-        row[3 + b] = force[b]
-    for s in range(len(fields)):
-        row[6 + s] = 0.0
-        for b in range(3):
-            f = fields[s, b]
-            row[6 + s] += force[b] * (f[0] * point[0] + f[1] * point[1] + f[2] * point[2] + f[3])
-
-
-@numba.njit(cache=True, nogil=True)
-def add_row(row: Array, residual: float, weight: float, out: Array) -> None:
-    """Add a residual with the derivatives in row (6 + S,), and a weight, to a link's matrix and wrench."""
-    for b in range(len(row)):
-        out[b, -1] += weight * residual * row[b]
-        for c in range(len(row)):
-            out[b, c] += weight * row[b] * row[c]
-
-
-@numba.njit(cache=True, nogil=True)
-def tolerance_of(seen: Array) -> float:
-    """The distance in pixels that costs nothing, for keypoints (K, 3) of an image; infinite without any."""
-    best = np.max(seen[:, 2])
-    return KEYPOINT_TOLERANCE / np.sqrt(best) if best > 0.0 else np.inf
+        x, y, z = keypoints.points[k, 0], keypoints.points[k, 1], keypoints.points[k, 2]
+        for a in range(2):
+            force = forces[a]
+            for b in range(3):
+                c, d = (b + 1) % 3, (b + 2) % 3
+                row[b] = place[c] * force[d] - place[d] * force[c]
+                row[3 + b] = force[b]
+            for s in range(len(fields)):
+                row[6 + s] = 0.0
+                for b in range(3):
+                    f = fields[s, b]
+                    row[6 + s] += force[b] * (f[0] * x + f[1] * y + f[2] * z + f[3])
+            off = right if a == 0 else down
+            for b in range(len(row)):
+                links[link, b, -1] += pull * off * row[b]
+                for c in range(len(row)):
+                    links[link, b, c] += pull * row[b] * row[c]
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
