@@ -13,10 +13,10 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
-from scipy.ndimage import distance_transform_edt
 
 from gepf.common.arrays import Array, Mask
 from gepf.common.camera import Intrinsics, project
+from gepf.common.nearest_pixels import nearest_occupied_pixels
 
 SIDE_PX = 256  # of what the network sees
 
@@ -124,13 +124,15 @@ def warp(image: Image.Image, corners: Array, how: Image.Resampling) -> NDArray[n
 
 def close_gaps(colours: Colours, measured: Mask, widest: float) -> Colours:
     """Colours (H, W, 3), with narrow black gaps that were not `measured` (H, W) filled by the nearest."""
-    gap = ~measured & (colours.max(axis=2) <= CROPS.max_black)
+    brightest = np.maximum(np.maximum(colours[..., 0], colours[..., 1]), colours[..., 2])
+    gap = ~measured & (brightest <= CROPS.max_black)
     if not gap.any() or gap.all():
         return colours
-    away, nearest = distance_transform_edt(gap, return_indices=True)
-    close = gap & (away <= 0.5 * widest)
+    rows, columns = np.nonzero(gap)
+    nearest_rows, nearest_columns = nearest_occupied_pixels(~gap)[:, rows, columns]
+    close = np.hypot(nearest_rows - rows, nearest_columns - columns) <= 0.5 * widest
     closed = colours.copy()
-    closed[close] = colours[tuple(nearest[:, close])]
+    closed[rows[close], columns[close]] = colours[nearest_rows[close], nearest_columns[close]]
     return closed
 
 

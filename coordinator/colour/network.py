@@ -69,12 +69,15 @@ def quiet_stderr() -> Iterator[None]:
 
 
 class PoseNetwork:
-    """The network in memory; the number of `threads` does not change its outputs. Several threads may use it.
+    """The network in memory. Several threads may use it.
+
+    It runs on this number of `threads`, which does not change its outputs: one frame waits for it while
+    nothing else can be computed.
 
     Raises MissingPackage if the extra `color` is not installed.
     """
 
-    def __init__(self, threads: int = 1) -> None:
+    def __init__(self, threads: int = 2) -> None:
         with needs("color", PURPOSE):
             from ai_edge_litert.interpreter import Interpreter
         self._interpreter = Interpreter(model_path=str(FILE), num_threads=threads)

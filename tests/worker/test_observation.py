@@ -5,15 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from gepf.common.camera import Intrinsics, back_project, project
 from gepf.common.frame import EMPTY, HIDDEN, SUBJECT, UNKNOWN, UNMEASURED, SubjectFrame, SubjectView, View
-from gepf.worker.kernel.observation import nearest_occupied_pixels, observe
+from gepf.common.nearest_pixels import nearest_occupied_pixels
+from gepf.worker.kernel.observation import observe
 
 CAMERA = Intrinsics(40, 30, 35.0, 36.0, 18.2, 14.9)
 
@@ -46,25 +45,6 @@ def test_every_picked_pixel_becomes_one_point(seed: int) -> None:
     expected = back_project(depth / 1000.0, CAMERA)[rows, columns]
     np.testing.assert_allclose(points, expected, rtol=1e-5, atol=1e-6)
     assert np.all(observed.points[observed.count :] == points[-1])
-
-
-@given(st.integers(0, 2**32 - 1))
-def test_the_nearest_pixel_of_the_subject_is_nearest(seed: int) -> None:
-    """From any pixel the one named has depth, and none with depth is nearer."""
-    depth = some_depth(seed).astype(np.float32)
-    nearest = nearest_occupied_pixels(depth > 0.0)
-    assert np.all(depth[tuple(nearest)] > 0.0)
-    here = np.indices(depth.shape).reshape(2, -1).T
-    expected, _ = cKDTree(np.argwhere(depth > 0.0)).query(here)
-    np.testing.assert_allclose(np.linalg.norm(nearest.reshape(2, -1).T - here, axis=1), expected)
-
-
-@pytest.mark.parametrize("size", [(1, 1), (30, 40)])
-def test_a_picture_of_nothing_points_nowhere(size: tuple[int, int]) -> None:
-    """Without any depth every pixel is its own nearest, so nothing is pulled anywhere."""
-    nearest = nearest_occupied_pixels(np.zeros(size, dtype=np.bool_))
-    np.testing.assert_array_equal(nearest, np.indices(size))
-    assert nearest.dtype == np.int32
 
 
 @given(st.integers(0, 2**32 - 1))
